@@ -1,0 +1,50 @@
+# Every target first makes its own environment, so each works as the first command on a clean clone.
+.DEFAULT_GOAL := help
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+export PYTHONDONTWRITEBYTECODE := 1
+
+.PHONY: help demo up test lint format bench lock clean
+
+help:  ## what can be made
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
+
+demo: $(VENV)/run  ## a whole simulated calibration through the HTTP API, in a minute (KEEP=1 keeps serving)
+	@python -m demo
+
+up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
+	@exec python -m service.up
+
+test: $(VENV)/dev  ## every test, on SQLite and on PostgreSQL
+	@pytest
+
+lint: $(VENV)/dev  ## style, types and who may import whom
+	@ruff check . && ruff format --check . && mypy && lint-imports
+
+format: $(VENV)/dev  ## put the code in its style
+	@ruff format . && ruff check --fix .
+
+bench: $(VENV)/dev  ## side by side with what people use today and with the limit
+	@python -m bench
+
+lock: $(VENV)/uv  ## resolve the dependencies anew, with hashes
+	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra server pyproject.toml -o requirements.lock
+	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra dev -c requirements.lock pyproject.toml -o requirements-dev.lock
+
+clean:  ## forget the environment
+	rm -rf $(VENV)
+
+$(VENV)/uv: requirements-bootstrap.lock
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r $<
+	@touch $@
+
+$(VENV)/run: requirements.lock $(VENV)/uv
+	@uv pip install --quiet --python $(BIN)/python --require-hashes -r $<
+	@touch $@
+
+$(VENV)/dev: requirements-dev.lock $(VENV)/run
+	@uv pip install --quiet --python $(BIN)/python --require-hashes -r $<
+	@touch $@

@@ -1,0 +1,28 @@
+"""The one error that the science raises, and the codes it may carry."""
+
+from enum import StrEnum
+
+
+class Code(StrEnum):
+    """Why an input cannot be used. Stable: clients match on it; each has its heading in docs/errors.md."""
+
+    ROI_INVALID = "roi_invalid"
+    ROI_SELF_INTERSECTING = "roi_self_intersecting"
+    ROI_EMPTY = "roi_empty"
+    ROI_OUTSIDE_FRAME = "roi_outside_frame"
+    EXPOSURE_MISSING = "exposure_missing"
+    EXPOSURE_IMPLAUSIBLE = "exposure_implausible"
+    WRONG_CAMERA = "wrong_camera"
+    FIT_INCOMPLETE = "fit_incomplete"
+
+
+class InputRejected(Exception):  # noqa: N818  the name says whose fault it is
+    """An input that cannot be used, whatever is tried: never retried, always explained.
+
+    ``message`` is a sentence for the person who supplied the input: what is wrong and what to do.
+    """
+
+    def __init__(self, code: StrEnum, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
