@@ -1,0 +1,145 @@
+"""Blobs in an S3 bucket; whatever speaks S3 will do."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import timedelta
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import obstore
+from obstore.exceptions import BaseError
+from obstore.store import S3Store
+
+from store.blobs.cache import Cache
+from store.blobs.errors import BlobDamaged, BlobMissing, StorageUnavailable
+from store.blobs.spool import BlobWriter, StoredBlob, sweep
+from store.blobs.surface import CHUNK_BYTES, checked_name
+
+CACHE_BYTES = 8 << 30
+_ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
+
+
+class ObjectBlobs:
+    """Blobs as objects `<prefix>/ab/cd/<sha256>`; keys, region and endpoint come from the AWS_* environment.
+
+    A new blob is spooled to the local disk first: its name is its hash, known only after the last byte, and
+    S3 can rename nothing. Sending it to a temporary key and copying would move every byte twice and leave
+    half an upload in the bucket after each broken connection.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        cache_folder: Path,
+        *,
+        endpoint: str | None = None,
+        cache_bytes: int = CACHE_BYTES,
+        retry_for_s: float = 30.0,
+    ) -> None:
+        self._url = url
+        self._store = _s3_store(url, endpoint, retry_for_s)
+        self._temporary = cache_folder / "tmp"
+        self._cache = Cache(cache_folder, cache_bytes)
+
+    def writer(self) -> BlobWriter:
+        return BlobWriter(self._temporary, self._upload)
+
+    def open(self, sha256: str) -> Iterator[bytes]:
+        with self._found(sha256):
+            stream = obstore.get(self._store, _key(sha256)).stream(min_chunk_size=CHUNK_BYTES)
+        return self._pieces(sha256, iter(stream))
+
+    @contextmanager
+    def local_path(self, sha256: str) -> Iterator[Path]:
+        fetched = False
+        while True:
+            with self._cache.held(checked_name(sha256)) as path:
+                if path is not None:
+                    # Only now: while it is held, the newcomer is not itself evicted from too small a cache.
+                    if fetched:
+                        self._cache.evict()
+                    yield path
+                    return
+            self._fetch(sha256)
+            fetched = True
+
+    def exists(self, sha256: str) -> bool:
+        try:
+            self.size(sha256)
+        except BlobMissing:
+            return False
+        return True
+
+    def size(self, sha256: str) -> int:
+        with self._found(sha256):
+            return int(obstore.head(self._store, _key(sha256))["size"])
+
+    def sweep_temporary(self, older_than_s: float) -> int:
+        return sweep(self._temporary, older_than_s)
+
+    def check(self) -> None:
+        with self._answers():
+            obstore.list_with_delimiter(self._store)
+
+    def _upload(self, spooled: Path, stored: StoredBlob) -> None:
+        # What is there whole is left alone; S3 shows an object only once all of it has arrived.
+        with suppress(BlobMissing):
+            if self.size(stored.sha256) == stored.size_bytes:
+                return
+        with self._answers():
+            obstore.put(self._store, _key(stored.sha256), spooled)
+
+    def _fetch(self, sha256: str) -> None:
+        def place(fetched: Path, stored: StoredBlob) -> None:
+            if stored.sha256 != sha256:
+                raise BlobDamaged(sha256)
+            self._cache.add(sha256, fetched)
+
+        with BlobWriter(self._temporary, place) as writer:
+            for piece in self.open(sha256):
+                writer.write(piece)
+            writer.commit()
+
+    def _pieces(self, sha256: str, stream: Iterator[bytes]) -> Iterator[bytes]:
+        with self._found(sha256):
+            for piece in stream:
+                yield bytes(piece)
+
+    @contextmanager
+    def _found(self, sha256: str) -> Iterator[None]:
+        try:
+            with self._answers():
+                yield
+        except StorageUnavailable as error:
+            if isinstance(error.__cause__, FileNotFoundError):
+                raise BlobMissing(sha256) from error
+            raise
+
+    @contextmanager
+    def _answers(self) -> Iterator[None]:
+        try:
+            yield
+        except (BaseError, FileNotFoundError) as error:
+            first_line = str(error).partition("\n")[0]
+            raise StorageUnavailable(f"the blob store {self._url} does not serve: {first_line}") from error
+
+
+def _key(sha256: str) -> str:
+    checked_name(sha256)
+    return f"{sha256[:2]}/{sha256[2:4]}/{sha256}"
+
+
+def _s3_store(url: str, endpoint: str | None, retry_for_s: float) -> S3Store:
+    parts = urlsplit(url)
+    if parts.scheme != "s3" or not parts.netloc or parts.query or parts.fragment:
+        raise ValueError(f"the blob store's address must read s3://bucket/prefix, not {url!r}")
+    # The same order in which the AWS clients look; without any of these it is AWS itself.
+    endpoint = endpoint or next((os.environ[name] for name in _ENDPOINTS if os.environ.get(name)), None)
+    return S3Store(
+        parts.netloc,
+        prefix=parts.path.strip("/") or None,
+        config={"endpoint": endpoint} if endpoint else {},
+        client_options={"allow_http": (endpoint or "").startswith("http://")},
+        retry_config={"retry_timeout": timedelta(seconds=retry_for_s)},
+    )

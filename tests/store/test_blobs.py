@@ -1,0 +1,133 @@
+"""The promises that every blob store makes, held by both: the folder and the bucket."""
+
+import hashlib
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from store.blobs import (
+    BlobMissing,
+    LocalBlobs,
+    ObjectBlobs,
+    StorageUnavailable,
+    StoredBlob,
+    blobs_from_url,
+)
+from tests.support.blobs import files, put
+from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
+
+ABSENT = "0" * 64
+
+
+@pytest.fixture(params=["folder", "bucket"])
+def blobs(request, tmp_path):
+    if request.param == "folder":
+        return LocalBlobs(tmp_path / "blobs")
+    request.getfixturevalue("s3_bucket")
+    return ObjectBlobs("s3://raw/pre/fix", tmp_path / "cache", retry_for_s=1)
+
+
+# More than one part of a multipart upload, and not a whole number of read pieces.
+@pytest.mark.parametrize("size", [0, 1, 12_345_678])
+def test_bytes_come_back_as_they_were_sent(blobs, size):
+    data = os.urandom(size)
+    stored = put(blobs, data[: size // 3], data[size // 3 :])
+    assert stored == StoredBlob(hashlib.sha256(data).hexdigest(), size)
+    assert b"".join(blobs.open(stored.sha256)) == data
+    assert blobs.exists(stored.sha256)
+    assert blobs.size(stored.sha256) == size
+
+
+def test_a_real_file_is_given_to_readers_that_map(blobs):
+    stored = put(blobs, b"raw frame")
+    with blobs.local_path(stored.sha256) as path:
+        assert path.read_bytes() == b"raw frame"
+    with blobs.local_path(stored.sha256) as path:
+        assert path.read_bytes() == b"raw frame"
+
+
+def test_what_was_never_stored_is_missing(blobs):
+    assert not blobs.exists(ABSENT)
+    with pytest.raises(BlobMissing, match=ABSENT):
+        blobs.size(ABSENT)
+    with pytest.raises(BlobMissing, match=ABSENT):
+        blobs.open(ABSENT)
+    with pytest.raises(BlobMissing, match=ABSENT), blobs.local_path(ABSENT):
+        pass
+
+
+@pytest.mark.parametrize("name", ["../../etc/passwd", "A" * 64, "0" * 63, "0" * 64 + "\n"])
+def test_a_name_that_is_no_hash_is_refused(blobs, name):
+    with pytest.raises(ValueError, match="SHA-256"):
+        blobs.exists(name)
+    with pytest.raises(ValueError, match="SHA-256"), blobs.local_path(name):
+        pass
+
+
+def test_an_abandoned_write_leaves_nothing(blobs, tmp_path):
+    with blobs.writer() as writer:
+        writer.write(b"half a frame")
+    assert files(tmp_path) == []
+    assert not blobs.exists(hashlib.sha256(b"half a frame").hexdigest())
+
+
+def test_a_write_that_fails_on_the_way_leaves_nothing(blobs, tmp_path):
+    def receive():
+        with blobs.writer() as writer:
+            writer.write(b"half a frame")
+            raise ConnectionResetError
+
+    with pytest.raises(ConnectionResetError):
+        receive()
+    assert files(tmp_path) == []
+
+
+def test_the_same_bytes_from_twenty_threads_are_one_blob(blobs, tmp_path):
+    with ThreadPoolExecutor(20) as pool:
+        stored = set(pool.map(lambda _: put(blobs, b"x" * 200_000, b"y"), range(20)))
+    assert len(stored) == 1
+    assert b"".join(blobs.open(stored.pop().sha256)) == b"x" * 200_000 + b"y"
+    assert len(files(tmp_path)) == (1 if isinstance(blobs, LocalBlobs) else 0)
+
+
+def test_a_store_that_takes_writes_is_fit(blobs, tmp_path):
+    blobs.check()
+    assert files(tmp_path) == []
+
+
+@pytest.mark.usefixtures("s3_bucket")
+def test_the_setting_names_the_store(tmp_path):
+    stored = put(blobs_from_url("", tmp_path), b"a")
+    assert files(tmp_path / "blobs")[0].relative_to(tmp_path / "blobs") == Path(
+        stored.sha256[:2], stored.sha256[2:4], stored.sha256
+    )
+    put(blobs_from_url(str(tmp_path / "else"), tmp_path), b"a")
+    put(blobs_from_url((tmp_path / "el se").as_uri(), tmp_path), b"a")
+    assert len(files(tmp_path / "else")) == len(files(tmp_path / "el se")) == 1
+    assert isinstance(blobs_from_url("s3://raw/a", tmp_path), ObjectBlobs)
+    with pytest.raises(ValueError, match="not at gs://"):
+        blobs_from_url("gs://raw", tmp_path)
+    with pytest.raises(ValueError, match="s3://bucket/prefix"):
+        blobs_from_url("s3://raw?region=x", tmp_path)
+
+
+@pytest.mark.usefixtures("s3_bucket")
+def test_an_absent_bucket_is_unavailable(tmp_path):
+    blobs = ObjectBlobs("s3://elsewhere", tmp_path, retry_for_s=1)
+    with pytest.raises(StorageUnavailable, match="s3://elsewhere"):
+        blobs.check()
+    with pytest.raises(StorageUnavailable, match="s3://elsewhere"):
+        put(blobs, b"a")
+    assert files(tmp_path) == []
+
+
+@pytest.mark.usefixtures("s3_bucket")
+def test_a_server_that_does_not_answer_is_unavailable(tmp_path):
+    blobs = ObjectBlobs("s3://raw", tmp_path, endpoint="http://127.0.0.1:9", retry_for_s=0.1)
+    with pytest.raises(StorageUnavailable):
+        blobs.exists(ABSENT)
+    with pytest.raises(StorageUnavailable):
+        put(blobs, b"a")
+    assert files(tmp_path) == []

@@ -1,0 +1,156 @@
+"""A folder of blobs on a full disk, under a killed process, with a spoilt file; and the cache of a bucket."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import obstore
+import pytest
+from obstore.store import S3Store
+
+from store.blobs import BlobDamaged, LocalBlobs, ObjectBlobs, StorageFull, StorageUnavailable
+from tests.support.blobs import files, put
+from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
+
+MIB = 1 << 20
+WRITE_UNTIL_KILLED = """
+import sys, time
+from pathlib import Path
+from store.blobs import LocalBlobs
+with LocalBlobs(Path(sys.argv[1])).writer() as writer:
+    writer.write(b"half a frame" * 100_000)
+    print("written", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_blob_is_read_only_on_disk(tmp_path):
+    put(LocalBlobs(tmp_path), b"kept")
+    assert files(tmp_path)[0].stat().st_mode & 0o777 == 0o440
+
+
+def test_a_second_copy_does_not_replace_the_first(tmp_path):
+    put(LocalBlobs(tmp_path), b"kept")
+    before = files(tmp_path)[0].stat()
+    put(LocalBlobs(tmp_path), b"kept")
+    after = files(tmp_path)[0].stat()
+    assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
+
+
+def test_sending_again_cures_a_blob_that_the_disk_spoilt(tmp_path):
+    blobs = LocalBlobs(tmp_path)
+    stored = put(blobs, b"kept")
+    (path,) = files(tmp_path)
+    path.chmod(0o600)
+    path.write_bytes(b"kep\0")
+    put(blobs, b"kept")
+    assert b"".join(blobs.open(stored.sha256)) == b"kept"
+
+
+def test_a_file_size_limit_is_a_full_storage(tmp_path):
+    def write() -> None:
+        with LocalBlobs(tmp_path).writer() as writer:
+            for _ in range(8):
+                writer.write(b"x" * (MIB // 2))
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (MIB, hard))
+    try:
+        with pytest.raises(StorageFull, match=r"no room left .*File too large"):
+            write()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert files(tmp_path) == []
+
+
+def test_a_full_disk_is_a_full_storage(tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
+    try:
+        mounted = subprocess.run(mount, capture_output=True, check=False).returncode == 0
+    except FileNotFoundError:
+        mounted = False
+    if not mounted:
+        pytest.skip("no small disk can be mounted here")
+    try:
+        blobs = LocalBlobs(disk)
+        with pytest.raises(StorageFull, match=r"no room left .*No space left"):
+            put(blobs, b"x" * (3 * MIB // 4), b"y" * MIB)
+        assert files(disk) == []
+        put(blobs, b"x" * (MIB // 2))
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_folder_that_cannot_be_written_is_unavailable(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(StorageUnavailable, match="cannot be written below"):
+        LocalBlobs(tmp_path / "file").check()
+
+
+def test_a_killed_process_leaves_no_blob_and_its_remains_are_swept(tmp_path):
+    blobs = LocalBlobs(tmp_path)
+    command = [sys.executable, "-c", WRITE_UNTIL_KILLED, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout
+        assert process.stdout.readline() == b"written\n"
+        process.send_signal(signal.SIGKILL)
+    (left,) = files(tmp_path)
+    assert left.parent.name == "tmp"
+    assert blobs.sweep_temporary(older_than_s=3600) == 0
+    os.utime(left, times=(time.time() - 3601,) * 2)
+    assert blobs.sweep_temporary(older_than_s=3600) == 1
+    assert files(tmp_path) == []
+
+
+@pytest.fixture
+def cached(s3_bucket, tmp_path):  # noqa: F811
+    return ObjectBlobs(f"s3://{s3_bucket}", tmp_path / "cache", cache_bytes=3 * MIB, retry_for_s=1)
+
+
+def names(tmp_path: Path) -> set[str]:
+    return {path.name for path in files(tmp_path / "cache")}
+
+
+def use(cached: ObjectBlobs, sha256: str) -> None:
+    with cached.local_path(sha256) as path:
+        assert path.stat().st_size == MIB
+
+
+def test_the_cache_forgets_what_was_not_used_for_longest(cached, tmp_path):
+    a, b, c, d = (put(cached, bytes([letter]) * MIB).sha256 for letter in b"abcd")
+    for sha256 in (a, b, c, a, d):
+        use(cached, sha256)
+    assert names(tmp_path) == {a, c, d}
+
+
+def test_the_cache_keeps_what_is_in_use(cached, tmp_path):
+    a, b, c, d = (put(cached, bytes([letter]) * MIB).sha256 for letter in b"abcd")
+    with cached.local_path(a) as path:
+        for sha256 in (b, c, d):
+            use(cached, sha256)
+        assert path.read_bytes() == b"a" * MIB
+        assert names(tmp_path) == {a, c, d}
+
+
+def test_a_blob_larger_than_the_cache_is_still_served(cached, tmp_path):
+    large = put(cached, b"x" * (4 * MIB)).sha256
+    with cached.local_path(large) as path:
+        assert path.stat().st_size == 4 * MIB
+    use(cached, put(cached, b"a" * MIB).sha256)
+    assert large not in names(tmp_path)
+
+
+def test_bytes_that_changed_in_the_bucket_are_not_handed_out(cached, s3_bucket, tmp_path):  # noqa: F811
+    sha256 = put(cached, b"a" * MIB).sha256
+    obstore.put(
+        S3Store(s3_bucket, client_options={"allow_http": True}), f"{sha256[:2]}/{sha256[2:4]}/{sha256}", b"b"
+    )
+    with pytest.raises(BlobDamaged, match=sha256), cached.local_path(sha256):
+        pass
+    assert names(tmp_path) == set()
