@@ -1,0 +1,56 @@
+"""Every change of an audited row leaves an entry, written in the same transaction by the session itself.
+
+No route and no task can forget it: it hangs on the flush, not on the caller.
+"""
+
+from datetime import date, datetime
+from typing import Any
+
+from sqlalchemy import insert, inspect
+from sqlalchemy.orm import Session
+
+from store.tables.audit import AuditEntry
+from store.tables.base import Audited
+
+
+def record_changes(session: Session, _context: object) -> None:
+    """Write an audit entry for each audited row that a flush has just inserted, changed or deleted."""
+    entries = [_entry(session, row, "create") for row in session.new if isinstance(row, Audited)]
+    entries += [_entry(session, row, "change") for row in session.dirty if _is_changed(session, row)]
+    entries += [_entry(session, row, "delete") for row in session.deleted if isinstance(row, Audited)]
+    if entries:
+        session.connection().execute(insert(AuditEntry), entries)
+
+
+def _is_changed(session: Session, row: object) -> bool:
+    return isinstance(row, Audited) and session.is_modified(row)
+
+
+def _entry(session: Session, row: Audited, verb: str) -> dict[str, Any]:
+    before, after = _difference(row, verb)
+    mapper = inspect(row).mapper
+    return {
+        "organisation_id": session.info["organisation_id"],
+        "actor": session.info["actor"],
+        "action": f"{mapper.local_table.name}.{verb}",
+        "subject_type": mapper.local_table.name,
+        "subject_id": str(mapper.primary_key_from_instance(row)[0]),
+        "before": before,
+        "after": after,
+    }
+
+
+def _difference(row: Audited, verb: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    state = inspect(row)
+    names = [a.key for a in state.mapper.column_attrs if a.key not in row.__audit_without__]
+    if verb == "create":
+        return {}, {name: _plain(getattr(row, name)) for name in names if getattr(row, name) is not None}
+    if verb == "delete":
+        return {name: _plain(getattr(row, name)) for name in names}, {}
+    changes = {name: state.attrs[name].history for name in names if state.attrs[name].history.has_changes()}
+    before = {name: _plain(history.deleted[0]) for name, history in changes.items() if history.deleted}
+    return before, {name: _plain(history.added[0]) for name, history in changes.items() if history.added}
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    return value.isoformat() if isinstance(value, (date, datetime)) else value

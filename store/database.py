@@ -1,0 +1,74 @@
+"""One database, two ways in: reading sessions and writing transactions."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from sqlalchemy import Engine, create_engine, event
+from sqlalchemy.engine import make_url
+from sqlalchemy.orm import Session
+
+from store.audit import record_changes
+
+
+class Database:
+    """SQLite or PostgreSQL behind one face.
+
+    On SQLite a writer takes the write lock when it begins, not at its first write: two transactions that read,
+    then write, would otherwise end in "database is locked" whatever the timeout.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.url = make_url(url)
+        self.is_sqlite = self.url.get_backend_name() == "sqlite"
+        if self.is_sqlite:
+            self._reader = _sqlite_engine(url, begin="BEGIN")
+            self._writer = _sqlite_engine(url, begin="BEGIN IMMEDIATE")
+        else:
+            self._reader = self._writer = create_engine(url, pool_size=10, max_overflow=30, pool_pre_ping=True)
+
+    @property
+    def engine(self) -> Engine:
+        return self._writer
+
+    @contextmanager
+    def reading(self) -> Iterator[Session]:
+        with Session(self._reader, expire_on_commit=False) as session:
+            yield session
+
+    @contextmanager
+    def writing(self, actor: str, organisation_id: str | None = None) -> Iterator[Session]:
+        """A transaction that commits when the block ends well; its changes are audited as the actor's."""
+        with Session(self._writer, expire_on_commit=False) as session:
+            session.info["actor"] = actor
+            session.info["organisation_id"] = organisation_id
+            event.listen(session, "after_flush", record_changes)
+            yield session
+            session.commit()
+
+    def dispose(self) -> None:
+        self._reader.dispose()
+        self._writer.dispose()
+
+
+def _sqlite_engine(url: str, *, begin: str) -> Engine:
+    # a pooled connection changes threads, never two at a time
+    engine = create_engine(
+        url, pool_size=10, max_overflow=30, connect_args={"timeout": 30, "check_same_thread": False}
+    )
+
+    @event.listens_for(engine, "connect")
+    def prepare(connection: sqlite3.Connection, _record: Any) -> None:  # noqa: ANN401
+        connection.isolation_level = None  # we say BEGIN ourselves
+        cursor = connection.cursor()
+        cursor.execute("PRAGMA journal_mode = WAL")
+        cursor.execute("PRAGMA synchronous = FULL")  # what was acknowledged survives a power cut
+        cursor.execute("PRAGMA foreign_keys = ON")
+        cursor.close()
+
+    @event.listens_for(engine, "begin")
+    def start(connection: Any) -> None:  # noqa: ANN401
+        connection.exec_driver_sql(begin)
+
+    return engine

@@ -1,0 +1,60 @@
+"""Brings a database to the schema of this code. ``python -m store.migrate`` does it and says so."""
+
+import sys
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import text
+
+from store.database import Database
+from store.settings import Settings
+
+_ADVISORY_LOCK = 0x5711B
+
+
+class NewerSchema(Exception):  # noqa: N818  it says what was found
+    """The database was written by a newer stilb than this one."""
+
+
+def migrate(database: Database, revision: str = "head") -> None:
+    """Upgrade to a revision; refuse a database that knows revisions this code does not.
+
+    On PostgreSQL several processes may start at once: an advisory lock lets one migrate while the others wait.
+    """
+    config = alembic_config()
+    with database.engine.connect() as connection, connection.begin():
+        if not database.is_sqlite:
+            connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _ADVISORY_LOCK})
+        current = MigrationContext.configure(connection).get_current_revision()
+        known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
+        if current is not None and current not in known:
+            raise NewerSchema(f"the database has schema {current}, which is newer than this stilb")
+        config.attributes["connection"] = connection
+        command.upgrade(config, revision)
+
+
+def alembic_config() -> Config:
+    """Alembic's configuration, without a file: where the migrations are is known."""
+    config = Config()
+    config.set_main_option("script_location", str(Path(__file__).parent.parent / "migrations"))
+    config.set_main_option("path_separator", "os")
+    return config
+
+
+def main() -> int:
+    database = Database(Settings().effective_database_url)
+    try:
+        migrate(database)
+    except NewerSchema as error:
+        print(f"stilb: {error}; start the newer one", file=sys.stderr)  # noqa: T201
+        return 3
+    finally:
+        database.dispose()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,178 @@
+"""Publishing a version, taking it back, and what was in force when, as known when.
+
+Two times: validity (when a version holds in the world) and knowledge (when we said so). Rows are only closed,
+so what a dashboard showed last year can be shown again.
+"""
+
+import json
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from store.columns import utc_now
+from store.errors import Conflict
+from store.tables import Calibration, Publication, Revocation, Slot
+
+
+@dataclass(frozen=True, kw_only=True)
+class InForce:
+    """The version that holds at a time, and the row that says so."""
+
+    calibration: Calibration
+    publication: Publication
+
+
+def publish(
+    session: Session,
+    calibration: Calibration,
+    *,
+    valid_from: datetime,
+    valid_to: datetime | None,
+    reason: str,
+) -> Publication:
+    """Put a version in force in [valid_from, valid_to); what held there before gives way.
+
+    An older version keeps what lies outside. The slot's row is locked, so publishers take turns; that no two
+    versions overlap is held by the database besides.
+    """
+    if session.get(Revocation, calibration.id):
+        raise Conflict("calibration_revoked", "This version was revoked; a revoked version stays revoked.")
+    slot = _lock_slot(session, calibration)
+    now = _next_instant(session, slot)
+    row = Publication(
+        slot_id=slot.id,
+        calibration_id=calibration.id,
+        valid_from=valid_from,
+        valid_to=valid_to,
+        known_from=now,
+        known_to=None,
+        reason=reason,
+    )
+    for older in _overlapping(session, slot, valid_from, valid_to):
+        _give_way(session, older, row)
+    session.flush()
+    session.add(row)
+    session.flush()
+    return row
+
+
+def revoke(session: Session, calibration: Calibration, *, reason: str, by: str) -> None:
+    """End a version for good. Nothing takes its place: the time it held has no version in force."""
+    slot = _lock_slot(session, calibration)
+    if session.get(Revocation, calibration.id):
+        return
+    now = _next_instant(session, slot)
+    session.add(Revocation(calibration_id=calibration.id, reason=reason, revoked_by=by, revoked_at=now))
+    for row in _open_rows(session, slot):
+        if row.calibration_id == calibration.id:
+            row.known_to = now
+    session.flush()
+
+
+def in_force(
+    session: Session,
+    *,
+    camera_id: str,
+    method: str,
+    at: datetime,
+    known_at: datetime,
+) -> list[InForce]:
+    """The versions that hold at ``at`` as known at ``known_at``, one a configuration."""
+    rows = session.execute(
+        select(Calibration, Publication)
+        .join(Publication, Publication.calibration_id == Calibration.id)
+        .join(Slot, Slot.id == Publication.slot_id)
+        .where(Slot.camera_id == camera_id, Slot.method == method)
+        .where(Publication.valid_from <= at)
+        .where(Publication.valid_to.is_(None) | (Publication.valid_to > at))
+        .where(Publication.known_from <= known_at)
+        .where(Publication.known_to.is_(None) | (Publication.known_to > known_at))
+        .order_by(Slot.configuration)
+    )
+    return [InForce(calibration=calibration, publication=publication) for calibration, publication in rows]
+
+
+def _lock_slot(session: Session, calibration: Calibration) -> Slot:
+    configuration = json.dumps(calibration.configuration, sort_keys=True)
+    where = (
+        (Slot.camera_id == calibration.camera_id)
+        & (Slot.method == calibration.method)
+        & (Slot.configuration == configuration)
+    )
+    # the version's own row is locked first: two first publications would otherwise both make the slot
+    session.execute(
+        select(Calibration.id)
+        .where(Calibration.camera_id == calibration.camera_id)
+        .order_by(Calibration.version)
+        .limit(1)
+        .with_for_update()
+    )
+    slot = session.scalar(select(Slot).where(where).with_for_update())
+    if slot is None:
+        slot = Slot(
+            camera_id=calibration.camera_id, method=calibration.method, configuration=configuration
+        )
+        session.add(slot)
+        session.flush()
+    return slot
+
+
+def _next_instant(session: Session, slot: Slot) -> datetime:
+    """Now, but later than anything this slot has recorded: knowledge has one order, whatever the clock does."""
+    last = [
+        session.scalar(select(func.max(column)).where(Publication.slot_id == slot.id))
+        for column in (Publication.known_from, Publication.known_to)
+    ]
+    return max([utc_now(), *(known + timedelta(microseconds=1) for known in last if known)])
+
+
+def _open_rows(session: Session, slot: Slot) -> list[Publication]:
+    return list(
+        session.scalars(
+            select(Publication)
+            .where(Publication.slot_id == slot.id, Publication.known_to.is_(None))
+            .order_by(Publication.valid_from)
+        )
+    )
+
+
+def _overlapping(
+    session: Session, slot: Slot, valid_from: datetime, valid_to: datetime | None
+) -> list[Publication]:
+    return [
+        row
+        for row in _open_rows(session, slot)
+        if (valid_to is None or row.valid_from < valid_to)
+        and (row.valid_to is None or row.valid_to > valid_from)
+    ]
+
+
+def _give_way(session: Session, older: Publication, newer: Publication) -> None:
+    """Close a row, and record anew what of its validity lies before and after the newer one's."""
+    successor = newer.calibration_id if newer.calibration_id != older.calibration_id else None
+    keeps_end = newer.valid_to is not None and (older.valid_to is None or older.valid_to > newer.valid_to)
+    remainders = []
+    if older.valid_from < newer.valid_from:
+        # its end was taken unless a part of it goes on afterwards: then it is not superseded, only interrupted
+        taken_by = older.superseded_by if keeps_end else successor
+        remainders.append((older.valid_from, newer.valid_from, taken_by))
+    if newer.valid_to is not None and keeps_end:
+        remainders.append((newer.valid_to, older.valid_to, older.superseded_by))
+    older.known_to = newer.known_from
+    older.superseded_by = successor
+    session.flush()
+    for valid_from, valid_to, superseded_by in remainders:
+        session.add(
+            Publication(
+                slot_id=older.slot_id,
+                calibration_id=older.calibration_id,
+                valid_from=valid_from,
+                valid_to=valid_to,
+                known_from=newer.known_from,
+                known_to=None,
+                reason=older.reason,
+                superseded_by=superseded_by,
+            )
+        )

@@ -1,0 +1,43 @@
+"""The settings that every process of stilb reads once, in its main, from the environment."""
+
+from pathlib import Path
+
+from pydantic import Field, SecretStr
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Settings(BaseSettings):
+    """One field a setting: ``STILB_<FIELD>`` in the environment, its meaning in docs/settings.md.
+
+    An address left empty stands for the embedded part: SQLite, the bundled Valkey, blobs in a folder.
+    """
+
+    model_config = SettingsConfigDict(env_prefix="STILB_", extra="forbid", frozen=True)
+
+    data: Path = Path("stilb-data")
+    host: str = "127.0.0.1"
+    port: int = Field(8000, ge=0, le=65535)
+    key: SecretStr = SecretStr("")
+    database_url: str = ""
+    broker_url: str = ""
+    blobs_url: str = ""
+    max_upload_bytes: int = Field(2 * 1024**3, gt=0)
+    worker_threads: int = Field(2, ge=1, le=64)
+    lease_s: float = Field(30.0, gt=0)
+    sweep_interval_s: float = Field(2.0, gt=0)
+    stall_s: float = Field(60.0, gt=0)
+    decoder_memory_bytes: int = Field(3 * 1024**3, ge=256 * 1024**2)
+    decoder_cpu_s: int = Field(60, ge=1)
+    decoder_wall_s: float = Field(120.0, gt=0)
+
+    @property
+    def effective_database_url(self) -> str:
+        return self.database_url or f"sqlite:///{self.data.absolute() / 'stilb.sqlite'}"
+
+    @property
+    def effective_broker_url(self) -> str:
+        return self.broker_url or f"redis+socket://{self.data.absolute() / 'valkey.sock'}"
+
+    @property
+    def effective_blobs_url(self) -> str:
+        return self.blobs_url or str(self.data.absolute() / "blobs")

@@ -1,0 +1,151 @@
+"""What a field team brings home: campaigns, their regions, meter readings, frames and frame statistics."""
+
+from datetime import datetime
+from typing import ClassVar
+
+from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, UniqueConstraint
+from sqlalchemy.orm import Mapped, mapped_column
+
+from store.columns import UtcDateTime, new_id, utc_now
+from store.tables.base import Any, Audited, Base, Json
+
+
+class Campaign(Audited, Base):
+    __tablename__ = "campaign"
+    __table_args__ = (
+        CheckConstraint("surface_reflectance > 0 AND surface_reflectance <= 1", "surface_reflectance_share"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("cmp"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
+    camera_id: Mapped[str] = mapped_column(ForeignKey("camera.id"), index=True)
+    method: Mapped[str]
+    project_number: Mapped[str | None]
+    recorder: Mapped[str | None]
+    started_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    comments: Mapped[str | None]
+    surface_reflectance: Mapped[float | None]
+    """rho of the taped rectangle, where known: lets illuminance readings check luminance readings."""
+    roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class Roi(Audited, Base):
+    """A region, never changed: another polygon is another row, so that older statistics keep theirs."""
+
+    __tablename__ = "roi"
+    __table_args__ = (UniqueConstraint("organisation_id", "sha256"),)
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("roi"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
+    sha256: Mapped[str] = mapped_column(String(64))
+    points: Mapped[list[Any]]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class Reading(Audited, Base):
+    __tablename__ = "reading"
+    __table_args__ = (
+        CheckConstraint("quantity IN ('luminance', 'illuminance')", "quantity_known"),
+        CheckConstraint("value >= 0", "value_not_negative"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("rdg"))
+    campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"), index=True)
+    scene: Mapped[str]
+    quantity: Mapped[str]
+    value: Mapped[float]
+    """In SI: cd/m2 or lx."""
+    entered_value: Mapped[float]
+    entered_unit: Mapped[str]
+    meter_id: Mapped[str | None] = mapped_column(ForeignKey("meter.id"))
+    taken_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    withdrawn_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    """A mistyped reading is withdrawn, not deleted."""
+
+
+class Blob(Base):
+    """Bytes that the blob store keeps under their hash."""
+
+    __tablename__ = "blob"
+    __table_args__ = (CheckConstraint("size_bytes >= 0", "size_not_negative"),)
+
+    sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class FrameRow(Audited, Base):
+    """One uploaded file in one campaign."""
+
+    __tablename__ = "frame"
+    __audit_without__: ClassVar[frozenset[str]] = frozenset({"header"})
+    __table_args__ = (
+        UniqueConstraint("campaign_id", "sha256"),
+        CheckConstraint("role IN ('light', 'dark', 'flat', 'panel', 'chart', 'field')", "role_known"),
+        CheckConstraint("state IN ('received', 'read', 'extracted', 'refused')", "state_known"),
+        CheckConstraint("(state = 'refused') = (refusal_code IS NOT NULL)", "refused_says_why"),
+        CheckConstraint("exposure_time_s > 0 AND f_number > 0 AND iso > 0", "exposure_positive"),
+        Index("ix_frame_sha256", "sha256"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("frm"))
+    campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
+    sha256: Mapped[str] = mapped_column(ForeignKey("blob.sha256"))
+    filename: Mapped[str]
+    role: Mapped[str]
+    scene: Mapped[str | None]
+    roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))
+    """Its own region, where the camera has moved; else the campaign's."""
+    supplied: Mapped[Json] = mapped_column(default=dict)
+    """Exposure values given with the frame, which outrank the file's."""
+    state: Mapped[str] = mapped_column(default="received")
+    header: Mapped[Json | None] = mapped_column(default=None)
+    exposure: Mapped[Json | None] = mapped_column(default=None)
+    """The three values in use and the origin of each."""
+    exposure_time_s: Mapped[float | None]
+    f_number: Mapped[float | None]
+    iso: Mapped[float | None]
+    warnings: Mapped[list[str]] = mapped_column(default=list)
+    refusal_code: Mapped[str | None]
+    refusal_detail: Mapped[str | None]
+    preview_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class Extraction(Base):
+    """The statistics of one frame in one region by one version of the code: made once, never changed."""
+
+    __tablename__ = "extraction"
+    __table_args__ = (UniqueConstraint("frame_id", "roi_id", "extractor"),)
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("ext"))
+    frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
+    roi_id: Mapped[str] = mapped_column(ForeignKey("roi.id"))
+    extractor: Mapped[str]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class ChannelRow(Base):
+    """One channel's row of an extraction."""
+
+    __tablename__ = "channel_statistics"
+    __table_args__ = (
+        CheckConstraint("n > 0", "n_positive"),
+        CheckConstraint("min_dn <= max_dn", "range_ordered"),
+        CheckConstraint("saturated_share BETWEEN 0 AND 1 AND zero_share BETWEEN 0 AND 1", "shares"),
+    )
+
+    extraction_id: Mapped[str] = mapped_column(ForeignKey("extraction.id"), primary_key=True)
+    channel: Mapped[str] = mapped_column(primary_key=True)
+    n: Mapped[int]
+    min_dn: Mapped[float]
+    max_dn: Mapped[float]
+    mean_dn: Mapped[float]
+    median_dn: Mapped[float]
+    std_dn: Mapped[float]
+    saturated_share: Mapped[float]
+    zero_share: Mapped[float]
+    black_level_dn: Mapped[float]
+    white_level_dn: Mapped[float]

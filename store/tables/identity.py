@@ -1,0 +1,48 @@
+"""Who may do what: organisations, their keys, and the answers already given to a key's requests."""
+
+from datetime import datetime
+from typing import ClassVar
+
+from sqlalchemy import ForeignKey, String
+from sqlalchemy.orm import Mapped, mapped_column
+
+from store.columns import UtcDateTime, new_id, utc_now
+from store.tables.base import Audited, Base, Json
+
+
+class Organisation(Audited, Base):
+    __tablename__ = "organisation"
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("org"))
+    name: Mapped[str] = mapped_column(unique=True)
+    operator: Mapped[bool] = mapped_column(default=False)
+    """The organisation that runs this service: its admins found the others."""
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class ApiKey(Audited, Base):
+    __tablename__ = "api_key"
+    __audit_without__: ClassVar[frozenset[str]] = frozenset({"sha256"})
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("key"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
+    name: Mapped[str]
+    sha256: Mapped[str] = mapped_column(String(64), unique=True)
+    scopes: Mapped[list[str]]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    revoked_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+
+
+class IdempotentAnswer(Base):
+    """The answer to a request that carried an Idempotency-Key, kept to be given again."""
+
+    __tablename__ = "idempotent_answer"
+
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), primary_key=True)
+    key: Mapped[str] = mapped_column(primary_key=True)
+    fingerprint: Mapped[str] = mapped_column(String(64))
+    """sha256 of method, address and body: the same key with another request is refused."""
+    status: Mapped[int]
+    headers: Mapped[Json]
+    body: Mapped[Json]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)

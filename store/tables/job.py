@@ -1,0 +1,46 @@
+"""The truth about work: the row; a message is only a hint that there is one."""
+
+from datetime import datetime
+
+from sqlalchemy import CheckConstraint, ForeignKey, Index
+from sqlalchemy.orm import Mapped, mapped_column
+
+from store.columns import UtcDateTime, new_id, utc_now
+from store.tables.base import Base, Json
+
+
+class Job(Base):
+    __tablename__ = "job"
+    __table_args__ = (
+        CheckConstraint("kind IN ('extract', 'fit')", "kind_known"),
+        CheckConstraint("state IN ('queued', 'running', 'succeeded', 'failed', 'quarantined')", "state_known"),
+        CheckConstraint("progress BETWEEN 0 AND 1", "progress_share"),
+        CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", "running_has_lease"),
+        Index("ix_job_state_created_at", "state", "created_at"),
+        Index("ix_job_organisation_id_id", "organisation_id", "id"),
+        Index("ix_job_subject_id", "subject_id"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("job"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
+    kind: Mapped[str]
+    subject_id: Mapped[str]
+    """The frame or campaign it works on."""
+    parameters: Mapped[Json] = mapped_column(default=dict)
+    state: Mapped[str] = mapped_column(default="queued")
+    progress: Mapped[float] = mapped_column(default=0.0)
+    attempt: Mapped[int] = mapped_column(default=0)
+    lost: Mapped[int] = mapped_column(default=0)
+    """How many workers were lost in it: three, and it is quarantined."""
+    fence: Mapped[int] = mapped_column(default=0)
+    """Rises with every claim: a worker that lost its lease can store nothing."""
+    lease_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    due_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    hinted_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    error: Mapped[Json | None] = mapped_column(default=None)
+    result: Mapped[Json | None] = mapped_column(default=None)
+    traceback: Mapped[str | None]
+    """Kept for the operator, never served."""
+    created_by: Mapped[str]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    finished_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
