@@ -1,0 +1,162 @@
+"""What the service answers, as frozen records.
+
+A record names the fields that a caller works with; ``raw`` holds the whole answer, so that a field which the
+service learnt yesterday is within reach today. Times are aware datetimes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from datetime import datetime
+from typing import Any, NotRequired, Self, TypedDict
+
+Polygon = Sequence[tuple[float, float]]
+Moment = datetime | str
+
+_TIMES = frozenset({"created_at", "started_at", "taken_at", "valid_from", "valid_to"})
+
+
+class LensDetails(TypedDict, total=False):
+    make: str
+    model: str
+    serial: str
+
+
+class CameraDetails(TypedDict, total=False):
+    lens: LensDetails
+    pixel_pitch_um: float
+    sensor_width_mm: float
+    note: str
+
+
+class Certificate(TypedDict):
+    number: str
+    laboratory: str
+    issued_on: str
+    due_on: str
+    expanded_uncertainty_rel: float
+    coverage_factor: float
+
+
+class CampaignDetails(TypedDict, total=False):
+    project_number: str
+    recorder: str
+    started_at: Moment
+    comments: str
+
+
+class Reading(TypedDict):
+    """One meter reading of one scene, as it is sent and as it comes back."""
+
+    scene: str
+    quantity: str
+    value: float
+    unit: str
+    meter_id: NotRequired[str]
+    taken_at: NotRequired[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    raw: dict[str, Any] = field(repr=False, compare=False)
+
+    @classmethod
+    def of(cls, answer: dict[str, Any]) -> Self:
+        """Take what this record names out of an answer; what the answer leaves out keeps its default."""
+        named = {f.name for f in fields(cls)} & answer.keys()
+        known: dict[str, Any] = {name: _value(name, answer[name]) for name in named}
+        return cls(**{**known, "raw": answer})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera(Record):
+    id: str
+    make: str
+    model: str
+    serial: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meter(Record):
+    id: str
+    kind: str
+    make: str
+    model: str
+    serial: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign(Record):
+    id: str
+    camera_id: str
+    method: str
+    project_number: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame(Record):
+    id: str
+    sha256: str
+    size_bytes: int
+    filename: str
+    state: str  # received | read | extracted | refused
+    job_id: str | None = None  # of its extraction, where one was started
+    refusal: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job(Record):
+    id: str
+    kind: str
+    state: str  # queued | running | succeeded | failed | quarantined
+    progress: float = 0.0
+    attempt: int = 0
+    error: dict[str, Any] | None = None
+    result: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coefficient(Record):
+    """One value with its standard uncertainty. The last fields say whence it came, where it was looked up."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+    iso: float | None = None
+    model: str | None = None
+    calibration_id: str | None = None
+    version: int | None = None
+    valid_from: datetime | None = None
+    valid_to: datetime | None = None
+    flags: tuple[str, ...] = ()
+    why: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration(Record):
+    id: str
+    method: str
+    state: str  # draft | published | superseded | revoked
+    version: int | None = None
+    camera_id: str | None = None
+    valid_from: datetime | None = None
+    valid_to: datetime | None = None
+
+    @property
+    def coefficients(self) -> tuple[Coefficient, ...]:
+        return tuple(Coefficient.of(row) for row in self.raw.get("coefficients", ()))
+
+
+def as_text(moment: Moment) -> str:
+    """A time as the service reads it; a datetime without its zone could mean two moments and is refused."""
+    if isinstance(moment, str):
+        return moment
+    if moment.tzinfo is None:
+        raise ValueError(f"{moment!r} has no time zone")
+    return moment.isoformat()
+
+
+def _value(name: str, value: object) -> object:
+    if name in _TIMES and isinstance(value, str):
+        return datetime.fromisoformat(value)
+    return tuple(value) if isinstance(value, list) else value

@@ -1,0 +1,135 @@
+"""One HTTP request and its repetitions: who may be sent again, when, and what comes of the answer."""
+
+import random
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
+
+from stilb import problem
+
+_REPEATABLE = frozenset({"GET", "HEAD", "PUT", "DELETE"})
+_LONGEST_PAUSE_S = 60.0
+_KEY = "Idempotency-Key"
+
+Query = Mapping[str, str | int | float | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Call:
+    """One request as meant by the caller, however often it has to be sent.
+
+    ``stream`` opens the body anew for each attempt. A POST keeps one idempotency key over all attempts,
+    by which the service knows a repetition.
+    """
+
+    method: str
+    path: str
+    query: Query = field(default_factory=dict)
+    json: object = None
+    text: str | None = None
+    stream: Callable[[], Iterator[bytes]] | None = None
+    headers: Mapping[str, str] = field(default_factory=dict)
+    answer_within_s: float | None = None
+
+    def sent_headers(self) -> dict[str, str]:
+        headers = dict(self.headers)
+        if self.method == "POST":
+            headers.setdefault(_KEY, str(uuid.uuid4()))
+        return headers
+
+
+class Transport:
+    """Sends calls and turns every failure into a ``Problem``."""
+
+    def __init__(self, url: str, key: str, *, timeout_s: float, retries: int, backoff_s: float) -> None:
+        self._http = httpx.Client(
+            base_url=url,
+            timeout=timeout_s,
+            headers={"Authorization": f"Bearer {key}", "User-Agent": "stilb"},
+        )
+        self._timeout_s = timeout_s
+        self._retries = retries
+        self._backoff_s = backoff_s
+
+    def __enter__(self) -> Self:
+        self._http.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._http.__exit__(kind, error, trace)
+
+    def close(self) -> None:
+        self._http.close()
+
+    def send(self, call: Call) -> httpx.Response:
+        """Send until it is answered; only what is safe to send twice is sent twice."""
+        headers = call.sent_headers()
+        repeatable = call.method in _REPEATABLE or _KEY in headers
+        attempt = 0
+        while True:
+            try:
+                return self._once(call, headers)
+            except problem.Problem as found:
+                if attempt >= self._retries or not (repeatable and found.retryable):
+                    raise
+                time.sleep(self._pause_s(attempt, found.retry_after_s))
+                attempt += 1
+
+    def json(self, call: Call) -> dict[str, Any]:
+        """Send a call whose answer is one JSON object."""
+        response = self.send(call)
+        answer = response.json()
+        if not isinstance(answer, dict):
+            raise problem.Problem(
+                status=response.status_code,
+                code="unexpected_answer",
+                detail=f"{call.method} {call.path} did not answer a JSON object",
+                retryable=False,
+            )
+        return answer
+
+    def items(self, path: str, query: Query | None = None) -> Iterator[dict[str, Any]]:
+        """Every item of a list, page after page.
+
+        Of ``next`` only the query is used: the key never goes to another host, and a proxy that changes the
+        address does no harm.
+        """
+        page = self.json(Call(method="GET", path=path, query=query or {}))
+        while True:
+            yield from page["items"]
+            if not page.get("next"):
+                return
+            page = self.json(Call(method="GET", path=path, query=dict(httpx.URL(page["next"]).params)))
+
+    def _once(self, call: Call, headers: Mapping[str, str]) -> httpx.Response:
+        content = call.stream() if call.stream else call.text
+        # httpx takes None in `timeout` for "wait for ever".
+        read_s = call.answer_within_s or self._timeout_s
+        try:
+            response = self._http.request(
+                call.method,
+                call.path,
+                params={name: value for name, value in call.query.items() if value is not None} or None,
+                json=call.json,
+                content=content,
+                headers=headers,
+                timeout=httpx.Timeout(self._timeout_s, read=read_s),
+            )
+        except httpx.TransportError as error:
+            raise problem.from_transport(error) from error
+        if not response.is_success:
+            raise problem.from_response(response)
+        return response
+
+    def _pause_s(self, attempt: int, retry_after_s: float | None) -> float:
+        """Twice as long each time, with a random part, so that many clients do not come back as one."""
+        # Not a secret: any spread will do.
+        backoff_s = self._backoff_s * 2.0**attempt * random.uniform(0.5, 1.0)  # noqa: S311
+        return min(_LONGEST_PAUSE_S, max(backoff_s, retry_after_s or 0.0))

@@ -1,0 +1,186 @@
+"""Frames on their way from the disk to the service: hashed first, then streamed, never held in memory."""
+
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypedDict
+
+from stilb.records import Frame, Polygon
+from stilb.transport import Call, Transport
+
+_CHUNK_BYTES = 1 << 20
+
+PathLike = str | os.PathLike[str]
+
+
+class FrameDetails(TypedDict, total=False):
+    """What one frame may bring of its own: a region, and exposure values that its file does not state."""
+
+    roi: Polygon
+    exposure_time_s: float
+    f_number: float
+    iso: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Upload:
+    """One file to send, and what it is to its campaign."""
+
+    campaign_id: str
+    path: PathLike
+    role: str  # light | dark | flat | panel | chart | field
+    scene: str | None = None
+    roi: Polygon | None = None
+    exposure_time_s: float | None = None
+    f_number: float | None = None
+    iso: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far a ``push`` is. Bytes go back when a lost connection makes a file start anew."""
+
+    filename: str
+    files_done: int
+    files_total: int
+    bytes_sent: int
+    bytes_total: int
+
+
+OnProgress = Callable[[Progress], None]
+
+
+def send_all(
+    transport: Transport, uploads: list[Upload], *, concurrency: int, on_progress: OnProgress | None
+) -> list[Frame]:
+    """Send files side by side; frames come back in the order of ``uploads``.
+
+    The first failure stops what has not begun and is raised, with the file's name as its note. Sending the
+    same list again is safe: a frame that has arrived answers as it did.
+    """
+    tally = _Tally(uploads, on_progress)
+    with ThreadPoolExecutor(max_workers=concurrency, thread_name_prefix="stilb-push") as pool:
+        futures = [
+            pool.submit(_send, transport, upload, tally.file(index)) for index, upload in enumerate(uploads)
+        ]
+        try:
+            wait(futures, return_when=FIRST_EXCEPTION)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+    # A cancelled future has no error to tell; the one that caused it has.
+    for future in futures:
+        if not future.cancelled() and (error := future.exception()):
+            raise error
+    return [future.result() for future in futures]
+
+
+def _send(transport: Transport, upload: Upload, count: "_FileCount") -> Frame:
+    path = Path(upload.path)
+    try:
+        frame = transport.json(_call(upload, path, count))
+    except Exception as error:
+        error.add_note(f"while sending {path}")
+        raise
+    count.finish()
+    return Frame.of(frame)
+
+
+def _call(upload: Upload, path: Path, count: "_FileCount") -> Call:
+    with path.open("rb") as file:
+        size_bytes = os.fstat(file.fileno()).st_size
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+
+    def stream() -> Iterator[bytes]:
+        count.restart()
+        with path.open("rb") as file:
+            while chunk := file.read(_CHUNK_BYTES):
+                yield chunk
+                count.advance(len(chunk))
+
+    return Call(
+        method="POST",
+        path=f"/v1/campaigns/{upload.campaign_id}/frames",
+        query=_query(upload, path),
+        stream=stream,
+        headers={
+            "Content-Type": "application/octet-stream",
+            "Content-Length": str(size_bytes),  # without it the body would go out in HTTP chunks
+            "X-Content-SHA256": sha256,
+        },
+    )
+
+
+def _query(upload: Upload, path: Path) -> dict[str, str | float | None]:
+    polygon = None if upload.roi is None else json.dumps([[x, y] for x, y in upload.roi], allow_nan=False)
+    return {
+        "role": upload.role,
+        "scene": upload.scene,
+        # A name that is not UTF-8 on disk has no other spelling in a URL.
+        "filename": path.name.encode("utf-8", "replace").decode("utf-8"),
+        "roi": polygon,
+        "exposure_time_s": upload.exposure_time_s,
+        "f_number": upload.f_number,
+        "iso": upload.iso,
+    }
+
+
+class _Tally:
+    """Counts over all threads of one push, and reports to one listener, one report at a time."""
+
+    def __init__(self, uploads: list[Upload], on_progress: OnProgress | None) -> None:
+        self._lock = threading.Lock()
+        self._on_progress = on_progress
+        self._paths = [Path(upload.path) for upload in uploads]
+        self._bytes_total = sum(path.stat().st_size for path in self._paths)
+        self._sent = [0] * len(uploads)
+        self._files_done = 0
+
+    def file(self, index: int) -> "_FileCount":
+        return _FileCount(self, index)
+
+    def set_sent(self, index: int, count: int) -> None:
+        with self._lock:
+            self._sent[index] = count
+            self._report(index)
+
+    def finish(self, index: int) -> None:
+        with self._lock:
+            self._files_done += 1
+            self._report(index)
+
+    def _report(self, index: int) -> None:
+        if self._on_progress is None:
+            return
+        self._on_progress(
+            Progress(
+                filename=self._paths[index].name,
+                files_done=self._files_done,
+                files_total=len(self._paths),
+                bytes_sent=sum(self._sent),
+                bytes_total=self._bytes_total,
+            )
+        )
+
+
+class _FileCount:
+    """One file's part of the tally; one thread at a time works on it."""
+
+    def __init__(self, tally: _Tally, index: int) -> None:
+        self._tally = tally
+        self._index = index
+        self._sent = 0
+
+    def restart(self) -> None:
+        self._sent = 0
+
+    def advance(self, count: int) -> None:
+        self._sent += count
+        self._tally.set_sent(self._index, self._sent)
+
+    def finish(self) -> None:
+        self._tally.finish(self._index)

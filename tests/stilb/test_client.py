@@ -1,0 +1,207 @@
+"""Each method asks the route that the contract names, and reads the answer that the contract describes."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+import stilb
+from stilb.records import as_text
+
+CALIBRATION = {
+    "id": "k-1",
+    "method": "luminance",
+    "state": "draft",
+    "version": 1,
+    "camera_id": "cam-1",
+    "valid_from": None,
+    "coefficients": [
+        {
+            "name": "luminance_k",
+            "value": 33.1,
+            "standard_uncertainty": 0.2,
+            "unit": "DN*m2/(cd*s)",
+            "iso": 3200,
+        }
+    ],
+    "diagnostics": {"verdict": "pass"},
+}
+JOB = {"id": "j-1", "kind": "fit", "state": "queued", "progress": 0.0, "attempt": 0}
+
+
+def job(state, **more):
+    return {**JOB, "state": state, **more}
+
+
+def test_a_camera_with_its_lens(service, client):
+    service.will_answer(
+        {"id": "cam-1", "make": "DJI", "model": "X5S", "serial": "S1", "note": "n"}, status=201
+    )
+    camera = client.create_camera("DJI", "X5S", "S1", lens={"make": "DJI", "model": "15 mm"}, note="n")
+    assert service.asked[0].json["lens"] == {"make": "DJI", "model": "15 mm"}
+    assert (camera.id, camera.raw["note"]) == ("cam-1", "n")
+
+
+def test_a_meter_with_and_without_its_certificate(service, client):
+    meter = {"id": "m-1", "kind": "luminance", "make": "Konica", "model": "LS-150", "serial": "7"}
+    for _ in range(2):
+        service.will_answer(meter)
+    certificate = {
+        "number": "9",
+        "laboratory": "a lab",
+        "issued_on": "2025-01-01",
+        "due_on": "2026-01-01",
+        "expanded_uncertainty_rel": 0.02,
+        "coverage_factor": 2.0,
+    }
+    client.create_meter("luminance", "Konica", "LS-150", "7", certificate=certificate)
+    client.create_meter("luminance", "Konica", "LS-150", "7")
+    assert service.asked[0].json["certificate"] == certificate
+    assert "certificate" not in service.asked[1].json
+
+
+def test_a_campaign(service, client):
+    service.will_answer(
+        {"id": "c-1", "camera_id": "cam-1", "method": "luminance", "started_at": "2025-03-01T10:00:00Z"}
+    )
+    campaign = client.create_campaign("cam-1", started_at=datetime(2025, 3, 1, 10, tzinfo=UTC), recorder="r")
+    assert service.asked[0].json == {
+        "camera_id": "cam-1",
+        "method": "luminance",
+        "started_at": "2025-03-01T10:00:00+00:00",
+        "recorder": "r",
+    }
+    assert campaign.id == "c-1"
+
+
+def test_a_region_as_corners_or_as_a_macro_call(service, client):
+    for _ in range(3):
+        service.will_answer({"polygon": [[1, 2], [3, 2], [3, 8]]})
+    client.set_roi("c-1", polygon=[(1, 2), (3, 2), (3, 8)])
+    client.set_roi("c-1", imagej="makePolygon(1,2,3,2,3,8)")
+    client.set_frame_roi("f-1", [(1, 2), (3, 2), (3, 8)])
+    assert [asked.json for asked in service.asked] == [
+        {"polygon": [[1, 2], [3, 2], [3, 8]]},
+        {"imagej": "makePolygon(1,2,3,2,3,8)"},
+        {"polygon": [[1, 2], [3, 2], [3, 8]]},
+    ]
+    assert [asked.path for asked in service.asked] == [
+        "/v1/campaigns/c-1/roi",
+        "/v1/campaigns/c-1/roi",
+        "/v1/frames/f-1/roi",
+    ]
+
+
+def test_readings_one_several_or_csv(service, client):
+    reading = {"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}
+    service.will_answer({"id": "r-1", **reading}, status=201)
+    service.will_answer({"items": [{"id": "r-1", **reading}, {"id": "r-2", **reading}]}, status=201)
+    service.will_answer({"items": [{"id": "r-1", **reading}]}, status=201)
+    csv = "scene,quantity,value,unit\nlevel-1,luminance,54.4,cd/m2\n"
+    assert len(client.add_readings("c-1", reading)) == 1
+    assert len(client.add_readings("c-1", [reading, reading])) == 2
+    assert len(client.add_readings("c-1", csv)) == 1
+    assert service.asked[1].json == [reading, reading]
+    assert service.asked[2].headers["content-type"] == "text/csv; charset=utf-8"
+    assert service.asked[2].body.decode() == csv
+
+
+def test_a_job_is_waited_for(service, client):
+    service.will_answer(job("running", progress=0.5))
+    service.will_answer(job("succeeded", progress=1.0, result={"calibration_id": "k-1"}))
+    done = client.wait("j-1")
+    assert done.result == {"calibration_id": "k-1"}
+    assert service.asked[0].headers["prefer"] == "wait=30"
+
+
+def test_a_failed_job_raises_its_problem(service, client):
+    error = {"status": 422, "code": "fit_incomplete", "detail": "too few scenes", "retryable": False}
+    service.will_answer(job("failed", error=error))
+    with pytest.raises(stilb.JobFailed, match="fit_incomplete: too few scenes") as found:
+        client.wait(stilb.Job.of(JOB))
+    assert (found.value.job.id, found.value.status) == ("j-1", 422)
+
+
+def test_a_quarantined_job_raises_even_without_a_problem(service, client):
+    service.will_answer(job("quarantined"))
+    with pytest.raises(stilb.JobFailed, match="quarantined"):
+        client.wait("j-1")
+
+
+def test_waiting_ends(service, client):
+    service.will_answer(job("running"))
+    with pytest.raises(TimeoutError, match="still running"):
+        client.wait("j-1", timeout_s=0)
+
+
+def test_calibrate_waits_and_reads_the_draft(service, client):
+    service.will_answer(JOB, status=202)
+    service.will_answer(job("succeeded", result={"calibration_id": "k-1"}))
+    service.will_answer(CALIBRATION)
+    calibration = client.calibrate("c-1", model="proportional", tolerance=0.04)
+    assert service.asked[0].path == "/v1/campaigns/c-1/calibrations"
+    assert service.asked[0].json == {"model": "proportional", "tolerance": 0.04}
+    assert service.asked[2].path == "/v1/calibrations/k-1"
+    (k,) = calibration.coefficients
+    assert (k.name, k.value, k.standard_uncertainty, k.iso) == ("luminance_k", 33.1, 0.2, 3200)
+    assert calibration.raw["diagnostics"] == {"verdict": "pass"}
+
+
+def test_publish_and_revoke(service, client):
+    service.will_answer(CALIBRATION | {"state": "published", "valid_from": "2025-03-01T00:00:00Z"})
+    service.will_answer({"measurements": []})
+    published = client.publish("k-1", valid_from="2025-03-01T00:00:00Z", reason="yearly")
+    client.revoke("k-1", reason="the meter was out of date")
+    assert published.valid_from == datetime(2025, 3, 1, tzinfo=UTC)
+    assert service.asked[0].json == {"valid_from": "2025-03-01T00:00:00Z", "reason": "yearly"}
+    assert service.asked[1].path == "/v1/calibrations/k-1/revoke"
+
+
+def test_coefficients_as_known_then(service, client):
+    row = CALIBRATION["coefficients"][0] | {
+        "calibration_id": "k-1",
+        "version": 1,
+        "flags": ["dark_from_black_level"],
+    }
+    service.will_answer({"items": [row], "next": None})
+    (k,) = client.coefficients(
+        "cam-1", iso=3200, at=datetime(2025, 6, 1, tzinfo=UTC), known_at="2025-07-01T00:00:00Z"
+    )
+    assert service.asked[0].query == {
+        "method": "luminance",
+        "iso": "3200",
+        "at": "2025-06-01T00:00:00+00:00",
+        "known_at": "2025-07-01T00:00:00Z",
+    }
+    assert k.flags == ("dark_from_black_level",)
+
+
+def test_nothing_in_force_is_a_problem(service, client):
+    service.will_refuse(404, "no_calibration_in_force")
+    with pytest.raises(stilb.Problem, match="no_calibration_in_force"):
+        client.coefficients("cam-1")
+
+
+def test_the_series_of_a_dashboard(service, client):
+    service.will_answer({"items": [{"luminance_k": 1.0}], "next": None})
+    assert client.series(camera_id="cam-1", start="2025-01-01T00:00:00Z") == [{"luminance_k": 1.0}]
+    assert service.asked[0].query == {"camera_id": "cam-1", "from": "2025-01-01T00:00:00Z"}
+
+
+def test_points_and_plot_are_text(service, client):
+    service.will_answer(b"iso,x\n", headers={"Content-Type": "text/csv; charset=utf-8"})
+    service.will_answer(b"<svg/>", headers={"Content-Type": "image/svg+xml"})
+    assert client.points_csv("k-1") == "iso,x\n"
+    assert client.plot_svg("k-1") == "<svg/>"
+
+
+def test_lists_of_a_camera_and_a_campaign(service, client):
+    for _ in range(2):
+        service.will_answer({"items": [CALIBRATION], "next": None})
+    assert [found.id for found in client.history("cam-1", state="published")] == ["k-1"]
+    assert [found.id for found in client.calibrations("c-1")] == ["k-1"]
+    assert service.asked[0].query == {"state": "published"}
+
+
+def test_a_time_without_its_zone_is_refused():
+    with pytest.raises(ValueError, match="has no time zone"):
+        as_text(datetime(2025, 1, 1))  # noqa: DTZ001  the point of the test

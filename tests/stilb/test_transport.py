@@ -1,0 +1,147 @@
+"""Which requests are sent again, when, and what an error looks like to the caller."""
+
+import socket
+import time
+from datetime import UTC, datetime, timedelta
+from email.utils import format_datetime
+
+import httpx
+import pytest
+
+import stilb
+from stilb.problem import from_response
+from stilb.transport import Call, Transport
+
+CAMERA = {"id": "cam-1", "make": "DJI", "model": "X5S", "serial": "S1"}
+
+
+def test_a_problem_document_becomes_a_problem(service, client):
+    service.will_refuse(422, "roi_empty", errors=[{"field": "polygon"}])
+    with pytest.raises(stilb.Problem, match="roi_empty: about roi_empty") as found:
+        client.camera("cam-1")
+    problem = found.value
+    assert (problem.status, problem.code, problem.retryable) == (422, "roi_empty", False)
+    assert problem.raw["errors"] == [{"field": "polygon"}]
+    assert len(service.asked) == 1
+
+
+@pytest.mark.parametrize(("status", "retryable"), [(502, True), (503, True), (404, False), (500, False)])
+def test_a_gateways_page_becomes_a_problem(status, retryable):
+    response = httpx.Response(status, html="<h1>nginx</h1>")
+    problem = from_response(response)
+    assert (problem.code, problem.retryable) == (f"http_{status}", retryable)
+
+
+def test_json_that_is_no_object_becomes_a_problem():
+    assert from_response(httpx.Response(400, json=["a list"])).code == "http_400"
+
+
+def test_broken_json_becomes_a_problem():
+    response = httpx.Response(400, content=b"{", headers={"Content-Type": "application/problem+json"})
+    assert from_response(response).code == "http_400"
+
+
+def test_the_key_goes_with_every_request(service, client):
+    service.will_answer(CAMERA)
+    client.camera("cam-1")
+    assert service.asked[0].headers["authorization"] == "Bearer the-key"
+
+
+def test_a_passing_refusal_is_asked_again(service, client):
+    service.will_refuse(503, "starting", retryable=True)
+    service.will_answer(CAMERA)
+    assert client.camera("cam-1").serial == "S1"
+
+
+def test_a_post_keeps_its_idempotency_key_over_all_attempts(service, client):
+    service.will_refuse(503, "starting", retryable=True)
+    service.will_answer(cut_after=0)
+    service.will_answer(CAMERA, status=201)
+    client.create_camera("DJI", "X5S", "S1", pixel_pitch_um=3.3)
+    keys = {asked.headers["idempotency-key"] for asked in service.asked}
+    assert len(service.asked) == 3
+    assert len(keys) == 1
+
+
+def test_two_posts_have_two_idempotency_keys(service, client):
+    service.will_answer(CAMERA, status=201)
+    service.will_answer(CAMERA)
+    client.create_camera("DJI", "X5S", "S1")
+    client.create_camera("DJI", "X5S", "S1")
+    assert len({asked.headers["idempotency-key"] for asked in service.asked}) == 2
+
+
+def test_a_patch_is_never_sent_twice(service):
+    service.will_refuse(503, "starting", retryable=True)
+    with (
+        Transport(service.url, "k", timeout_s=5, retries=3, backoff_s=0.001) as transport,
+        pytest.raises(stilb.Problem, match="starting"),
+    ):
+        transport.json(Call(method="PATCH", path="/v1/campaigns/c", json={}))
+    assert len(service.asked) == 1
+
+
+def test_retries_end(service, client):
+    for _ in range(4):
+        service.will_refuse(503, "starting", retryable=True)
+    with pytest.raises(stilb.Problem, match="starting"):
+        client.camera("cam-1")
+    assert len(service.asked) == 4
+
+
+def test_retry_after_is_respected(service, client):
+    service.will_refuse(429, "too_many_requests", retryable=True, headers={"Retry-After": "1"})
+    service.will_answer(CAMERA)
+    began = time.monotonic()
+    client.camera("cam-1")
+    assert time.monotonic() - began >= 1.0
+
+
+def test_retry_after_may_be_a_date():
+    later = format_datetime(datetime.now(UTC) + timedelta(seconds=30), usegmt=True)
+    problem = from_response(httpx.Response(503, headers={"Retry-After": later}))
+    assert problem.retry_after_s == pytest.approx(30, abs=2)
+
+
+@pytest.mark.parametrize("value", ["soon", "-3", ""])
+def test_a_retry_after_that_means_nothing_is_ignored(value):
+    assert from_response(httpx.Response(503, headers={"Retry-After": value})).retry_after_s is None
+
+
+def test_nobody_listening_is_a_problem_too():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound and not listening: the port refuses
+        url = f"http://127.0.0.1:{taken.getsockname()[1]}"
+        with (
+            stilb.Client(url, "k", retries=1, backoff_s=0.001) as client,
+            pytest.raises(stilb.Problem) as found,
+        ):
+            client.camera("cam-1")
+    assert (found.value.status, found.value.code, found.value.retryable) == (0, "unreachable", True)
+
+
+def test_an_address_that_cannot_be_asked_is_not_tried_again():
+    with stilb.Client("ftp://127.0.0.1", "k") as client, pytest.raises(stilb.Problem) as found:
+        client.camera("cam-1")
+    assert found.value.code == "not_sent"
+
+
+def test_a_list_is_read_page_after_page(service, client):
+    # Another host in `next`, as behind a proxy that does not tell its name: only its query counts.
+    service.will_answer({"items": [CAMERA], "next": "http://inside:9/v1/cameras?cursor=a%2Bb&limit=1"})
+    service.will_answer({"items": [CAMERA | {"id": "cam-2"}], "next": None})
+    assert [camera.id for camera in client.cameras()] == ["cam-1", "cam-2"]
+    assert service.asked[1].query == {"cursor": "a+b", "limit": "1"}
+    assert service.asked[1].path == "/v1/cameras"
+
+
+def test_an_answer_of_another_kind_is_a_problem(service, client):
+    service.will_answer(["not", "an", "object"])
+    with pytest.raises(stilb.Problem, match="unexpected_answer"):
+        client.camera("cam-1")
+
+
+def test_a_number_that_is_none_is_not_sent(service, client):
+    with pytest.raises(ValueError, match="JSON compliant"):
+        client.create_camera("DJI", "X5S", "S1", pixel_pitch_um=float("inf"))
+    assert service.asked == []

@@ -1,0 +1,134 @@
+"""Frames go from the disk in flat memory, whole, and once more after a lost connection."""
+
+import hashlib
+import tracemalloc
+
+import pytest
+
+import stilb
+
+FRAME = {
+    "id": "f-1",
+    "sha256": "0" * 64,
+    "size_bytes": 1,
+    "filename": "a.dng",
+    "state": "received",
+    "job_id": "j-1",
+}
+MEGABYTE = 1 << 20
+
+
+@pytest.fixture
+def dng(tmp_path):
+    path = tmp_path / "DJI 0001+ü&.DNG"
+    path.write_bytes(bytes(range(256)) * 4096 * 3)
+    return path
+
+
+def test_the_bytes_arrive_with_their_hash_and_name(service, client, dng):
+    service.will_answer(FRAME, status=201)
+    frame = client.push("c-1", dng, role="light", scene="level-1")
+    (asked,) = service.asked
+    assert asked.body == dng.read_bytes()
+    assert asked.path == "/v1/campaigns/c-1/frames"
+    assert asked.query == {"role": "light", "scene": "level-1", "filename": "DJI 0001+ü&.DNG"}
+    assert asked.headers["content-type"] == "application/octet-stream"
+    assert asked.headers["content-length"] == str(dng.stat().st_size)
+    assert asked.headers["x-content-sha256"] == hashlib.sha256(dng.read_bytes()).hexdigest()
+    assert "transfer-encoding" not in asked.headers
+    assert (frame.id, frame.job_id, frame.state) == ("f-1", "j-1", "received")
+
+
+def test_a_frame_brings_its_own_region_and_exposure(service, client, dng):
+    service.will_answer(FRAME, status=201)
+    client.push(
+        "c-1", dng, role="dark", roi=[(1, 2), (3.5, 2), (3, 8)], exposure_time_s=0.01, f_number=1.7, iso=3200
+    )
+    query = service.asked[0].query
+    assert query["roi"] == "[[1, 2], [3.5, 2], [3, 8]]"
+    assert (query["exposure_time_s"], query["f_number"], query["iso"]) == ("0.01", "1.7", "3200")
+    assert "scene" not in query
+
+
+def test_a_connection_lost_in_mid_upload_is_taken_up_again(service, client, dng):
+    service.will_answer(cut_after=MEGABYTE)
+    service.will_answer(FRAME, status=201)
+    reports = []
+    client.push("c-1", dng, role="light", on_progress=reports.append)
+    lost, whole = service.asked
+    assert len(lost.body) == MEGABYTE
+    assert whole.body == dng.read_bytes()
+    assert lost.headers["idempotency-key"] == whole.headers["idempotency-key"]
+    assert lost.headers["x-content-sha256"] == whole.headers["x-content-sha256"]
+    last = reports[-1]
+    assert (last.files_done, last.bytes_sent, last.bytes_total) == (1, dng.stat().st_size, dng.stat().st_size)
+
+
+def test_a_refusal_in_mid_upload_is_heard(service, client, dng):
+    service.will_refuse(413, "frame_too_large")
+    with pytest.raises(stilb.Problem, match="frame_too_large") as found:
+        client.push("c-1", dng, role="light")
+    assert found.value.__notes__ == [f"while sending {dng}"]
+
+
+def test_several_files_share_role_and_scene(service, client, tmp_path):
+    paths = [tmp_path / f"{index}.dng" for index in range(3)]
+    for path in paths:
+        path.write_bytes(path.name.encode())
+        service.will_answer(FRAME, status=201)
+    frames = client.push("c-1", paths, role="dark", scene="off")
+    assert len(frames) == 3
+    assert {asked.query["filename"] for asked in service.asked} == {"0.dng", "1.dng", "2.dng"}
+    assert {asked.query["role"] for asked in service.asked} == {"dark"}
+
+
+def test_push_all_counts_over_all_files(service, client, tmp_path):
+    uploads = []
+    for index in range(6):
+        path = tmp_path / f"{index}.dng"
+        path.write_bytes(bytes(100))
+        uploads.append(stilb.Upload(campaign_id="c-1", path=path, role="light", scene=f"level-{index}"))
+        service.will_answer(FRAME, status=201)
+    reports = []
+    client.push_all(uploads, concurrency=3, on_progress=reports.append)
+    assert [report.files_done for report in reports] == sorted(report.files_done for report in reports)
+    assert reports[-1] == stilb.Progress(
+        filename=reports[-1].filename, files_done=6, files_total=6, bytes_sent=600, bytes_total=600
+    )
+
+
+def test_the_same_file_twice_is_two_uploads(service, client, dng):
+    for _ in range(2):
+        service.will_answer(FRAME, status=200)
+    one = stilb.Upload(campaign_id="c-1", path=dng, role="light")
+    reports = []
+    assert len(client.push_all([one, one], on_progress=reports.append)) == 2
+    assert reports[-1].bytes_sent == reports[-1].bytes_total == 2 * dng.stat().st_size
+
+
+def test_the_first_failure_stops_the_rest(service, client, dng):
+    service.will_refuse(422, "not_a_raw_file")
+    one = stilb.Upload(campaign_id="c-1", path=dng, role="light")
+    for _ in range(20):
+        service.will_answer(FRAME)
+    with pytest.raises(stilb.Problem, match="not_a_raw_file"):
+        client.push_all([one] * 20, concurrency=1)
+    assert service.unsaid >= 18
+
+
+def test_nothing_to_push_is_no_error(client):
+    assert client.push_all([]) == []
+
+
+def test_a_large_file_is_never_in_memory(service, client, tmp_path):
+    path = tmp_path / "large.dng"
+    with path.open("wb") as file:
+        file.truncate(48 * MEGABYTE)
+    service.will_answer(FRAME, status=201, forget_body=True)
+    tracemalloc.start()
+    try:
+        client.push("c-1", path, role="light")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 6 * MEGABYTE
