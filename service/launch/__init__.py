@@ -1,0 +1,1 @@
+"""What `make up` runs: one tree of processes that stands and falls together."""
