@@ -1,0 +1,1 @@
+"""A whole calibration without a camera: a simulated campaign, pushed through the HTTP API."""
