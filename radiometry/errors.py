@@ -14,6 +14,8 @@ class Code(StrEnum):
     EXPOSURE_IMPLAUSIBLE = "exposure_implausible"
     WRONG_CAMERA = "wrong_camera"
     FIT_INCOMPLETE = "fit_incomplete"
+    FIT_FAILED = "fit_failed"
+    ISO_NOT_CALIBRATED = "iso_not_calibrated"
 
 
 class InputRejected(Exception):  # noqa: N818  the name says whose fault it is

@@ -1,0 +1,106 @@
+"""Every flag that a frame, a fit or a measurement may carry: usable, but something to know."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Self
+
+
+class Flag(StrEnum):
+    """What to know about a result. Stable: clients match on it; each has its heading in the documentation."""
+
+    meaning: str
+
+    def __new__(cls, value: str, meaning: str) -> Self:
+        """Bind the one-line meaning to the value."""
+        member = str.__new__(cls, value)
+        member._value_ = value
+        member.meaning = meaning
+        return member
+
+    # of a frame, when it is accepted
+    RENDERED = "rendered", "The image is not raw: somebody's tone curve stands between light and numbers."
+    EXPOSURE_NOT_MANUAL = (
+        "exposure_not_manual",
+        "The camera chose the exposure; the procedure asks for manual.",
+    )
+    SERIAL_UNKNOWN = (
+        "serial_unknown",
+        "The file names no serial number: that it is this camera is taken on trust.",
+    )
+    EXPOSURE_FROM_APEX = "exposure_from_apex", "A nominal value is missing; the APEX value took its place."
+    EXPOSURE_SUPPLIED = (
+        "exposure_supplied",
+        "The file lacks an exposure value; the one typed in took its place.",
+    )
+    SUPPLIED_EXPOSURE_IGNORED = (
+        "supplied_exposure_ignored",
+        "The exposure typed in differs from the file's by more than 10 %; the file's was used.",
+    )
+    # of a luminance fit
+    DARK_EXPOSURE_DIFFERS = (
+        "dark_exposure_differs",
+        "Dark and light frames of an ISO differ in exposure time by more than a factor of two.",
+    )
+    DARK_FROM_BLACK_LEVEL = (
+        "dark_from_black_level",
+        "An ISO has no dark frame: the file's black level took its place.",
+    )
+    DARK_FROM_FEW_FRAMES = (
+        "dark_from_few_frames",
+        "Fewer than three dark frames: their median guards nothing.",
+    )
+    NONLINEAR = "nonlinear", "The exponent of the power model differs from 1 by more than 0.02."
+    IMPLAUSIBLE_K = (
+        "implausible_k",
+        "K is more than four times off what ISO 12232 expects: wrong black, bit depth, curve or unit.",
+    )
+    SEMILOG_MODEL = (
+        "semilog_model",
+        "The semilogarithmic model was asked for: it is wrong for a linear sensor.",
+    )
+    LAMP_DRIFT = "lamp_drift", "The illuminance readings of a scene spread over more than 2 %."
+    RHO_CROSS_CHECK = (
+        "rho_cross_check",
+        "Luminance and rho E / pi of a scene differ by more than 10 %: a unit, a reading or rho is wrong.",
+    )
+    GAIN_MAPS_DIFFER = "gain_maps_differ", "Frames of one ISO carry different gain maps."
+    FEW_POINTS = "few_points", "Fewer than six points are left for an ISO."
+    TOLERANCE_EXCEEDED = "tolerance_exceeded", "A point lies further from the meter than the tolerance."
+    SCATTER_EXCEEDS_UNCERTAINTY = (
+        "scatter_exceeds_uncertainty",
+        "Points scatter more than their uncertainties explain: u(K) was enlarged by the Birge ratio.",
+    )
+    METER_REPEATABILITY_ESTIMATED = (
+        "meter_repeatability_estimated",
+        "The meter's repeatability was not given: it was estimated from the scatter between scenes.",
+    )
+    METER_CERTIFICATE_MISSING = (
+        "meter_certificate_missing",
+        "A meter's calibration uncertainty is not known: u(K) lacks it.",
+    )
+    APEX_MISSING = (
+        "apex_missing",
+        "APEX values were asked for, a frame has none: its nominal values were used.",
+    )
+    # of a measurement
+    OUTSIDE_EXPOSURE_TIMES = "outside_exposure_times", "The exposure time was not among those calibrated."
+    OUTSIDE_F_NUMBERS = "outside_f_numbers", "The f-number is outside the calibrated range."
+    OUTSIDE_SIGNALS = "outside_signals", "The signal is outside the calibrated range."
+    SATURATED = (
+        "saturated",
+        "More than 0.1 % of the region's samples are saturated: the luminance is a lower bound.",
+    )
+    BELOW_DETECTION = "below_detection", "The signal is less than three standard errors above dark."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Raised:
+    """A flag with where it applies and what was found.
+
+    ``where`` : "iso 3200", "scene level-4", "frame dark-2"; "" for the whole
+    ``detail`` : one sentence with the numbers
+    """
+
+    flag: str
+    where: str
+    detail: str

@@ -1,0 +1,1 @@
+"""The parts of the luminance calibration; `radiometry.methods.luminance` is its door."""

@@ -1,0 +1,198 @@
+"""Statistics of a region, per channel, from an exact histogram; and the signal that a calibration uses."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.frame import Frame
+
+GREY = "grey"
+CHANNELS = ("R", "G1", "G2", "G", "B", GREY)
+
+_LEVELS = 1 << 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelStatistics:
+    """One channel's raw numbers in a region [DN]; black is not subtracted.
+
+    ``channel`` : R, G1 (green in a red row), G2 (green in a blue row), B of a mosaic; R, G, B of a rendered
+        colour image; ``grey`` is all samples together and always present
+    ``std_dn`` : sample standard deviation (n - 1), 0 for a single sample
+    ``median_dn`` : mean of the two middle samples when n is even
+    ``saturated_share`` : samples at or above the white level of their own site, of all samples
+    ``black_level_dn`` : mean over the samples; ``white_level_dn`` : lowest of the sites
+    """
+
+    channel: str
+    n: int
+    min_dn: int
+    max_dn: int
+    mean_dn: float
+    median_dn: float
+    std_dn: float
+    saturated_share: float
+    zero_share: float
+    black_level_dn: float
+    white_level_dn: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """The mean raw number of a region in the channel that a calibration uses, black included [DN]."""
+
+    value_dn: float
+    standard_uncertainty_dn: float
+    saturated_share: float
+    black_level_dn: float
+    white_level_dn: float
+
+
+@dataclass(frozen=True)
+class _Site:
+    """The samples of one CFA site or colour plane inside the region."""
+
+    histogram: NDArray[np.intp]
+    black_level_dn: float
+    white_level_dn: float
+
+
+def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[ChannelStatistics, ...]:
+    """Count the samples of a region per channel.
+
+    All figures follow from integer histograms: exact, and the same in whatever order the samples come. The
+    CFA position of a sample is that in the visible area: a window may start with any of the four sites.
+
+    Takes
+    ----------
+      frame : window of the mosaic, (row, col) or (row, col, 3) uint16
+      inside : (row, col) bool, the region in the same window; at least one pixel
+    Returns
+      one row per channel that the region touches, then ``grey``
+
+    """
+    sites = [site for site in _read_sites(frame, inside) if site[1].histogram.any()]
+    everything = _merge([site for _, site in sites])
+    if frame.cfa == GREY:
+        return (_summarise(GREY, *everything),)
+    rows = [_summarise(channel, *_merge([site])) for channel, site in sorted(sites, key=_channel_order)]
+    return (*rows, _summarise(GREY, *everything))
+
+
+def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "green") -> Signal:
+    """Give the signal of a region: the mean over both greens, or over one channel.
+
+    Green is closest to the eye's V(lambda); where the image has no green, grey takes its place. Both greens
+    count alike however many samples each has, so that a row more or less at the region's rim changes nothing.
+
+    Model: u^2 = std^2 / n + exp(-4 pi^2 s^2) / 12   per channel, with s^2 = max(0, std^2 - 1/12), the noise
+    before rounding [2]. The second term is the error of rounding to whole DN that noise does not average
+    out [1]: 1/12 without noise, nothing from 1 DN of noise on.
+
+    Takes
+    ----------
+      channel : "green", "grey", or the name of one row
+    References
+      [1] B. Widrow, I. Kollar, Quantization Noise, Cambridge 2008, chapter 4
+      [2] W. F. Sheppard, Proc. London Math. Soc. 29, 353, 1898
+
+    """
+    wanted = ("G1", "G2", "G") if channel == "green" else (channel,)
+    rows = [row for row in statistics if row.channel in wanted]
+    if not rows:
+        rows = [row for row in statistics if row.channel == GREY]
+    count = len(rows)
+    variance = sum(_mean_variance(row) for row in rows) / count**2
+    return Signal(
+        value_dn=sum(row.mean_dn for row in rows) / count,
+        standard_uncertainty_dn=math.sqrt(variance),
+        saturated_share=max(row.saturated_share for row in rows),
+        black_level_dn=sum(row.black_level_dn for row in rows) / count,
+        white_level_dn=min(row.white_level_dn for row in rows),
+    )
+
+
+def _mean_variance(row: ChannelStatistics) -> float:
+    noise_variance = max(0.0, row.std_dn**2 - 1 / 12)
+    return row.std_dn**2 / row.n + math.exp(-4 * math.pi**2 * noise_variance) / 12
+
+
+def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Site]]:
+    """Give a histogram per site: three planes of a colour image, four sites of a mosaic, or one of a grey."""
+    black, white = frame.black_level_dn, frame.white_level_dn
+    if frame.cfa == "rgb":
+        planes = [frame.samples_dn[..., index][inside] for index in range(3)]
+        names = ["R", "G", "B"]
+    elif frame.cfa == GREY:
+        planes, names = [frame.samples_dn[inside]], [GREY]
+    else:
+        planes, names = [], []
+        for index in range(4):
+            row, col = divmod(index, 2)
+            part = slice((row - frame.row0) % 2, None, 2), slice((col - frame.col0) % 2, None, 2)
+            planes.append(frame.samples_dn[part][inside[part]])
+            names.append(_site_name(frame.cfa, index))
+    return [
+        (
+            name,
+            _Site(
+                np.bincount(plane, minlength=_LEVELS), black[index % len(black)], white[index % len(white)]
+            ),
+        )
+        for index, (name, plane) in enumerate(zip(names, planes, strict=True))
+    ]
+
+
+def _site_name(cfa: str, index: int) -> str:
+    """Name a site of the 2 x 2 pattern: a green is G1 when its row holds the red."""
+    if cfa[index] != "G":
+        return cfa[index]
+    return "G1" if cfa[index ^ 1] == "R" else "G2"
+
+
+def _channel_order(named: tuple[str, _Site]) -> int:
+    return CHANNELS.index(named[0])
+
+
+def _merge(sites: Sequence[_Site]) -> tuple[NDArray[np.intp], int, float, float]:
+    """Join sites: histogram, samples at or above their own white, mean black of the samples, lowest white."""
+    counts = [int(site.histogram.sum()) for site in sites]
+    saturated = sum(int(site.histogram[_first_saturated(site.white_level_dn) :].sum()) for site in sites)
+    black = math.fsum(count * site.black_level_dn for count, site in zip(counts, sites, strict=True)) / sum(
+        counts
+    )
+    histogram = np.sum([site.histogram for site in sites], axis=0)
+    return histogram, saturated, black, min(site.white_level_dn for site in sites)
+
+
+def _first_saturated(white_level_dn: float) -> int:
+    return min(_LEVELS, math.ceil(white_level_dn))
+
+
+def _summarise(
+    channel: str, histogram: NDArray[np.intp], saturated: int, black_level_dn: float, white_level_dn: float
+) -> ChannelStatistics:
+    """Read every figure off a histogram, in whole numbers up to the last division."""
+    values = np.flatnonzero(histogram)
+    counts = histogram[values]
+    n = int(counts.sum())
+    total = int(counts @ values)
+    squares = int(counts @ (values * values))
+    below = np.cumsum(counts)
+    low, high = values[np.searchsorted(below, [(n - 1) // 2, n // 2], side="right")]
+    return ChannelStatistics(
+        channel=channel,
+        n=n,
+        min_dn=int(values[0]),
+        max_dn=int(values[-1]),
+        mean_dn=total / n,
+        median_dn=(int(low) + int(high)) / 2,
+        std_dn=math.sqrt((n * squares - total * total) / (n * (n - 1))) if n > 1 else 0.0,
+        saturated_share=saturated / n,
+        zero_share=int(histogram[0]) / n,
+        black_level_dn=black_level_dn,
+        white_level_dn=white_level_dn,
+    )
