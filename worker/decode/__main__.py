@@ -1,0 +1,5 @@
+"""``python -m worker.decode``: the process that reads hostile bytes."""
+
+from worker.decode.child import main
+
+main()

@@ -1,0 +1,95 @@
+"""The decoding process's answers, believed only as far as they have been checked."""
+
+import math
+from enum import StrEnum
+from typing import Any, Final
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from radiometry.errors import Code, InputRejected
+from radiometry.frame import Frame, FrameHeader
+from worker.decode import limits
+from worker.decode.messages import BrokenMessageError
+from worker.decode.refusals import Refusal
+
+_HEADER: Final = TypeAdapter(FrameHeader)
+_SITES: Final = {"RGGB": 4, "GBRG": 4, "BGGR": 4, "GRBG": 4, "grey": 1, "rgb": 3}
+_MAX_MESSAGE: Final = 1000
+
+
+def check_refusal(answer: dict[str, Any]) -> InputRejected:
+    refused = answer["refused"]
+    if not isinstance(refused, dict) or not isinstance(refused.get("message"), str):
+        raise BrokenMessageError("a refusal without a reason")
+    return InputRejected(_code(refused.get("code")), refused["message"][:_MAX_MESSAGE])
+
+
+def _code(text: object) -> StrEnum:
+    families: tuple[type[StrEnum], ...] = (Refusal, Code)
+    for family in families:
+        if isinstance(text, str) and text in set(family):
+            return family(text)
+    raise BrokenMessageError("a refusal with an unknown code")
+
+
+def check_header(answer: dict[str, Any]) -> FrameHeader:
+    try:
+        header = _HEADER.validate_python(answer.get("header"))
+    except ValidationError as error:
+        raise BrokenMessageError("a header that is none") from error
+    texts = [value for value in vars(header).values() if isinstance(value, str)]
+    plausible = (
+        header.cfa in _SITES
+        and len(header.black_level_dn) == len(header.white_level_dn) == _SITES[header.cfa]
+        and 0 < header.width_px <= limits.MAX_SIDE_PX
+        and 0 < header.height_px <= limits.MAX_SIDE_PX
+        and header.width_px * header.height_px <= limits.MAX_FRAME_PX
+        and all(math.isfinite(level) for level in (*header.black_level_dn, *header.white_level_dn))
+        and all(len(text) <= limits.MAX_TEXT and text.isprintable() for text in texts)
+    )
+    if not plausible:
+        raise BrokenMessageError("a header that cannot be")
+    return header
+
+
+def check_frame(answer: dict[str, Any], body: bytearray, window: tuple[int, int, int, int]) -> Frame:
+    """A frame of exactly the window that was asked for."""
+    told = answer.get("frame")
+    if not isinstance(told, dict) or told.get("cfa") not in _SITES:
+        raise BrokenMessageError("a frame that is none")
+    row0, col0, height, width = window
+    shape = (height, width, 3) if told["cfa"] == "rgb" else (height, width)
+    if len(body) != 2 * math.prod(shape) or [told.get("row0"), told.get("col0")] != [row0, col0]:
+        raise BrokenMessageError("a frame of another size than was asked for")
+    sites = _SITES[told["cfa"]]
+    return Frame(
+        samples_dn=np.frombuffer(body, np.uint16).reshape(shape),
+        row0=row0,
+        col0=col0,
+        height_px=_side(told.get("height_px")),
+        width_px=_side(told.get("width_px")),
+        cfa=told["cfa"],
+        black_level_dn=_levels(told.get("black_level_dn"), sites),
+        white_level_dn=_levels(told.get("white_level_dn"), sites),
+    )
+
+
+def check_preview(body: bytearray) -> bytes:
+    if not body.startswith(b"\x89PNG\r\n\x1a\n"):
+        raise BrokenMessageError("a preview that is no PNG")
+    return bytes(body)
+
+
+def _side(value: object) -> int:
+    if not isinstance(value, int) or not 0 < value <= limits.MAX_SIDE_PX:
+        raise BrokenMessageError("a frame without a size")
+    return value
+
+
+def _levels(values: object, sites: int) -> tuple[float, ...]:
+    if not isinstance(values, list) or len(values) != sites:
+        raise BrokenMessageError("levels for other sites")
+    if not all(isinstance(value, int | float) and math.isfinite(value) for value in values):
+        raise BrokenMessageError("levels that are no numbers")
+    return tuple(float(value) for value in values)

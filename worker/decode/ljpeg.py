@@ -1,0 +1,232 @@
+"""Lossless JPEG (SOF3) as DNG uses it, with the C decoders kept away from hostile headers.
+
+Both decoders of imagecodecs crash on damaged headers, and the quicker one fills what is missing in silence.
+So the header is parsed and checked here, the decoder is given a new one with the same meaning, and afterwards
+the samples are counted back into bits: a scan that ended early, or went astray, does not add up.
+"""
+
+import functools
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import imagecodecs
+import numpy as np
+from numpy.typing import NDArray
+
+from worker.decode.refusals import Refusal, refuse
+
+_SOF3, _DHT, _SOI, _EOI, _SOS, _DRI = 0xC3, 0xC4, 0xD8, 0xD9, 0xDA, 0xDD
+_OTHER_FRAMES = frozenset(range(0xC0, 0xD0)) - {_SOF3, _DHT, 0xC8, 0xCC}
+_MAX_COMPONENTS = 4
+# Some writers fill the scan's last words; more than this left over means the scan was misread.
+_SPARE_BITS = 64
+
+
+class NotDecodedHereError(Exception):
+    """A valid stream with a feature that LibRaw reads and this module does not."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One checked stream. ``tables`` holds the Huffman table of each component: 16 counts, then symbols."""
+
+    bits: int
+    rows: int
+    cols: int  # of one component
+    tables: tuple[bytes, ...]
+    predictor: int
+    scan: bytes
+
+    @property
+    def components(self) -> int:
+        return len(self.tables)
+
+
+def decode(data: bytes, *, samples: int) -> NDArray[np.uint16]:
+    """The stream's samples in the order they were written, exactly ``samples`` of them."""
+    stream = parse(data)
+    claimed = stream.rows * stream.cols * stream.components
+    if claimed != samples:
+        raise refuse(
+            Refusal.SIZE_MISMATCH, f"A piece of the image holds {claimed} samples where {samples} belong."
+        )
+    decoder = imagecodecs.ljpeg_decode if len(set(stream.tables)) == 1 else imagecodecs.jpegsof3_decode
+    try:
+        decoded = np.asarray(decoder(rebuild(stream)))
+    except (RuntimeError, ValueError) as error:
+        raise refuse(Refusal.TRUNCATED, "A piece of the image cannot be decompressed to its end.") from error
+    if decoded.size != samples:
+        raise refuse(Refusal.SIZE_MISMATCH, "A piece of the image does not decompress to its size.")
+    planes = decoded.astype(np.uint16, copy=False).reshape(stream.rows, stream.cols, stream.components)
+    _check_length(stream, planes)
+    return np.ascontiguousarray(planes).reshape(-1)
+
+
+def parse(data: bytes) -> Stream:
+    """Read the markers up to the scan."""
+    frame: tuple[int, int, int, list[int]] | None = None
+    tables: dict[int, bytes] = {}
+    for marker, body, end in _segments(data):
+        if marker == _SOF3:
+            frame = _read_frame(body)
+        elif marker == _DHT:
+            tables.update(_read_tables(body))
+        elif marker in _OTHER_FRAMES:
+            raise refuse(Refusal.LOSSY_DNG, "The image is compressed with loss.")
+        elif marker == _DRI and any(body):
+            raise NotDecodedHereError("restart intervals")
+        elif marker == _SOS and frame is not None:
+            chosen, predictor = _read_scan_header(body, frame[3], tables)
+            return Stream(frame[0], frame[1], frame[2], chosen, predictor, _scan_bytes(data, end))
+    raise _damaged()
+
+
+def rebuild(stream: Stream) -> bytes:
+    """The same stream with a header of our own making."""
+    single = len(set(stream.tables)) == 1
+    numbers = range(1, stream.components + 1)
+    frame = struct.pack(">BHHB", stream.bits, stream.rows, stream.cols, stream.components)
+    frame += b"".join(bytes([number, 0x11, 0]) for number in numbers)
+    kept = stream.tables[:1] if single else stream.tables
+    huffman = b"".join(bytes([number]) + table for number, table in enumerate(kept))
+    scan = bytes([stream.components])
+    scan += b"".join(bytes([number, 0 if single else (number - 1) << 4]) for number in numbers)
+    scan += bytes([stream.predictor, 0, 0])
+    header = b"".join(
+        struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body
+        for marker, body in ((_SOF3, frame), (_DHT, huffman), (_SOS, scan))
+    )
+    return b"\xff\xd8" + header + stream.scan + b"\xff\xd9"
+
+
+def _segments(data: bytes) -> Iterator[tuple[int, bytes, int]]:
+    if data[:2] != bytes([0xFF, _SOI]):
+        raise _damaged()
+    position = 2
+    while position + 4 <= len(data):
+        if data[position] != 0xFF:
+            raise _damaged()
+        marker = data[position + 1]
+        if marker == 0xFF:
+            position += 1
+            continue
+        (length,) = struct.unpack(">H", data[position + 2 : position + 4])
+        end = position + 2 + length
+        if length < 2 or end > len(data):
+            raise _damaged()
+        yield marker, data[position + 4 : end], end
+        position = end
+
+
+def _read_frame(body: bytes) -> tuple[int, int, int, list[int]]:
+    if len(body) < 6:
+        raise _damaged()
+    bits, rows, cols, components = struct.unpack(">BHHB", body[:6])
+    if not (2 <= bits <= 16 and rows and cols and 1 <= components <= _MAX_COMPONENTS):
+        raise _damaged()
+    if len(body) != 6 + 3 * components:
+        raise _damaged()
+    if any(body[7 + 3 * index] != 0x11 for index in range(components)):
+        raise NotDecodedHereError("subsampled components")
+    return bits, rows, cols, [body[6 + 3 * index] for index in range(components)]
+
+
+def _read_tables(body: bytes) -> dict[int, bytes]:
+    tables = {}
+    while body:
+        counts = body[1:17]
+        table = body[1 : 17 + sum(counts)]
+        if len(counts) < 16 or len(table) < 16 + sum(counts) or body[0] > 3:
+            raise _damaged()
+        # Kraft's inequality: more codes than fit would overrun the decoders' tables.
+        room = sum(count << (16 - length) for length, count in enumerate(counts, start=1))
+        if (
+            room > 1 << 16
+            or not sum(counts)
+            or max(table[16:]) > 16
+            or len(set(table[16:])) != len(table) - 16
+        ):
+            raise _damaged()
+        tables[body[0]] = table
+        body = body[len(table) + 1 :]
+    return tables
+
+
+def _read_scan_header(body: bytes, ids: list[int], tables: dict[int, bytes]) -> tuple[tuple[bytes, ...], int]:
+    if len(body) != 1 + 2 * len(ids) + 3 or body[0] != len(ids):
+        raise NotDecodedHereError("components in separate scans")
+    chosen = [tables.get(body[2 + 2 * index] >> 4) for index in range(len(ids))]
+    predictor, low = body[-3], body[-1] & 15
+    named = [body[1 + 2 * index] for index in range(len(ids))]
+    if named != ids or not 1 <= predictor <= 7 or None in chosen:
+        raise _damaged()
+    if low:
+        raise NotDecodedHereError("point transform")
+    return tuple(table for table in chosen if table is not None), predictor
+
+
+def _scan_bytes(data: bytes, start: int) -> bytes:
+    end = data.find(bytes([0xFF, _EOI]), start)
+    scan = data[start:end] if end >= 0 else data[start:]
+    if not scan:
+        raise _damaged()
+    return scan
+
+
+def _check_length(stream: Stream, planes: NDArray[np.uint16]) -> None:
+    available = 8 * (len(stream.scan) - stream.scan.count(b"\xff\x00"))
+    needed = 0
+    differences = _differences(planes, stream)
+    for component, table in enumerate(stream.tables):
+        needed += int(_bit_costs(table)[differences[:, :, component]].sum(dtype=np.int64))
+    if needed > available:
+        raise refuse(Refusal.TRUNCATED, "A piece of the compressed image ends early.")
+    if available - needed >= _SPARE_BITS:
+        raise refuse(Refusal.SIZE_MISMATCH, "A piece of the compressed image does not add up.")
+
+
+def _differences(planes: NDArray[np.uint16], stream: Stream) -> NDArray[np.uint16]:
+    """What the encoder wrote: each sample less its prediction, modulo 2^16 (ITU T.81, table H.1)."""
+    out = planes.copy()
+    left, above, corner = planes[1:, :-1], planes[:-1, 1:], planes[:-1, :-1]
+    out[0, 1:] -= planes[0, :-1]
+    out[1:, 0] -= planes[:-1, 0]
+    out[0, 0] -= np.uint16(1 << (stream.bits - 1))
+    wide = np.int32
+    match stream.predictor:
+        case 1:
+            out[1:, 1:] -= left
+        case 2:
+            out[1:, 1:] -= above
+        case 3:
+            out[1:, 1:] -= corner
+        case 4:
+            out[1:, 1:] -= left + above - corner
+        case 5:
+            out[1:, 1:] -= (left + ((above.astype(wide) - corner) >> 1)).astype(np.uint16)
+        case 6:
+            out[1:, 1:] -= (above + ((left.astype(wide) - corner) >> 1)).astype(np.uint16)
+        case _:
+            out[1:, 1:] -= ((left.astype(wide) + above) >> 1).astype(np.uint16)
+    return out
+
+
+@functools.lru_cache(maxsize=64)
+def _bit_costs(table: bytes) -> NDArray[np.uint8]:
+    """Bits that the table spends on each difference; one that it cannot write costs most."""
+    code_bits = np.full(17, 255, np.uint8)
+    lengths = np.repeat(np.arange(1, 17), list(table[:16]))
+    for length, category in zip(lengths, table[16:], strict=True):
+        # Category 16 stands for one single difference, 32768, and is followed by nothing.
+        code_bits[category] = length + (category if category < 16 else 0)
+    difference = np.arange(1 << 16)
+    magnitude = np.minimum(difference, (1 << 16) - difference)
+    categories = np.zeros(1 << 16, np.int64)
+    for bit in range(16):
+        categories[magnitude >= 1 << bit] = bit + 1
+    return np.asarray(code_bits[categories], np.uint8)
+
+
+def _damaged() -> Exception:
+    return refuse(Refusal.SIZE_MISMATCH, "A piece of the compressed image has a damaged header.")

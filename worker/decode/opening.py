@@ -1,0 +1,111 @@
+"""From a path to an opened file: which kind it is, and whether it is one at all."""
+
+import mmap
+import os
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import InputRejected
+from worker.decode import tags
+from worker.decode.layout import read_layout
+from worker.decode.libraw import LibRawFile
+from worker.decode.metadata import Metadata, read_metadata
+from worker.decode.native import NativeFile, describe_dng, describe_tiff
+from worker.decode.refusals import Refusal, refuse
+from worker.decode.tiff import Directory, is_tiff, read_directories
+
+_KNOWN_OTHERS: Final = (
+    (b"\xff\xd8\xff", "a JPEG picture"),
+    (b"\x89PNG", "a PNG picture"),
+    (b"%PDF", "a PDF document"),
+    (b"PK\x03\x04", "a ZIP archive"),
+    (b"GIF8", "a GIF picture"),
+    (b"II+\0", "a BigTIFF"),
+    (b"MM\0+", "a BigTIFF"),
+)
+# How files begin that LibRaw reads and that are no TIFF: Canon, Fuji, Minolta, Olympus, Panasonic, Sigma.
+_RAW_MAGIC: Final = (b"FUJIFILM", b"\0MRM", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"II\x1a\0", b"FOVb")
+
+
+class OtherRawFile:
+    """A file that only LibRaw reads."""
+
+    band_rows = 1 << 16
+
+    def __init__(self, libraw: LibRawFile, metadata: Metadata | None) -> None:
+        self._libraw = libraw
+        self.header = libraw.header(metadata)
+
+    def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
+        return self._libraw.mosaic()[row0 : row0 + height, col0 : col0 + width]
+
+    def black_level(self, *_window: int) -> tuple[float, ...]:
+        return self.header.black_level_dn
+
+
+OpenedFile = NativeFile | OtherRawFile
+
+
+def open_file(path: Path) -> OpenedFile:
+    with path.open("rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        if size == 0:
+            raise refuse(Refusal.EMPTY_FILE, "The file is empty.")
+        buffer = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)
+    head = buffer[:16]
+    if is_tiff(head):
+        return _open_tiff(buffer, path)
+    if head.startswith(_RAW_MAGIC) or head[4:12] == b"ftypcrx ":
+        return OtherRawFile(LibRawFile(path), None)
+    known = next((name for magic, name in _KNOWN_OTHERS if head.startswith(magic)), "no raw image")
+    raise refuse(Refusal.NOT_A_RAW_FILE, f"The file is {known}, whatever its name says.")
+
+
+def _open_tiff(buffer: mmap.mmap, path: Path) -> OpenedFile:
+    directories = read_directories(buffer)
+    main = directories[0]
+    if tags.DNG_VERSION in main:
+        raw = _find_raw(directories)
+        return NativeFile(buffer, path, describe_dng(raw, main, len(buffer)))
+    is_cfa = any(_photometric(each) == tags.PHOTOMETRIC_CFA for each in directories)
+    canon = buffer[8:10] == b"CR"
+    if not is_cfa and not canon and _is_picture(main):
+        return NativeFile(buffer, path, describe_tiff(main, len(buffer)))
+    _refuse_cut_mosaics(directories, len(buffer))
+    return OtherRawFile(LibRawFile(path), read_metadata(main))
+
+
+def _photometric(directory: Directory) -> int:
+    return directory.integer(tags.PHOTOMETRIC, -1)
+
+
+def _is_picture(directory: Directory) -> bool:
+    reduced = directory.integer(tags.NEW_SUBFILE_TYPE, 0) & 1
+    known = _photometric(directory) in (tags.PHOTOMETRIC_GREY, tags.PHOTOMETRIC_RGB)
+    return not reduced and known
+
+
+def _find_raw(directories: list[Directory]) -> Directory:
+    """The full-size image of a DNG: the mosaic, or what a converter left in its place."""
+    full = [each for each in directories if not each.integer(tags.NEW_SUBFILE_TYPE, 0) & 1]
+    for wanted in (tags.PHOTOMETRIC_CFA, tags.PHOTOMETRIC_LINEAR_RAW, tags.PHOTOMETRIC_GREY):
+        for directory in full:
+            if _photometric(directory) == wanted and tags.IMAGE_WIDTH in directory:
+                return directory
+    raise refuse(Refusal.NOT_A_RAW_FILE, "The DNG holds previews but no raw image.")
+
+
+def _refuse_cut_mosaics(directories: list[Directory], file_size: int) -> None:
+    """LibRaw reads zeros for what is missing, so what the directories claim is checked before it is asked."""
+    for directory in directories:
+        if _photometric(directory) != tags.PHOTOMETRIC_CFA:
+            continue
+        try:
+            read_layout(directory, file_size)
+        except InputRejected as refusal:
+            # Other makers' layouts are LibRaw's business; only what is missing or too large is decided here.
+            if refusal.code in (Refusal.TRUNCATED, Refusal.FRAME_TOO_LARGE):
+                raise
