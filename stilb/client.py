@@ -280,7 +280,8 @@ class Client:
         """The coefficients of every version as flat rows, in one answer."""
         times = {"from": _text_of(start), "to": _text_of(end)}
         query = {"camera_id": camera_id, "method": method, **times}
-        return list(self._transport.items("/v1/series/coefficients", query))
+        call = Call(method="GET", path="/v1/series/coefficients", query=query)
+        return list(self._transport.json(call)["rows"])
 
     def _get(self, path: str) -> dict[str, Any]:
         return self._transport.json(Call(method="GET", path=path))

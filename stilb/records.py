@@ -96,9 +96,9 @@ class Campaign(Record):
 class Frame(Record):
     id: str
     sha256: str
-    size_bytes: int
     filename: str
     state: str  # received | read | extracted | refused
+    size_bytes: int | None = None
     job_id: str | None = None  # of its extraction, where one was started
     refusal: dict[str, Any] | None = None
 

@@ -182,8 +182,8 @@ def test_nothing_in_force_is_a_problem(service, client):
 
 
 def test_the_series_of_a_dashboard(service, client):
-    service.will_answer({"items": [{"luminance_k": 1.0}], "next": None})
-    assert client.series(camera_id="cam-1", start="2025-01-01T00:00:00Z") == [{"luminance_k": 1.0}]
+    service.will_answer({"rows": [{"name": "luminance_k"}]})
+    assert client.series(camera_id="cam-1", start="2025-01-01T00:00:00Z") == [{"name": "luminance_k"}]
     assert service.asked[0].query == {"camera_id": "cam-1", "from": "2025-01-01T00:00:00Z"}
 
 
