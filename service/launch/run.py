@@ -1,0 +1,146 @@
+"""The launcher's course: claim, check, start, tell, look after, stop."""
+
+import http.client
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from service.launch import valkey
+from service.launch.folder import claimed
+from service.launch.key import bootstrap_key
+from service.launch.lifeline import die_with_parent
+from service.launch.port import free_port
+from service.launch.refusal import Exit, Refusal
+from service.launch.signals import Signals
+from service.launch.supervisor import GaveUp, Part, Supervisor
+from store.settings import Settings
+
+READY_WITHIN_S = 120.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Roster:
+    """What is run: commands once and to their end before the parts, which run until the launcher stops."""
+
+    before: Sequence[Sequence[str]]
+    parts: Sequence[Part]
+
+
+def launch(settings: Settings, roster: Roster) -> Exit:
+    """Run everything in the foreground until a signal; every obstacle is one line and an exit code."""
+    try:
+        with Signals() as signals, ExitStack() as stack:
+            return _run(settings, roster, signals, stack)
+    except Refusal as refusal:
+        say(str(refusal))
+        return refusal.code
+    except GaveUp as failure:
+        say(str(failure))
+        return Exit.GAVE_UP
+
+
+def say(line: str) -> None:
+    print(f"stilb: {line}", file=sys.stderr, flush=True)  # noqa: T201 (speaks to the terminal)
+
+
+def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack) -> Exit:
+    data = settings.data.absolute()
+    lock = stack.enter_context(claimed(data))
+    key = bootstrap_key(data, settings.key.get_secret_value())
+    port = free_port(settings.host, settings.port)
+    environment = os.environ | {
+        "STILB_DATA": str(data),
+        "STILB_HOST": settings.host,
+        "STILB_PORT": str(port),
+        "PYTHONUNBUFFERED": "1",
+    }
+    environment.pop("STILB_KEY", None)
+    broker = None
+    if not settings.broker_url:
+        broker = stack.enter_context(valkey.socket_path(data))
+        environment["STILB_BROKER_URL"] = f"redis+socket://{broker}"
+    supervisor = Supervisor(environment=environment, key=key, logs=data / "logs", lock=lock, say=say)
+    stack.callback(supervisor.stop, signals)
+    if broker is not None:
+        supervisor.start(_valkey_part(data, broker))
+    for command in roster.before:
+        _run_to_its_end(command, environment, lock)
+    if broker is not None:
+        _wait("Valkey", lambda: valkey.answers(broker), supervisor, signals)
+    for part in roster.parts:
+        supervisor.start(part)
+    _wait("the service", lambda: _is_ready(settings.host, port), supervisor, signals)
+    if not signals.stops:
+        host = _reachable(settings.host)
+        address = f"[{host}]" if ":" in host else host
+        print(f"ready http://{address}:{port} key {key}", flush=True)  # noqa: T201 (a contract with scripts)
+    while not signals.stops:
+        signals.wait(supervisor.look_after())
+    return Exit.STOPPED
+
+
+def _valkey_part(data: Path, sock: Path) -> Part:
+    (data / "valkey").mkdir(exist_ok=True)
+
+    def after_death(log: Path) -> None:
+        if valkey.set_aside_unreadable(data, log):
+            say("Valkey's file was unreadable and is set aside; no job is lost, the database has them")
+
+    return Part(
+        name="valkey",
+        command=valkey.valkey_command(valkey.valkey_binary(), data, sock),
+        serves_others=True,
+        after_death=after_death,
+    )
+
+
+def _run_to_its_end(command: Sequence[str], environment: dict[str, str], lock: int) -> None:
+    done = subprocess.run(  # noqa: S603 (our own commands)
+        command,
+        check=False,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        env=environment,
+        pass_fds=[lock],
+        process_group=0,
+        preexec_fn=die_with_parent(),
+    )
+    if done.returncode == 0:
+        return
+    # The last line of a traceback says what happened; a refusal of our own is one line already.
+    reason = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1].removeprefix(
+        "stilb: "
+    )
+    raise Refusal(reason, Exit.NEWER_SCHEMA if done.returncode == Exit.NEWER_SCHEMA else Exit.CANNOT_START)
+
+
+def _wait(what: str, condition: Callable[[], bool], supervisor: Supervisor, signals: Signals) -> None:
+    deadline = time.monotonic() + READY_WITHIN_S
+    while not signals.stops and not condition():
+        if time.monotonic() > deadline:
+            raise GaveUp(
+                f"{what} was not ready within {READY_WITHIN_S:g} s: read the logs of this data folder"
+            )
+        signals.wait(min(supervisor.look_after(), 0.1))
+
+
+def _is_ready(host: str, port: int) -> bool:
+    connection = http.client.HTTPConnection(_reachable(host), port, timeout=2.0)
+    try:
+        connection.request("GET", "/readyz")
+        return connection.getresponse().status == http.client.OK
+    except (OSError, http.client.HTTPException):
+        return False
+    finally:
+        connection.close()
+
+
+def _reachable(host: str) -> str:
+    """Return where this machine finds a server that listens on the host, which may mean every address."""
+    return {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)  # noqa: S104 (not bound)

@@ -1,0 +1,39 @@
+"""`make up`: the whole service in the foreground on its embedded parts; `python -m service.up`.
+
+One tree of processes that goes down together, also if this one is killed. The worker is started as a process
+and not imported.
+"""
+
+import sys
+
+from pydantic import ValidationError
+
+from service.launch.lifeline import follow_make
+from service.launch.refusal import Exit
+from service.launch.run import Roster, launch, say
+from service.launch.supervisor import Part
+from store.settings import Settings
+
+ROSTER = Roster(
+    before=[[sys.executable, "-m", "store.migrate"]],
+    parts=[
+        Part(name="service", command=[sys.executable, "-m", "service"], knows_key=True),
+        Part(name="worker", command=[sys.executable, "-m", "worker"]),
+        Part(name="sweeper", command=[sys.executable, "-m", "worker.sweeper"]),
+    ],
+)
+
+
+def main() -> int:
+    try:
+        settings = Settings()
+    except ValidationError as error:
+        for wrong in error.errors():
+            say(f"STILB_{'_'.join(map(str, wrong['loc'])).upper()}: {wrong['msg']}")
+        return Exit.CANNOT_START
+    follow_make()
+    return launch(settings, ROSTER)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

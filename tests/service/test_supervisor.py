@@ -1,0 +1,274 @@
+"""The launcher's promises, kept with real processes and a real Valkey: what starts together dies together."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import httpx
+import pytest
+import redis
+
+from tests.support.launcher import launched, ready
+from tests.support.processes import alive, family, marked, wait_until
+
+FOLLOW_MAKE = """
+import time
+from service.launch.lifeline import follow_make
+follow_make()
+print("up", flush=True)
+time.sleep(60)
+"""
+
+
+def children_named(process, name):
+    found = []
+    for pid in marked(process.mark) - {process.pid}:
+        try:
+            command = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        except OSError:
+            continue
+        if name in command or Path(command[0]).name == name:
+            found.append(pid)
+    return found
+
+
+def hint(socket_path):
+    return redis.Redis(unix_socket_path=str(socket_path))
+
+
+def test_it_says_in_one_line_where_it_serves(tmp_path):
+    with launched(tmp_path) as process:
+        address, key = ready(process)
+        assert httpx.get(f"{address}/readyz").status_code == 200
+        assert address.startswith("http://127.0.0.1:")
+        assert (tmp_path / "key").read_text() == f"{key}\n"
+        assert (tmp_path / "key").stat().st_mode & 0o777 == 0o600
+        process.terminate()
+        assert process.communicate(timeout=20) == ("", "")
+
+
+def test_the_key_is_kept_from_start_to_start_unless_one_is_given(tmp_path):
+    keys = []
+    for settings in ({}, {}, {"STILB_KEY": "given"}, {}):
+        with launched(tmp_path, **settings) as process:
+            keys.append(ready(process)[1])
+            process.terminate()
+            process.communicate(timeout=20)
+    assert keys == [keys[0], keys[0], "given", keys[0]]
+
+
+@pytest.mark.parametrize("sig", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_stops_everything_in_order(tmp_path, sig):
+    with launched(tmp_path, parts=("serve", "parent")) as process:
+        ready(process)
+        process.send_signal(sig)
+        assert process.wait(20) == 0
+        assert marked(process.mark) == set()
+        assert not (tmp_path / "valkey.sock").exists()
+
+
+def test_a_part_that_does_not_heed_the_stop_is_killed(tmp_path):
+    with launched(tmp_path, parts=("serve", "stubborn")) as process:
+        ready(process)
+        wait_until(lambda: "deaf" in (tmp_path / "logs" / "stubborn.log").read_text())
+        process.terminate()
+        assert process.wait(20) == 0
+        assert "stubborn did not stop within 1 s and is killed" in process.stderr.read()
+        assert marked(process.mark) == set()
+
+
+def test_a_part_that_needs_no_key_is_given_none(tmp_path):
+    with launched(tmp_path, parts=("serve", "stubborn"), STILB_KEY="given") as process:
+        assert ready(process)[1] == "given"
+        log = tmp_path / "logs" / "stubborn.log"
+        wait_until(lambda: log.read_text() == "deaf, without the key\n")
+
+
+def test_a_second_signal_does_not_wait(tmp_path):
+    with launched(tmp_path, parts=("serve", "stubborn")) as process:
+        ready(process)
+        wait_until(lambda: "deaf" in (tmp_path / "logs" / "stubborn.log").read_text())
+        begun = time.monotonic()
+        process.terminate()
+        time.sleep(0.1)
+        process.terminate()
+        assert process.wait(20) == 0
+        assert time.monotonic() - begun < 1.0
+        assert marked(process.mark) == set()
+
+
+def test_nothing_outlives_a_killed_launcher(tmp_path):
+    with launched(tmp_path) as process:
+        ready(process)
+        tree = family(process.pid)
+        assert len(tree) == 4
+        process.kill()
+        wait_until(lambda: not alive(tree))
+        assert marked(process.mark) == set()
+
+
+def test_nothing_outlives_a_launcher_killed_while_it_starts(tmp_path):
+    with launched(tmp_path, before=("wait",)) as process:
+        wait_until(lambda: len(marked(process.mark)) >= 3)
+        process.kill()
+        wait_until(lambda: not marked(process.mark))
+
+
+def test_a_signal_while_it_starts_stops_it(tmp_path):
+    with launched(tmp_path, parts=("wait",)) as process:
+        wait_until(lambda: children_named(process, "wait"))
+        process.terminate()
+        assert process.wait(20) == 0
+        assert process.stdout.read() == ""
+
+
+def test_what_a_killed_launcher_left_does_not_hinder_the_next(tmp_path):
+    with launched(tmp_path) as process:
+        ready(process)
+        hint(tmp_path / "valkey.sock").rpush("celery", "job")
+        hint(tmp_path / "valkey.sock").execute_command("WAITAOF", 1, 0, 5000)
+        process.kill()
+        with launched(tmp_path) as successor:
+            ready(successor)
+            assert hint(tmp_path / "valkey.sock").lrange("celery", 0, -1) == [b"job"]
+
+
+def test_a_hint_file_cut_off_by_a_crash_is_read_as_far_as_it_goes(tmp_path):
+    with launched(tmp_path) as process:
+        ready(process)
+        for number in range(3):
+            hint(tmp_path / "valkey.sock").rpush("celery", f"job {number}")
+        process.terminate()
+        process.wait(20)
+    (file,) = (tmp_path / "valkey" / "appendonlydir").glob("*.incr.aof")
+    os.truncate(file, file.stat().st_size - 3)
+    with launched(tmp_path) as process:
+        ready(process)
+        assert hint(tmp_path / "valkey.sock").lrange("celery", 0, -1) == [b"job 0", b"job 1"]
+
+
+def test_an_unreadable_hint_file_is_set_aside(tmp_path):
+    with launched(tmp_path) as process:
+        ready(process)
+        hint(tmp_path / "valkey.sock").rpush("celery", "job")
+        process.terminate()
+        process.wait(20)
+    (file,) = (tmp_path / "valkey" / "appendonlydir").glob("*.incr.aof")
+    file.write_bytes(b"not a hint file")
+    with launched(tmp_path) as process:
+        ready(process)
+        assert hint(tmp_path / "valkey.sock").lrange("celery", 0, -1) == []
+        process.terminate()
+        assert "set aside" in process.communicate(timeout=20)[1]
+    assert (tmp_path / "valkey" / "appendonlydir.unreadable").is_dir()
+
+
+@pytest.mark.parametrize("name", ["serve", "parent", "valkey-server"])
+def test_a_killed_child_is_started_again_without_its_leftovers(tmp_path, name):
+    with launched(tmp_path, parts=("serve", "parent")) as process:
+        address, _ = ready(process)
+        wait_until(lambda: len(children_named(process, "wait")) == 1)
+        (before,) = children_named(process, name)
+        leftovers = family(before)
+        os.kill(before, signal.SIGKILL)
+        wait_until(lambda: not alive(leftovers) and children_named(process, name))
+        assert children_named(process, name) != [before]
+
+        def serves():
+            try:
+                return (
+                    httpx.get(f"{address}/readyz").status_code == 200
+                    and hint(tmp_path / "valkey.sock").ping()
+                )
+            except (httpx.TransportError, redis.ConnectionError):
+                return False
+
+        wait_until(serves)
+        process.terminate()
+        assert "was killed by SIGKILL and is started again (log: " in process.communicate(timeout=20)[1]
+
+
+def test_a_child_that_does_not_stay_alive_ends_all_and_names_its_log(tmp_path):
+    with launched(tmp_path, parts=("serve", "fail")) as process:
+        assert process.wait(60) == 1
+        last = process.stderr.read().splitlines()[-1]
+        assert (
+            last == f"stilb: fail ended with exit code 7, 6 times within 60 s: read {tmp_path}/logs/fail.log"
+        )
+        assert marked(process.mark) == set()
+
+
+def test_a_second_start_on_the_same_data_is_refused(tmp_path):
+    with launched(tmp_path) as process:
+        ready(process)
+        with launched(tmp_path) as second:
+            assert second.wait(20) == 4
+            message = f"stilb: stilb already runs on {tmp_path}, as process {process.pid}\n"
+            assert second.communicate() == ("", message)
+        assert process.poll() is None
+
+
+def test_a_port_in_use_is_said_in_one_line(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        with launched(tmp_path, STILB_PORT=str(port)) as process:
+            assert process.wait(20) == 2
+            message = f"stilb: port {port} on 127.0.0.1 is in use; set another with STILB_PORT\n"
+            assert process.communicate() == ("", message)
+
+
+def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path):
+    (tmp_path / "file").touch()
+    with launched(tmp_path / "file") as process:
+        assert process.wait(20) == 2
+        message = f"stilb: the data folder {tmp_path}/file cannot be written: File exists\n"
+        assert process.communicate() == ("", message)
+
+
+@pytest.mark.parametrize(
+    ("step", "code", "message"),
+    [
+        ("newer", 3, "the database has schema 9999, which is newer than this stilb"),
+        ("raise", 2, "RuntimeError: no such database"),
+    ],
+)
+def test_a_step_that_fails_before_the_start_is_said_in_one_line(tmp_path, step, code, message):
+    with launched(tmp_path, before=(step,)) as process:
+        assert process.wait(20) == code
+        assert process.communicate() == ("", f"stilb: {message}\n")
+        assert marked(process.mark) == set()
+
+
+@pytest.mark.parametrize("name", ["x" * 120, "with blank & 100%"])
+def test_any_path_will_do_for_the_data(tmp_path, name):
+    with launched(tmp_path / name) as process:
+        ready(process)
+        (valkey,) = children_named(process, "valkey-server")
+        command = Path(f"/proc/{valkey}/cmdline").read_text().split("\0")
+        sock = Path(command[command.index("--unixsocket") + 1])
+        assert tmp_path not in sock.parents
+        assert hint(sock).ping()
+        process.terminate()
+        process.wait(20)
+        assert not sock.parent.exists()
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="no make")
+def test_nothing_outlives_a_killed_make(tmp_path):
+    (tmp_path / "Makefile").write_text("up:\n\t@exec $(COMMAND)\n")
+    program = tmp_path / "program.py"
+    program.write_text(FOLLOW_MAKE)
+    command = f"COMMAND={sys.executable} {program}"
+    environment = os.environ | {"PYTHONPATH": str(Path.cwd())}
+    with subprocess.Popen(
+        ["make", "-C", str(tmp_path), "-s", "up", command], stdout=subprocess.PIPE, env=environment
+    ) as process:
+        assert process.stdout.readline() == b"up\n"
+        tree = family(process.pid)
+        process.kill()
+        wait_until(lambda: not alive(tree))

@@ -1,0 +1,106 @@
+"""Runs the launcher on stand-ins for the service and the worker, which start at once and do as told."""
+
+import http.server
+import os
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from contextlib import contextmanager
+from pathlib import Path
+
+from service.launch.run import Roster, launch
+from service.launch.supervisor import Part
+from store.settings import Settings
+from tests.support.processes import marked
+
+SELF = [sys.executable, "-m", "tests.support.launcher"]
+
+
+@contextmanager
+def launched(data: Path, *, parts=("serve", "wait"), before=(), **settings):
+    """Start the launcher; it is killed at the end, and every process of its tree bears its `mark`."""
+    mark = f"STILB_TEST_MARK={uuid.uuid4()}"
+    name, _, value = mark.partition("=")
+    environment = os.environ | {"STILB_DATA": str(data), "STILB_PORT": "0", name: value} | settings
+    with subprocess.Popen(
+        [*SELF, "launch", ",".join(parts), ",".join(before)],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        process.mark = mark
+        try:
+            yield process
+        finally:
+            process.kill()
+            for pid in marked(mark):
+                os.kill(pid, signal.SIGKILL)
+
+
+def ready(process) -> tuple[str, str]:
+    """Wait for the line with which scripts wait; return the address and the key."""
+    word, address, key_word, key = process.stdout.readline().split() or (process.stderr.read(),) * 4
+    assert (word, key_word) == ("ready", "key"), word
+    return address, key
+
+
+def _launch(parts: str, before: str) -> int:
+    return launch(
+        Settings(),
+        Roster(
+            before=[[*SELF, step] for step in before.split(",") if step],
+            parts=[
+                Part(name=part, command=[*SELF, part], stop_within_s=1.0) for part in parts.split(",") if part
+            ],
+        ),
+    )
+
+
+def _serve() -> None:
+    class Ready(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.end_headers()
+
+    address = (os.environ["STILB_HOST"], int(os.environ["STILB_PORT"]))
+    http.server.HTTPServer(address, Ready).serve_forever()
+
+
+def _wait() -> None:
+    time.sleep(600)
+
+
+def _parent() -> None:
+    """Has a child of its own, as a worker has decoders."""
+    subprocess.run([*SELF, "wait"], check=True)
+
+
+def _stubborn() -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.stdout.write(f"deaf, {'with' if 'STILB_KEY' in os.environ else 'without'} the key\n")
+    sys.stdout.flush()
+    time.sleep(600)
+
+
+def _fail() -> None:
+    sys.exit(7)
+
+
+def _newer() -> None:
+    sys.stderr.write("stilb: the database has schema 9999, which is newer than this stilb\n")
+    sys.exit(3)
+
+
+def _raise() -> None:
+    raise RuntimeError("no such database")
+
+
+if __name__ == "__main__":
+    match sys.argv[1:]:
+        case ["launch", parts, before]:
+            sys.exit(_launch(parts, before))
+        case [action]:
+            globals()[f"_{action}"]()
