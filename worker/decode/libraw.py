@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from radiometry.frame import FrameHeader
 from worker.decode import limits
 from worker.decode.metadata import Metadata
+from worker.decode.mosaic import BAYER, Area
 from worker.decode.refusals import Refusal, refuse
 
 # Before 0.28.0 rawpy carried a LibRaw with known heap overflows in DNG decoding.
 _OLDEST_RAWPY = (0, 28)
-_BAYER = ("RGGB", "GBRG", "BGGR", "GRBG")
 
 
 def check_version() -> str:
@@ -40,20 +40,27 @@ class LibRawFile:
         self._mosaic: NDArray[np.uint16] | None = None
 
     @property
-    def shape(self) -> tuple[int, int]:
-        return self._raw.sizes.height, self._raw.sizes.width
+    def visible(self) -> Area:
+        """As LibRaw sees it: it moves odd margins to even ones."""
+        sizes = self._raw.sizes
+        return Area(
+            sizes.top_margin,
+            sizes.left_margin,
+            sizes.top_margin + sizes.height,
+            sizes.left_margin + sizes.width,
+        )
 
     def mosaic(self) -> NDArray[np.uint16]:
-        """The visible area."""
+        """The whole frame, masked borders included."""
         if self._mosaic is None:
             try:
-                mosaic = self._raw.raw_image_visible
+                mosaic = self._raw.raw_image
             except (rawpy.LibRawError, ValueError, RuntimeError) as error:
                 raise refuse(Refusal.TRUNCATED, "The image cannot be decoded to its end.") from error
-            if mosaic is None or mosaic.ndim != 2 or mosaic.dtype != np.uint16 or mosaic.shape != self.shape:
+            if mosaic is None or mosaic.ndim != 2 or mosaic.dtype != np.uint16:
                 raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file holds no single mosaic of samples.")
             # LibRaw leaves zeros where data is missing; a sensor's last lines are never all zero.
-            if not mosaic[-2:].any():
+            if not mosaic[self.visible.bottom - 2 : self.visible.bottom].any():
                 raise refuse(Refusal.TRUNCATED, "The last lines of the image are missing.")
             self._mosaic = mosaic
         return self._mosaic
@@ -63,7 +70,6 @@ class LibRawFile:
         cfa = self._read_cfa()
         sites = 1 if cfa == "grey" else 4
         white = float(self._raw.white_level)
-        rows, cols = self.shape
         stated = vars(metadata) if metadata is not None else self._read_metadata()
         return FrameHeader(
             container="raw",
@@ -71,8 +77,8 @@ class LibRawFile:
             rendered=False,
             compression="libraw",
             bits_per_sample=max(8, min(16, math.ceil(math.log2(white + 1)))) if white > 0 else 16,
-            width_px=cols,
-            height_px=rows,
+            width_px=self.visible.width,
+            height_px=self.visible.height,
             cfa=cfa,
             black_level_dn=self._read_black_levels(sites),
             black_level_origin="libraw",
@@ -87,7 +93,7 @@ class LibRawFile:
             return "grey"
         letters = self._raw.color_desc.decode("ascii", "replace")
         cfa = "".join(letters[index] for index in np.asarray(pattern).ravel() if index < len(letters))
-        if cfa not in _BAYER:
+        if cfa not in BAYER:
             raise refuse(
                 Refusal.UNSUPPORTED_LAYOUT, f"The sensor's colour pattern {cfa} is no Bayer pattern."
             )

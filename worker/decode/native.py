@@ -121,10 +121,10 @@ class NativeFile:
         return 2 if layout.compression == tags.UNCOMPRESSED else layout.segment_rows
 
     def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
-        if self._libraw is not None:
-            return self._libraw.mosaic()[row0 : row0 + height, col0 : col0 + width]
         image = self._image
         top, left = image.visible.top + row0, image.visible.left + col0
+        if self._libraw is not None:
+            return self._libraw.mosaic()[top : top + height, left : left + width]
         try:
             samples = read_samples(self._buffer, image.layout, top, left, height, width)
         except ljpeg.NotDecodedHereError:
@@ -140,7 +140,7 @@ class NativeFile:
     def _hand_to_libraw(self) -> None:
         """Only the decoding changes hands: levels and metadata are still the file's own."""
         libraw = LibRawFile(self._path)
-        if libraw.shape != (self.header.height_px, self.header.width_px):
+        if libraw.mosaic().shape != (self._image.layout.rows, self._image.layout.cols):
             raise refuse(Refusal.UNSUPPORTED_LAYOUT, "LibRaw sees an image of another size in this file.")
         self._libraw = libraw
         self.header = replace(self.header, decoder="libraw")

@@ -1,0 +1,209 @@
+"""Every variant, read natively, equals what went in and what LibRaw decodes."""
+
+import numpy as np
+import pytest
+import rawpy
+from dng_variants import Variant, expected_samples, make_dng, make_samples
+from tiff_writer import LONG, SHORT, TiffWriter
+
+from worker.decode import reading
+
+ROWS, COLS = 70, 96
+AREA = (6, 8, 68, 92)
+SHORT_TABLE = tuple(int(value) for value in np.linspace(7, 60_000, 3000))
+
+VARIANTS = {
+    "16 bit": Variant(),
+    "16 bit, big endian": Variant(order=">"),
+    "8 bit": Variant(bits=8),
+    "10 bit packed": Variant(bits=10),
+    "12 bit packed": Variant(bits=12),
+    "14 bit packed": Variant(bits=14),
+    "12 bit packed, big endian": Variant(bits=12, order=">"),
+    "14 bit packed, strips": Variant(bits=14, rows_per_strip=16),
+    "16 bit, a strip for each row": Variant(rows_per_strip=1),
+    "strips": Variant(rows_per_strip=13),
+    "raw behind a thumbnail": Variant(thumbnail=True),
+    "active area": Variant(active_area=AREA),
+    "active area, 14 bit packed": Variant(bits=14, active_area=AREA),
+    "odd active area": Variant(active_area=(5, 7, 66, 90)),
+    "short table": Variant(bits=12, table=SHORT_TABLE),
+    "8 bit with table": Variant(bits=8, table=tuple(range(0, 65_280, 255))),
+    "GBRG": Variant(cfa="GBRG"),
+    "BGGR": Variant(cfa="BGGR"),
+    "GRBG": Variant(cfa="GRBG"),
+    "tiles": Variant(tile=(32, 32)),
+    "12 bit packed tiles": Variant(bits=12, tile=(32, 32)),
+    "ljpeg tiles": Variant(compression="ljpeg", bits=14, tile=(32, 32)),
+    "ljpeg tiles, big endian": Variant(compression="ljpeg", bits=12, tile=(32, 48), order=">"),
+    "ljpeg tiles, two components": Variant(compression="ljpeg", bits=16, tile=(32, 32), components=2),
+    "ljpeg tiles, two Huffman tables": Variant(
+        compression="ljpeg", bits=12, tile=(32, 32), components=2, tables=2
+    ),
+    "ljpeg strip": Variant(compression="ljpeg", bits=12),
+    "ljpeg, table, active area, thumbnail": Variant(
+        compression="ljpeg", bits=12, tile=(32, 32), table=SHORT_TABLE, active_area=AREA, thumbnail=True
+    ),
+} | {
+    f"ljpeg predictor {predictor}": Variant(
+        compression="ljpeg", bits=14, tile=(32, 32), predictor=predictor, components=1 + predictor % 2
+    )
+    for predictor in range(1, 8)
+}
+# LibRaw takes the first strip for all, or cannot tell where the next one starts.
+BEYOND_LIBRAW = {
+    "ljpeg strips": Variant(compression="ljpeg", bits=12, rows_per_strip=16),
+}
+WINDOWS = ((0, 0, 1, 1), (1, 3, 17, 21), (31, 31, 2, 2), (16, 33, 40, 45), (58, 82, 1, 1))
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_whole_frame_equals_libraw_and_what_was_written(name, save):
+    variant = VARIANTS[name]
+    samples = make_samples(ROWS, COLS, variant.bits)
+    path = save(make_dng(samples, variant))
+    header = reading.read_header(path)
+    frame = reading.read_window(path, 0, 0, header.height_px, header.width_px)
+    np.testing.assert_array_equal(frame.samples_dn, expected_samples(samples, variant))
+    with rawpy.imread(str(path)) as raw:
+        # LibRaw moves odd margins inwards to even ones, with the pattern in phase.
+        top, left, bottom, right = variant.active_area or (0, 0, ROWS, COLS)
+        assert (raw.sizes.top_margin, raw.sizes.left_margin) == (top + top % 2, left + left % 2)
+        np.testing.assert_array_equal(frame.samples_dn, raw.raw_image[top:bottom, left:right])
+        letters = raw.color_desc.decode()
+        phased = np.roll(raw.raw_pattern, (top % 2, left % 2), axis=(0, 1)).ravel()
+        assert header.cfa == "".join(letters[index] for index in phased)
+    assert header.decoder == "stilb"
+
+
+@pytest.mark.parametrize("name", VARIANTS | BEYOND_LIBRAW)
+def test_windows_are_parts_of_the_frame(name, save):
+    variant = (VARIANTS | BEYOND_LIBRAW)[name]
+    samples = make_samples(ROWS, COLS, variant.bits)
+    whole = expected_samples(samples, variant)
+    path = save(make_dng(samples, variant))
+    reader = reading.Reader()
+    for window in WINDOWS:
+        row0, col0, height, width = window
+        frame = reader.read_window(path, reading.Window(*window))
+        np.testing.assert_array_equal(frame.samples_dn, whole[row0 : row0 + height, col0 : col0 + width])
+        assert (frame.row0, frame.col0) == (row0, col0)
+        assert (frame.height_px, frame.width_px) == whole.shape
+        assert frame.samples_dn.dtype == np.uint16
+
+
+def test_strips_out_of_order_are_found_by_their_offsets(save):
+    samples = make_samples(ROWS, COLS, 16)
+    writer = TiffWriter()
+    strips = [samples[top : top + 35].tobytes() for top in (35, 0)]
+    second, first = (writer.append(strip) for strip in strips)
+    offsets = {273: (LONG, [first, second])}
+    donor = Variant(rows_per_strip=35, extra=offsets)
+    content = make_dng(samples, donor)
+    # The donor's own strips are in order; its offsets are pointed at a copy that is not.
+    base = len(content) + len(content) % 2
+    donor = Variant(rows_per_strip=35, extra={273: (LONG, [base + len(strips[0]), base])})
+    path = save(make_dng(samples, donor).ljust(base, b"\0") + b"".join(strips))
+    frame = reading.read_window(path, 30, 0, 10, COLS)
+    np.testing.assert_array_equal(frame.samples_dn, samples[30:40])
+
+
+def test_feature_that_is_not_read_natively_goes_to_libraw(save):
+    samples = make_samples(ROWS, COLS, 12)
+    content = make_dng(samples, Variant(compression="ljpeg", bits=12))
+    # A restart interval of a whole scan changes nothing in the data, and is handed over all the same.
+    restarting = b"\xff\xd8\xff\xdd\x00\x04\xff\xff"
+    start = content.index(b"\xff\xd8\xff\xc3")
+    moved = len(content) + len(content) % 2
+    jpeg = restarting + content[start + 2 :]
+    variant = Variant(compression="ljpeg", bits=12, extra={273: (LONG, moved), 279: (LONG, len(jpeg))})
+    path = save(make_dng(samples, variant).ljust(moved, b"\0") + jpeg)
+    reader = reading.Reader()
+    frame = reader.read_window(path, reading.Window(3, 5, 20, 30))
+    with rawpy.imread(str(path)) as raw:
+        np.testing.assert_array_equal(frame.samples_dn, raw.raw_image_visible[3:23, 5:35])
+    assert reader.read_header(path).decoder == "libraw"
+
+
+@pytest.mark.parametrize(
+    ("bits", "channels", "order"), [(8, 1, "<"), (16, 1, ">"), (8, 3, "<"), (16, 3, "<"), (16, 3, ">")]
+)
+@pytest.mark.parametrize("compression", ["none", "zlib", "lzw", "packbits"])
+def test_tiff_is_read_as_written(bits, channels, order, compression, save):
+    rng = np.random.default_rng(3)
+    shape = (40, 50, 3) if channels == 3 else (40, 50)
+    image = rng.integers(0, 1 << bits, shape).astype(f"u{bits // 8}")
+    path = save(_tiff(image, order, compression), "picture.tif")
+    header = reading.read_header(path)
+    frame = reading.read_window(path, 11, 7, 20, 30)
+    np.testing.assert_array_equal(frame.samples_dn, image[11:31, 7:37])
+    assert (header.container, header.rendered) == ("tiff", True)
+    assert header.cfa == ("rgb" if channels == 3 else "grey")
+    assert header.white_level_dn == ((1 << bits) - 1,) * channels
+
+
+def _tiff(image, order, compression):
+    import io  # noqa: PLC0415
+
+    import tifffile  # noqa: PLC0415
+
+    target = io.BytesIO()
+    tifffile.imwrite(
+        target,
+        image,
+        byteorder=order,
+        compression=None if compression == "none" else compression,
+        rowsperstrip=9,
+        predictor=compression == "zlib",
+        photometric="rgb" if image.ndim == 3 else "minisblack",
+    )
+    return target.getvalue()
+
+
+def test_real_files_equal_libraw(real_files):
+    for name in ("blackmagic_bigendian_ljpeg_tiled.dng", "canon_14bit_packed_activearea_zero_exif.dng"):
+        path = real_files / "dng" / name
+        header = reading.read_header(path)
+        frame = reading.read_window(path, 0, 0, header.height_px, header.width_px)
+        with rawpy.imread(str(path)) as raw:
+            np.testing.assert_array_equal(frame.samples_dn, raw.raw_image_visible)
+
+
+def test_sequoia_bands_hold_the_raw_samples(real_files):
+    path = real_files / "sequoia" / "IMG_180413_080658_0000_GRE.TIF"
+    header = reading.read_header(path)
+    frame = reading.read_window(path, 440, 600, 80, 80)
+    assert frame.samples_dn.mean() == pytest.approx(24125.28, abs=0.005)
+    assert not header.rendered
+    assert (header.serial, header.cfa) == ("PI040378AA6C000181", "grey")
+
+
+def test_blackmagic_samples_after_its_table(real_files):
+    path = real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng"
+    header = reading.read_header(path)
+    samples = reading.read_window(path, 0, 0, 1112, 1952).samples_dn
+    assert (header.cfa, set(header.black_level_dn), set(header.white_level_dn)) == ("GBRG", {256}, {51080})
+    assert (samples.min(), samples.max()) == (241, 22473)
+    assert samples.mean() == pytest.approx(731.32, abs=0.005)
+    means = [samples[row::2, col::2].mean() for row in (0, 1) for col in (0, 1)]
+    assert means == pytest.approx([790.2963, 838.7027, 517.5818, 778.6991], abs=5e-5)
+    assert header.exposure_time_s is None
+
+
+def test_canon_samples_in_the_whole_frame_and_its_active_area(real_files, save):
+    content = (real_files / "dng" / "canon_14bit_packed_activearea_zero_exif.dng").read_bytes()
+    # The published numbers are of the whole frame: read it with the active area's tag renamed.
+    assert content.count(b"\x8d\xc6\x04\x00\x04\x00\x00\x00") == 1
+    whole = content.replace(b"\x8d\xc6\x04\x00\x04\x00\x00\x00", b"\xff\xfe\x04\x00\x04\x00\x00\x00")
+    samples = reading.read_window(save(whole), 0, 0, 1182, 1888).samples_dn
+    assert (samples.min(), samples.max()) == (1702, 12128)
+    means = [samples[row::2, col::2].mean() for row in (0, 1) for col in (0, 1)]
+    assert means == pytest.approx([2356.3603, 2704.0581, 2708.9549, 2529.019], abs=5e-5)
+    visible = reading.read_window(save(content, "b.dng"), 0, 0, 1156, 1734).samples_dn
+    np.testing.assert_array_equal(visible, samples[26:1182, 152:1886])
+
+
+def test_short_strip_counts_of_single_values(save):
+    samples = make_samples(ROWS, COLS, 16)
+    path = save(make_dng(samples, Variant(extra={278: (SHORT, ROWS)})))
+    np.testing.assert_array_equal(reading.read_window(path, 0, 0, ROWS, COLS).samples_dn, samples)
