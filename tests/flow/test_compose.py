@@ -1,0 +1,163 @@
+"""The compose file says what it should; the flow tests start the same commands with the same settings."""
+
+import re
+import sys
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from service.up import ROSTER
+from store.settings import Settings
+from tests.support.compose import OURS, ROOT, command_of, compose, environment_of
+
+GIVEN = {
+    "STILB_KEY": "stilb_key",
+    "POSTGRES_PASSWORD": "secret",
+    "AWS_ACCESS_KEY_ID": "id",
+    "AWS_SECRET_ACCESS_KEY": "secret",
+}
+
+# Of the Compose specification only what this file uses, and that strictly: a misspelt key is an error here,
+# whereas some versions of Compose pass over it.
+DURATION = {"type": "string", "pattern": r"^\d+(ms|s|m)$"}
+TEXT = {"type": "string", "minLength": 1}
+TEXTS = {"type": "array", "items": {"type": "string"}}
+SCHEMA = {
+    "type": "object",
+    "required": ["name", "services", "volumes"],
+    "additionalProperties": False,
+    "patternProperties": {"^x-": {"type": "object"}},
+    "properties": {
+        "name": {"type": "string", "pattern": "^[a-z0-9][a-z0-9_-]*$"},
+        "volumes": {"type": "object", "additionalProperties": {"type": "null"}},
+        "services": {"type": "object", "additionalProperties": {"$ref": "#/$defs/service"}},
+    },
+    "$defs": {
+        "service": {
+            "type": "object",
+            "required": ["image", "security_opt", "restart"],
+            "additionalProperties": False,
+            "properties": {
+                "image": TEXT,
+                "build": {"const": "."},
+                "command": TEXTS | {"minItems": 1},
+                "environment": {"type": "object", "additionalProperties": {"type": "string"}},
+                "init": {"type": "boolean"},
+                "read_only": {"type": "boolean"},
+                "tmpfs": TEXTS,
+                "volumes": {"type": "array", "items": {"type": "string", "pattern": "^[a-z0-9]+:/[a-z/]+$"}},
+                "ports": TEXTS,
+                "cap_drop": TEXTS,
+                "security_opt": {"const": ["no-new-privileges:true"]},
+                "restart": {"enum": ["no", "always", "on-failure", "unless-stopped"]},
+                "shm_size": {"type": "string", "pattern": r"^\d+[mg]$"},
+                "stop_grace_period": DURATION,
+                "depends_on": {
+                    "type": "object",
+                    "additionalProperties": {
+                        "type": "object",
+                        "required": ["condition"],
+                        "additionalProperties": False,
+                        "properties": {
+                            "condition": {"enum": ["service_healthy", "service_completed_successfully"]}
+                        },
+                    },
+                },
+                "healthcheck": {
+                    "type": "object",
+                    "required": ["test", "interval", "timeout", "retries"],
+                    "additionalProperties": False,
+                    "properties": {
+                        "test": {
+                            "type": "array",
+                            "prefixItems": [{"const": "CMD"}],
+                            "items": TEXT,
+                            "minItems": 2,
+                        },
+                        "interval": DURATION,
+                        "timeout": DURATION,
+                        "retries": {"type": "integer", "minimum": 1},
+                        "start_period": DURATION,
+                        "start_interval": DURATION,
+                    },
+                },
+            },
+        }
+    },
+}
+
+
+def test_it_keeps_to_the_part_of_the_specification_that_it_uses():
+    errors = [
+        f"{error.json_path}: {error.message}" for error in Draft202012Validator(SCHEMA).iter_errors(compose())
+    ]
+    assert errors == []
+
+
+def test_it_runs_what_the_launcher_runs():
+    launched = {part.name: list(part.command) for part in ROSTER.parts}
+    launched["migrate"], *others = (list(command) for command in ROSTER.before)
+    assert others == []
+    assert {name: command_of(name) for name in OURS} == launched
+    assert all(command[:2] == [sys.executable, "-m"] for command in launched.values())
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_every_setting_exists_and_none_stays_embedded(name):
+    environment = environment_of(name, GIVEN)
+    ours = {key.removeprefix("STILB_").lower() for key in environment if key.startswith("STILB_")}
+    assert ours <= set(Settings.model_fields)
+    assert {"data", "database_url", "broker_url", "blobs_url"} <= ours
+
+
+def test_only_the_service_knows_the_key():
+    assert [name for name in OURS if "STILB_KEY" in environment_of(name, GIVEN)] == ["service"]
+
+
+@pytest.mark.parametrize("missing", GIVEN)
+def test_no_secret_has_a_default(missing):
+    given = {name: value for name, value in GIVEN.items() if name != missing}
+    with pytest.raises(KeyError, match=missing):
+        [environment_of(name, given) for name in compose()["services"]]
+
+
+def test_no_secret_stands_in_the_file():
+    for name, service in compose()["services"].items():
+        for key, value in service.get("environment", {}).items():
+            if re.search("KEY|SECRET|PASSWORD", key):
+                assert re.fullmatch(r"\$\{\w+:\?[^}]+\}", value), f"{name}: {key}"
+
+
+def test_every_dependency_is_there_and_can_become_what_is_waited_for():
+    services = compose()["services"]
+    for service in services.values():
+        for other, wanted in service.get("depends_on", {}).items():
+            if wanted["condition"] == "service_healthy":
+                assert "healthcheck" in services[other]
+            else:
+                assert services[other]["restart"] == "no"
+
+
+def test_every_named_volume_is_declared_and_used():
+    services = compose()["services"].values()
+    used = {volume.partition(":")[0] for service in services for volume in service.get("volumes", [])}
+    assert used == set(compose()["volumes"])
+
+
+def test_ours_can_write_nowhere_but_to_their_data_and_run_as_nobody_special():
+    for name in OURS:
+        service = compose()["services"][name]
+        assert service["read_only"] is True
+        assert service["cap_drop"] == ["ALL"]
+        assert service["volumes"] == ["data:/data"]
+        assert service["tmpfs"] == ["/tmp"]
+    assert re.search(r"^USER stilb$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+
+
+def test_the_image_holds_the_rooms_that_run_and_no_others():
+    dockerfile = (ROOT / "Dockerfile").read_text()
+    copied = set(re.findall(r"^COPY (\w+) \1$", dockerfile, re.MULTILINE))
+    assert copied == {"migrations", "radiometry", "store", "worker", "service"}
+    allowed = set((ROOT / ".dockerignore").read_text().splitlines())
+    assert {f"!{room}" for room in copied} <= allowed
+    assert all((ROOT / room).is_dir() for room in copied)
