@@ -1,6 +1,7 @@
 """The decoding process: answers one request at a time, within limits that it sets on itself first."""
 
 import argparse
+import errno
 import os
 import resource
 import sys
@@ -95,8 +96,8 @@ def _answer(reader: Reader, request: dict[str, Any]) -> tuple[dict[str, Any], by
         return {"refused": {"code": str(refusal.code), "message": refusal.message}}, b""
     except FileNotFoundError:
         return {"missing": True}, b""
-    except MemoryError:
-        return {"failed": "it needs more memory than is allowed"}, b""
     except Exception as error:  # noqa: BLE001  the last line before a hostile file becomes our failure
+        if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
+            return {"failed": "it needs more memory than is allowed"}, b""
         print(f"{request.get('do')}: {error!r}", file=sys.stderr)  # noqa: T201
         return {"failed": type(error).__name__}, b""

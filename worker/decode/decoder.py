@@ -27,8 +27,6 @@ _T = TypeVar("_T")
 class DecoderCrashed(Exception):  # noqa: N818  it says what happened
     """The decoding process ended while it read this file: the file is hostile, or a decoder is wrong."""
 
-    code = "decoder_crashed"
-
     def __init__(self, stage: str, reason: str) -> None:
         message = f"The decoder failed while it read this file ({stage}: {reason}). The file may be damaged."
         super().__init__(message)

@@ -27,7 +27,10 @@ def check_version() -> str:
 
 
 class LibRawFile:
-    """An opened file; the mosaic is decoded once, when its first window is asked for."""
+    """A file decoded as a whole: LibRaw knows no less, and even its colour pattern only afterwards.
+
+    ``mosaic`` : (row, col) uint16, masked borders included
+    """
 
     def __init__(self, path: Path) -> None:
         try:
@@ -37,7 +40,7 @@ class LibRawFile:
         sizes = self._raw.sizes
         limits.check_frame_size(sizes.raw_height, sizes.raw_width)
         limits.check_frame_size(sizes.height, sizes.width)
-        self._mosaic: NDArray[np.uint16] | None = None
+        self.mosaic = self._decode()
 
     @property
     def visible(self) -> Area:
@@ -50,20 +53,19 @@ class LibRawFile:
             sizes.left_margin + sizes.width,
         )
 
-    def mosaic(self) -> NDArray[np.uint16]:
-        """The whole frame, masked borders included."""
-        if self._mosaic is None:
-            try:
-                mosaic = self._raw.raw_image
-            except (rawpy.LibRawError, ValueError, RuntimeError) as error:
-                raise refuse(Refusal.TRUNCATED, "The image cannot be decoded to its end.") from error
-            if mosaic is None or mosaic.ndim != 2 or mosaic.dtype != np.uint16:
-                raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file holds no single mosaic of samples.")
-            # LibRaw leaves zeros where data is missing; a sensor's last lines are never all zero.
-            if not mosaic[self.visible.bottom - 2 : self.visible.bottom].any():
-                raise refuse(Refusal.TRUNCATED, "The last lines of the image are missing.")
-            self._mosaic = mosaic
-        return self._mosaic
+    def _decode(self) -> NDArray[np.uint16]:
+        try:
+            mosaic: NDArray[np.uint16] | None = self._raw.raw_image
+        except (rawpy.LibRawError, OSError, ValueError, RuntimeError) as error:
+            raise refuse(Refusal.TRUNCATED, "The image cannot be decoded to its end.") from error
+        bottom, right = self.visible.bottom, self.visible.right
+        flat = mosaic is not None and mosaic.ndim == 2 and mosaic.dtype == np.uint16
+        if mosaic is None or not flat or mosaic.shape[0] < bottom or mosaic.shape[1] < right:
+            raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file holds no single mosaic of samples.")
+        # LibRaw leaves zeros where data is missing; a sensor's last lines are never all zero.
+        if not mosaic[bottom - 2 : bottom].any():
+            raise refuse(Refusal.TRUNCATED, "The last lines of the image are missing.")
+        return mosaic
 
     def header(self, metadata: Metadata | None) -> FrameHeader:
         """From LibRaw, and from the file's own EXIF where it could be read."""

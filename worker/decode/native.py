@@ -124,7 +124,7 @@ class NativeFile:
         image = self._image
         top, left = image.visible.top + row0, image.visible.left + col0
         if self._libraw is not None:
-            return self._libraw.mosaic()[top : top + height, left : left + width]
+            return self._libraw.mosaic[top : top + height, left : left + width]
         try:
             samples = read_samples(self._buffer, image.layout, top, left, height, width)
         except ljpeg.NotDecodedHereError:
@@ -140,7 +140,7 @@ class NativeFile:
     def _hand_to_libraw(self) -> None:
         """Only the decoding changes hands: levels and metadata are still the file's own."""
         libraw = LibRawFile(self._path)
-        if libraw.mosaic().shape != (self._image.layout.rows, self._image.layout.cols):
+        if libraw.mosaic.shape != (self._image.layout.rows, self._image.layout.cols):
             raise refuse(Refusal.UNSUPPORTED_LAYOUT, "LibRaw sees an image of another size in this file.")
         self._libraw = libraw
         self.header = replace(self.header, decoder="libraw")

@@ -41,7 +41,7 @@ class OtherRawFile:
 
     def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
         top, left = self._libraw.visible.top + row0, self._libraw.visible.left + col0
-        return self._libraw.mosaic()[top : top + height, left : left + width]
+        return self._libraw.mosaic[top : top + height, left : left + width]
 
     def black_level(self, *_window: int) -> tuple[float, ...]:
         return self.header.black_level_dn

@@ -18,6 +18,7 @@ class Refusal(StrEnum):
     LOSSY_DNG = "lossy_dng"
     UNSUPPORTED_COMPRESSION = "unsupported_compression"
     UNSUPPORTED_LAYOUT = "unsupported_layout"
+    DECODER_CRASHED = "decoder_crashed"
 
 
 _WHAT_TO_DO = {
@@ -31,6 +32,7 @@ _WHAT_TO_DO = {
     Refusal.LOSSY_DNG: "Set the camera or the converter to lossless or uncompressed DNG and send that.",
     Refusal.UNSUPPORTED_COMPRESSION: "Convert it to an uncompressed or lossless JPEG DNG.",
     Refusal.UNSUPPORTED_LAYOUT: "Send the DNG as the camera wrote it, or a plain 8 or 16 bit TIFF.",
+    Refusal.DECODER_CRASHED: "The file may be damaged: copy it from the camera's card again.",
 }
 
 

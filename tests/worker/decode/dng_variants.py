@@ -158,5 +158,7 @@ def opcode_list(*opcodes):
 
 def black_level(values, repeat=None, *, rational=False):
     """Tags for BlackLevel, over 256 when they are rational."""
-    encoded = (RATIONAL, [(round(value * 256), 256) for value in values]) if rational else (SHORT, list(values))
+    encoded = (
+        (RATIONAL, [(round(value * 256), 256) for value in values]) if rational else (SHORT, list(values))
+    )
     return {50714: encoded} | ({50713: (SHORT, list(repeat))} if repeat else {})

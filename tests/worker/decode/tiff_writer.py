@@ -38,7 +38,7 @@ class TiffWriter:
         if kind in (ASCII, UNDEFINED, BYTE):
             data = values.encode() + b"\0" if isinstance(values, str) else bytes(values)
             return data, len(data)
-        values = values if isinstance(values, (list, tuple)) else [values]
+        values = values if isinstance(values, list) else [values]
         layout = self.order + _FORMATS[kind]
         pairs = [value if isinstance(value, tuple) else (value,) for value in values]
         return b"".join(struct.pack(layout, *pair) for pair in pairs), len(values)

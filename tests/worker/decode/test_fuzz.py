@@ -1,0 +1,93 @@
+"""Damaged files give a result or a refusal: no other exception, no crash, no hang."""
+
+import contextlib
+
+import pytest
+from dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from radiometry.errors import InputRejected
+from worker.decode import reading
+
+VARIANTS = {
+    "packed": Variant(bits=12, active_area=(2, 4, 38, 44), extra=black_level([4, 5, 6, 7], (2, 2))),
+    "tiles": Variant(tile=(16, 32), order=">", extra={51009: opcode_list((9, bytes(40)), (3, bytes(60)))}),
+    "ljpeg": Variant(compression="ljpeg", bits=14, tile=(16, 32), components=2, thumbnail=True),
+    "ljpeg, two tables": Variant(compression="ljpeg", bits=12, components=2, tables=2),
+    "table": Variant(bits=8, table=tuple(range(0, 2560, 10))),
+}
+FILES = {name: make_dng(make_samples(40, 48, each.bits), each) for name, each in VARIANTS.items()}
+QUICK = settings(
+    max_examples=150,
+    deadline=5000,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), max_size=6)
+
+
+def _read_all(path):
+    reader = reading.Reader()
+    with contextlib.suppress(InputRejected):
+        header = reader.read_header(path)
+        reader.read_window(path, reading.Window(0, 0, header.height_px, header.width_px))
+        reader.render_preview(path, 64)
+
+
+def _damage(content, flips, kept):
+    damaged = bytearray(content[: max(1, round(len(content) * kept))])
+    for place, value in flips:
+        damaged[int(place * len(damaged))] = value
+    return bytes(damaged)
+
+
+@pytest.mark.parametrize("name", FILES)
+@QUICK
+@given(flips=FLIPS, kept=st.just(1.0) | st.floats(0, 1))
+def test_damaged_files_are_read_or_refused(name, save, flips, kept):
+    _read_all(save(_damage(FILES[name], flips, kept)))
+
+
+@pytest.mark.parametrize("name", FILES)
+@QUICK
+@given(flips=st.lists(st.tuples(st.integers(0, 420), st.integers(0, 255)), min_size=1, max_size=4))
+def test_damaged_directories_are_read_or_refused(name, save, flips):
+    # The directories are the file's last part: there every byte means something.
+    damaged = bytearray(FILES[name])
+    for place, value in flips:
+        damaged[-1 - place] = value
+    _read_all(save(bytes(damaged)))
+
+
+@QUICK
+@given(flips=st.lists(st.tuples(st.integers(0, 120), st.integers(0, 255)), min_size=1, max_size=4))
+def test_damaged_jpeg_headers_are_read_or_refused(save, flips):
+    content = bytearray(FILES["ljpeg, two tables"])
+    start = content.index(b"\xff\xd8\xff\xc3")
+    for place, value in flips:
+        content[start + place] = value
+    _read_all(save(bytes(content)))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "one_pixel.dng",
+        "truncated_libraw_reads_zeros.dng",
+    ],
+)
+@QUICK
+@given(flips=FLIPS, kept=st.just(1.0) | st.floats(0, 1))
+def test_damaged_real_files_are_read_or_refused(name, real_files, save, flips, kept):
+    _read_all(save(_damage((real_files / "dng" / name).read_bytes(), flips, kept)))
+
+
+@settings(QUICK, max_examples=15)
+@given(flips=st.lists(st.tuples(st.integers(0, 9200), st.integers(0, 255)), min_size=1, max_size=6))
+def test_damaged_head_of_a_real_file_is_read_or_refused(real_files, save, flips):
+    content = (real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng").read_bytes()
+    damaged = bytearray(content)
+    for place, value in flips:
+        damaged[place] = value
+    _read_all(save(bytes(damaged)))

@@ -1,0 +1,194 @@
+"""What the header says, and that nothing is made up of zeros and nonsense."""
+
+import hashlib
+import math
+
+import pytest
+from dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
+from tiff_writer import ASCII, LONG, RATIONAL, SHORT, SRATIONAL
+
+from radiometry.frame import Opcode
+from worker.decode import reading
+from worker.decode.metadata import read_metadata
+from worker.decode.tiff import read_directories
+
+SAMPLES = make_samples(32, 48, 12)
+EXIF = {
+    33434: (RATIONAL, (1, 60)),
+    33437: (RATIONAL, (28, 10)),
+    34850: (SHORT, 1),
+    34855: (SHORT, 800),
+    36867: (ASCII, "2024:05:17 12:13:14"),
+    36881: (ASCII, "+02:00"),
+    37377: (SRATIONAL, (6, 1)),
+    37378: (RATIONAL, (3, 1)),
+    37521: (ASCII, "25"),
+    41986: (SHORT, 1),
+    42033: (ASCII, "BODY-1"),
+    42035: (ASCII, "Lensmaker"),
+    42036: (ASCII, "15mm F1.7"),
+    42037: (ASCII, "LENS-9"),
+}
+
+
+@pytest.fixture
+def header(save):
+    def read(**changes):
+        return reading.read_header(save(make_dng(SAMPLES, Variant(bits=12, **changes))))
+
+    return read
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_everything_that_is_stated(order, header):
+    main = {305: (ASCII, "v1"), 274: (SHORT, 6), 50735: (ASCII, "SN 7")}
+    found = header(exif=EXIF, main=main, order=order)
+    assert (found.exposure_time_s, found.exposure_time_apex_s) == (1 / 60, 1 / 64)
+    assert (found.f_number, found.f_number_apex) == (2.8, pytest.approx(math.sqrt(8)))
+    assert (found.iso, found.exposure_program, found.exposure_mode) == (800, "manual", "manual")
+    assert (found.make, found.model, found.serial) == ("Stilb", "Testcam", "SN 7")
+    assert (found.lens_make, found.lens_model, found.lens_serial) == ("Lensmaker", "15mm F1.7", "LENS-9")
+    assert found.taken_at == "2024-05-17T12:13:14.25+02:00"
+    assert (found.orientation, found.software, found.bits_per_sample) == (6, "v1", 12)
+    assert (found.container, found.decoder, found.rendered, found.compression) == (
+        "dng",
+        "stilb",
+        False,
+        "none",
+    )
+    assert found.sensor_temperature_c is None
+
+
+def test_what_is_absent_is_none(header):
+    found = header(main={272: (ASCII, "")})
+    assert found.model == "Stilb Testcam"
+    stated = [found.exposure_time_s, found.f_number, found.iso, found.exposure_mode, found.serial]
+    assert [*stated, found.taken_at, found.exposure_time_apex_s] == [None] * 7
+
+
+def test_serial_of_the_body_where_dng_has_none(header):
+    assert header(exif=EXIF).serial == "BODY-1"
+
+
+@pytest.mark.parametrize(("pair", "value"), [((0, 0), None), ((0, 1000000), 0.0), ((5, 0), None)])
+def test_rationals_with_zeros(pair, value, header):
+    found = header(exif={33434: (RATIONAL, pair), 33437: (RATIONAL, pair)})
+    assert (found.exposure_time_s, found.f_number) == (value, value)
+
+
+def test_apex_zeros_of_a_writer_that_knows_nothing_are_not_one_second(header):
+    zeros = {33434: (RATIONAL, (0, 1)), 37377: (SRATIONAL, (0, 1))}
+    assert header(exif=zeros).exposure_time_apex_s is None
+    stated = {33434: (RATIONAL, (1, 1)), 37377: (SRATIONAL, (0, 1))}
+    assert header(exif=stated).exposure_time_apex_s == 1.0
+
+
+@pytest.mark.parametrize(
+    ("exif", "iso"),
+    [
+        ({34855: (SHORT, [200, 0])}, 200),
+        ({34855: (SHORT, 65535), 34866: (LONG, 102400)}, 102400),
+        ({34855: (SHORT, 0), 34866: (LONG, 400)}, 400),
+        ({34867: (LONG, 100)}, 100),
+        ({34865: (LONG, 320)}, 320),
+        ({34855: (SHORT, 0)}, 0),
+    ],
+)
+def test_iso_in_all_its_places(exif, iso, header):
+    assert header(exif=exif).iso == iso
+
+
+@pytest.mark.parametrize(
+    ("stamp", "offset", "expected"),
+    [
+        ("2024:05:17 12:13:14", "Z", "2024-05-17T12:13:14Z"),
+        ("2024:05:17 12:13:14", "   :  ", "2024-05-17T12:13:14"),
+        ("2024:05:17 12:13:14", "+25:00", "2024-05-17T12:13:14"),
+        ("0000:00:00 00:00:00", "+02:00", None),
+        ("    :  :     :  :  ", "+02:00", None),
+    ],
+)
+def test_times_that_are_none(stamp, offset, expected, header):
+    assert header(exif={36867: (ASCII, stamp), 36881: (ASCII, offset)}).taken_at == expected
+
+
+def test_text_is_cleaned_and_kept_short(header):
+    found = header(main={271: (ASCII, " A\x01B\n"), 305: (ASCII, "x" * 3000), 50735: (ASCII, "\0\0")})
+    assert (found.make, len(found.software), found.serial) == ("A B", 200, None)
+
+
+def test_opcodes_of_all_lists(header):
+    extra = {
+        51008: opcode_list((1, b"warp")),
+        51009: opcode_list((9, b"gain"), (9, b"other")),
+        51022: opcode_list((3, b""), (4711, b"?")),
+    }
+    names = [(1, "WarpRectilinear"), (2, "GainMap"), (2, "GainMap"), (3, "FixVignetteRadial")]
+    bodies = [b"warp", b"gain", b"other", b"", b"?"]
+    expected = [
+        Opcode(stage=stage, name=name, sha256=hashlib.sha256(body).hexdigest())
+        for (stage, name), body in zip([*names, (3, "opcode-4711")], bodies, strict=True)
+    ]
+    assert list(header(extra=extra).opcodes) == expected
+
+
+def test_opcode_list_cut_short_is_told_apart(header):
+    kind, body = opcode_list((9, b"gain"), (3, b"vignette"))
+    found = header(extra={51009: (kind, body[:-3])}).opcodes
+    assert [opcode.name for opcode in found] == ["GainMap", "unreadable"]
+
+
+def test_no_black_level_is_zero_by_default(header):
+    found = header()
+    assert (found.black_level_dn, found.black_level_origin) == ((0.0,) * 4, "default")
+    assert (found.white_level_dn, found.white_level_origin) == ((4095.0,) * 4, "default")
+
+
+def test_white_level_of_a_table_that_is_not_stated(header):
+    assert header(table=(0, 100, 60_000)).white_level_dn == (60_000.0,) * 4
+
+
+def test_levels_that_are_stated(header):
+    found = header(extra=black_level([64.25, 65, 66, 67], (2, 2), rational=True) | {50717: (SHORT, 4000)})
+    assert (found.black_level_dn, found.black_level_origin) == ((64.25, 65, 66, 67), "tag")
+    assert (found.white_level_dn, found.white_level_origin) == ((4000.0,) * 4, "tag")
+
+
+def test_black_levels_of_a_larger_pattern_are_means_per_site(header):
+    pattern = [10, 20, 30, 40, 50, 60, 70, 80]  # 2 rows, 4 columns
+    assert header(extra=black_level(pattern, (2, 4))).black_level_dn == (20, 30, 60, 70)
+
+
+def test_black_level_deltas_are_those_of_the_window(save):
+    deltas_h = [(col, 1) for col in range(40)]
+    deltas_v = [(10 * row, 1) for row in range(20)]
+    extra = black_level([100]) | {50715: (SRATIONAL, deltas_h), 50716: (SRATIONAL, deltas_v)}
+    variant = Variant(bits=12, active_area=(6, 4, 26, 44), extra=extra)
+    path = save(make_dng(SAMPLES, variant))
+    frame = reading.read_window(path, 3, 5, 4, 6)
+    # Rows 3 to 6: even 4 and 6, odd 3 and 5. Columns 5 to 10: even 6, 8, 10, odd 5, 7, 9.
+    rows, cols = {0: 50, 1: 40}, {0: 8, 1: 7}
+    expected = [100 + rows[row] + cols[col] for row in (0, 1) for col in (0, 1)]
+    assert frame.black_level_dn == pytest.approx(expected)
+    # One pixel holds one site; the others are answered for their nearest lines.
+    assert reading.read_window(path, 19, 39, 1, 1).black_level_dn[3] == 100 + 190 + 39
+
+
+def test_truncated_file_still_tells_its_exposure(real_files):
+    content = (real_files / "dng" / "truncated_libraw_reads_zeros.dng").read_bytes()
+    found = read_metadata(read_directories(content)[0])
+    assert (found.exposure_time_s, found.f_number, found.iso) == (1 / 15, 8.0, 400)
+    assert (found.serial, found.make) == ("012345678", "Canon")
+
+
+def test_real_file_with_zeros_for_its_exposure(real_files):
+    found = reading.read_header(real_files / "dng" / "canon_14bit_packed_activearea_zero_exif.dng")
+    assert (found.exposure_time_s, found.f_number, found.exposure_time_apex_s) == (0.0, 0.0, None)
+    assert (found.cfa, found.bits_per_sample, found.height_px, found.width_px) == ("RGGB", 14, 1156, 1734)
+    assert (set(found.black_level_dn), set(found.white_level_dn)) == ({2056}, {15000})
+
+
+def test_rationals_near_the_end_of_their_range(real_files):
+    found = reading.read_header(real_files / "sequoia" / "IMG_180413_080658_0000_GRE.TIF")
+    assert (found.exposure_time_s, found.f_number) == pytest.approx((0.003, 2.2), rel=1e-6)
+    assert found.taken_at == "2018-04-13T08:06:58.272945"

@@ -1,0 +1,247 @@
+"""The decoding process: what it may not know, may not use, and that its end is nobody else's."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dng_variants import Variant, expected_samples, make_dng, make_samples
+from tiff_writer import LONG
+
+from radiometry.errors import Code, InputRejected
+from worker.decode import reading
+from worker.decode.pool import DecoderCrashed, DecoderPool, DecoderUnavailable
+from worker.decode.refusals import Refusal
+
+SAMPLES = make_samples(64, 96, 14)
+VARIANT = Variant(bits=14, active_area=(2, 4, 62, 90))
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def good(save):
+    return save(make_dng(SAMPLES, VARIANT), "good.dng")
+
+
+@pytest.fixture(scope="module")
+def pool():
+    with DecoderPool(1) as shared:
+        yield shared
+
+
+def _is_alive(pid):
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except FileNotFoundError:
+        return False
+
+
+def _wait_until(condition, seconds=20):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_answers_are_those_of_the_reader(pool, good):
+    assert pool.read_header(good) == reading.read_header(good)
+    frame = pool.read_window(good, (3, 5, 20, 30))
+    np.testing.assert_array_equal(frame.samples_dn, expected_samples(SAMPLES, VARIANT)[3:23, 5:35])
+    assert frame.black_level_dn == reading.read_window(good, 3, 5, 20, 30).black_level_dn
+    assert (frame.row0, frame.col0, frame.height_px, frame.width_px) == (3, 5, 60, 86)
+    assert pool.render_preview(good, 40) == reading.render_preview(good, 40)
+
+
+def test_refusals_come_through_and_cost_no_process(pool, good, save):
+    pool.read_header(good)
+    before = pool.pids()
+    with pytest.raises(InputRejected, match="JPEG picture") as caught:
+        pool.read_header(save(b"\xff\xd8\xff\xe0", "x.dng"))
+    assert caught.value.code is Refusal.NOT_A_RAW_FILE
+    with pytest.raises(InputRejected) as caught:
+        pool.read_window(good, (0, 0, 1000, 1000))
+    assert caught.value.code is Code.ROI_OUTSIDE_FRAME
+    with pytest.raises(FileNotFoundError):
+        pool.read_header(good.with_name("absent.dng"))
+    assert pool.pids() == before
+
+
+def test_rewritten_file_is_read_anew(pool, save):
+    first = save(make_dng(SAMPLES, VARIANT))
+    assert pool.read_header(first).width_px == 86
+    second = save(make_dng(SAMPLES, Variant(bits=14)))
+    assert pool.read_header(second).width_px == 96
+
+
+def test_nothing_secret_is_inherited(good, monkeypatch):
+    monkeypatch.setenv("STILB_DATABASE_URL", "postgresql://secret")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    secret = os.open(good, os.O_RDONLY)
+    os.set_inheritable(secret, True)
+    try:
+        with DecoderPool(1) as pool:
+            pool.read_header(good)
+            (pid,) = pool.pids()
+            environment = Path(f"/proc/{pid}/environ").read_bytes()
+            opened = [str(place.readlink()) for place in Path(f"/proc/{pid}/fd").iterdir()]
+    finally:
+        os.close(secret)
+    assert b"secret" not in environment
+    assert b"STILB" not in environment
+    assert [place for place in opened if place.startswith("/") and "dev/null" not in place] in (
+        [],
+        [str(good)],
+    )
+
+
+def test_limits_are_set(pool, good):
+    pool.read_header(good)
+    (pid,) = pool.pids()
+    limits = Path(f"/proc/{pid}/limits").read_text().splitlines()
+    found = {line[:25].strip(): line[26:46].strip() for line in limits}
+    assert found["Max address space"] == str(2 << 30)
+    assert found["Max core file size"] == found["Max file size"] == "0"
+    assert int(found["Max open files"]) <= 64
+    assert int(found["Max cpu time"]) < 60
+
+
+def test_killed_while_idle_is_not_noticed(pool, good):
+    pool.read_header(good)
+    os.kill(pool.pids()[0], signal.SIGKILL)
+    _wait_until(lambda: not _is_alive(pool.pids()[0]))
+    assert pool.read_header(good).width_px == 86
+
+
+def test_killed_while_it_reads_is_the_files_fault_alone(good, tmp_path):
+    # A pipe without a writer: opening it never ends, so the kill surely comes in the middle.
+    stuck = tmp_path / "stuck.dng"
+    os.mkfifo(stuck)
+    with DecoderPool(1) as pool:
+        pool.read_header(good)
+        (pid,) = pool.pids()
+        killer = threading.Timer(0.3, os.kill, (pid, signal.SIGKILL))
+        killer.start()
+        with pytest.raises(DecoderCrashed, match="read_header: ended by SIGKILL") as caught:
+            pool.read_header(stuck)
+        assert "decoder failed" in caught.value.message
+        assert pool.read_header(good).width_px == 86
+        assert pool.pids() != [pid]
+
+
+def test_a_request_that_takes_too_long_is_ended(good, tmp_path):
+    stuck = tmp_path / "stuck.dng"
+    os.mkfifo(stuck)
+    with DecoderPool(1, wall_seconds=0.5) as pool:
+        pool.read_header(good)
+        (pid,) = pool.pids()
+        with pytest.raises(DecoderCrashed, match=r"longer than 0\.5 s"):
+            pool.read_header(stuck)
+        assert not _is_alive(pid)
+        assert pool.read_header(good).width_px == 86
+
+
+def _sparse(path, side):
+    """A frame of side x side zeros that takes no space on the disk."""
+    head = make_dng(SAMPLES[:16, :16], Variant(extra={256: (LONG, side), 257: (LONG, side)}))
+    tags = {256: (LONG, side), 257: (LONG, side), 278: (LONG, side)}
+    tags |= {273: (LONG, len(head) + 64), 279: (LONG, 2 * side**2)}
+    path.write_bytes(make_dng(SAMPLES[:16, :16], Variant(extra=tags)))
+    os.truncate(path, len(head) + 64 + 2 * side**2)
+    return path
+
+
+def test_a_file_that_needs_too_much_memory(good, tmp_path):
+    large = _sparse(tmp_path / "large.dng", 12_000)
+    with DecoderPool(1, memory_bytes=700 << 20) as pool:
+        assert pool.read_header(large).width_px == 12_000
+        with pytest.raises(DecoderCrashed, match="more memory than is allowed"):
+            pool.read_window(large, (0, 0, 12_000, 12_000))
+        assert pool.read_header(good).width_px == 86
+
+
+def _read_often(pool, path):
+    """Until a single read is slow enough for its allowance, which is given in whole seconds."""
+    for _ in range(200):
+        pool.read_window(path, (0, 0, 15_000, 15_000))
+
+
+def test_a_file_that_needs_too_much_time(good, tmp_path):
+    slow = _sparse(tmp_path / "slow.dng", 15_000)
+    with DecoderPool(1, cpu_seconds=0) as pool:
+        with pytest.raises(DecoderCrashed, match="ended by SIGXCPU"):
+            _read_often(pool, slow)
+        assert pool.read_header(good).width_px == 86
+
+
+def test_parents_sudden_death_leaves_nothing_behind(good):
+    code = (
+        "import sys, time, pathlib; from worker.decode.pool import DecoderPool\n"
+        "pool = DecoderPool(2); pool.read_header(pathlib.Path(sys.argv[1]))\n"
+        "print(pool.pids()[0], flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", code, str(good)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as parent:
+        pid = int(parent.stdout.readline())
+        assert _is_alive(pid)
+        parent.kill()
+    _wait_until(lambda: not _is_alive(pid))
+
+
+def test_child_dies_although_somebody_holds_its_pipe_open():
+    # The parent named is not the one that started it, as after the parent's death; the pipe stays open.
+    command = [sys.executable, "-m", "worker.decode", "--parent", "1"]
+    command += ["--memory-bytes", str(2 << 30), "--cpu-seconds", "5"]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        assert child.wait(timeout=20) == 0
+
+
+def test_a_process_that_cannot_start_is_our_fault(good, monkeypatch):
+    with DecoderPool(1) as pool:
+        monkeypatch.setattr(sys, "executable", "/bin/false")
+        with pytest.raises(DecoderUnavailable):
+            pool.read_header(good)
+        monkeypatch.undo()
+        assert pool.read_header(good).width_px == 86
+
+
+def test_threads_share_the_processes(good):
+    expected = reading.read_header(good)
+    found = []
+
+    def work():
+        found.extend(pool.read_header(good) == expected for _ in range(10))
+
+    with DecoderPool(2) as pool:
+        threads = [threading.Thread(target=work) for _ in range(5)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert found == [True] * 50
+        assert len(pool.pids()) <= 2
+
+
+def test_a_fork_gets_processes_of_its_own(good):
+    code = (
+        "import os, sys, pathlib; from worker.decode.pool import DecoderPool\n"
+        "path = pathlib.Path(sys.argv[1]); pool = DecoderPool(1); pool.read_header(path)\n"
+        "before = pool.pids()\n"
+        "if os.fork() == 0:\n"
+        "    pool.read_header(path); same = pool.pids() == before; pool.close(); os._exit(same)\n"
+        "status = os.waitstatus_to_exitcode(os.wait()[1])\n"
+        "pool.read_header(path); assert pool.pids() == before; pool.close(); sys.exit(status)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(good)], cwd=ROOT, timeout=60, check=False)
+    assert done.returncode == 0
+
+
+def test_parent_needs_no_decoder_itself():
+    code = "import sys, json; import worker.decode.pool; print(json.dumps([n for n in sys.modules]))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True)
+    assert not {"rawpy", "imagecodecs"} & set(json.loads(done.stdout))
