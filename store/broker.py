@@ -42,7 +42,7 @@ def make_celery(broker_url: str) -> Celery:
 class Hints:
     """Sends hints, and never fails: what is not hinted is found by the sweeper.
 
-    After a failure it stays silent for two seconds, so that a broker that is down delays one request, not each.
+    After a failure it stays silent for two seconds: a broker that is down delays one request, not each.
     """
 
     def __init__(self, celery: Celery) -> None:

@@ -15,8 +15,8 @@ from store.audit import record_changes
 class Database:
     """SQLite or PostgreSQL behind one face.
 
-    On SQLite a writer takes the write lock when it begins, not at its first write: two transactions that read,
-    then write, would otherwise end in "database is locked" whatever the timeout.
+    On SQLite a writer takes the write lock when it begins, not at its first write: two transactions that
+    read, then write, would otherwise end in "database is locked" whatever the timeout.
     """
 
     def __init__(self, url: str) -> None:
@@ -26,7 +26,9 @@ class Database:
             self._reader = _sqlite_engine(url, begin="BEGIN")
             self._writer = _sqlite_engine(url, begin="BEGIN IMMEDIATE")
         else:
-            self._reader = self._writer = create_engine(url, pool_size=10, max_overflow=30, pool_pre_ping=True)
+            self._reader = self._writer = create_engine(
+                url, pool_size=10, max_overflow=30, pool_pre_ping=True
+            )
 
     @property
     def engine(self) -> Engine:

@@ -1,7 +1,7 @@
 """The life of a job: queued, claimed with a lease and a fence, finished once, or taken back and tried again.
 
-Every step is one conditional UPDATE: two workers that hold the same hint, or a worker that comes back from the
-dead, find no row to change.
+Every step is one conditional UPDATE: two workers that hold the same hint, or a worker that comes back
+from the dead, find no row to change.
 """
 
 from dataclasses import dataclass
@@ -88,14 +88,9 @@ def claim(session: Session, job_id: str, *, lease_s: float) -> Claim | None:
     )
 
 
-def renew(session: Session, held: Claim, *, lease_s: float) -> None:
-    """Hold on to a job for another lease."""
-    _held(session, held, lease_until=utc_now() + timedelta(seconds=lease_s))
-
-
-def report(session: Session, held: Claim, progress: float) -> None:
-    """Say how far the work has come, as a share of 1."""
-    _held(session, held, progress=progress)
+def renew(session: Session, held: Claim, *, lease_s: float, progress: float) -> None:
+    """Hold on to a job for another lease, and say how far the work has come, as a share of 1."""
+    _held(session, held, lease_until=utc_now() + timedelta(seconds=lease_s), progress=progress)
 
 
 def succeed(session: Session, held: Claim, result: dict[str, Any]) -> None:
@@ -162,10 +157,7 @@ def sweep(session: Session) -> list[str]:
 def oldest_wait_s(session: Session) -> float:
     """How long the job that has waited longest has been due [s]; 0 when none waits."""
     oldest: datetime | None = session.scalar(
-        select(Job.due_at)
-        .where(Job.state == "queued", Job.due_at <= utc_now())
-        .order_by(Job.due_at)
-        .limit(1)
+        select(Job.due_at).where(Job.state == "queued", Job.due_at <= utc_now()).order_by(Job.due_at).limit(1)
     )
     return (utc_now() - oldest).total_seconds() if oldest else 0.0
 

@@ -22,7 +22,7 @@ class NewerSchema(Exception):  # noqa: N818  it says what was found
 def migrate(database: Database, revision: str = "head") -> None:
     """Upgrade to a revision; refuse a database that knows revisions this code does not.
 
-    On PostgreSQL several processes may start at once: an advisory lock lets one migrate while the others wait.
+    On PostgreSQL several processes may start at once: an advisory lock lets one migrate, the others wait.
     """
     config = alembic_config()
     with database.engine.connect() as connection, connection.begin():

@@ -111,16 +111,14 @@ def _lock_slot(session: Session, calibration: Calibration) -> Slot:
     )
     slot = session.scalar(select(Slot).where(where).with_for_update())
     if slot is None:
-        slot = Slot(
-            camera_id=calibration.camera_id, method=calibration.method, configuration=configuration
-        )
+        slot = Slot(camera_id=calibration.camera_id, method=calibration.method, configuration=configuration)
         session.add(slot)
         session.flush()
     return slot
 
 
 def _next_instant(session: Session, slot: Slot) -> datetime:
-    """Now, but later than anything this slot has recorded: knowledge has one order, whatever the clock does."""
+    """Now, but later than anything this slot has recorded: knowledge is ordered, whatever the clock does."""
     last = [
         session.scalar(select(func.max(column)).where(Publication.slot_id == slot.id))
         for column in (Publication.known_from, Publication.known_to)
@@ -153,9 +151,9 @@ def _give_way(session: Session, older: Publication, newer: Publication) -> None:
     """Close a row, and record anew what of its validity lies before and after the newer one's."""
     successor = newer.calibration_id if newer.calibration_id != older.calibration_id else None
     keeps_end = newer.valid_to is not None and (older.valid_to is None or older.valid_to > newer.valid_to)
-    remainders = []
+    remainders: list[tuple[datetime, datetime | None, str | None]] = []
     if older.valid_from < newer.valid_from:
-        # its end was taken unless a part of it goes on afterwards: then it is not superseded, only interrupted
+        # where a part of it goes on afterwards it is not superseded, only interrupted
         taken_by = older.superseded_by if keeps_end else successor
         remainders.append((older.valid_from, newer.valid_from, taken_by))
     if newer.valid_to is not None and keeps_end:

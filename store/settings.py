@@ -16,19 +16,19 @@ class Settings(BaseSettings):
 
     data: Path = Path("stilb-data")
     host: str = "127.0.0.1"
-    port: int = Field(8000, ge=0, le=65535)
+    port: int = Field(default=8000, ge=0, le=65535)
     key: SecretStr = SecretStr("")
     database_url: str = ""
     broker_url: str = ""
     blobs_url: str = ""
-    max_upload_bytes: int = Field(2 * 1024**3, gt=0)
-    worker_threads: int = Field(2, ge=1, le=64)
-    lease_s: float = Field(30.0, gt=0)
-    sweep_interval_s: float = Field(2.0, gt=0)
-    stall_s: float = Field(60.0, gt=0)
-    decoder_memory_bytes: int = Field(3 * 1024**3, ge=256 * 1024**2)
-    decoder_cpu_s: int = Field(60, ge=1)
-    decoder_wall_s: float = Field(120.0, gt=0)
+    max_upload_bytes: int = Field(default=2 * 1024**3, gt=0)
+    worker_threads: int = Field(default=2, ge=1, le=64)
+    lease_s: float = Field(default=30.0, gt=0)
+    sweep_interval_s: float = Field(default=2.0, gt=0)
+    stall_s: float = Field(default=60.0, gt=0)
+    decoder_memory_bytes: int = Field(default=3 * 1024**3, ge=256 * 1024**2)
+    decoder_cpu_s: int = Field(default=60, ge=1)
+    decoder_wall_s: float = Field(default=120.0, gt=0)
 
     @property
     def effective_database_url(self) -> str:

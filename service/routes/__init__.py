@@ -1,0 +1,52 @@
+"""One file a resource: from HTTP to queries and back."""
+
+from typing import Any
+
+from fastapi import FastAPI
+
+from service.schemas.base import ProblemAnswer
+
+_MEANINGS = {
+    400: "The request cannot be read.",
+    401: "No key, or none that is known.",
+    403: "The key lacks a scope.",
+    404: "There is no such thing for this key's organisation.",
+    409: "It contradicts what is recorded.",
+    413: "The file is too large.",
+    422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
+    503: "A part of the service does not answer just now; try again.",
+    507: "There is no room left.",
+}
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Document the problems of a route; those that any route with a key can give are always among them."""
+    return {
+        status: {
+            "model": ProblemAnswer,
+            "description": _MEANINGS[status],
+            "content": {"application/problem+json": {}},
+        }
+        for status in sorted({401, 403, 422, 503, *statuses})
+    }
+
+
+def include_routes(app: FastAPI) -> None:
+    """Hang every resource into the application."""
+    from service.routes import (  # noqa: PLC0415  the routes import this module's problems()
+        calibrations,
+        cameras,
+        campaigns,
+        coefficients,
+        frames,
+        jobs,
+        keys,
+        meters,
+        readings,
+        system,
+    )
+
+    for module in (
+        *(system, keys, cameras, meters, campaigns, readings, frames, calibrations, coefficients, jobs),
+    ):
+        app.include_router(module.router)

@@ -59,6 +59,11 @@ class BlobWriter:
             while rest:
                 rest = rest[os.write(self._fd, rest) :]
 
+    @property
+    def sha256(self) -> str:
+        """The name that these bytes would get, to be compared with what the sender says before `commit`."""
+        return self._hash.hexdigest()
+
     def commit(self) -> StoredBlob:
         """Make the bytes durable under their name; nobody may be told that they are kept before."""
         stored = StoredBlob(self._hash.hexdigest(), self._size_bytes)

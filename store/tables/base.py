@@ -18,7 +18,12 @@ class Base(DeclarativeBase):
             "pk": "pk_%(table_name)s",
         }
     )
-    type_annotation_map: ClassVar[dict[Any, Any]] = {Json: JSON, list[str]: JSON, list[Any]: JSON, str: String}
+    type_annotation_map: ClassVar[dict[Any, Any]] = {
+        Json: JSON,
+        list[str]: JSON,
+        list[Any]: JSON,
+        str: String,
+    }
 
 
 class Audited:

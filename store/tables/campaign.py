@@ -1,13 +1,14 @@
 """What a field team brings home: campaigns, their regions, meter readings, frames and frame statistics."""
 
 from datetime import datetime
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
+from radiometry.methods import Method
 from store.columns import UtcDateTime, new_id, utc_now
-from store.tables.base import Any, Audited, Base, Json
+from store.tables.base import Audited, Base, Json
 
 
 class Campaign(Audited, Base):
@@ -19,7 +20,7 @@ class Campaign(Audited, Base):
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("cmp"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     camera_id: Mapped[str] = mapped_column(ForeignKey("camera.id"), index=True)
-    method: Mapped[str]
+    method: Mapped[Method] = mapped_column(String)
     project_number: Mapped[str | None]
     recorder: Mapped[str | None]
     started_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
@@ -47,7 +48,7 @@ class Reading(Audited, Base):
     __tablename__ = "reading"
     __table_args__ = (
         CheckConstraint("quantity IN ('luminance', 'illuminance')", "quantity_known"),
-        CheckConstraint("value >= 0", "value_not_negative"),
+        CheckConstraint("value > 0", "value_positive"),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("rdg"))
@@ -99,7 +100,7 @@ class FrameRow(Audited, Base):
     roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))
     """Its own region, where the camera has moved; else the campaign's."""
     supplied: Mapped[Json] = mapped_column(default=dict)
-    """Exposure values given with the frame, which outrank the file's."""
+    """Exposure values typed in with the frame, for what the file does not say."""
     state: Mapped[str] = mapped_column(default="received")
     header: Mapped[Json | None] = mapped_column(default=None)
     exposure: Mapped[Json | None] = mapped_column(default=None)
@@ -140,8 +141,8 @@ class ChannelRow(Base):
     extraction_id: Mapped[str] = mapped_column(ForeignKey("extraction.id"), primary_key=True)
     channel: Mapped[str] = mapped_column(primary_key=True)
     n: Mapped[int]
-    min_dn: Mapped[float]
-    max_dn: Mapped[float]
+    min_dn: Mapped[int]
+    max_dn: Mapped[int]
     mean_dn: Mapped[float]
     median_dn: Mapped[float]
     std_dn: Mapped[float]

@@ -13,7 +13,9 @@ class Job(Base):
     __tablename__ = "job"
     __table_args__ = (
         CheckConstraint("kind IN ('extract', 'fit')", "kind_known"),
-        CheckConstraint("state IN ('queued', 'running', 'succeeded', 'failed', 'quarantined')", "state_known"),
+        CheckConstraint(
+            "state IN ('queued', 'running', 'succeeded', 'failed', 'quarantined')", "state_known"
+        ),
         CheckConstraint("progress BETWEEN 0 AND 1", "progress_share"),
         CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", "running_has_lease"),
         Index("ix_job_state_created_at", "state", "created_at"),

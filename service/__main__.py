@@ -1,0 +1,53 @@
+"""``python -m service``: serves the API on the database, broker and blobs that the settings name."""
+
+import asyncio
+import logging
+import sys
+
+import uvicorn
+
+from service.app import build_app
+from service.auth import SCOPES
+from service.context import Context
+from service.waiting import JobWatch
+from store.blobs import blobs_from_url
+from store.broker import Hints, make_celery
+from store.database import Database
+from store.queries.keys import ensure_operator
+from store.settings import Settings
+
+
+def build_context(settings: Settings) -> Context:
+    """Open the world that the settings name."""
+    database = Database(settings.effective_database_url)
+    return Context(
+        settings=settings,
+        database=database,
+        blobs=blobs_from_url(settings.effective_blobs_url, settings.data),
+        hints=Hints(make_celery(settings.effective_broker_url)),
+        watch=JobWatch(database),
+    )
+
+
+def main() -> int:
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    settings = Settings()
+    context = build_context(settings)
+    if secret := settings.key.get_secret_value():
+        with context.database.writing("service") as session:
+            ensure_operator(session, secret, list(SCOPES))
+    config = uvicorn.Config(
+        build_app(context),
+        host=settings.host,
+        port=settings.port,
+        log_config=None,
+        access_log=False,
+        timeout_graceful_shutdown=10,
+        server_header=False,
+    )
+    asyncio.run(uvicorn.Server(config).serve())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,29 @@
+"""What a request needs of the world, built once in main and passed down."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from service.waiting import JobWatch
+from store.blobs import Blobs
+from store.broker import Hints
+from store.database import Database
+from store.settings import Settings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Context:
+    settings: Settings
+    database: Database
+    blobs: Blobs
+    hints: Hints
+    watch: JobWatch
+
+
+def get_context(request: Request) -> Context:
+    context: Context = request.app.state.context
+    return context
+
+
+UsesContext = Annotated[Context, Depends(get_context)]

@@ -1,0 +1,41 @@
+"""From an id in an address to a row of the caller's organisation: what is another's does not exist."""
+
+from typing import Annotated, TypeVar
+
+from fastapi import Path
+from sqlalchemy.orm import Session
+
+from service.auth import Caller
+from service.problems import not_found
+from store.tables import ApiKey, Base, Calibration, Camera, Campaign, FrameRow, Job, Meter, Reading
+
+Row = TypeVar("Row", bound=Base)
+
+Id = Annotated[str, Path(description="An opaque id, as another answer gave it.", examples=["abc_1"])]
+
+_WORDS: dict[type[Base], str] = {
+    ApiKey: "key",
+    Calibration: "calibration",
+    Camera: "camera",
+    Campaign: "campaign",
+    FrameRow: "frame",
+    Job: "job",
+    Meter: "meter",
+    Reading: "reading",
+}
+
+
+def owned(session: Session, table: type[Row], row_id: str, caller: Caller) -> Row:
+    """The caller's row with this id; 404 otherwise."""
+    # ids are plain ASCII; PostgreSQL cannot even be asked for a NUL
+    row = session.get(table, row_id) if row_id.isascii() and row_id.isprintable() else None
+    if row is None or _organisation_of(session, row) != caller.organisation_id:
+        raise not_found(_WORDS[table])
+    return row
+
+
+def _organisation_of(session: Session, row: Base) -> str:
+    if isinstance(row, FrameRow | Reading):
+        return session.get_one(Campaign, row.campaign_id).organisation_id
+    organisation_id: str = row.organisation_id  # type: ignore[attr-defined]
+    return organisation_id

@@ -1,0 +1,46 @@
+"""Lists by keyset: stable while rows are added, and a page costs the same wherever it lies."""
+
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Generic, TypeVar
+
+from fastapi import Query, Request
+from pydantic import Field
+from sqlalchemy import Select
+from sqlalchemy.orm import Session
+
+from service.schemas.base import Answer, Text
+
+AnswerType = TypeVar("AnswerType", bound=Answer)
+
+Limit = Annotated[int, Query(ge=1, le=1000, description="How many items a page holds at most.")]
+Cursor = Annotated[Text | None, Query(description="Taken from the `next` address of the page before.")]
+
+
+class Page(Answer, Generic[AnswerType]):
+    """One page of a list; `next` is the address of the page after it, or null at the end."""
+
+    items: list[AnswerType]
+    next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
+
+    def dump(self) -> dict[str, Any]:
+        return {"items": [item.dump() for item in self.items], "next": self.next}
+
+
+def page(
+    session: Session,
+    request: Request,
+    rows: Select[Any],
+    *,
+    by: Any,  # noqa: ANN401  a column
+    limit: int,
+    cursor: str | None,
+    newest_first: bool = False,
+    shape: Callable[[list[Any]], Sequence[Answer]],
+) -> dict[str, Any]:
+    """The rows after the cursor in the order of their ids, and where the next ones are."""
+    if cursor is not None:
+        rows = rows.where(by < cursor if newest_first else by > cursor)
+    found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
+    more = len(found) > limit
+    address = str(request.url.include_query_params(cursor=found[limit - 1].id)) if more else None
+    return {"items": [item.dump() for item in shape(found[:limit])], "next": address}

@@ -1,0 +1,138 @@
+"""Every way the service says no: application/problem+json with a stable code (docs/errors.md)."""
+
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from radiometry.errors import InputRejected
+from store.errors import Conflict
+
+
+class HttpCode(StrEnum):
+    """Codes that only the HTTP side gives; those of the science and of the decoder pass through it."""
+
+    UNAUTHENTICATED = "unauthenticated"
+    SCOPE_MISSING = "scope_missing"
+    NOT_FOUND = "not_found"
+    METHOD_NOT_ALLOWED = "method_not_allowed"
+    VALIDATION_FAILED = "validation_failed"
+    BAD_REQUEST = "bad_request"
+    CONFLICT = "conflict"
+    IDEMPOTENCY_KEY_REUSED = "idempotency_key_reused"
+    UPLOAD_TOO_LARGE = "upload_too_large"
+    UPLOAD_INCOMPLETE = "upload_incomplete"
+    DIGEST_MISMATCH = "digest_mismatch"
+    STORAGE_FULL = "storage_full"
+    STORAGE_UNAVAILABLE = "storage_unavailable"
+    DATABASE_UNAVAILABLE = "database_unavailable"
+    CAMPAIGN_INCOMPLETE = "campaign_incomplete"
+    CALIBRATION_REVOKED = "calibration_revoked"
+    NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"
+    PREVIEW_NOT_READY = "preview_not_ready"
+    NOT_ACCEPTABLE = "not_acceptable"
+    METHOD_MISMATCH = "method_mismatch"
+    INTERNAL_ERROR = "internal_error"
+
+
+class Problem(Exception):  # noqa: N818  RFC 9457's own word
+    """An answer that is not the one asked for."""
+
+    def __init__(
+        self,
+        status: int,
+        code: str,
+        detail: str,
+        *,
+        retryable: bool = False,
+        headers: Mapping[str, str] | None = None,
+        **extra: Any,  # noqa: ANN401
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.code = code
+        self.detail = detail
+        self.retryable = retryable
+        self.headers = dict(headers or {})
+        self.extra = extra
+
+
+def problem_body(
+    status: int,
+    code: str,
+    detail: str,
+    *,
+    retryable: bool = False,
+    **extra: Any,  # noqa: ANN401
+) -> dict[str, Any]:
+    """The members of RFC 9457, and ours: code and retryable."""
+    return {
+        "type": f"/docs/errors#{code}",
+        "title": code.replace("_", " ").capitalize(),
+        "status": status,
+        "detail": detail,
+        "code": code,
+        "retryable": retryable,
+        **extra,
+    }
+
+
+def not_found(what: str) -> Problem:
+    return Problem(
+        404, HttpCode.NOT_FOUND, f"There is no such {what}. Check the id; it may be another organisation's."
+    )
+
+
+def install(app: FastAPI) -> None:
+    """Turn every exception that can reach the top into a problem."""
+
+    @app.exception_handler(Problem)
+    async def problem(_request: Request, error: Problem) -> JSONResponse:
+        return answer(error)
+
+    @app.exception_handler(InputRejected)
+    async def rejected(_request: Request, error: InputRejected) -> JSONResponse:
+        return _answer(problem_body(422, error.code, error.message))
+
+    @app.exception_handler(Conflict)
+    async def conflict(_request: Request, error: Conflict) -> JSONResponse:
+        return _answer(problem_body(409, error.code, error.message))
+
+    @app.exception_handler(RequestValidationError)
+    async def wrong_field(_request: Request, error: RequestValidationError) -> JSONResponse:
+        return answer(invalid(error.errors()))
+
+    @app.exception_handler(HTTPException)
+    async def http(_request: Request, error: HTTPException) -> JSONResponse:
+        code = {404: HttpCode.NOT_FOUND, 405: HttpCode.METHOD_NOT_ALLOWED}.get(
+            error.status_code, HttpCode.BAD_REQUEST
+        )
+        return _answer(problem_body(error.status_code, code, str(error.detail)), error.headers)
+
+    @app.exception_handler(Exception)
+    async def unexpected(_request: Request, _error: Exception) -> JSONResponse:
+        detail = "This is our fault; it has been logged. Try again, and tell the operator if it stays."
+        return _answer(problem_body(500, HttpCode.INTERNAL_ERROR, detail, retryable=True))
+
+
+def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
+    """Name each field that is wrong. The given value is not echoed: it may not even be JSON."""
+    named = [{"field": ".".join(map(str, e["loc"])), "message": e["msg"]} for e in errors]
+    detail = "; ".join(f"{e['field']}: {e['message']}" for e in named[:5])
+    return Problem(422, HttpCode.VALIDATION_FAILED, detail, errors=named)
+
+
+def answer(problem: Problem) -> JSONResponse:
+    """The problem as a response."""
+    body = problem_body(
+        problem.status, problem.code, problem.detail, retryable=problem.retryable, **problem.extra
+    )
+    return _answer(body, problem.headers)
+
+
+def _answer(body: dict[str, Any], headers: Mapping[str, str] | None = None) -> JSONResponse:
+    return JSONResponse(body, body["status"], headers, media_type="application/problem+json")

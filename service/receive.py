@@ -1,0 +1,194 @@
+"""Receiving a file: streamed to the blob store, hashed on the way, checked against what the sender says."""
+
+import base64
+import binascii
+import re
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+
+from fastapi import Request
+from python_multipart.exceptions import MultipartParseError
+from python_multipart.multipart import MultipartParser, parse_options_header
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
+
+from service.problems import HttpCode, Problem
+from store.blobs import Blobs, BlobWriter, StorageFull, StorageUnavailable, StoredBlob
+
+_FLUSH_BYTES = 1 << 20
+_REPR_DIGEST = re.compile(r"sha-256=:([A-Za-z0-9+/=]+):")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Received:
+    blob: StoredBlob
+    filename: str | None
+    """Of the multipart part, where it was one."""
+
+
+async def receive(request: Request, blobs: Blobs, *, max_bytes: int) -> Received:
+    """Store the request's body, raw or the part ``file`` of a form; memory stays flat.
+
+    Whatever goes wrong on the way leaves nothing behind: the writer removes what was not committed.
+    """
+    expected = _announced_sha256(request)
+    announced = request.headers.get("content-length", "")
+    if announced.isdigit() and int(announced) > max_bytes:
+        raise _too_large(max_bytes)
+    try:
+        with blobs.writer() as writer:
+            filename = await _copy(request, writer, max_bytes)
+            if expected is not None and writer.sha256 != expected:
+                raise Problem(
+                    422,
+                    HttpCode.DIGEST_MISMATCH,
+                    f"The file arrived as SHA-256 {writer.sha256}, announced was {expected}. Send it again.",
+                    retryable=True,
+                )
+            return Received(blob=await run_in_threadpool(writer.commit), filename=filename)
+    except StorageFull as error:
+        raise Problem(
+            507, HttpCode.STORAGE_FULL, "The service has no room left for this file.", retryable=True
+        ) from error
+    except StorageUnavailable as error:
+        raise Problem(
+            503, HttpCode.STORAGE_UNAVAILABLE, "The file store does not answer. Try again.", retryable=True
+        ) from error
+    except ClientDisconnect as error:
+        raise Problem(
+            400,
+            HttpCode.UPLOAD_INCOMPLETE,
+            "The connection broke before the end of the file.",
+            retryable=True,
+        ) from error
+
+
+async def _copy(request: Request, writer: BlobWriter, max_bytes: int) -> str | None:
+    kind, options = parse_options_header(request.headers.get("content-type", ""))
+    if kind != b"multipart/form-data":
+        await _drain(request.stream(), writer.write, max_bytes)
+        return None
+    part = _FilePart(writer, options.get(b"boundary", b""))
+    await _drain(request.stream(), part.feed, max_bytes)
+    return part.finish()
+
+
+async def _drain(chunks: AsyncIterator[bytes], take: Callable[[bytes], object], max_bytes: int) -> None:
+    """Hand the chunks on in pieces of a megabyte: hashing and writing leave the loop free."""
+    waiting: list[bytes] = []
+    size = total = 0
+    async for chunk in chunks:
+        waiting.append(chunk)
+        size += len(chunk)
+        total += len(chunk)
+        if total > max_bytes:
+            raise _too_large(max_bytes)
+        if size >= _FLUSH_BYTES:
+            await run_in_threadpool(take, b"".join(waiting))
+            waiting, size = [], 0
+    if size:
+        await run_in_threadpool(take, b"".join(waiting))
+
+
+class _FilePart:
+    """Picks the part named ``file`` out of a form as it streams by."""
+
+    def __init__(self, writer: BlobWriter, boundary: bytes) -> None:
+        self._writer = writer
+        self._name = self._value = self._disposition = b""
+        self._inside = False
+        self._found = 0
+        self._filename = ""
+        self._ended = False
+        if not boundary:
+            raise _bad_form("its Content-Type names no boundary")
+        self._parser = MultipartParser(
+            boundary,
+            {
+                "on_part_begin": self._begin,
+                "on_header_field": self._field,
+                "on_header_value": self._content,
+                "on_header_end": self._header,
+                "on_headers_finished": self._headers,
+                "on_part_data": self._data,
+                "on_end": self._end,
+            },
+        )
+
+    def feed(self, chunk: bytes) -> None:
+        try:
+            self._parser.write(chunk)
+        except MultipartParseError as error:
+            raise _bad_form("it cannot be read") from error
+
+    def finish(self) -> str | None:
+        """The file's name as sent; a form without its end or without the part is refused."""
+        if not self._ended:
+            raise _bad_form("it ends too early", retryable=True)
+        if self._found != 1:
+            raise _bad_form(f"it has {self._found} parts named 'file' where one is needed")
+        return self._filename or None
+
+    def _begin(self) -> None:
+        self._disposition = b""
+        self._inside = False
+
+    def _field(self, data: bytes, start: int, end: int) -> None:
+        self._name += data[start:end]
+
+    def _content(self, data: bytes, start: int, end: int) -> None:
+        self._value += data[start:end]
+
+    def _header(self) -> None:
+        if self._name.lower() == b"content-disposition":
+            self._disposition = self._value
+        self._name = self._value = b""
+
+    def _headers(self) -> None:
+        _, options = parse_options_header(self._disposition)
+        self._inside = options.get(b"name") == b"file"
+        if self._inside:
+            self._found += 1
+            self._filename = options.get(b"filename", b"").decode("utf-8", "replace")
+
+    def _data(self, data: bytes, start: int, end: int) -> None:
+        if self._inside and self._found == 1:
+            self._writer.write(data[start:end])
+
+    def _end(self) -> None:
+        self._ended = True
+
+
+def _announced_sha256(request: Request) -> str | None:
+    """The hash that the sender announces, in RFC 9530's form or in ours."""
+    plain = request.headers.get("x-content-sha256")
+    digest = _REPR_DIGEST.search(request.headers.get("repr-digest", ""))
+    if digest is not None:
+        try:
+            plain = base64.b64decode(digest[1], validate=True).hex()
+        except binascii.Error as error:
+            raise _bad_digest() from error
+    if plain is None:
+        return None
+    if re.fullmatch(r"[0-9a-fA-F]{64}", plain) is None:
+        raise _bad_digest()
+    return plain.lower()
+
+
+def _bad_digest() -> Problem:
+    return Problem(
+        400,
+        HttpCode.BAD_REQUEST,
+        "The announced hash is no SHA-256: X-Content-SHA256 takes 64 hex digits, Repr-Digest sha-256.",
+    )
+
+
+def _bad_form(why: str, *, retryable: bool = False) -> Problem:
+    code = HttpCode.UPLOAD_INCOMPLETE if retryable else HttpCode.BAD_REQUEST
+    return Problem(400, code, f"The multipart form is not usable: {why}.", retryable=retryable)
+
+
+def _too_large(max_bytes: int) -> Problem:
+    return Problem(
+        413, HttpCode.UPLOAD_TOO_LARGE, f"A file may have at most {max_bytes} bytes (STILB_MAX_UPLOAD_BYTES)."
+    )

@@ -1,0 +1,239 @@
+"""Fits, versions and what is decided of them."""
+
+from dataclasses import replace
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.luminance.rows import Exclusion, Params
+from service.auth import Calibrator, Caller, Publisher, Reader
+from service.context import UsesContext
+from service.immutable import immutable_headers, not_modified
+from service.lookup import Id, owned
+from service.paging import Cursor, Limit, Page, page
+from service.plot import draw_calibration
+from service.problems import HttpCode, Problem
+from service.routes import problems
+from service.schemas.calibrations import (
+    CalibrationAnswer,
+    NewCalibration,
+    NewPublication,
+    NewRevocation,
+    State,
+)
+from service.schemas.jobs import JobAnswer
+from service.tabular import write_csv
+from service.writing import Reply, Writes
+from store import jobs, publications
+from store.codec import encode
+from store.fitting import list_missing, with_campaign
+from store.queries.calibrations import coefficients_of, history, standings
+from store.queries.evidence import Evidence, gather
+from store.software import EXTRACTOR
+from store.tables import Calibration, Camera, Campaign
+
+router = APIRouter(prefix="/v1", tags=["calibrations"])
+
+
+@router.post(
+    "/campaigns/{campaign_id}/calibrations",
+    status_code=202,
+    response_model=JobAnswer,
+    responses=problems(404),
+)
+def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator, writing: Writes) -> Response:
+    """Fit the campaign. What is missing is said before it starts; the job's result names the version."""
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        evidence = gather(session, campaign, EXTRACTOR)
+        params = with_campaign(_read_params(body, evidence, caller), campaign)
+        missing = list_missing(campaign, evidence, params)
+        if missing:
+            detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
+            raise Problem(422, HttpCode.CAMPAIGN_INCOMPLETE, detail, missing=missing)
+        job = jobs.enqueue(
+            session,
+            kind="fit",
+            subject_id=campaign.id,
+            organisation_id=campaign.organisation_id,
+            by=caller.key_id,
+            parameters=encode(params),
+        )
+        session.flush()
+        location = {"Location": f"/v1/jobs/{job.id}"}
+        return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
+
+    return writing.run(caller, change)
+
+
+@router.get(
+    "/campaigns/{campaign_id}/calibrations",
+    response_model=Page[CalibrationAnswer],
+    responses=problems(404),
+)
+def list_campaign_calibrations(
+    campaign_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+) -> Any:  # noqa: ANN401
+    """The versions that were fitted from a campaign, newest first."""
+    with context.database.reading() as session:
+        owned(session, Campaign, campaign_id, caller)
+        rows = select(Calibration).where(Calibration.campaign_id == campaign_id)
+        return _page(session, request, rows, limit, cursor)
+
+
+@router.get(
+    "/cameras/{camera_id}/calibrations", response_model=Page[CalibrationAnswer], responses=problems(404)
+)
+def list_camera_calibrations(
+    camera_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    method: Annotated[str | None, Query()] = None,
+    state: Annotated[State | None, Query()] = None,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+) -> Any:  # noqa: ANN401
+    """A camera's history, newest first."""
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
+        rows = history(camera_id, method=method, state=state)
+        return _page(session, request, rows, limit, cursor)
+
+
+@router.get("/calibrations/{calibration_id}", response_model=CalibrationAnswer, responses=problems(404))
+def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+    """One version, whole: coefficients, points, diagnostics, inputs."""
+    with context.database.reading() as session:
+        return _answer(session, owned(session, Calibration, calibration_id, caller)).dump()
+
+
+@router.get(
+    "/calibrations/{calibration_id}/points.csv",
+    response_class=Response,
+    responses={
+        200: {"content": {"text/csv": {}}},
+        304: {"description": "You have it already."},
+        **problems(404),
+    },
+)
+def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """Every point of the fit, used or left out, a line each."""
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, caller)
+    tag = f"{calibration.content_sha256}-points"
+    return not_modified(request, tag) or Response(
+        write_csv(calibration.result["points"]), headers=immutable_headers(tag), media_type="text/csv"
+    )
+
+
+@router.get(
+    "/calibrations/{calibration_id}/plot.svg",
+    response_class=Response,
+    responses={
+        200: {"content": {"image/svg+xml": {}}},
+        304: {"description": "You have it already."},
+        **problems(404),
+    },
+)
+def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """Signal against X with the fit, and the residuals in % of L, a row of panels per ISO."""
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, caller)
+    tag = f"{calibration.content_sha256}-plot"
+    return not_modified(request, tag) or Response(
+        draw_calibration(calibration.result), headers=immutable_headers(tag), media_type="image/svg+xml"
+    )
+
+
+@router.post(
+    "/calibrations/{calibration_id}/publish",
+    response_model=CalibrationAnswer,
+    responses=problems(404, 409),
+)
+def publish_calibration(
+    calibration_id: Id, body: NewPublication, caller: Publisher, writing: Writes
+) -> Response:
+    """Put a version in force in [valid_from, valid_to). What was in force there gives way to it."""
+
+    def change(session: Session) -> Reply:
+        calibration = owned(session, Calibration, calibration_id, caller)
+        publications.publish(
+            session,
+            calibration,
+            valid_from=body.valid_from,
+            valid_to=body.valid_to,
+            reason=body.reason,
+        )
+        return Reply(status=200, body=_answer(session, calibration))
+
+    return writing.run(caller, change)
+
+
+@router.post(
+    "/calibrations/{calibration_id}/revoke",
+    response_model=CalibrationAnswer,
+    responses=problems(404),
+)
+def revoke_calibration(
+    calibration_id: Id, body: NewRevocation, caller: Publisher, writing: Writes
+) -> Response:
+    """Take a version back for good. It stays readable; nothing takes its place by itself."""
+
+    def change(session: Session) -> Reply:
+        calibration = owned(session, Calibration, calibration_id, caller)
+        publications.revoke(session, calibration, reason=body.reason, by=caller.key_id)
+        return Reply(status=200, body=_answer(session, calibration))
+
+    return writing.run(caller, change)
+
+
+def _read_params(body: NewCalibration, evidence: Evidence, caller: Caller) -> Params:
+    said = body.model_dump(exclude_none=True, exclude={"exclude", "tolerance"})
+    if body.tolerance is not None:
+        said["tolerance_rel"] = body.tolerance
+    exclusions = []
+    for index, exclusion in enumerate(body.exclude or []):
+        if exclusion.frame_id not in evidence.names:
+            raise Problem(
+                422,
+                HttpCode.VALIDATION_FAILED,
+                f"exclude.{index}.frame_id: this campaign has no such frame in use.",
+            )
+        name = evidence.names[exclusion.frame_id]
+        exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_id))
+    return replace(Params(), **said, exclude=tuple(sorted(exclusions, key=lambda e: e.frame)))
+
+
+def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> dict[str, Any]:  # noqa: ANN401
+    def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
+        ids = [row.id for row in found]
+        standing, coefficients = standings(session, ids), coefficients_of(session, ids)
+        return [
+            CalibrationAnswer.of(row, standing[row.id], coefficients[row.id], whole=False) for row in found
+        ]
+
+    return page(
+        session,
+        request,
+        rows,
+        by=Calibration.id,
+        limit=limit,
+        cursor=cursor,
+        newest_first=True,
+        shape=shape,
+    )
+
+
+def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:
+    standing = standings(session, [calibration.id])[calibration.id]
+    coefficients = coefficients_of(session, [calibration.id])[calibration.id]
+    return CalibrationAnswer.of(calibration, standing, coefficients, whole=True)

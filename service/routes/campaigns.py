@@ -1,0 +1,112 @@
+"""Campaigns and their region."""
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.roi import Polygon, parse_imagej
+from service.auth import Calibrator, Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.paging import Cursor, Limit, Page, page
+from service.problems import not_found
+from service.routes import problems
+from service.schemas.campaigns import CampaignAnswer, CampaignChange, NewCampaign, NewRoi, RoiAnswer
+from service.writing import Reply, Writes
+from store.fitting import missing_for_fit
+from store.queries.campaigns import count, find_or_add_roi, set_roi
+from store.tables import Camera, Campaign, Roi
+
+router = APIRouter(prefix="/v1/campaigns", tags=["campaigns"])
+
+
+@router.post("", status_code=201, response_model=CampaignAnswer, responses=problems(404))
+def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> Response:
+    """Begin a campaign: one camera, one method, one set of readings."""
+
+    def change(session: Session) -> Reply:
+        owned(session, Camera, body.camera_id, caller)
+        campaign = Campaign(organisation_id=caller.organisation_id, **body.model_dump())
+        session.add(campaign)
+        session.flush()
+        return Reply(status=201, body=CampaignAnswer.of(campaign))
+
+    return writing.run(caller, change)
+
+
+@router.get("", response_model=Page[CampaignAnswer], responses=problems())
+def list_campaigns(
+    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+) -> Any:  # noqa: ANN401
+    """The campaigns of your organisation, oldest first."""
+    rows = select(Campaign).where(Campaign.organisation_id == caller.organisation_id)
+    with context.database.reading() as session:
+        return page(
+            session,
+            request,
+            rows,
+            by=Campaign.id,
+            limit=limit,
+            cursor=cursor,
+            shape=lambda found: [CampaignAnswer.of(row) for row in found],
+        )
+
+
+@router.get("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
+def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+    """One campaign, with what has arrived and what a fit still needs."""
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        return _whole(session, campaign).dump()
+
+
+@router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
+def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, writing: Writes) -> Response:
+    """Correct what is written on a campaign."""
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        for name, value in body.model_dump(exclude_unset=True).items():
+            setattr(campaign, name, value)
+        session.flush()
+        return Reply(status=200, body=_whole(session, campaign))
+
+    return writing.run(caller, change)
+
+
+@router.put("/{campaign_id}/roi", response_model=RoiAnswer, responses=problems(404))
+def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
+    """Set the region of every frame that has none of its own; older statistics stay."""
+    polygon, corners = read_roi(body)
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        roi = find_or_add_roi(session, caller.organisation_id, polygon, corners)
+        jobs = set_roi(session, campaign, roi, by=caller.key_id)
+        return Reply(status=200, body=RoiAnswer.of(roi), jobs=jobs)
+
+    return writing.run(caller, change)
+
+
+@router.get("/{campaign_id}/roi", response_model=RoiAnswer, responses=problems(404))
+def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+    """The region in use."""
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        if campaign.roi_id is None:
+            raise not_found("region: this campaign has none yet")
+        return RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).dump()
+
+
+def read_roi(body: NewRoi) -> tuple[Polygon, list[list[float]]]:
+    """The polygon, and its corners in the order in which they were given."""
+    if body.polygon is not None:
+        return Polygon.from_points(body.polygon), body.polygon
+    polygon = parse_imagej(body.imagej or "")
+    return polygon, [list(point) for point in polygon.points]
+
+
+def _whole(session: Session, campaign: Campaign) -> CampaignAnswer:
+    return CampaignAnswer.whole(campaign, count(session, campaign), missing_for_fit(session, campaign))

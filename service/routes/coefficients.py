@@ -1,0 +1,148 @@
+"""What is in force, and the flat rows that dashboards draw."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Response
+from fastapi.responses import JSONResponse
+
+from radiometry.methods import Method
+from service.auth import Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.problems import HttpCode, Problem
+from service.routes import problems
+from service.schemas.base import Form, Instant, Text
+from service.schemas.calibrations import (
+    Coefficient,
+    CoefficientInForce,
+    CoefficientsAnswer,
+    SeriesAnswer,
+    SeriesRow,
+)
+from service.schemas.equipment import Positive
+from service.tabular import write_csv
+from store.columns import utc_now
+from store.publications import InForce, in_force
+from store.queries.calibrations import coefficients_of, series
+from store.tables import Calibration, Camera, CoefficientRow, Publication
+
+router = APIRouter(prefix="/v1", tags=["coefficients"])
+
+
+class Wanted(Form):
+    """Which coefficients, and as of when."""
+
+    method: Method
+    name: Text | None = None
+    iso: Positive | None = None
+    f_number: Positive | None = None
+    band: Text | None = None
+    at: Instant | None = None
+    known_at: Instant | None = None
+
+    def matches(self, row: CoefficientRow) -> bool:
+        """Whether a row has every property that was asked for."""
+        asked = ("name", "iso", "f_number", "band")
+        return all(getattr(self, n) is None or getattr(row, n) == getattr(self, n) for n in asked)
+
+
+@router.get("/cameras/{camera_id}/coefficients", response_model=CoefficientsAnswer, responses=problems(404))
+def get_coefficients(
+    camera_id: Id, wanted: Annotated[Wanted, Query()], caller: Reader, context: UsesContext
+) -> Any:  # noqa: ANN401
+    """The coefficients in force at a time, as known at a time; both default to now. None is a 404."""
+    now = utc_now()
+    at, known_at = wanted.at or now, wanted.known_at or now
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
+        found = in_force(session, camera_id=camera_id, method=wanted.method, at=at, known_at=known_at)
+        rows = coefficients_of(session, [held.calibration.id for held in found])
+    items = [
+        _in_force(row, held) for held in found for row in rows[held.calibration.id] if wanted.matches(row)
+    ]
+    if not items:
+        raise Problem(404, HttpCode.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, found, rows))
+    return CoefficientsAnswer(items=items).dump()
+
+
+@router.get(
+    "/series/coefficients",
+    response_model=SeriesAnswer,
+    responses={
+        200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
+        **problems(404),
+    },
+)
+def get_coefficient_series(
+    caller: Reader,
+    context: UsesContext,
+    camera_id: Annotated[Text | None, Query()] = None,
+    method: Annotated[Method | None, Query()] = None,
+    start: Annotated[Instant | None, Query(alias="from")] = None,
+    end: Annotated[Instant | None, Query(alias="to")] = None,
+    format: Annotated[Literal["json", "csv"], Query()] = "json",  # noqa: A002  the contract's name
+) -> Response:
+    """Every published coefficient with its validity: flat, in one answer, for a panel or a spreadsheet."""
+    with context.database.reading() as session:
+        if camera_id is not None:
+            owned(session, Camera, camera_id, caller)
+        found = series(
+            session, caller.organisation_id, camera_id=camera_id, method=method, start=start, end=end
+        )
+    rows = [_series_row(*row).dump() for row in found]
+    if format == "csv":
+        return Response(write_csv(rows, list(SeriesRow.model_fields)), media_type="text/csv")
+    return JSONResponse({"rows": rows})
+
+
+def _in_force(row: CoefficientRow, held: InForce) -> CoefficientInForce:
+    publication = held.publication
+    end = f"to {_stamp(publication.valid_to)}" if publication.valid_to else "on"
+    why = (
+        f"version {held.calibration.version} is in force from {_stamp(publication.valid_from)} {end}, "
+        f"known since {_stamp(publication.known_from)}: {publication.reason}"
+    )
+    return CoefficientInForce(
+        **Coefficient.of(row).model_dump(),
+        calibration_id=held.calibration.id,
+        version=held.calibration.version,
+        valid_from=publication.valid_from,
+        valid_to=publication.valid_to,
+        why=why,
+    )
+
+
+def _explain_none(
+    wanted: Wanted, at: datetime, found: list[InForce], rows: dict[str, list[CoefficientRow]]
+) -> str:
+    if not found:
+        return f"No {wanted.method} calibration of this camera is in force at {_stamp(at)}."
+    versions = ", ".join(str(held.calibration.version) for held in found)
+    isos = sorted({row.iso for held in found for row in rows[held.calibration.id] if row.iso})
+    return (
+        f"Version {versions} is in force at {_stamp(at)}, but has no such coefficient. "
+        f"It was calibrated for ISO {', '.join(f'{iso:g}' for iso in isos)}."
+    )
+
+
+def _series_row(
+    calibration: Calibration, row: CoefficientRow, camera: Camera, publication: Publication
+) -> SeriesRow:
+    values = Coefficient.of(row).model_dump() | {"flags": " ".join(row.flags)}
+    return SeriesRow(
+        **values,
+        camera_id=camera.id,
+        make=camera.make,
+        model_name=camera.model,
+        serial=camera.serial,
+        method=calibration.method,
+        version=calibration.version,
+        calibration_id=calibration.id,
+        valid_from=publication.valid_from,
+        valid_to=publication.valid_to,
+    )
+
+
+def _stamp(instant: datetime) -> str:
+    return instant.isoformat(timespec="seconds").replace("+00:00", "Z")

@@ -1,0 +1,281 @@
+"""Frames: uploaded as a stream, read by a worker, given back byte for byte."""
+
+import json
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from pydantic import Field, ValidationError
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+
+from service.auth import Calibrator, Caller, Reader, Uploader
+from service.context import Context, UsesContext
+from service.immutable import immutable_headers, not_modified
+from service.lookup import Id, owned
+from service.paging import Cursor, Limit, Page
+from service.paging import page as page_of
+from service.problems import HttpCode, Problem, invalid
+from service.receive import receive
+from service.routes import problems
+from service.routes.campaigns import read_roi
+from service.schemas.base import Form, LongText, Text
+from service.schemas.campaigns import NewRoi, Role
+from service.schemas.equipment import Positive
+from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow
+from service.writing import Reply, StreamWrites, Writes
+from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
+from store.queries.frames import NewFrame, channel_rows, describe_anew, extractions_of, find_or_add_frame
+from store.tables import Blob, Campaign, FrameRow
+
+router = APIRouter(prefix="/v1", tags=["frames"])
+
+_BINARY = {"schema": {"type": "string", "format": "binary"}}
+_UPLOAD = {
+    "requestBody": {
+        "required": True,
+        "description": "The file as it is, or a form with one part named `file`.",
+        "content": {
+            "application/octet-stream": _BINARY,
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {"file": {"type": "string", "format": "binary"}},
+                }
+            },
+        },
+    }
+}
+
+
+class Upload(Form):
+    """What the field team says of the file that it sends."""
+
+    role: Role
+    scene: Annotated[Text | None, Field(description="The light level that a light frame belongs to.")] = None
+    filename: Text | None = None
+    exposure_time_s: Annotated[Positive | None, Field(description="For a file that does not say it.")] = None
+    f_number: Annotated[Positive | None, Field(description="For a file that does not say it.")] = None
+    iso: Annotated[Positive | None, Field(description="For a file that does not say it.")] = None
+    roi: Annotated[
+        LongText | None,
+        Field(
+            description="The frame's own region, where the camera has moved: [[x,y],...] or makePolygon(...)."
+        ),
+    ] = None
+
+    def supplied(self) -> dict[str, float]:
+        return self.model_dump(include={"exposure_time_s", "f_number", "iso"}, exclude_none=True)
+
+
+@router.post(
+    "/campaigns/{campaign_id}/frames",
+    status_code=201,
+    response_model=FrameAnswer,
+    responses={
+        200: {"model": FrameAnswer, "description": "The campaign has these bytes already."},
+        **problems(400, 404, 413, 507),
+    },
+    openapi_extra=_UPLOAD,
+)
+async def upload_frame(
+    campaign_id: Id,
+    request: Request,
+    upload: Annotated[Upload, Query()],
+    caller: Uploader,
+    context: UsesContext,
+    writing: StreamWrites,
+) -> Response:
+    """Upload one file. It is durable when this answers; a worker then reads it.
+
+    The hash is compared when X-Content-SHA256 or Repr-Digest announces it.
+    """
+    region = _read_region(upload.roi) if upload.roi is not None else None
+    await run_in_threadpool(_check_campaign, context, campaign_id, caller)
+    received = await receive(request, context.blobs, max_bytes=context.settings.max_upload_bytes)
+    filename = upload.filename or received.filename or f"{received.blob.sha256[:12]}.bin"
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        roi = find_or_add_roi(session, caller.organisation_id, *read_roi(region)) if region else None
+        new = NewFrame(
+            sha256=received.blob.sha256,
+            size_bytes=received.blob.size_bytes,
+            filename=_plain_name(filename),
+            role=upload.role,
+            scene=upload.scene,
+            roi_id=roi.id if roi else None,
+            supplied=upload.supplied(),
+        )
+        frame, is_new, to_read = find_or_add_frame(session, campaign, new)
+        jobs = (
+            [enqueue_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if to_read else []
+        )
+        body = _answers(session, [frame])[0]
+        body = body.model_copy(update={"job_id": jobs[0].id if jobs else None})
+        return Reply(status=201 if is_new else 200, body=body, jobs=jobs)
+
+    return await run_in_threadpool(writing.with_content(received.blob.sha256).run, caller, change)
+
+
+@router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer], responses=problems(404))
+def list_frames(
+    campaign_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+) -> Any:  # noqa: ANN401
+    """A campaign's frames, oldest first."""
+    rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
+    with context.database.reading() as session:
+        owned(session, Campaign, campaign_id, caller)
+        return page_of(
+            session,
+            request,
+            rows,
+            by=FrameRow.id,
+            limit=limit,
+            cursor=cursor,
+            shape=lambda found: _answers(session, found),
+        )
+
+
+@router.get("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
+def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+    """One frame: what it says of itself, its refusal or warnings, its statistics."""
+    with context.database.reading() as session:
+        return _answers(session, [owned(session, FrameRow, frame_id, caller)])[0].dump()
+
+
+@router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
+def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: Writes) -> Response:
+    """Correct what was said of a frame; it is then read again."""
+
+    def change(session: Session) -> Reply:
+        frame = owned(session, FrameRow, frame_id, caller)
+        said = body.model_dump(exclude_none=True)
+        supplied = {name: said.pop(name) for name in ("exposure_time_s", "f_number", "iso") if name in said}
+        changed = describe_anew(frame, {**said, "supplied": {**frame.supplied, **supplied}})
+        return _read_again(session, frame, caller, changed=changed)
+
+    return writing.run(caller, change)
+
+
+@router.put("/frames/{frame_id}/roi", response_model=FrameAnswer, responses=problems(404))
+def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
+    """Give a frame a region of its own, where the camera has moved."""
+    polygon, corners = read_roi(body)
+
+    def change(session: Session) -> Reply:
+        frame = owned(session, FrameRow, frame_id, caller)
+        roi = find_or_add_roi(session, caller.organisation_id, polygon, corners)
+        return _read_again(session, frame, caller, changed=describe_anew(frame, {"roi_id": roi.id}))
+
+    return writing.run(caller, change)
+
+
+@router.get(
+    "/frames/{frame_id}/content",
+    response_class=Response,
+    responses={
+        200: {"content": {"application/octet-stream": _BINARY}},
+        304: {"description": "You have it already."},
+        **problems(404),
+    },
+)
+def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """The very bytes that were uploaded."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        size = session.get_one(Blob, frame.sha256).size_bytes
+    disposition = f"attachment; filename*=UTF-8''{quote(frame.filename, safe='')}"
+    headers = {
+        **immutable_headers(frame.sha256),
+        "Content-Length": str(size),
+        "Content-Disposition": disposition,
+    }
+    return not_modified(request, frame.sha256) or StreamingResponse(
+        context.blobs.open(frame.sha256), headers=headers, media_type="application/octet-stream"
+    )
+
+
+@router.get(
+    "/frames/{frame_id}/preview.png",
+    response_class=Response,
+    responses={
+        200: {"content": {"image/png": _BINARY}},
+        304: {"description": "You have it already."},
+        **problems(404),
+    },
+)
+def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """A picture to draw the region on; its width against `width_px` is the scale."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+    if frame.preview_sha256 is None:
+        raise Problem(
+            404,
+            HttpCode.PREVIEW_NOT_READY,
+            "This frame has no preview: it has not been read yet, or it was refused.",
+            retryable=frame.state == "received",
+        )
+    return not_modified(request, frame.preview_sha256) or StreamingResponse(
+        context.blobs.open(frame.preview_sha256),
+        headers=immutable_headers(frame.preview_sha256),
+        media_type="image/png",
+    )
+
+
+def _check_campaign(context: Context, campaign_id: str, caller: Caller) -> None:
+    """Before a long upload, not after it."""
+    with context.database.reading() as session:
+        owned(session, Campaign, campaign_id, caller)
+
+
+def _read_region(text: str) -> NewRoi:
+    try:
+        if text.lstrip().startswith("["):
+            return NewRoi.model_validate({"polygon": json.loads(text)})
+        return NewRoi(imagej=text)
+    except (ValueError, RecursionError) as error:
+        errors = error.errors(include_input=False) if isinstance(error, ValidationError) else []
+        message = errors[0]["msg"] if errors else "it is neither [[x,y],...] nor makePolygon(...)"
+        raise invalid([{"loc": ("query", "roi"), "msg": message}]) from error
+
+
+def _plain_name(filename: str) -> str:
+    """The last part of a path, without control characters: a name is data, never an address."""
+    name = filename.replace("\\", "/").rpartition("/")[2]
+    return "".join(c for c in name if c.isprintable())[:200] or "unnamed"
+
+
+def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> Reply:
+    jobs = [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
+    session.flush()
+    body = _answers(session, [frame])[0].model_copy(update={"job_id": jobs[0].id if jobs else None})
+    return Reply(status=200, body=body, jobs=jobs)
+
+
+def _answers(session: Session, frames: list[FrameRow]) -> list[FrameAnswer]:
+    """Frames with their statistics, in four queries however many they are."""
+    extractions = extractions_of(session, [frame.id for frame in frames])
+    rows = channel_rows(session, [e.id for found in extractions.values() for e in found])
+    blobs = session.scalars(select(Blob).where(Blob.sha256.in_({frame.sha256 for frame in frames})))
+    sizes = {blob.sha256: blob.size_bytes for blob in blobs}
+    return [
+        FrameAnswer.of(
+            frame,
+            size_bytes=sizes[frame.sha256],
+            statistics=[
+                StatisticsRow.of(extraction, row)
+                for extraction in extractions[frame.id]
+                for row in rows[extraction.id]
+            ],
+        )
+        for frame in frames
+    ]

@@ -1,0 +1,86 @@
+"""Organisations and keys."""
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.auth import SCOPES, Admin
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.paging import Cursor, Limit, Page, page
+from service.problems import HttpCode, Problem
+from service.routes import problems
+from service.schemas.equipment import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer
+from service.writing import Reply, Writes
+from store.columns import utc_now
+from store.queries.keys import create_key, new_secret
+from store.tables import ApiKey, Organisation
+
+router = APIRouter(prefix="/v1", tags=["keys"])
+
+
+@router.post("/organisations", status_code=201, response_model=OrganisationAnswer, responses=problems(409))
+def create_organisation(body: NewOrganisation, caller: Admin, writing: Writes) -> Response:
+    """Found an organisation; its first key is shown once. Only the operator's admins may."""
+    if not caller.operator:
+        raise Problem(403, HttpCode.SCOPE_MISSING, "Only an admin of the operator founds organisations.")
+
+    def change(session: Session) -> Reply:
+        if session.scalar(select(Organisation).where(Organisation.name == body.name)):
+            raise Problem(409, HttpCode.CONFLICT, f"There is an organisation {body.name!r} already.")
+        organisation = Organisation(name=body.name)
+        session.add(organisation)
+        session.flush()
+        key = _create(session, organisation.id, NewKey(name="first", scopes=list(SCOPES)))
+        return Reply(status=201, body=OrganisationAnswer.of(organisation, key))
+
+    return writing.run(caller, change)
+
+
+@router.post("/keys", status_code=201, response_model=KeyAnswer, responses=problems())
+def create_api_key(body: NewKey, caller: Admin, writing: Writes) -> Response:
+    """Make a key of your organisation. Its secret is in this answer and nowhere else."""
+    return writing.run(
+        caller, lambda session: Reply(status=201, body=_create(session, caller.organisation_id, body))
+    )
+
+
+@router.get("/keys", response_model=Page[KeyAnswer], responses=problems())
+def list_keys(
+    request: Request, caller: Admin, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+) -> Any:  # noqa: ANN401
+    """The keys of your organisation, without their secrets."""
+    rows = select(ApiKey).where(ApiKey.organisation_id == caller.organisation_id)
+    with context.database.reading() as session:
+        return page(
+            session,
+            request,
+            rows,
+            by=ApiKey.id,
+            limit=limit,
+            cursor=cursor,
+            shape=lambda found: [KeyAnswer.of(row) for row in found],
+        )
+
+
+@router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404))
+def revoke_key(key_id: Id, caller: Admin, writing: Writes) -> Response:
+    """Revoke a key at once. It stays in the record."""
+
+    def change(session: Session) -> Reply:
+        key = owned(session, ApiKey, key_id, caller)
+        key.revoked_at = key.revoked_at or utc_now()
+        session.flush()
+        return Reply(status=200, body=KeyAnswer.of(key))
+
+    return writing.run(caller, change)
+
+
+def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
+    secret = new_secret()
+    key = create_key(
+        session, organisation_id=organisation_id, name=new.name, scopes=list(new.scopes), secret=secret
+    )
+    return KeyAnswer.of(key).model_copy(update={"secret": secret})

@@ -1,0 +1,86 @@
+"""What every form and every answer has in common."""
+
+from datetime import datetime
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    StringConstraints,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+# a NUL cannot be stored in PostgreSQL, and no honest name holds a control character
+Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")]
+LongText = Annotated[
+    str, StringConstraints(min_length=1, max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f]+$")
+]
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+
+
+def _rfc3339(instant: datetime) -> str:
+    return instant.isoformat().replace("+00:00", "Z")
+
+
+def _year_is_plausible(instant: datetime) -> datetime:
+    # conversions to UTC overflow at the calendar's ends
+    if not 1900 <= instant.year <= 9000:
+        raise PydanticCustomError("year", "the year must lie between 1900 and 9000")
+    return instant
+
+
+Instant = Annotated[
+    AwareDatetime, AfterValidator(_year_is_plausible), PlainSerializer(_rfc3339, when_used="json")
+]
+
+
+class Form(BaseModel):
+    """What a client sends: unknown fields, null and numbers that are none are refused by name."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_null(cls, value: Any) -> Any:  # noqa: ANN401
+        if isinstance(value, dict):
+            for name, member in value.items():
+                if member is None:
+                    raise PydanticCustomError(
+                        "null", "{name}: null is not a value here; leave it out", {"name": name}
+                    )
+        return value
+
+
+class Answer(BaseModel):
+    """What the service sends: what is absent is left out, never null."""
+
+    model_config = ConfigDict(allow_inf_nan=False, from_attributes=True)
+
+    def dump(self) -> dict[str, Any]:
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+class Quantity(Answer):
+    """A reported figure with its uncertainty and unit."""
+
+    value: float
+    standard_uncertainty: float = Field(ge=0)
+    unit: str
+
+
+class ProblemAnswer(BaseModel):
+    """RFC 9457, with a stable code and whether trying again can help."""
+
+    model_config = ConfigDict(extra="allow")
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    code: str
+    retryable: bool

@@ -1,0 +1,225 @@
+"""Fits, versions, publications, and the coefficients in force."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from service.schemas.base import Answer, Form, Instant, LongText, Text
+from store.queries.calibrations import Standing
+from store.tables import Calibration, CoefficientRow
+
+State = Literal["draft", "published", "superseded", "revoked"]
+
+
+class Exclusion(Form):
+    frame_id: Text
+    reason: LongText
+
+
+class NewCalibration(Form):
+    """How to fit; what is left out takes the method's default."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "model": "proportional",
+                    "tolerance": 0.04,
+                    "exclude": [{"frame_id": "frm_1", "reason": "somebody walked through the light"}],
+                }
+            ]
+        }
+    )
+
+    model: Literal["proportional", "affine", "power", "semilog"] | None = None
+    tolerance: Annotated[
+        float | None, Field(gt=0, lt=1, description="Largest accepted error, as a share of L.")
+    ] = None
+    channel: Literal["green", "grey"] | None = None
+    exposure_basis: Literal["nominal", "apex"] | None = None
+    meter_repeatability_rel: Annotated[float | None, Field(gt=0, lt=1)] = None
+    f_number_u_rel: Annotated[float | None, Field(ge=0, lt=1)] = None
+    exposure_time_u_rel: Annotated[float | None, Field(ge=0, lt=1)] = None
+    exclude: Annotated[list[Exclusion] | None, Field(max_length=10_000)] = None
+
+
+class NewPublication(Form):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring calibration, reviewed by A. Meier"}
+            ]
+        }
+    )
+
+    valid_from: Instant
+    valid_to: Instant | None = None
+    reason: LongText
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "NewPublication":
+        if self.valid_to is not None and self.valid_to <= self.valid_from:
+            raise ValueError("valid_to must lie after valid_from; validity is [valid_from, valid_to)")
+        return self
+
+
+class NewRevocation(Form):
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"reason": "the meter was out of calibration"}]}
+    )
+
+    reason: LongText
+
+
+class Coefficient(Answer):
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+    iso: float | None = None
+    f_number: float | None = None
+    band: str | None = None
+    channel: str | None = None
+    model: str
+    flags: list[str]
+
+    @classmethod
+    def of(cls, row: CoefficientRow) -> "Coefficient":
+        return cls.model_validate(row)
+
+
+class CoefficientInForce(Coefficient):
+    calibration_id: str
+    version: int
+    valid_from: Instant
+    valid_to: Instant | None = None
+    why: str
+
+
+class CoefficientsAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "items": [
+                        {
+                            "name": "luminance_k",
+                            "value": 33.1,
+                            "standard_uncertainty": 0.4,
+                            "unit": "DN*m2/(cd*s)",
+                            "iso": 3200,
+                            "model": "proportional",
+                            "flags": [],
+                            "calibration_id": "cal_1",
+                            "version": 1,
+                            "valid_from": "2026-05-01T00:00:00Z",
+                            "why": "version 1 is in force from 2026-05-01T00:00:00Z on",
+                        }
+                    ]
+                }
+            ]
+        }
+    )
+
+    items: list[CoefficientInForce]
+
+
+class SeriesRow(Answer):
+    """One coefficient of one published version: flat, for a dashboard's panel."""
+
+    camera_id: str
+    make: str
+    model_name: str
+    serial: str
+    method: str
+    version: int
+    calibration_id: str
+    name: str
+    value: float
+    standard_uncertainty: float
+    unit: str
+    iso: float | None = None
+    f_number: float | None = None
+    band: str | None = None
+    channel: str | None = None
+    model: str
+    flags: str
+    valid_from: Instant
+    valid_to: Instant | None = None
+
+
+class SeriesAnswer(Answer):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"rows": []}]})
+
+    rows: list[SeriesRow]
+
+
+class CalibrationAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "cal_1",
+                    "camera_id": "cam_1",
+                    "campaign_id": "cmp_1",
+                    "method": "luminance",
+                    "version": 1,
+                    "state": "draft",
+                    "configuration": {},
+                    "coefficients": [],
+                    "parameters": {},
+                    "software": {"stilb": "0.1.0"},
+                    "content_sha256": "0" * 64,
+                    "created_at": "2026-05-01T08:00:00Z",
+                    "created_by": "key_1",
+                }
+            ]
+        }
+    )
+
+    id: str
+    camera_id: str
+    campaign_id: str
+    method: str
+    version: int
+    state: State
+    configuration: dict[str, Any]
+    coefficients: list[Coefficient]
+    parameters: dict[str, Any]
+    diagnostics: dict[str, Any] | None = None
+    points: list[dict[str, Any]] | None = None
+    inputs: dict[str, Any] | None = None
+    software: dict[str, Any]
+    content_sha256: str
+    created_at: Instant
+    created_by: str
+    valid_from: Instant | None = None
+    valid_to: Instant | None = None
+    superseded_by: str | None = None
+    revoked_reason: str | None = None
+
+    @classmethod
+    def of(
+        cls, row: Calibration, standing: Standing, coefficients: list[CoefficientRow], *, whole: bool
+    ) -> "CalibrationAnswer":
+        """``whole``: with points, diagnostics and inputs, which a list leaves out."""
+        detail: dict[str, Any] = {}
+        if whole:
+            result = dict(row.result)
+            detail = {"points": result.pop("points", []), "diagnostics": result, "inputs": row.inputs}
+        return cls(
+            **{name: getattr(row, name) for name in _FROM_ROW},
+            state=standing.state,
+            coefficients=[Coefficient.of(c) for c in coefficients],
+            valid_from=standing.valid_from,
+            valid_to=standing.valid_to,
+            superseded_by=standing.superseded_by,
+            revoked_reason=standing.revoked_reason,
+            **detail,
+        )
+
+
+_FROM_ROW = (
+    *("id", "camera_id", "campaign_id", "method", "version", "configuration", "parameters", "software"),
+    *("content_sha256", "created_at", "created_by"),
+)

@@ -1,0 +1,223 @@
+"""Campaigns, their region and their readings."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from radiometry.methods import Method
+from service.schemas.base import Answer, Form, Instant, LongText, Text
+from store.queries.campaigns import Counts
+from store.tables import Campaign, Reading, Roi
+
+Role = Literal["light", "dark", "flat", "panel", "chart", "field"]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Reflectance = Annotated[float, Field(gt=0, le=1)]
+
+
+class NewCampaign(Form):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "camera_id": "cam_1",
+                    "method": "luminance",
+                    "project_number": "P-17",
+                    "recorder": "A. Meier",
+                }
+            ]
+        }
+    )
+
+    camera_id: Text
+    method: Method
+    project_number: Text | None = None
+    recorder: Text | None = None
+    started_at: Instant | None = None
+    comments: LongText | None = None
+    surface_reflectance: Annotated[
+        Reflectance | None,
+        Field(description="rho of the taped surface: checks luminance against illuminance."),
+    ] = None
+
+
+class CampaignChange(Form):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"recorder": "B. Schulz"}]})
+
+    project_number: Text | None = None
+    recorder: Text | None = None
+    started_at: Instant | None = None
+    comments: LongText | None = None
+    surface_reflectance: Reflectance | None = None
+
+
+class FrameCounts(Answer):
+    received: int = Field(description="All frames of the campaign.")
+    extracted: int
+    refused: int
+
+
+class CampaignAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "cmp_1",
+                    "camera_id": "cam_1",
+                    "method": "luminance",
+                    "created_at": "2026-05-01T08:00:00Z",
+                    "frames": {"received": 30, "extracted": 29, "refused": 1},
+                    "readings": 12,
+                    "missing": ["scene level-4 has no luminance reading"],
+                }
+            ]
+        }
+    )
+
+    id: str
+    camera_id: str
+    method: Method
+    project_number: str | None = None
+    recorder: str | None = None
+    started_at: Instant | None = None
+    comments: str | None = None
+    surface_reflectance: float | None = None
+    created_at: Instant
+    frames: FrameCounts | None = None
+    readings: int | None = None
+    missing: list[str] | None = Field(default=None, description="What a fit still needs, by name.")
+
+    @classmethod
+    def of(cls, row: Campaign) -> "CampaignAnswer":
+        return cls.model_validate(
+            {name: getattr(row, name) for name in cls.model_fields if hasattr(row, name)}
+        )
+
+    @classmethod
+    def whole(cls, row: Campaign, counts: Counts, missing: list[str]) -> "CampaignAnswer":
+        """With what has arrived and what has not."""
+        return cls.of(row).model_copy(
+            update={
+                "frames": FrameCounts(
+                    received=counts.received, extracted=counts.extracted, refused=counts.refused
+                ),
+                "readings": counts.readings,
+                "missing": missing,
+            }
+        )
+
+
+class NewRoi(Form):
+    """A region: either its points, or ImageJ's own line."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"polygon": [[2200, 1600], [3100, 1600], [3100, 2300], [2200, 2300]]},
+                {"imagej": "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);"},
+            ],
+            "oneOf": [{"required": ["polygon"]}, {"required": ["imagej"]}],
+        }
+    )
+
+    polygon: Annotated[
+        list[Point] | None,
+        Field(min_length=3, max_length=1000, description="Corners [x, y] in pixels, x right, y down."),
+    ] = None
+    imagej: Annotated[LongText | None, Field(description="A makePolygon(...) call of an ImageJ macro.")] = (
+        None
+    )
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "NewRoi":
+        if (self.polygon is None) == (self.imagej is None):
+            raise ValueError("give either polygon or imagej")
+        return self
+
+
+class RoiAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "roi_1",
+                    "polygon": [[2200, 1600], [3100, 1600], [3100, 2300], [2200, 2300]],
+                    "sha256": "0" * 64,
+                    "created_at": "2026-05-01T08:00:00Z",
+                }
+            ]
+        }
+    )
+
+    id: str
+    polygon: list[Point]
+    sha256: str
+    created_at: Instant
+
+    @classmethod
+    def of(cls, row: Roi) -> "RoiAnswer":
+        return cls(id=row.id, polygon=row.points, sha256=row.sha256, created_at=row.created_at)
+
+
+class NewReading(Form):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}]
+        }
+    )
+
+    scene: Text
+    quantity: Literal["luminance", "illuminance"]
+    value: Annotated[float, Field(gt=0, lt=1e9)]
+    unit: Literal["cd/m2", "fL", "lx", "fc"]
+    meter_id: Text | None = None
+    taken_at: Instant | None = None
+
+    @model_validator(mode="after")
+    def _unit_fits(self) -> "NewReading":
+        fitting = ("cd/m2", "fL") if self.quantity == "luminance" else ("lx", "fc")
+        if self.unit not in fitting:
+            raise ValueError(f"{self.unit} is no unit of {self.quantity}: use {' or '.join(fitting)}")
+        return self
+
+
+class ReadingAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "rdg_1",
+                    "scene": "level-1",
+                    "quantity": "luminance",
+                    "value": 54.4,
+                    "unit": "cd/m2",
+                    "entered_value": 54.4,
+                    "entered_unit": "cd/m2",
+                    "created_at": "2026-05-01T08:00:00Z",
+                }
+            ]
+        }
+    )
+
+    id: str
+    scene: str
+    quantity: str
+    value: float = Field(description="In SI: cd/m2 or lx.")
+    unit: str
+    entered_value: float
+    entered_unit: str
+    meter_id: str | None = None
+    taken_at: Instant | None = None
+    created_at: Instant
+    withdrawn_at: Instant | None = None
+
+    @classmethod
+    def of(cls, row: Reading) -> "ReadingAnswer":
+        fields: dict[str, Any] = {name: getattr(row, name) for name in cls.model_fields if hasattr(row, name)}
+        return cls(unit="cd/m2" if row.quantity == "luminance" else "lx", **fields)
+
+
+class ReadingsAnswer(Answer):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"items": []}]})
+
+    items: list[ReadingAnswer]

@@ -1,0 +1,153 @@
+"""Frames: what came, what it says of itself, and its statistics."""
+
+from typing import Any
+
+from pydantic import ConfigDict, Field
+
+from service.schemas.base import Answer, Form, Instant, Text
+from service.schemas.campaigns import Role
+from service.schemas.equipment import Positive
+from store.tables import ChannelRow, Extraction, FrameRow
+
+
+class FrameChange(Form):
+    """A correction of what was said of a frame; the frame is then read again."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"scene": "level-2"}]})
+
+    role: Role | None = None
+    scene: Text | None = None
+    exposure_time_s: Positive | None = None
+    f_number: Positive | None = None
+    iso: Positive | None = None
+
+
+class CameraAsRead(Answer):
+    make: str | None = None
+    model: str | None = None
+    serial: str | None = None
+    lens_make: str | None = None
+    lens_model: str | None = None
+    lens_serial: str | None = None
+
+
+class Refusal(Answer):
+    code: str
+    detail: str
+
+
+class StatisticsRow(Answer):
+    """One channel in one region; raw DN, black not subtracted."""
+
+    roi: str
+    channel: str
+    n: int
+    min_dn: int
+    max_dn: int
+    mean_dn: float
+    median_dn: float
+    std_dn: float
+    saturated_share: float
+    zero_share: float
+    black_level_dn: float
+    white_level_dn: float
+    extractor: str
+
+    @classmethod
+    def of(cls, extraction: Extraction, row: ChannelRow) -> "StatisticsRow":
+        columns = {name: getattr(row, name) for name in cls.model_fields if hasattr(row, name)}
+        return cls(roi=extraction.roi_id, extractor=extraction.extractor, **columns)
+
+
+class FrameAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "frm_1",
+                    "campaign_id": "cmp_1",
+                    "sha256": "0" * 64,
+                    "filename": "DJI_0001.DNG",
+                    "role": "light",
+                    "scene": "level-1",
+                    "state": "received",
+                    "warnings": [],
+                    "statistics": [],
+                    "created_at": "2026-05-01T08:00:00Z",
+                }
+            ]
+        }
+    )
+
+    id: str
+    campaign_id: str
+    sha256: str
+    size_bytes: int | None = None
+    filename: str
+    role: Role
+    scene: str | None = None
+    roi_id: str | None = None
+    supplied: dict[str, float] | None = None
+    state: str
+    camera: CameraAsRead | None = None
+    exposure_time_s: float | None = None
+    f_number: float | None = None
+    iso: float | None = None
+    exposure: dict[str, Any] | None = Field(
+        default=None, description="Nominal and APEX values and their origin."
+    )
+    black_level_dn: float | None = Field(default=None, description="Mean over the sites of the CFA pattern.")
+    white_level_dn: float | None = Field(default=None, description="The lowest of the sites.")
+    cfa: str | None = None
+    width_px: int | None = None
+    height_px: int | None = None
+    taken_at: str | None = None
+    metadata: dict[str, Any] | None = Field(
+        default=None, description="Everything that the file says of itself."
+    )
+    refusal: Refusal | None = None
+    warnings: list[str]
+    statistics: list[StatisticsRow]
+    job_id: str | None = Field(default=None, description="The job that reads it, where one was started.")
+    created_at: Instant
+
+    @classmethod
+    def of(
+        cls,
+        row: FrameRow,
+        *,
+        size_bytes: int | None = None,
+        statistics: list[StatisticsRow] | None = None,
+        job_id: str | None = None,
+    ) -> "FrameAnswer":
+        refusal = None
+        if row.refusal_code is not None:
+            refusal = Refusal(code=row.refusal_code, detail=row.refusal_detail or "")
+        return cls(
+            **{name: getattr(row, name) for name in _FROM_ROW},
+            **_from_header(row.header),
+            supplied=row.supplied or None,
+            size_bytes=size_bytes,
+            refusal=refusal,
+            statistics=statistics or [],
+            job_id=job_id,
+        )
+
+
+_FROM_ROW = (
+    *("id", "campaign_id", "sha256", "filename", "role", "scene", "roi_id", "state", "exposure_time_s"),
+    *("f_number", "iso", "exposure", "warnings", "created_at"),
+)
+
+
+def _from_header(header: dict[str, Any] | None) -> dict[str, Any]:
+    if header is None:
+        return {}
+    said = {name: value for name, value in header.items() if value is not None}
+    return {
+        "camera": CameraAsRead.model_validate({n: said.get(n) for n in CameraAsRead.model_fields}),
+        "black_level_dn": sum(said["black_level_dn"]) / len(said["black_level_dn"]),
+        "white_level_dn": min(said["white_level_dn"]),
+        "metadata": said,
+        **{name: said.get(name) for name in ("cfa", "width_px", "height_px", "taken_at")},
+    }

@@ -1,0 +1,103 @@
+"""A panel with two axes in SVG: enough for a calibration's plots, and nothing that runs."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+_STEPS = (1.0, 2.0, 5.0, 10.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """From a figure to a pixel along one axis."""
+
+    low: float
+    high: float
+    start_px: float
+    end_px: float
+    logarithmic: bool = False
+
+    def __call__(self, value: float) -> float:
+        """The pixel of a value; on a logarithmic scale it must be positive."""
+        low, high, at = self.low, self.high, value
+        if self.logarithmic:
+            low, high, at = math.log(low), math.log(high), math.log(value)
+        return self.start_px + (self.end_px - self.start_px) * (at - low) / (high - low)
+
+    def ticks(self) -> list[float]:
+        """Round figures: powers of ten on a logarithmic scale, else steps of 1, 2 or 5."""
+        if self.logarithmic:
+            exponents = range(
+                math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9) + 1
+            )
+            return [10.0**exponent for exponent in exponents]
+        rough = (self.high - self.low) / 4
+        power = 10.0 ** math.floor(math.log10(rough))
+        step = next(s * power for s in _STEPS if s * power >= rough * 0.999)
+        first = math.ceil(self.low / step - 1e-9)
+        return [step * i for i in range(first, math.floor(self.high / step + 1e-9) + 1)]
+
+
+def span(
+    values: Iterable[float], *, logarithmic: bool = False, include: Sequence[float] = ()
+) -> tuple[float, float]:
+    """Limits with some air around the values."""
+    known = [*values, *include]
+    if logarithmic:
+        known = [value for value in known if value > 0] or [1.0]
+        return min(known) / 1.5, max(known) * 1.5
+    low, high = min(known, default=0.0), max(known, default=1.0)
+    air = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
+    return low - air, high + air
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """A frame with axes; what is drawn in it is clipped to it by staying within the limits."""
+
+    x: Scale
+    y: Scale
+    title: str
+    x_label: str
+    y_label: str
+
+    def frame(self) -> list[str]:
+        """The box, ticks and labels."""
+        left, right = self.x.start_px, self.x.end_px
+        bottom, top = self.y.start_px, self.y.end_px
+        middle = (left + right) / 2
+        size = f'width="{right - left:.1f}" height="{bottom - top:.1f}"'
+        turned = f"translate({left - 46:.1f} {(top + bottom) / 2:.1f}) rotate(-90)"
+        parts = [
+            f'<rect class="box" x="{left:.1f}" y="{top:.1f}" {size}/>',
+            f'<text class="title" x="{left:.1f}" y="{top - 8:.1f}">{escape(self.title)}</text>',
+            f'<text class="mid" x="{middle:.1f}" y="{bottom + 34:.1f}">{escape(self.x_label)}</text>',
+            f'<text class="mid" transform="{turned}">{escape(self.y_label)}</text>',
+        ]
+        for tick in self.x.ticks():
+            at = self.x(tick)
+            parts.append(f'<path class="tick" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
+            parts.append(f'<text class="mid" x="{at:.1f}" y="{bottom + 16:.1f}">{tick:g}</text>')
+        for tick in self.y.ticks():
+            at = self.y(tick)
+            parts.append(f'<path class="tick" d="M{left:.1f} {at:.1f}H{right:.1f}"/>')
+            parts.append(f'<text class="end" x="{left - 5:.1f}" y="{at + 4:.1f}">{tick:g}</text>')
+        return parts
+
+    def line(self, points: Iterable[tuple[float, float]], css: str) -> str:
+        """A polyline through those points that lie within the limits."""
+        shown = [f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in points if self._holds(x, y)]
+        return f'<polyline class="{css}" points="{" ".join(shown)}"/>'
+
+    def dot(self, x: float, y: float, css: str, told: str) -> str:
+        """A point, which tells its name when it is pointed at."""
+        if not self._holds(x, y):
+            return ""
+        return (
+            f'<circle class="{css}" cx="{self.x(x):.1f}" cy="{self.y(y):.1f}" r="3">'
+            f"<title>{escape(told)}</title></circle>"
+        )
+
+    def _holds(self, x: float, y: float) -> bool:
+        return self.x.low <= x <= self.x.high and self.y.low <= y <= self.y.high

@@ -1,0 +1,31 @@
+"""CSV that a spreadsheet opens without running it."""
+
+import csv
+import io
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+_FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+
+
+def write_csv(rows: Iterable[Mapping[str, Any]], columns: list[str] | None = None) -> str:
+    """Rows under their names; numbers as they are, text that a spreadsheet would run made text."""
+    rows = list(rows)
+    names = columns or (list(rows[0]) if rows else [])
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\r\n")
+    writer.writerow(names)
+    for row in rows:
+        writer.writerow([_cell(row.get(name)) for name in names])
+    return out.getvalue()
+
+
+def _cell(value: Any) -> Any:  # noqa: ANN401
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str) and value.startswith(_FORMULA_STARTS):
+        return f"'{value}"
+    # repr gives a float its shortest exact form
+    return repr(value) if isinstance(value, float) else value

@@ -1,0 +1,36 @@
+"""Between the science's dataclasses and what the tables keep."""
+
+from dataclasses import asdict
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from radiometry.exposure import Exposure
+from radiometry.frame import FrameHeader
+from radiometry.statistics import ChannelStatistics
+from store.tables import ChannelRow
+
+_HEADER = TypeAdapter(FrameHeader)
+_EXPOSURE = TypeAdapter(Exposure)
+_STATISTICS = tuple(ChannelStatistics.__dataclass_fields__)
+
+
+def encode(value: Any) -> Any:  # noqa: ANN401
+    """A dataclass as plain JSON values; tuples become lists, so that what is stored equals what is read."""
+    return TypeAdapter(type(value)).dump_python(value, mode="json")
+
+
+def decode_header(stored: dict[str, Any]) -> FrameHeader:
+    return _HEADER.validate_python(stored)
+
+
+def decode_exposure(stored: dict[str, Any]) -> Exposure:
+    return _EXPOSURE.validate_python(stored)
+
+
+def decode_statistics(row: ChannelRow) -> ChannelStatistics:
+    return ChannelStatistics(**{name: getattr(row, name) for name in _STATISTICS})
+
+
+def encode_statistics(row: ChannelStatistics) -> dict[str, Any]:
+    return asdict(row)

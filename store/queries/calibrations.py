@@ -1,0 +1,136 @@
+"""Versions, how each stands, and the flat rows that dashboards draw."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal
+
+from sqlalchemy import Select, func, select
+from sqlalchemy.orm import Session
+
+from store.tables import Calibration, Camera, CoefficientRow, Publication, Revocation
+
+State = Literal["draft", "published", "superseded", "revoked"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """What was decided of a version since it was made."""
+
+    state: State
+    valid_from: datetime | None = None
+    valid_to: datetime | None = None
+    superseded_by: str | None = None
+    revoked_reason: str | None = None
+
+
+def standings(session: Session, calibration_ids: list[str]) -> dict[str, Standing]:
+    """How each version stands now."""
+    revoked = {
+        row.calibration_id: row
+        for row in session.scalars(select(Revocation).where(Revocation.calibration_id.in_(calibration_ids)))
+    }
+    published: dict[str, list[Publication]] = defaultdict(list)
+    rows = session.scalars(
+        select(Publication)
+        .where(Publication.calibration_id.in_(calibration_ids))
+        .order_by(Publication.known_from, Publication.valid_from)
+    )
+    for row in rows:
+        published[row.calibration_id].append(row)
+    return {key: _standing(published[key], revoked.get(key)) for key in calibration_ids}
+
+
+def _standing(rows: list[Publication], revocation: Revocation | None) -> Standing:
+    if revocation is not None:
+        return Standing(state="revoked", revoked_reason=revocation.reason)
+    if not rows:
+        return Standing(state="draft")
+    in_force = [row for row in rows if row.known_to is None]
+    superseded_by = next((row.superseded_by for row in reversed(rows) if row.superseded_by), None)
+    state: State = "published" if any(row.superseded_by is None for row in in_force) else "superseded"
+    if not in_force:
+        return Standing(state=state, superseded_by=superseded_by)
+    ends = [row.valid_to for row in in_force]
+    return Standing(
+        state=state,
+        valid_from=min(row.valid_from for row in in_force),
+        valid_to=max((end for end in ends if end), default=None) if all(ends) else None,
+        superseded_by=superseded_by if state == "superseded" else None,
+    )
+
+
+def history(camera_id: str, *, method: str | None, state: str | None) -> Select[Calibration]:
+    """A camera's versions; the state is decided in the database, so that a page is a page."""
+    rows = select(Calibration).where(Calibration.camera_id == camera_id)
+    if method is not None:
+        rows = rows.where(Calibration.method == method)
+    revoked = select(Revocation.calibration_id)
+    published = select(Publication.calibration_id)
+    in_force = published.where(Publication.known_to.is_(None), Publication.superseded_by.is_(None))
+    match state:
+        case "revoked":
+            return rows.where(Calibration.id.in_(revoked))
+        case "draft":
+            return rows.where(Calibration.id.not_in(published), Calibration.id.not_in(revoked))
+        case "published":
+            return rows.where(Calibration.id.in_(in_force), Calibration.id.not_in(revoked))
+        case "superseded":
+            return rows.where(
+                Calibration.id.in_(published),
+                Calibration.id.not_in(in_force),
+                Calibration.id.not_in(revoked),
+            )
+        case _:
+            return rows
+
+
+def coefficients_of(session: Session, calibration_ids: list[str]) -> dict[str, list[CoefficientRow]]:
+    found: dict[str, list[CoefficientRow]] = defaultdict(list)
+    rows = session.scalars(
+        select(CoefficientRow)
+        .where(CoefficientRow.calibration_id.in_(calibration_ids))
+        .order_by(CoefficientRow.calibration_id, CoefficientRow.position)
+    )
+    for row in rows:
+        found[row.calibration_id].append(row)
+    return found
+
+
+def next_version(session: Session, camera_id: str, method: str) -> int:
+    """The number after the last; two that ask at once collide on the unique key, and one asks again."""
+    last = session.scalar(
+        select(func.max(Calibration.version)).where(
+            Calibration.camera_id == camera_id, Calibration.method == method
+        )
+    )
+    return (last or 0) + 1
+
+
+def series(
+    session: Session,
+    organisation_id: str,
+    *,
+    camera_id: str | None,
+    method: str | None,
+    start: datetime | None,
+    end: datetime | None,
+) -> list[tuple[Calibration, CoefficientRow, Camera, Publication]]:
+    """Every coefficient of every version in force at some time in [start, end), by camera, time and name."""
+    rows = (
+        select(Calibration, CoefficientRow, Camera, Publication)
+        .join(CoefficientRow, CoefficientRow.calibration_id == Calibration.id)
+        .join(Camera, Camera.id == Calibration.camera_id)
+        .join(Publication, Publication.calibration_id == Calibration.id)
+        .where(Calibration.organisation_id == organisation_id, Publication.known_to.is_(None))
+        .order_by(Camera.id, Publication.valid_from, Calibration.method, CoefficientRow.position)
+    )
+    if camera_id is not None:
+        rows = rows.where(Calibration.camera_id == camera_id)
+    if method is not None:
+        rows = rows.where(Calibration.method == method)
+    if start is not None:
+        rows = rows.where(Publication.valid_to.is_(None) | (Publication.valid_to > start))
+    if end is not None:
+        rows = rows.where(Publication.valid_from < end)
+    return [(row[0], row[1], row[2], row[3]) for row in session.execute(rows)]

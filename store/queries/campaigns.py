@@ -1,0 +1,95 @@
+"""Campaigns, regions, readings, and what has arrived of them."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from radiometry.roi import Polygon
+from store import jobs
+from store.columns import new_id
+from store.tables import Campaign, FrameRow, Job, Reading, Roi
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts:
+    received: int
+    extracted: int
+    refused: int
+    readings: int
+
+
+def count(session: Session, campaign: Campaign) -> Counts:
+    """What has arrived, and how far it has come."""
+    states: dict[str, int] = dict(
+        session.execute(
+            select(FrameRow.state, func.count())
+            .where(FrameRow.campaign_id == campaign.id)
+            .group_by(FrameRow.state)
+        ).tuples()
+    )
+    readings = session.scalar(
+        select(func.count()).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
+    )
+    return Counts(
+        received=sum(states.values()),
+        extracted=states.get("extracted", 0),
+        refused=states.get("refused", 0),
+        readings=readings or 0,
+    )
+
+
+def find_or_add_roi(
+    session: Session, organisation_id: str, polygon: Polygon, corners: Sequence[Sequence[float]]
+) -> Roi:
+    """The region with exactly these corners, which are kept in the order in which they were first given."""
+    found = session.scalar(
+        select(Roi).where(Roi.organisation_id == organisation_id, Roi.sha256 == polygon.sha256)
+    )
+    if found is None:
+        found = Roi(
+            id=new_id("roi"),
+            organisation_id=organisation_id,
+            sha256=polygon.sha256,
+            points=[list(corner) for corner in corners],
+        )
+        session.add(found)
+        session.flush()
+    return found
+
+
+def set_roi(session: Session, campaign: Campaign, roi: Roi, *, by: str) -> list[Job]:
+    """Give the campaign a region; the jobs that compute it anew for every frame that has none of its own."""
+    if campaign.roi_id == roi.id:
+        return []
+    campaign.roi_id = roi.id
+    session.flush()
+    frames = session.scalars(
+        select(FrameRow)
+        .where(FrameRow.campaign_id == campaign.id, FrameRow.roi_id.is_(None), FrameRow.state != "refused")
+        .order_by(FrameRow.id)
+    )
+    return [renew_extraction(session, frame, campaign.organisation_id, by=by) for frame in frames]
+
+
+def renew_extraction(session: Session, frame: FrameRow, organisation_id: str, *, by: str) -> Job:
+    """As enqueue_extraction, for a frame whose statistics no longer are those of its region."""
+    if frame.state == "extracted":
+        frame.state = "read"
+    return enqueue_extraction(session, frame, organisation_id, by=by)
+
+
+def enqueue_extraction(session: Session, frame: FrameRow, organisation_id: str, *, by: str) -> Job:
+    """A job that reads this frame and computes whatever its region still lacks."""
+    return jobs.enqueue(
+        session, kind="extract", subject_id=frame.id, organisation_id=organisation_id, by=by, parameters={}
+    )
+
+
+def add_readings(session: Session, campaign: Campaign, values: Iterable[dict[str, Any]]) -> list[Reading]:
+    rows = [Reading(id=new_id("rdg"), campaign_id=campaign.id, **value) for value in values]
+    session.add_all(rows)
+    session.flush()
+    return rows

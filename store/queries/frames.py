@@ -1,0 +1,128 @@
+"""Frames and the statistics that were computed of them."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from store.columns import new_id
+from store.tables import Blob, Campaign, ChannelRow, Extraction, FrameRow, Roi
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewFrame:
+    """A frame as it was uploaded: what the field team says of it."""
+
+    sha256: str
+    size_bytes: int
+    filename: str
+    role: str
+    scene: str | None
+    roi_id: str | None
+    supplied: dict[str, float]
+
+
+def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tuple[FrameRow, bool, bool]:
+    """The campaign's frame with these bytes; whether it is new; whether it is to be read (again).
+
+    The same bytes again change nothing, except that a refused frame gets another chance.
+    """
+    if session.get(Blob, new.sha256) is None:
+        session.add(Blob(sha256=new.sha256, size_bytes=new.size_bytes))
+        session.flush()
+    found = session.scalar(
+        select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.sha256 == new.sha256)
+    )
+    if found is None:
+        found = FrameRow(
+            id=new_id("frm"),
+            campaign_id=campaign.id,
+            sha256=new.sha256,
+            filename=new.filename,
+            role=new.role,
+            scene=new.scene,
+            roi_id=new.roi_id,
+            supplied=new.supplied,
+        )
+        session.add(found)
+        session.flush()
+        return found, True, True
+    if found.state != "refused":
+        return found, False, False
+    again = describe_anew(
+        found,
+        {"role": new.role, "scene": new.scene, "supplied": {**found.supplied, **new.supplied}},
+    )
+    return found, False, again
+
+
+def describe_anew(frame: FrameRow, values: dict[str, Any]) -> bool:
+    """Correct what was said of a frame; whether that means reading it again."""
+    changed = [name for name, value in values.items() if getattr(frame, name) != value]
+    for name in changed:
+        setattr(frame, name, values[name])
+    return bool(changed)
+
+
+def current_roi(session: Session, frame: FrameRow, campaign: Campaign) -> Roi | None:
+    """The region that holds for a frame now: its own, else the campaign's."""
+    roi_id = frame.roi_id or campaign.roi_id
+    return session.get_one(Roi, roi_id) if roi_id else None
+
+
+def find_extraction(session: Session, frame: FrameRow, roi: Roi, extractor: str) -> Extraction | None:
+    return session.scalar(
+        select(Extraction).where(
+            Extraction.frame_id == frame.id, Extraction.roi_id == roi.id, Extraction.extractor == extractor
+        )
+    )
+
+
+def find_equal_statistics(
+    session: Session, frame: FrameRow, roi: Roi, extractor: str
+) -> list[ChannelRow] | None:
+    """The rows that the same code has already computed from the same bytes in the same region."""
+    extraction = session.scalar(
+        select(Extraction)
+        .join(FrameRow, FrameRow.id == Extraction.frame_id)
+        .where(FrameRow.sha256 == frame.sha256, Extraction.roi_id == roi.id)
+        .where(Extraction.extractor == extractor)
+        .limit(1)
+    )
+    return channel_rows(session, [extraction.id])[extraction.id] if extraction else None
+
+
+def add_extraction(
+    session: Session, frame: FrameRow, roi: Roi, extractor: str, rows: list[dict[str, Any]]
+) -> None:
+    extraction = Extraction(id=new_id("ext"), frame_id=frame.id, roi_id=roi.id, extractor=extractor)
+    session.add(extraction)
+    session.flush()
+    session.add_all([ChannelRow(extraction_id=extraction.id, **row) for row in rows])
+    session.flush()
+
+
+def channel_rows(session: Session, extraction_ids: list[str]) -> dict[str, list[ChannelRow]]:
+    """The rows of each extraction, channels in alphabetical order."""
+    found: dict[str, list[ChannelRow]] = defaultdict(list)
+    rows = session.scalars(
+        select(ChannelRow)
+        .where(ChannelRow.extraction_id.in_(extraction_ids))
+        .order_by(ChannelRow.extraction_id, ChannelRow.channel)
+    )
+    for row in rows:
+        found[row.extraction_id].append(row)
+    return found
+
+
+def extractions_of(session: Session, frame_ids: list[str]) -> dict[str, list[Extraction]]:
+    """Every extraction of each frame, oldest first."""
+    found: dict[str, list[Extraction]] = defaultdict(list)
+    rows = session.scalars(
+        select(Extraction).where(Extraction.frame_id.in_(frame_ids)).order_by(Extraction.id)
+    )
+    for row in rows:
+        found[row.frame_id].append(row)
+    return found

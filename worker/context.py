@@ -1,0 +1,18 @@
+"""What a job needs of the world, built once in main and passed down."""
+
+from dataclasses import dataclass
+
+from store.blobs import Blobs
+from store.database import Database
+from store.settings import Settings
+from worker.decode.pool import DecoderPool
+from worker.leases import Leases
+
+
+@dataclass(frozen=True, kw_only=True)
+class Context:
+    settings: Settings
+    database: Database
+    blobs: Blobs
+    decoders: DecoderPool
+    leases: Leases

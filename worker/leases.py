@@ -1,0 +1,63 @@
+"""The leases of the jobs that this process works on, renewed while it does."""
+
+import logging
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from store import jobs
+from store.database import Database
+
+log = logging.getLogger(__name__)
+
+
+class Leases:
+    """One thread renews them all, three times a lease; with each it says how far the work has come.
+
+    A lease that could not be renewed is not pressed: the fence decides when the work is stored.
+    """
+
+    def __init__(self, database: Database, lease_s: float) -> None:
+        self._database = database
+        self.lease_s = lease_s
+        self._held: dict[str, tuple[jobs.Claim, float]] = {}
+        self._lock = threading.Lock()
+        threading.Thread(target=self._keep, name="leases", daemon=True).start()
+
+    @contextmanager
+    def hold(self, claim: jobs.Claim) -> Iterator[None]:
+        self.report(claim, 0.0)
+        try:
+            yield
+        finally:
+            with self._lock:
+                del self._held[claim.job_id]
+
+    def report(self, claim: jobs.Claim, progress: float) -> None:
+        """Note how far a job has come; it is written with the next renewal, so noting it costs nothing."""
+        with self._lock:
+            self._held[claim.job_id] = (claim, progress)
+
+    @property
+    def count(self) -> int:
+        with self._lock:
+            return len(self._held)
+
+    def _keep(self) -> None:
+        pause = threading.Event()
+        while not pause.wait(self.lease_s / 3):
+            with self._lock:
+                held = list(self._held.values())
+            for claim, progress in held:
+                self._renew(claim, progress)
+
+    def _renew(self, claim: jobs.Claim, progress: float) -> None:
+        try:
+            with self._database.writing("worker") as session:
+                jobs.renew(session, claim, lease_s=self.lease_s, progress=progress)
+        except jobs.LeaseLost:
+            log.warning("the lease of %s was lost", claim.job_id)
+        except SQLAlchemyError as error:
+            log.warning("the lease of %s could not be renewed: %s", claim.job_id, error)

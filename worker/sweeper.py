@@ -1,0 +1,54 @@
+"""``python -m worker.sweeper``: finds what was lost, hints at it again, sweeps the floor."""
+
+import logging
+import sys
+import time
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from store import jobs
+from store.blobs import Blobs, StorageUnavailable, blobs_from_url
+from store.broker import Hints, make_celery
+from store.database import Database
+from store.settings import Settings
+
+log = logging.getLogger(__name__)
+
+_FLOOR_EVERY_S = 3600.0
+_ABANDONED_AFTER_S = 24 * 3600.0
+
+
+def sweep_jobs(database: Database, hints: Hints) -> None:
+    """One round: leases, then hints for whatever waits."""
+    with database.writing("sweeper") as session:
+        waiting = jobs.sweep(session)
+    hints.send(waiting)
+
+
+def sweep_floor(blobs: Blobs) -> None:
+    """Remove what killed uploads left half written a day ago."""
+    removed = blobs.sweep_temporary(_ABANDONED_AFTER_S)
+    if removed:
+        log.info("removed %d abandoned uploads", removed)
+
+
+def main() -> int:
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    settings = Settings()
+    database = Database(settings.effective_database_url)
+    blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
+    hints = Hints(make_celery(settings.effective_broker_url))
+    floor_due = 0.0
+    while True:
+        try:
+            sweep_jobs(database, hints)
+            if time.monotonic() >= floor_due:
+                sweep_floor(blobs)
+                floor_due = time.monotonic() + _FLOOR_EVERY_S
+        except (SQLAlchemyError, StorageUnavailable, OSError) as error:
+            log.warning("this round failed, the next comes: %s", error)
+        time.sleep(settings.sweep_interval_s)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,20 @@
+"""What each kind of job does."""
+
+from store.jobs import Claim
+from worker.context import Context
+from worker.tasks.extract import extract
+from worker.tasks.fit import fit
+from worker.tasks.outcome import Outcome
+
+__all__ = ["Outcome", "work"]
+
+
+def work(context: Context, claim: Claim) -> Outcome:
+    """Compute what a job asks for, without storing it."""
+    match claim.kind:
+        case "extract":
+            return extract(context, claim)
+        case "fit":
+            return fit(context, claim)
+        case kind:
+            raise AssertionError(f"no such kind of job: {kind}")
