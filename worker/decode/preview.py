@@ -19,9 +19,6 @@ def render(opened: OpenedFile, longest_side_px: int) -> bytes:
     longest = max(16, min(longest_side_px, _MAX_SIDE_PX))
     scale = max(1.0, max(header.height_px, header.width_px) / longest)
     cell = 1 if header.cfa in ("grey", "rgb") else 2
-    if scale < cell:
-        # At full size there is a pixel for every site, so neighbours are not averaged.
-        cell = 1
     rows = _sampled(header.height_px, scale, cell)
     cols = _sampled(header.width_px, scale, cell)
     grey = _read_cells(opened, rows, cols, cell)
@@ -30,10 +27,14 @@ def render(opened: OpenedFile, longest_side_px: int) -> bytes:
 
 
 def _sampled(size: int, scale: float, cell: int) -> NDArray[np.int64]:
-    """The first line of the cell at the middle of each preview line."""
+    """The first line of the cell at the middle of each preview line.
+
+    Any 2 x 2 sites hold all colours, so a cell may start anywhere; starting on even lines keeps it in one tile.
+    """
     count = max(1, round(size / scale))
     middles = ((np.arange(count) + 0.5) * size / count).astype(np.int64)
-    return np.asarray(np.minimum(middles, size - cell) // cell * cell, np.int64)
+    first = np.minimum(middles, size - cell)
+    return np.asarray(first // cell * cell if scale >= cell else first, np.int64)
 
 
 def _read_cells(
