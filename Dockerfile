@@ -6,7 +6,7 @@ COPY requirements-bootstrap.lock requirements.lock ./
 RUN python -m venv /bootstrap \
  && /bootstrap/bin/pip install --no-cache-dir --require-hashes -r requirements-bootstrap.lock \
  && python -m venv --without-pip /environment \
- && /bootstrap/bin/uv pip install --no-cache --python /environment/bin/python --require-hashes -r requirements.lock
+ && /bootstrap/bin/uv pip install --no-cache --compile-bytecode --python /environment/bin/python --require-hashes -r requirements.lock
 
 FROM python:3.11-slim
 # The folder is made here so that a new volume mounted on it belongs to the unprivileged user.
