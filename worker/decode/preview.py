@@ -29,7 +29,7 @@ def render(opened: OpenedFile, longest_side_px: int) -> bytes:
 def _sampled(size: int, scale: float, cell: int) -> NDArray[np.int64]:
     """The first line of the cell at the middle of each preview line.
 
-    Any 2 x 2 sites hold all colours, so a cell may start anywhere; starting on even lines keeps it in one tile.
+    Any 2 x 2 sites hold all colours, so a cell may start anywhere; on even lines it stays in one tile.
     """
     count = max(1, round(size / scale))
     middles = ((np.arange(count) + 0.5) * size / count).astype(np.int64)

@@ -96,7 +96,10 @@ class Directory:
     def integers(self, tag: int, *, at_most: int) -> list[int]:
         """Whole numbers only; anything else in their place makes the tag unreadable."""
         values = self.numbers(tag, at_most=at_most)
-        whole = [int(value) for value in values if value is not None and value == int(value)]
+        # A double can be whole and beyond anything that a file of this format can count.
+        whole = [
+            int(value) for value in values if value is not None and abs(value) < 2**32 and value == int(value)
+        ]
         if len(whole) != len(values):
             raise refuse(Refusal.UNSUPPORTED_LAYOUT, f"The file's tag {tag} does not hold whole numbers.")
         return whole

@@ -6,7 +6,7 @@ import imagecodecs
 import numpy as np
 import pytest
 from dng_variants import Variant, black_level, make_dng, make_samples
-from tiff_writer import BYTE, LONG, SHORT, TiffWriter
+from tiff_writer import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 
 from radiometry.errors import Code, InputRejected
 from worker.decode import reading
@@ -61,6 +61,9 @@ def test_empty_file(save):
         ("t278", (LONG, 0), Refusal.SIZE_MISMATCH),
         ("t278", (LONG, 16), Refusal.TRUNCATED),
         ("t273", (LONG, 10_000_000), Refusal.TRUNCATED),
+        ("t273", (DOUBLE, 1e300), Refusal.UNSUPPORTED_LAYOUT),
+        ("t256", (DOUBLE, 64.5), Refusal.UNSUPPORTED_LAYOUT),
+        ("t256", (DOUBLE, float("nan")), Refusal.UNSUPPORTED_LAYOUT),
         ("t273", (LONG, [8, 8]), Refusal.SIZE_MISMATCH),
         ("t258", (SHORT, 32), Refusal.UNSUPPORTED_LAYOUT),
         ("t258", (SHORT, 4), Refusal.UNSUPPORTED_LAYOUT),
