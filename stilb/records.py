@@ -42,6 +42,7 @@ class CampaignDetails(TypedDict, total=False):
     recorder: str
     started_at: Moment
     comments: str
+    surface_reflectance: float
 
 
 class Reading(TypedDict):

@@ -1,0 +1,95 @@
+"""The service as a child process that never outlives the demo, however the demo ends."""
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+COMMAND = (sys.executable, "-m", "service.up")
+
+_ROOT = Path(__file__).resolve().parent.parent
+_PR_SET_PDEATHSIG = 1
+_STOPS_WITHIN_S = 30.0
+
+
+class NotServing(Exception):  # noqa: N818  said to a person, not caught by name
+    """The service ended before it was ready; it has said why itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Service:
+    """Where the service answers, and the key that opens everything."""
+
+    url: str
+    key: str
+    process: subprocess.Popen[str]
+
+    def wait_for_end(self) -> None:
+        """Return when the service has ended by itself; nobody asked it to."""
+        self.process.wait()
+
+
+@contextmanager
+def serving(data: Path, *, command: Sequence[str] = COMMAND) -> Iterator[Service]:
+    """Run the whole service on a data folder. ``STILB_PORT`` is respected; else any free port does."""
+    environment = {"STILB_PORT": "0", **os.environ, "STILB_DATA": str(data)}
+    process = subprocess.Popen(  # noqa: S603 (our own command)
+        command,
+        cwd=_ROOT,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        # A group of its own: Ctrl-C in the terminal reaches the demo only, which stops all in order.
+        process_group=0,
+        preexec_fn=_end_with_parent(),  # noqa: PLW1509 (it takes no lock)
+    )
+    try:
+        yield _await_ready(process)
+    finally:
+        _stop(process)
+
+
+def _await_ready(process: subprocess.Popen[str]) -> Service:
+    """Read on until the service says where it is; it gives up by itself when it cannot start."""
+    for line in process.stdout or ():
+        match line.split():
+            case ["ready", url, "key", key]:
+                return Service(url=url, key=key, process=process)
+    raise NotServing(f"the service ended with exit code {process.wait()} before it was ready")
+
+
+def _stop(process: subprocess.Popen[str]) -> None:
+    process.terminate()
+    try:
+        process.wait(_STOPS_WITHIN_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    if process.stdout is not None:
+        process.stdout.close()
+
+
+def _end_with_parent() -> Callable[[], None]:
+    """Have the kernel ask the service to stop when the demo is gone, killed with -9 too.
+
+    Only Linux has this; elsewhere a demo that is killed with -9 leaves its service behind.
+    """
+    if sys.platform != "linux":
+        return lambda: None
+    # Looked up here: between fork and exec a child of a process with threads may take no lock.
+    prctl = ctypes.CDLL(None, use_errno=True).prctl
+    parent = os.getpid()
+
+    def tie() -> None:
+        prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
+        # The demo may have died before the line above: then no signal will ever come.
+        if os.getppid() != parent:
+            os._exit(1)
+
+    return tie
