@@ -42,6 +42,10 @@ def launch(settings: Settings, roster: Roster) -> Exit:
     except GaveUp as failure:
         say(str(failure))
         return Exit.GAVE_UP
+    except OSError as error:
+        # A disk that fills up, a folder that somebody else owns: where it happens, the system knows best.
+        say(str(error))
+        return Exit.CANNOT_START
 
 
 def say(line: str) -> None:

@@ -230,6 +230,18 @@ def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path):
         assert process.communicate() == ("", message)
 
 
+@pytest.mark.parametrize("name", ["logs", "valkey"])
+def test_something_in_the_way_within_the_folder_is_said_in_one_line(tmp_path, name):
+    (tmp_path / "elsewhere").touch()
+    (tmp_path / name).symlink_to(tmp_path / "elsewhere" / "nowhere")
+    with launched(tmp_path) as process:
+        assert process.wait(20) == 2
+        out, err = process.communicate()
+        assert (out, err.count("\n")) == ("", 1)
+        assert str(tmp_path / name) in err
+        assert marked(process.mark) == set()
+
+
 @pytest.mark.parametrize(
     ("step", "code", "message"),
     [
