@@ -1,0 +1,130 @@
+"""A luminance coefficient applied to a new frame."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from radiometry import models
+from radiometry.errors import Code, InputRejected
+from radiometry.exposure import Exposure, Settings, require_plausible
+from radiometry.flags import Flag, Raised
+from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
+from radiometry.luminance.results import AppliedLuminance, Coefficient, Quantity
+from radiometry.statistics import ChannelStatistics, Signal, measure_signal
+
+_SAME_TIME_REL = 0.02
+
+
+def apply_coefficient(
+    statistics: Sequence[ChannelStatistics],
+    *,
+    exposure: Exposure,
+    coefficients: Sequence[Coefficient],
+    iso_u_rel: float = 0.0,
+) -> AppliedLuminance:
+    """Give the luminance of a region in a new frame.
+
+    L = X f^2 / (t S), X where the model has the signal N - D; for N - D = K X
+        L = (N - D) f^2 / (K t S)
+        (u_L/L)^2 = (u_K/K)^2 + (u_t/t)^2 + (u_S/S)^2 + 4 (u_f/f)^2 + (u_N^2 + u_D^2) / (N - D)^2
+    Other models: the covariance of their parameters is carried through their inverse (JCGM 100, 5.2.2).
+    Nothing is clipped: a signal below dark gives a negative luminance with its uncertainty.
+
+    Takes
+      iso_u_rel : of the ISO setting; 0 because K was found at the same setting
+    Flags  outside_exposure_times, outside_f_numbers, outside_signals, saturated, below_detection
+    Raises InputRejected
+      iso_not_calibrated if no coefficient is for the frame's ISO value, exposure_implausible
+    """
+    coefficient = choose_coefficient(coefficients, iso=exposure.iso)
+    settings = exposure.on_basis(coefficient.exposure_basis)
+    require_plausible(settings)
+    signal = measure_signal(statistics, channel=coefficient.channel)
+    adjusted = signal.value_dn - coefficient.dark_signal_dn
+    u_adjusted = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
+    rhs, u_rhs = _invert(coefficient, adjusted, u_adjusted)
+    scale = settings.f_number**2 / (settings.exposure_time_s * settings.iso)
+    u_settings_rel = math.hypot(coefficient.exposure_time_u_rel, iso_u_rel, 2 * coefficient.f_number_u_rel)
+    if coefficient.model != "semilog":
+        u_settings_rel = math.hypot(u_settings_rel, coefficient.meter_calibration_u_rel)
+    return AppliedLuminance(
+        luminance_cd_m2=Quantity(
+            value=rhs * scale,
+            standard_uncertainty=scale * math.hypot(u_rhs, rhs * u_settings_rel),
+            unit="cd/m2",
+        ),
+        signal_dn=signal.value_dn,
+        adjusted_signal_dn=adjusted,
+        rhs=rhs,
+        flags=tuple(_flags(coefficient, settings, signal, adjusted, u_adjusted)),
+    )
+
+
+def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Coefficient:
+    """Give the coefficient of an ISO value; between two calibrated values nothing is interpolated.
+
+    Raises InputRejected(iso_not_calibrated)
+    """
+    for coefficient in coefficients:
+        if coefficient.iso == iso:
+            return coefficient
+    known = ", ".join(f"{coefficient.iso:g}" for coefficient in coefficients)
+    raise InputRejected(
+        Code.ISO_NOT_CALIBRATED,
+        f"The frame was taken at ISO {iso:g}; this calibration holds ISO {known}. "
+        "Every ISO value needs its own.",
+    )
+
+
+def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
+    """Give the slope of a luminance map, f^2 / (K t S) [cd/m2 per DN above dark]: L = (N - D) * slope.
+
+    Raises InputRejected(fit_failed) if the calibration's model is not proportional: its map is not a scale
+    """
+    if coefficient.model != "proportional":
+        raise InputRejected(
+            Code.FIT_FAILED,
+            f"A map needs a calibration with the proportional model; this one is {coefficient.model}.",
+        )
+    settings = exposure.on_basis(coefficient.exposure_basis)
+    return settings.f_number**2 / (coefficient.luminance_k * settings.exposure_time_s * settings.iso)
+
+
+def _invert(coefficient: Coefficient, adjusted_dn: float, u_adjusted_dn: float) -> tuple[float, float]:
+    """Give X and its standard uncertainty from the signal's and the parameters'."""
+    rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
+    if not math.isfinite(rhs):
+        raise InputRejected(
+            Code.FIT_FAILED,
+            f"The {coefficient.model} model of this calibration has no luminance for a signal of "
+            f"{adjusted_dn:g} DN above dark.",
+        )
+    by_signal, by_parameters = models.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
+    variance = (by_signal * u_adjusted_dn) ** 2
+    variance += float(by_parameters @ np.array(coefficient.covariance) @ by_parameters)
+    return rhs, math.sqrt(variance)
+
+
+def _flags(
+    coefficient: Coefficient, settings: Settings, signal: Signal, adjusted_dn: float, u_adjusted_dn: float
+) -> list[Raised]:
+    raised: list[Raised] = []
+    times = coefficient.exposure_times_s
+    if not any(abs(settings.exposure_time_s / time - 1.0) <= _SAME_TIME_REL for time in times):
+        detail = f"{settings.exposure_time_s:g} s; calibrated: {', '.join(f'{time:g}' for time in times)} s."
+        raised.append(Raised(flag=Flag.OUTSIDE_EXPOSURE_TIMES.value, where="", detail=detail))
+    for flag, value, (low, high), unit in (
+        (Flag.OUTSIDE_F_NUMBERS, settings.f_number, coefficient.f_number_range, ""),
+        (Flag.OUTSIDE_SIGNALS, adjusted_dn, coefficient.signal_range_dn, " DN above dark"),
+    ):
+        if not low <= value <= high:
+            detail = f"{value:g}{unit}; calibrated: {low:g} to {high:g}{unit}."
+            raised.append(Raised(flag=flag.value, where="", detail=detail))
+    if signal.saturated_share > MOST_SATURATED_SHARE:
+        detail = f"{signal.saturated_share:.2%} of the samples."
+        raised.append(Raised(flag=Flag.SATURATED.value, where="", detail=detail))
+    if adjusted_dn < DETECTION_ERRORS * u_adjusted_dn:
+        detail = f"{adjusted_dn:.3g} DN above dark, standard uncertainty {u_adjusted_dn:.3g} DN."
+        raised.append(Raised(flag=Flag.BELOW_DETECTION.value, where="", detail=detail))
+    return raised

@@ -1,0 +1,230 @@
+"""The curve of one ISO value: four models fitted, judged and compared."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from radiometry import models
+from radiometry.errors import Code, InputRejected
+from radiometry.exposure import expect_luminance_k
+from radiometry.fit import Curve, CurveFit, coverage_factor, fit_curve
+from radiometry.gls import Vector
+from radiometry.luminance.points import Candidate, IsoSeries
+from radiometry.luminance.results import BudgetEntry, Coefficient, IsoFit, ModelFit, Point
+from radiometry.luminance.rows import MODELS, Params
+
+
+def fit_series(
+    series: IsoSeries, params: Params, *, calibration_u_rel: float
+) -> tuple[IsoFit, tuple[Point, ...]]:
+    """Fit all models to one ISO value and report the one that was asked for.
+
+    ``calibration_u_rel`` : the meter's, common to all points: it is added to u(K) and does not average down
+    Raises InputRejected(fit_failed) if the model that was asked for does not settle on these points
+    """
+    curve = _curve(series, params)
+    fits = {model: fit_curve(curve, model=model) for model in MODELS}
+    chosen = fits[params.model]
+    if chosen is None:
+        raise InputRejected(
+            Code.FIT_FAILED,
+            f"The {params.model} model does not settle on the points of ISO {series.iso:g}: "
+            "look at them for a reading or a unit that is wrong, or choose the proportional model.",
+        )
+    points = _points(series, chosen)
+    largest = max(abs(point.residual_rel) for point in points if point.residual_rel is not None)
+    coefficient = _coefficient(series, params, chosen, calibration_u_rel)
+    return IsoFit(
+        coefficient=coefficient,
+        models=tuple(_report(fit, curve) for fit in fits.values() if fit is not None),
+        budget=_budget(chosen, calibration_u_rel),
+        chi_squared_per_dof=None if chosen.chi_squared is None else chosen.chi_squared / chosen.dof,
+        birge_ratio=chosen.birge_ratio,
+        expected_k=expect_luminance_k(
+            black_level_dn=coefficient.black_level_dn, white_level_dn=coefficient.white_level_dn
+        ),
+        largest_residual_rel=largest,
+        passed=largest <= params.tolerance_rel,
+    ), points
+
+
+def _curve(series: IsoSeries, params: Params) -> Curve:
+    used = series.used
+    return Curve(
+        rhs=np.array([candidate.rhs for candidate in used], np.float64),
+        signal_dn=np.array([c.signal.value_dn - series.dark.signal_dn for c in used]),
+        signal_u_dn=np.array(
+            [math.hypot(c.signal.standard_uncertainty_dn, series.dark.frame_spread_dn) for c in used]
+        ),
+        scenes=tuple(c.scene for c in used),
+        f_numbers=tuple(c.settings.f_number for c in used),
+        times_s=tuple(c.settings.exposure_time_s for c in used),
+        readings=np.array([c.readings for c in used]),
+        dark_u_dn=series.dark.standard_uncertainty_dn,
+        dark_dof=series.dark.dof,
+        f_number_u_rel=params.f_number_u_rel,
+        time_u_rel=params.exposure_time_u_rel,
+        repeatability_u_rel=params.meter_repeatability_rel,
+    )
+
+
+def _report(fit: CurveFit, curve: Curve) -> ModelFit:
+    largest, rms = _leave_scenes_out(fit, curve)
+    dof = fit.effective_dof()
+    return ModelFit(
+        model=fit.model,
+        parameter_names=models.PARAMETER_NAMES[fit.model],
+        parameters=tuple(float(value) for value in fit.parameters),
+        covariance=tuple(tuple(float(value) for value in row) for row in fit.covariance),
+        r_squared=_r_squared(fit, curve),
+        aicc=_aicc(fit, len(curve.rhs)),
+        chi_squared=fit.chi_squared,
+        dof=fit.dof,
+        birge_ratio=fit.birge_ratio,
+        effective_dof=_finite(dof),
+        meter_repeatability_rel=fit.repeatability_u_rel,
+        left_out_max_rel=largest,
+        left_out_rms_rel=rms,
+    )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _r_squared(fit: CurveFit, curve: Curve) -> float | None:
+    """Give 1 - SS_residual / SS_total of the signals [DN^2], on the same axis for every model."""
+    residual = curve.signal_dn - models.predict(fit.model, fit.parameters, curve.rhs)
+    total = float(np.sum((curve.signal_dn - np.mean(curve.signal_dn)) ** 2))
+    return _finite(1.0 - float(residual @ residual) / total) if total > 0.0 else None
+
+
+def _aicc(fit: CurveFit, n: int) -> float | None:
+    """Give Akaike's criterion, corrected for few points; None where the correction has no meaning.
+
+    AICc = 2 q - 2 ln L + 2 q (q + 1) / (n - q - 1), L the density of the signals in DN for every model.
+    References K. P. Burnham, D. R. Anderson, Model Selection, Springer 2002, section 2.4
+    """
+    q = fit.free_parameters
+    if n - q - 1 <= 0:
+        return None
+    return 2 * q - 2 * fit.log_likelihood + 2 * q * (q + 1) / (n - q - 1)
+
+
+def _leave_scenes_out(fit: CurveFit, curve: Curve) -> tuple[float | None, float | None]:
+    """Predict each scene's luminance from the other scenes: largest and rms error, relative to the meter.
+
+    The variance components stay as the whole curve gave them; the parameters are fitted anew.
+    """
+    scenes = np.array(curve.scenes)
+    errors: list[float] = []
+    for scene in dict.fromkeys(curve.scenes):
+        out = scenes == scene
+        rest = fit_curve(curve.take(~out, repeatability_u_rel=fit.repeatability_u_rel), model=fit.model)
+        if rest is None:
+            return None, None
+        errors += _luminance_errors(rest.model, rest.parameters, curve.rhs[out], curve.signal_dn[out])
+    if not all(math.isfinite(error) for error in errors):
+        return None, None
+    return max(map(abs, errors)), math.hypot(*errors) / math.sqrt(len(errors))
+
+
+def _luminance_errors(model: str, parameters: Vector, rhs: Vector, signal_dn: Vector) -> list[float]:
+    """Give (L_fit - L_meter) / L_meter: t, S and f are the same on both sides, so X stands for L."""
+    return [
+        models.invert(model, parameters.tolist(), float(signal)) / float(x) - 1.0
+        for x, signal in zip(rhs, signal_dn, strict=True)
+    ]
+
+
+def _coefficient(series: IsoSeries, params: Params, fit: CurveFit, calibration_u_rel: float) -> Coefficient:
+    used = series.used
+    k = float(fit.parameters[0])
+    # semilog has no K that scales with the meter: its slope is in DN
+    calibration = calibration_u_rel if fit.model != "semilog" else 0.0
+    u_k = math.sqrt(float(fit.covariance[0, 0]) + (k * calibration) ** 2)
+    dof = fit.effective_dof(calibration**2)
+    factor = coverage_factor(dof)
+    adjusted = [c.signal.value_dn - series.dark.signal_dn for c in used]
+    rhs = [c.rhs for c in used if c.rhs is not None]
+    return Coefficient(
+        iso=series.iso,
+        model=fit.model,
+        channel=params.channel,
+        exposure_basis=params.exposure_basis,
+        luminance_k=k,
+        luminance_k_standard_uncertainty=u_k,
+        luminance_k_unit=models.K_UNITS[fit.model],
+        expanded_uncertainty=factor * u_k,
+        coverage_factor=factor,
+        effective_dof=_finite(dof),
+        dark_signal_dn=series.dark.signal_dn,
+        dark_signal_standard_uncertainty_dn=series.dark.standard_uncertainty_dn,
+        black_level_dn=math.fsum(sorted(c.signal.black_level_dn for c in used)) / len(used),
+        white_level_dn=min(c.signal.white_level_dn for c in used),
+        parameter_names=models.PARAMETER_NAMES[fit.model],
+        parameters=tuple(float(value) for value in fit.parameters),
+        covariance=tuple(tuple(float(value) for value in row) for row in fit.covariance),
+        meter_calibration_u_rel=calibration_u_rel,
+        f_number_u_rel=params.f_number_u_rel,
+        exposure_time_u_rel=params.exposure_time_u_rel,
+        exposure_times_s=tuple(sorted({c.settings.exposure_time_s for c in used})),
+        f_number_range=_range([c.settings.f_number for c in used]),
+        signal_range_dn=_range(adjusted),
+        rhs_range=_range(rhs),
+    )
+
+
+def _range(values: Sequence[float]) -> tuple[float, float]:
+    return min(values), max(values)
+
+
+def _budget(fit: CurveFit, calibration_u_rel: float) -> tuple[BudgetEntry, ...]:
+    """List what u(K) is made of; the variance shares add up to one."""
+    shares = dict(fit.k_shares)
+    if fit.model != "semilog":
+        shares["meter calibration"] = ("B", calibration_u_rel**2)
+    total = math.fsum(share for _, share in shares.values())
+    return tuple(
+        BudgetEntry(source=source, kind=kind, u_rel=math.sqrt(share), variance_share=share / total)
+        for source, (kind, share) in shares.items()
+    )
+
+
+def _points(series: IsoSeries, fit: CurveFit) -> tuple[Point, ...]:
+    """Report every light frame; the used ones with their weight, all with what the curve makes of them."""
+    weights = dict(zip((c.frame for c in series.used), fit.k_weights.tolist(), strict=True))
+    return tuple(_point(series, fit, c, weights.get(c.frame, 0.0)) for c in series.candidates)
+
+
+def _point(series: IsoSeries, fit: CurveFit, candidate: Candidate, weight: float) -> Point:
+    adjusted = candidate.signal.value_dn - series.dark.signal_dn
+    fitted = error = None
+    if candidate.rhs is not None:
+        fitted = _finite(float(models.predict(fit.model, fit.parameters, np.array([candidate.rhs]))[0]))
+        rhs = models.invert(fit.model, fit.parameters.tolist(), adjusted)
+        error = _finite(rhs / candidate.rhs - 1.0) if not candidate.left_out else None
+    luminance = candidate.luminance_cd_m2
+    return Point(
+        frame=candidate.frame,
+        scene=candidate.scene,
+        iso=series.iso,
+        exposure_time_s=candidate.settings.exposure_time_s,
+        f_number=candidate.settings.f_number,
+        used=not candidate.left_out,
+        left_out=candidate.left_out,
+        luminance_cd_m2=luminance,
+        rhs=candidate.rhs,
+        signal_dn=candidate.signal.value_dn,
+        signal_standard_uncertainty_dn=candidate.signal.standard_uncertainty_dn,
+        saturated_share=candidate.signal.saturated_share,
+        dark_signal_dn=series.dark.signal_dn,
+        adjusted_signal_dn=adjusted,
+        fitted_signal_dn=fitted,
+        fitted_luminance_cd_m2=luminance * (1.0 + error)
+        if luminance is not None and error is not None
+        else None,
+        residual_rel=error,
+        weight=weight,
+    )

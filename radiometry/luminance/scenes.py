@@ -1,0 +1,83 @@
+"""The meter readings of the scenes: averaged, their spread kept, the lamp watched."""
+
+import math
+from collections.abc import Sequence
+
+from radiometry.flags import Flag, Raised
+from radiometry.luminance.results import SceneSummary
+from radiometry.luminance.rows import Reading
+
+_LAMP_DRIFT_REL = 0.02
+_RHO_TOLERANCE_REL = 0.10
+_USUAL_COVERAGE_FACTOR = 2.0
+
+
+def summarise_scenes(readings: Sequence[Reading], *, panel_rho: float | None) -> tuple[SceneSummary, ...]:
+    """Average the luminance readings per scene; scenes without one are not in the answer."""
+    scenes = sorted({reading.scene for reading in readings if reading.quantity == "luminance"})
+    return tuple(_summarise(scene, readings, panel_rho) for scene in scenes)
+
+
+def _summarise(scene: str, readings: Sequence[Reading], panel_rho: float | None) -> SceneSummary:
+    luminances = _values(readings, scene, "luminance")
+    illuminances = _values(readings, scene, "illuminance")
+    mean_lx = math.fsum(illuminances) / len(illuminances) if illuminances else None
+    return SceneSummary(
+        scene=scene,
+        readings=len(luminances),
+        luminance_cd_m2=math.fsum(luminances) / len(luminances),
+        spread_rel=_spread(luminances),
+        illuminance_lx=mean_lx,
+        illuminance_spread_rel=_spread(illuminances) if illuminances else None,
+        rho_e_pi_cd_m2=panel_rho * mean_lx / math.pi
+        if panel_rho is not None and mean_lx is not None
+        else None,
+    )
+
+
+def _values(readings: Sequence[Reading], scene: str, quantity: str) -> list[float]:
+    return sorted(r.value for r in readings if r.scene == scene and r.quantity == quantity)
+
+
+def _spread(ordered: Sequence[float]) -> float:
+    """(largest - smallest) / mean."""
+    return (ordered[-1] - ordered[0]) / (math.fsum(ordered) / len(ordered))
+
+
+def check_scenes(scenes: Sequence[SceneSummary]) -> list[Raised]:
+    """Watch the lamp, and compare luminance with illuminance.
+
+    Flags
+      lamp_drift : the illuminance readings of a scene spread over more than 2 %
+      rho_cross_check : L and rho E / pi of a scene differ by more than 10 %
+    """
+    raised: list[Raised] = []
+    for scene in scenes:
+        where = f"scene {scene.scene}"
+        drift = scene.illuminance_spread_rel
+        if drift is not None and drift > _LAMP_DRIFT_REL:
+            detail = f"The illuminance readings spread over {drift:.1%} of their mean."
+            raised.append(Raised(flag=Flag.LAMP_DRIFT.value, where=where, detail=detail))
+        expected = scene.rho_e_pi_cd_m2
+        if (
+            expected is not None
+            and not abs(scene.luminance_cd_m2 - expected) <= _RHO_TOLERANCE_REL * expected
+        ):
+            detail = f"L is {scene.luminance_cd_m2:.4g} cd/m2, rho E / pi is {expected:.4g} cd/m2."
+            raised.append(Raised(flag=Flag.RHO_CROSS_CHECK.value, where=where, detail=detail))
+    return raised
+
+
+def meter_calibration_u_rel(readings: Sequence[Reading]) -> tuple[float, bool]:
+    """Give the meters' relative calibration uncertainty, and whether every meter's is known.
+
+    Of several meters the largest counts, as one error common to all points: that is the careful reading when
+    nobody knows how their standards are related. A certificate without a coverage factor is read with k = 2.
+    """
+    luminance = [reading for reading in readings if reading.quantity == "luminance"]
+    known = [
+        reading.expanded_uncertainty_rel / (reading.coverage_factor or _USUAL_COVERAGE_FACTOR)
+        for reading in luminance
+        if reading.expanded_uncertainty_rel is not None
+    ]
+    return max(known, default=0.0), len(known) == len(luminance)

@@ -1,0 +1,176 @@
+"""Luminance: the coefficient K that turns a region's raw signal into cd/m2, per ISO value.
+
+    N - D = K X,   X = t S L / f^2          apply: L = (N - D) f^2 / (K t S)
+
+N the region's mean raw number, D its dark signal, L the luminance METER's reading of the scene. The procedure
+also describes an X computed from N itself; that needs the K it looks for, and is not built.
+Source: standard operating procedure "Drone Camera Calibration", equation 1, with the weighting of
+`radiometry.fit` in place of a plain regression.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+from radiometry.errors import Code, InputRejected
+from radiometry.flags import Flag, Raised
+from radiometry.frame import Frame
+from radiometry.luminance.application import apply_coefficient as apply
+from radiometry.luminance.application import luminance_per_dn
+from radiometry.luminance.curves import fit_series
+from radiometry.luminance.dark import check_dark
+from radiometry.luminance.points import IsoSeries, collect_series, list_missing, list_unread_scenes
+from radiometry.luminance.results import (
+    AppliedLuminance,
+    BudgetEntry,
+    Coefficient,
+    Fit,
+    IsoFit,
+    ModelFit,
+    Point,
+    Quantity,
+    SceneSummary,
+)
+from radiometry.luminance.rows import Exclusion, FrameRow, Params, Reading
+from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes
+from radiometry.roi import Polygon, Window, mask
+from radiometry.statistics import ChannelStatistics, compute_statistics
+
+__all__ = [
+    "SCHEMA_VERSION",
+    "AppliedLuminance",
+    "BudgetEntry",
+    "Coefficient",
+    "Exclusion",
+    "Fit",
+    "FrameRow",
+    "IsoFit",
+    "ModelFit",
+    "Params",
+    "Point",
+    "Quantity",
+    "Reading",
+    "SceneSummary",
+    "apply",
+    "extract",
+    "fit",
+    "luminance_per_dn",
+    "missing",
+]
+
+SCHEMA_VERSION = 1
+
+_NONLINEARITY = 0.02
+_IMPLAUSIBLE_RATIO = 4.0
+_FEW_POINTS = 6
+
+
+def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
+    """Give the statistics of a region, one row per channel; `frame` must hold the region's window.
+
+    Raises InputRejected(roi_empty) if no pixel of the frame belongs to the region
+    """
+    height, width = frame.samples_dn.shape[:2]
+    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    if not inside.any():
+        raise InputRejected(Code.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+    return compute_statistics(frame, inside)
+
+
+def missing(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
+    """Say, by name, what the fit still lacks; empty when it can start with every frame.
+
+    A scene without a reading is named although the other scenes may be enough: `fit` then leaves it out.
+    """
+    return (*list_missing(rows, readings, params), *list_unread_scenes(rows, readings))
+
+
+def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
+    """Fit K for every ISO value of a campaign.
+
+    Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
+
+    Flags
+      per ISO: dark_exposure_differs, dark_from_black_level, dark_from_few_frames, nonlinear, implausible_k,
+      few_points, tolerance_exceeded, scatter_exceeds_uncertainty, meter_repeatability_estimated,
+      gain_maps_differ, rendered, apex_missing;   per scene: lamp_drift, rho_cross_check;
+      of the whole: meter_certificate_missing, semilog_model
+    Raises InputRejected
+      fit_incomplete if fewer than three scenes of an ISO value can be used, or frames are not extracted yet;
+      fit_failed if the model does not settle
+    """
+    lacking = list_missing(rows, readings, params)
+    if lacking:
+        raise InputRejected(Code.FIT_INCOMPLETE, " ".join(lacking))
+    calibration_u_rel, certified = meter_calibration_u_rel(readings)
+    scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
+    series = collect_series(rows, readings, params)
+    fitted = [fit_series(one, params, calibration_u_rel=calibration_u_rel) for one in series]
+    iso_fits = tuple(iso_fit for iso_fit, _ in fitted)
+    flags = check_scenes(scenes)
+    for one, iso_fit in zip(series, iso_fits, strict=True):
+        flags += _check_series(one, rows, params) + _check_fit(one, iso_fit, params)
+    if not certified:
+        flags.append(_raise(Flag.METER_CERTIFICATE_MISSING, "", "A reading's meter has no certificate."))
+    if params.model == "semilog":
+        flags.append(_raise(Flag.SEMILOG_MODEL, "", "Chosen by the parameters of this fit."))
+    return Fit(
+        iso_fits=iso_fits,
+        points=tuple(itertools.chain.from_iterable(points for _, points in fitted)),
+        scenes=scenes,
+        flags=tuple(flags),
+        tolerance_rel=params.tolerance_rel,
+        passed=all(iso_fit.passed for iso_fit in iso_fits),
+    )
+
+
+def _raise(flag: Flag, where: str, detail: str) -> Raised:
+    return Raised(flag=flag.value, where=where, detail=detail)
+
+
+def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -> list[Raised]:
+    """Look at the frames that went in."""
+    where = f"iso {series.iso:g}"
+    used = {candidate.frame for candidate in series.used}
+    light = [row for row in rows if row.frame in used]
+    flags = check_dark(
+        iso=series.iso,
+        light_times_s=[candidate.settings.exposure_time_s for candidate in series.used],
+        dark_times_s=series.dark_times_s,
+    )
+    if len(used) < _FEW_POINTS:
+        flags.append(_raise(Flag.FEW_POINTS, where, f"Points: {len(used)}."))
+    rendered = sum(row.rendered for row in light)
+    if rendered:
+        flags.append(_raise(Flag.RENDERED, where, f"Rendered frames: {rendered} of {len(light)}."))
+    maps = {tuple(sorted(row.gain_maps)) for row in light}
+    if len(maps) > 1:
+        flags.append(_raise(Flag.GAIN_MAPS_DIFFER, where, f"Different sets of gain maps: {len(maps)}."))
+    without = sum(not row.exposure.has_apex for row in light)
+    if params.exposure_basis == "apex" and without:
+        flags.append(_raise(Flag.APEX_MISSING, where, f"Frames without APEX values: {without}."))
+    return flags
+
+
+def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raised]:
+    """Look at what came out."""
+    where = f"iso {series.iso:g}"
+    by_model = {fit.model: fit for fit in iso_fit.models}
+    flags: list[Raised] = []
+    if "power" in by_model and abs(by_model["power"].parameters[1] - 1.0) > _NONLINEARITY:
+        exponent, error = by_model["power"].parameters[1], by_model["power"].covariance[1][1] ** 0.5
+        flags.append(_raise(Flag.NONLINEAR, where, f"Exponent {exponent:.4f}, standard error {error:.4f}."))
+    k = by_model["proportional"].parameters[0]  # one parameter, points above dark: it always settles
+    if not 1 / _IMPLAUSIBLE_RATIO <= k / iso_fit.expected_k <= _IMPLAUSIBLE_RATIO:
+        flags.append(_raise(Flag.IMPLAUSIBLE_K, where, f"K {k:.4g}, expected {iso_fit.expected_k:.4g}."))
+    if iso_fit.birge_ratio > 1.0:
+        detail = f"Birge ratio {iso_fit.birge_ratio:.3f}."
+        flags.append(_raise(Flag.SCATTER_EXCEEDS_UNCERTAINTY, where, detail))
+    if params.meter_repeatability_rel is None and params.model != "semilog":
+        estimate = by_model[params.model].meter_repeatability_rel or 0.0
+        flags.append(_raise(Flag.METER_REPEATABILITY_ESTIMATED, where, f"Estimated: {estimate:.2%}."))
+    if not iso_fit.passed:
+        detail = (
+            f"Largest error in L {iso_fit.largest_residual_rel:.1%}, tolerance {params.tolerance_rel:.1%}."
+        )
+        flags.append(_raise(Flag.TOLERANCE_EXCEEDED, where, detail))
+    return flags
