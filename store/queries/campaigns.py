@@ -23,13 +23,12 @@ class Counts:
 
 def count(session: Session, campaign: Campaign) -> Counts:
     """What has arrived, and how far it has come."""
-    states: dict[str, int] = dict(
-        session.execute(
-            select(FrameRow.state, func.count())
-            .where(FrameRow.campaign_id == campaign.id)
-            .group_by(FrameRow.state)
-        ).tuples()
+    rows = session.execute(
+        select(FrameRow.state, func.count())
+        .where(FrameRow.campaign_id == campaign.id)
+        .group_by(FrameRow.state)
     )
+    states = {row[0]: row[1] for row in rows}
     readings = session.scalar(
         select(func.count()).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
     )

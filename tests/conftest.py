@@ -1,0 +1,55 @@
+"""What every suite shares: both databases, and the house put together without processes."""
+
+import pytest
+
+from store.database import Database
+from store.migrate import migrate
+from tests.support.house import House
+from tests.support.postgres import postgres  # noqa: F401 (fixture)
+from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
+
+
+@pytest.fixture(scope="session")
+def migrated_sqlite(tmp_path_factory):
+    path = tmp_path_factory.mktemp("template") / "template.sqlite"
+    database = Database(f"sqlite:///{path}")
+    migrate(database)
+    database.dispose()
+    return path
+
+
+@pytest.fixture(scope="session")
+def migrated_postgres(postgres):  # noqa: F811
+    url = postgres.new_database()
+    database = Database(url)
+    migrate(database)
+    database.dispose()
+    return url
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database_url(request, tmp_path):
+    """A migrated database for one test, on SQLite and on PostgreSQL."""
+    if request.param == "sqlite":
+        path = tmp_path / "stilb.sqlite"
+        path.write_bytes(request.getfixturevalue("migrated_sqlite").read_bytes())
+        yield f"sqlite:///{path}"
+        return
+    server = request.getfixturevalue("postgres")
+    url = server.new_database(like=request.getfixturevalue("migrated_postgres"))
+    yield url
+    server.drop_database(url)
+
+
+@pytest.fixture
+def database(database_url):
+    opened = Database(database_url)
+    yield opened
+    opened.dispose()
+
+
+@pytest.fixture
+def house(database, tmp_path):
+    """The service and a worker over one database and one folder, called in turn by the test itself."""
+    with House(database, tmp_path) as built:
+        yield built

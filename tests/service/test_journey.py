@@ -1,0 +1,111 @@
+"""From a camera to its coefficients in force, the way a client goes."""
+
+import csv
+import io
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from tests.support.campaigns import ISOS, K_TRUE, calibrate, upload_campaign
+
+
+def test_a_campaign_becomes_coefficients_in_force(house):
+    campaign = upload_campaign(house)
+    version = calibrate(house, campaign)
+    assert version["state"] == "draft"
+    assert version["version"] == 1
+    ks = [c for c in version["coefficients"] if c["name"] == "luminance_k"]
+    assert [c["iso"] for c in ks] == list(ISOS)
+    for k in ks:
+        assert abs(k["value"] - K_TRUE) <= 3 * k["standard_uncertainty"]
+        assert k["unit"] == "DN*m2/(cd*s)"
+    camera = version["camera_id"]
+    house.get(f"/v1/cameras/{camera}/coefficients", method="luminance", status=404)
+    published = house.post(
+        f"/v1/calibrations/{version['id']}/publish",
+        {"valid_from": "2026-05-01T00:00:00Z", "reason": "first"},
+        status=200,
+    )
+    assert published["state"] == "published"
+    items = house.get(
+        f"/v1/cameras/{camera}/coefficients", method="luminance", iso=3200, at="2026-06-01T00:00:00Z"
+    )["items"]
+    assert [i["name"] for i in items] == ["luminance_k", "dark_signal_dn"]
+    assert items[0]["value"] == ks[0]["value"]
+    assert "version 1 is in force from 2026-05-01T00:00:00Z on" in items[0]["why"]
+
+
+def test_no_version_in_force_is_never_the_nearest(house):
+    version = calibrate(house, upload_campaign(house))
+    validity = {"valid_from": "2026-05-01T00:00:00Z", "valid_to": "2026-06-01T00:00:00Z", "reason": "may"}
+    house.post(f"/v1/calibrations/{version['id']}/publish", validity, status=200)
+    path = f"/v1/cameras/{version['camera_id']}/coefficients"
+    assert house.get(path, method="luminance", at="2026-05-31T23:59:59Z")["items"]
+    for at in ("2026-06-01T00:00:00Z", "2026-04-30T23:59:59Z"):
+        problem = house.get(path, method="luminance", at=at, status=404)
+        assert problem["code"] == "no_calibration_in_force"
+    other = house.get(path, method="luminance", iso=100, at="2026-05-02T00:00:00Z", status=404)
+    assert "ISO 3200, 6400" in other["detail"]
+
+
+def test_what_is_missing_is_said_by_name_before_a_fit(house):
+    campaign = upload_campaign(house, roi=None, readings=False)
+    answer = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=422)
+    assert answer["code"] == "campaign_incomplete"
+    house.work()
+    missing = house.get(f"/v1/campaigns/{campaign['id']}")["missing"]
+    assert "scene level-4 has no luminance reading" in missing
+    assert house.get("/v1/jobs", kind="fit")["items"] == []
+
+
+def test_the_same_fit_again_is_the_same_version(house):
+    campaign = upload_campaign(house)
+    first = calibrate(house, campaign)
+    again = calibrate(house, campaign)
+    other = calibrate(house, campaign, model="affine")
+    assert again["id"] == first["id"]
+    assert (other["version"], other["id"] == first["id"]) == (2, False)
+
+
+def test_a_point_left_out_by_hand_says_who_and_why(house):
+    campaign = upload_campaign(house)
+    frames = house.get(f"/v1/campaigns/{campaign['id']}/frames", limit=1000)["items"]
+    light = next(f for f in frames if f["role"] == "light")
+    house.work()
+    version = calibrate(house, campaign, exclude=[{"frame_id": light["id"], "reason": "a moth"}])
+    point = next(p for p in version["points"] if p["frame_id"] == light["id"])
+    assert point["used"] is False
+    assert "a moth" in point["left_out"]
+
+
+def test_points_and_plot_of_a_version(house):
+    version = calibrate(house, upload_campaign(house))
+    answer = house.http.get(f"/v1/calibrations/{version['id']}/points.csv")
+    rows = list(csv.DictReader(io.StringIO(answer.text)))
+    assert len(rows) == len(version["points"])
+    assert float(rows[0]["rhs"]) == version["points"][0]["rhs"]
+    plot = house.http.get(f"/v1/calibrations/{version['id']}/plot.svg")
+    drawn = ET.fromstring(plot.text)
+    used = sum(1 for p in version["points"] if p["used"])
+    circles = [e for e in drawn.iter() if e.tag.endswith("circle") and e.get("class") == "used"]
+    assert len(circles) == 3 * used
+    again = house.http.get(
+        f"/v1/calibrations/{version['id']}/plot.svg", headers={"If-None-Match": plot.headers["etag"]}
+    )
+    assert (again.status_code, again.content) == (304, b"")
+
+
+@pytest.mark.parametrize("form", ["json", "csv"])
+def test_the_series_is_flat_and_whole(house, form):
+    version = calibrate(house, upload_campaign(house))
+    publication = {"valid_from": "2026-05-01T00:00:00Z", "reason": "r"}
+    house.post(f"/v1/calibrations/{version['id']}/publish", publication, status=200)
+    answer = house.http.get("/v1/series/coefficients", params={"format": form})
+    rows = answer.json()["rows"] if form == "json" else list(csv.DictReader(io.StringIO(answer.text)))
+    assert [(r["name"], float(r["iso"])) for r in rows] == [
+        ("luminance_k", 3200.0),
+        ("luminance_k", 6400.0),
+        ("dark_signal_dn", 3200.0),
+        ("dark_signal_dn", 6400.0),
+    ]
+    assert [float(r["value"]) for r in rows] == [c["value"] for c in version["coefficients"]]

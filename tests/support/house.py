@@ -1,0 +1,107 @@
+"""The service and the worker in the test's own process: HTTP without a socket, jobs when the test says so."""
+
+from contextlib import ExitStack
+from pathlib import Path
+
+from sqlalchemy import select
+from starlette.testclient import TestClient
+
+from service.app import build_app
+from service.auth import SCOPES
+from service.context import Context
+from service.waiting import JobWatch
+from store.blobs import LocalBlobs
+from store.database import Database
+from store.queries.keys import ensure_operator
+from store.settings import Settings
+from store.tables import Job
+from tests.support.frames import write_frame
+from worker.context import Context as WorkerContext
+from worker.decode.pool import DecoderPool
+from worker.leases import Leases
+from worker.runner import run
+
+KEY = "stilb_test_key"
+CAMERA = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"}
+
+
+class NullHints:
+    """Sends nothing: the test runs the jobs."""
+
+    def send(self, job_ids: list[str]) -> None:
+        pass
+
+
+class House:
+    def __init__(self, database: Database, folder: Path):
+        self.database = database
+        self.folder = folder
+        self.settings = Settings(data=folder)
+        self.blobs = LocalBlobs(folder / "blobs")
+        self._stack = ExitStack()
+
+    def __enter__(self):
+        with self.database.writing("test") as session:
+            ensure_operator(session, KEY, list(SCOPES))
+        context = Context(
+            settings=self.settings,
+            database=self.database,
+            blobs=self.blobs,
+            hints=NullHints(),
+            watch=JobWatch(self.database),
+        )
+        self.app = build_app(context)
+        self.http = self._stack.enter_context(
+            TestClient(self.app, headers={"Authorization": f"Bearer {KEY}"}, raise_server_exceptions=True)
+        )
+        self.worker = WorkerContext(
+            settings=self.settings,
+            database=self.database,
+            blobs=self.blobs,
+            decoders=self._stack.enter_context(DecoderPool(1)),
+            leases=Leases(self.database, 30.0),
+        )
+        return self
+
+    def __exit__(self, *_):
+        self._stack.close()
+
+    def with_key(self, secret: str) -> TestClient:
+        """Another client of the same service."""
+        return TestClient(
+            self.app, headers={"Authorization": f"Bearer {secret}"}, raise_server_exceptions=False
+        )
+
+    def post(self, path: str, body, *, status: int = 201, **headers):
+        answer = self.http.post(path, json=body, headers=headers)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    def get(self, path: str, *, status: int = 200, **params):
+        answer = self.http.get(path, params=params)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    def work(self) -> int:
+        """Run every job that waits; how many there were."""
+        with self.database.reading() as session:
+            waiting = list(session.scalars(select(Job.id).where(Job.state == "queued").order_by(Job.id)))
+        for job_id in waiting:
+            run(self.worker, job_id)
+        return len(waiting)
+
+    def camera(self, **changes) -> dict:
+        answer = self.http.post("/v1/cameras", json=CAMERA | changes)
+        assert answer.status_code in {200, 201}, answer.text
+        return answer.json()
+
+    def campaign(self, **changes) -> dict:
+        return self.post("/v1/campaigns", {"camera_id": self.camera()["id"], "method": "luminance"} | changes)
+
+    def upload(self, campaign: dict, content: bytes, *, status: int = 201, **query):
+        answer = self.http.post(f"/v1/campaigns/{campaign['id']}/frames", content=content, params=query)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    def frame_bytes(self, **changes) -> bytes:
+        return write_frame(self.folder / "frame.dng", **changes).read_bytes()
