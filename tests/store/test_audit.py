@@ -1,0 +1,67 @@
+"""Every change leaves who, when, what, before and after; secrets leave nothing."""
+
+from sqlalchemy import select
+
+from store.queries.keys import create_key
+from store.tables import AuditEntry, Camera, Organisation
+
+
+def entries(database, subject_id):
+    with database.reading() as session:
+        return list(session.scalars(select(AuditEntry).where(AuditEntry.subject_id == subject_id)))
+
+
+def test_create_change_and_delete(database):
+    with database.writing("key_1") as session:
+        organisation = Organisation(name="house")
+        session.add(organisation)
+        session.flush()
+        camera = Camera(organisation_id=organisation.id, make="DJI", model="X", serial="1")
+        session.add(camera)
+    with database.writing("key_2", organisation.id) as session:
+        session.get_one(Camera, camera.id).note = "dropped once"
+    with database.writing("key_3") as session:
+        session.delete(session.get_one(Camera, camera.id))
+    created, changed, deleted = entries(database, camera.id)
+    assert [e.action for e in (created, changed, deleted)] == [
+        "camera.create",
+        "camera.change",
+        "camera.delete",
+    ]
+    assert [e.actor for e in (created, changed, deleted)] == ["key_1", "key_2", "key_3"]
+    assert created.before == {}
+    assert created.after["serial"] == "1"
+    assert created.after["created_at"].startswith(str(camera.created_at.year))
+    assert (changed.before, changed.after) == ({"note": None}, {"note": "dropped once"})
+    assert changed.organisation_id == organisation.id
+    assert deleted.before["note"] == "dropped once"
+    assert deleted.after == {}
+
+
+def test_what_is_rolled_back_was_never_done(database):
+    class Stop(Exception):
+        pass
+
+    try:
+        with database.writing("key_1") as session:
+            organisation = Organisation(name="house")
+            session.add(organisation)
+            session.flush()
+            raise Stop
+    except Stop:
+        pass
+    assert entries(database, organisation.id) == []
+
+
+def test_a_key_is_audited_without_its_hash(database):
+    with database.writing("test") as session:
+        organisation = Organisation(name="house")
+        session.add(organisation)
+        session.flush()
+        key = create_key(
+            session, organisation_id=organisation.id, name="n", scopes=["read"], secret="stilb_secret"
+        )
+    (entry,) = entries(database, key.id)
+    assert entry.after["scopes"] == ["read"]
+    assert key.sha256 not in str(entry.after)
+    assert "stilb_secret" not in str(entry.after)

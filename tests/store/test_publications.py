@@ -1,0 +1,156 @@
+"""What is in force when, as known when."""
+
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import select, text
+from sqlalchemy.exc import DBAPIError, IntegrityError
+
+from store.columns import utc_now
+from store.errors import Conflict
+from store.publications import in_force, publish, revoke
+from store.queries.calibrations import standings
+from store.tables import Calibration, Publication
+from tests.support.versions import add_versions
+
+JAN, MAR, JUN, SEP = (datetime(2026, month, 1, tzinfo=UTC) for month in (1, 3, 6, 9))
+TICK = timedelta(microseconds=1)
+
+
+def decide(database, version_id, valid_from=None, valid_to=None):
+    """Publish, or revoke when no time is given."""
+    with database.writing("test") as session:
+        version = session.get_one(Calibration, version_id)
+        if valid_from is None:
+            revoke(session, version, reason="wrong meter", by="test")
+        else:
+            publish(session, version, valid_from=valid_from, valid_to=valid_to, reason="good")
+
+
+def held(database, version_id, at, known_at=None):
+    """The version number in force, None where there is none."""
+    with database.reading() as session:
+        camera_id = session.get_one(Calibration, version_id).camera_id
+        found = in_force(
+            session, camera_id=camera_id, method="luminance", at=at, known_at=known_at or utc_now()
+        )
+    assert len(found) <= 1
+    return found[0].calibration.version if found else None
+
+
+def standing(database, version_id):
+    with database.reading() as session:
+        return standings(session, [version_id])[version_id]
+
+
+def test_validity_is_half_open(database):
+    (one,) = add_versions(database, 1)
+    decide(database, one, JAN, JUN)
+    assert [held(database, one, at) for at in (JAN - TICK, JAN, JUN - TICK, JUN)] == [None, 1, 1, None]
+
+
+def test_a_newer_version_takes_over_from_its_start(database):
+    one, two = add_versions(database, 2)
+    decide(database, one, JAN)
+    decide(database, two, JUN)
+    assert [held(database, one, at) for at in (MAR, JUN - TICK, JUN, SEP)] == [1, 1, 2, 2]
+    assert standing(database, one).state == "superseded"
+    assert standing(database, one).superseded_by == two
+    assert standing(database, one).valid_to == JUN
+    assert standing(database, two).state == "published"
+
+
+def test_a_version_between_interrupts_without_superseding(database):
+    one, two = add_versions(database, 2)
+    decide(database, one, JAN)
+    decide(database, two, MAR, JUN)
+    assert [held(database, one, at) for at in (JAN, MAR, JUN)] == [1, 2, 1]
+    assert standing(database, one).state == "published"
+    assert standing(database, one).superseded_by is None
+    assert standing(database, one).valid_to is None
+
+
+def test_as_known_then_shows_what_was_said_then(database):
+    one, two = add_versions(database, 2)
+    decide(database, one, JAN)
+    before = utc_now()
+    decide(database, two, JAN)
+    between = utc_now()
+    decide(database, two)
+    assert held(database, one, MAR, before) == 1
+    assert held(database, one, MAR, between) == 2
+    assert held(database, one, MAR) is None
+
+
+def test_revoking_leaves_a_gap_and_is_for_good(database):
+    one, two = add_versions(database, 2)
+    decide(database, one, JAN)
+    decide(database, two, MAR)
+    decide(database, two)
+    assert [held(database, one, at) for at in (JAN, MAR)] == [1, None]
+    assert standing(database, two).state == "revoked"
+    with pytest.raises(Conflict, match="revoked"):
+        decide(database, two, JAN)
+
+
+def test_a_superseded_version_can_be_published_again(database):
+    one, two = add_versions(database, 2)
+    decide(database, one, JAN)
+    decide(database, two, JAN)
+    decide(database, one, JAN)
+    assert held(database, one, MAR) == 1
+    assert [standing(database, v).state for v in (one, two)] == ["published", "superseded"]
+
+
+def test_twenty_who_publish_at_once_leave_one_in_force(database):
+    versions = add_versions(database, 20)
+    with ThreadPoolExecutor(20) as threads:
+        list(threads.map(lambda version: decide(database, version, JAN), versions))
+    assert held(database, versions[0], MAR) is not None
+    with database.reading() as session:
+        rows = list(session.scalars(select(Publication)))
+    assert len([row for row in rows if row.known_to is None]) == 1
+    assert sorted(standing(database, v).state for v in versions) == ["published"] + ["superseded"] * 19
+    # knowledge has one order: each row is closed exactly when the next is opened
+    starts = sorted(row.known_from for row in rows)
+    assert sorted(row.known_to for row in rows if row.known_to) == starts[1:]
+
+
+def test_the_database_itself_refuses_an_overlap(database):
+    one, two = add_versions(database, 2)
+    decide(database, one, JAN, JUN)
+    with database.reading() as session:
+        row = session.scalars(select(Publication)).one()
+    overlapping = Publication(
+        slot_id=row.slot_id,
+        calibration_id=two,
+        valid_from=MAR,
+        valid_to=SEP,
+        known_from=utc_now(),
+        known_to=None,
+        reason="behind the back of publish()",
+    )
+    with pytest.raises(IntegrityError, match="ex_publication_overlap"), database.writing("test") as session:
+        session.add(overlapping)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE calibration SET version = 7",
+        "DELETE FROM calibration",
+        "UPDATE audit_entry SET actor = 'nobody'",
+        "DELETE FROM audit_entry",
+        "DELETE FROM publication",
+        "UPDATE publication SET valid_to = NULL, valid_from = '2020-01-01 00:00:00.000000'",
+    ],
+)
+def test_the_database_itself_refuses_to_rewrite_history(database, statement):
+    (one,) = add_versions(database, 1)
+    decide(database, one, JAN, JUN)
+    with (
+        pytest.raises(DBAPIError, match="never change|never deleted|only ever closed"),
+        database.writing("test") as session,
+    ):
+        session.execute(text(statement))

@@ -1,0 +1,38 @@
+"""Calibration versions without a campaign's work behind them: for what is decided of them."""
+
+from store.tables import Calibration, Camera, Campaign, Organisation
+
+
+def add_versions(database, count: int) -> list[str]:
+    """One camera with so many draft versions; their ids."""
+    with database.writing("test") as session:
+        organisation = Organisation(name="house")
+        session.add(organisation)
+        session.flush()
+        camera = Camera(organisation_id=organisation.id, make="DJI", model="FC6520", serial="1")
+        session.add(camera)
+        session.flush()
+        campaign = Campaign(organisation_id=organisation.id, camera_id=camera.id, method="luminance")
+        session.add(campaign)
+        session.flush()
+        versions = [
+            Calibration(
+                organisation_id=organisation.id,
+                camera_id=camera.id,
+                campaign_id=campaign.id,
+                method="luminance",
+                version=number,
+                configuration={},
+                parameters={},
+                inputs={},
+                result={},
+                result_schema=1,
+                software={},
+                content_sha256=f"{number:064x}",
+                created_by="test",
+            )
+            for number in range(1, count + 1)
+        ]
+        session.add_all(versions)
+        session.flush()
+        return [version.id for version in versions]
