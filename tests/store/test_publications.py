@@ -150,7 +150,7 @@ def test_the_database_itself_refuses_to_rewrite_history(database, statement):
     (one,) = add_versions(database, 1)
     decide(database, one, JAN, JUN)
     with (
-        pytest.raises(DBAPIError, match="never change|never deleted|only ever closed"),
+        pytest.raises(DBAPIError, match=r"never change|never deleted|only ever closed"),
         database.writing("test") as session,
     ):
         session.execute(text(statement))

@@ -10,7 +10,7 @@ ROI = {"polygon": [[8, 8], [88, 8], [88, 56], [8, 56]]}
 
 
 def upload_campaign(house: House, *, isos=ISOS, roi=ROI, readings=True, seed=1) -> dict:
-    """Light frames of a proportional sensor at several levels and settings, dark frames, readings, a region."""
+    """Light frames of a proportional sensor at several levels and settings, dark frames, readings."""
     campaign = house.campaign()
     if roi:
         answer = house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=roi)
