@@ -42,7 +42,7 @@ def main() -> int:
         port=settings.port,
         log_config=None,
         access_log=False,
-        timeout_graceful_shutdown=10,
+        timeout_graceful_shutdown=5,
         server_header=False,
     )
     asyncio.run(uvicorn.Server(config).serve())

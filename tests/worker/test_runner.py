@@ -1,0 +1,94 @@
+"""What becomes of a job: stored once, refused, tried later, failed with its traceback kept."""
+
+import threading
+from dataclasses import replace
+
+import pytest
+from sqlalchemy import func, select
+
+from store.blobs import StorageUnavailable
+from store.tables import ChannelRow, Extraction, FrameRow, Job
+from tests.support.campaigns import ROI
+from worker.decode.pool import DecoderCrashed
+from worker.runner import run
+
+
+class Decoders:
+    """Stands in for the pool: raises what a file can make it raise."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def read_header(self, path):
+        raise self.error
+
+
+@pytest.fixture
+def uploaded(house):
+    """A campaign with a region and one frame that waits."""
+    campaign = house.campaign()
+    house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=ROI)
+    return house.upload(campaign, house.frame_bytes(), role="light", scene="level-1")
+
+
+def job(house, frame):
+    return house.get(f"/v1/jobs/{frame['job_id']}")
+
+
+def test_the_same_hint_ten_times_at_once_counts_once(house, uploaded):
+    threads = [threading.Thread(target=run, args=(house.worker, uploaded["job_id"])) for _ in range(10)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert (job(house, uploaded)["state"], job(house, uploaded)["attempt"]) == ("succeeded", 1)
+    with house.database.reading() as session:
+        assert session.scalar(select(func.count()).select_from(Extraction)) == 1
+        assert session.scalar(select(func.count()).select_from(ChannelRow)) == 5
+
+
+def test_a_hint_for_nothing_does_nothing(house):
+    run(house.worker, "job_of_nobody")
+
+
+def test_a_file_that_ends_the_decoder_is_refused_and_the_next_is_not_disturbed(house, uploaded):
+    crash = DecoderCrashed("reading the header", "signal 11")
+    run(replace(house.worker, decoders=Decoders(crash)), uploaded["job_id"])
+    assert job(house, uploaded)["error"]["code"] == "decoder_crashed"
+    frame = house.get(f"/v1/frames/{uploaded['id']}")
+    assert (frame["state"], frame["refusal"]["code"]) == ("refused", "decoder_crashed")
+    again = house.upload({"id": uploaded["campaign_id"]}, house.frame_bytes(seed=2), role="dark")
+    run(house.worker, again["job_id"])
+    assert house.get(f"/v1/frames/{again['id']}")["state"] == "extracted"
+
+
+def test_a_passing_fault_is_tried_again(house, uploaded):
+    run(replace(house.worker, decoders=Decoders(StorageUnavailable("away"))), uploaded["job_id"])
+    found = job(house, uploaded)
+    assert (found["state"], found["error"]["retryable"]) == ("queued", True)
+    assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
+
+
+def test_our_own_fault_fails_with_its_traceback_kept_and_not_shown(house, uploaded):
+    run(replace(house.worker, decoders=Decoders(ZeroDivisionError("ours"))), uploaded["job_id"])
+    found = job(house, uploaded)
+    assert (found["state"], found["error"]["code"]) == ("failed", "internal_error")
+    assert "ZeroDivisionError" not in str(found)
+    with house.database.reading() as session:
+        assert "ZeroDivisionError: ours" in session.get_one(Job, uploaded["job_id"]).traceback
+
+
+def test_a_worker_whose_job_was_given_away_stores_nothing(house, uploaded):
+    class Slow(Decoders):
+        def read_header(self, path):
+            with house.database.writing("test") as session:
+                session.get_one(Job, uploaded["job_id"]).fence += 1
+            return house.worker.decoders.read_header(path)
+
+        def __getattr__(self, name):
+            return getattr(house.worker.decoders, name)
+
+    run(replace(house.worker, decoders=Slow(None)), uploaded["job_id"])
+    with house.database.reading() as session:
+        assert session.get_one(FrameRow, uploaded["id"]).state == "received"
+        assert session.scalar(select(func.count()).select_from(Extraction)) == 0
