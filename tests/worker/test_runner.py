@@ -19,7 +19,7 @@ class Decoders:
     def __init__(self, error):
         self.error = error
 
-    def read_header(self, path):
+    def read_header(self, _path):
         raise self.error
 
 
