@@ -1,25 +1,53 @@
 """Every change of an audited row leaves an entry, written in the same transaction by the session itself.
 
-No route and no task can forget it: it hangs on the flush, not on the caller.
+No route and no task can forget it: it hangs on the flush, not on the caller. The entries of a transaction are
+chained at its end, when it holds every other lock that it needs: the chain's head is always locked last.
 """
 
+import hashlib
+import json
+from collections.abc import Mapping
 from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import insert, inspect
+from sqlalchemy import insert, inspect, select
 from sqlalchemy.orm import Session
 
-from store.tables.audit import AuditEntry
+from store.columns import utc_now
+from store.tables.audit import AuditEntry, AuditHead
 from store.tables.base import Audited
+
+_COVERED = (
+    *("seq", "organisation_id", "actor", "action", "subject_type", "subject_id", "before", "after"),
+    "previous_sha256",
+)
 
 
 def record_changes(session: Session, _context: object) -> None:
-    """Write an audit entry for each audited row that a flush has just inserted, changed or deleted."""
+    """Note an audit entry for each audited row that a flush has just inserted, changed or deleted."""
     entries = [_entry(session, row, "create") for row in session.new if isinstance(row, Audited)]
     entries += [_entry(session, row, "change") for row in session.dirty if _is_changed(session, row)]
     entries += [_entry(session, row, "delete") for row in session.deleted if isinstance(row, Audited)]
-    if entries:
-        session.connection().execute(insert(AuditEntry), entries)
+    session.info.setdefault("audit_entries", []).extend(entries)
+
+
+def append_entries(session: Session) -> None:
+    """Chain and write what was noted; the last thing that a transaction does."""
+    entries = session.info.pop("audit_entries", [])
+    if not entries:
+        return
+    head = session.scalars(select(AuditHead).with_for_update()).one()
+    for entry in entries:
+        head.seq += 1
+        entry |= {"seq": head.seq, "previous_sha256": head.sha256}
+        head.sha256 = entry["sha256"] = digest(entry)
+    session.execute(insert(AuditEntry), entries)
+
+
+def digest(entry: Mapping[str, Any]) -> str:
+    """The hash of an entry: over its place, its content and the hash before it."""
+    covered = {name: entry[name] for name in _COVERED} | {"at": entry["at"].isoformat()}
+    return hashlib.sha256(json.dumps(covered, sort_keys=True).encode()).hexdigest()
 
 
 def _is_changed(session: Session, row: object) -> bool:
@@ -31,6 +59,7 @@ def _entry(session: Session, row: Audited, verb: str) -> dict[str, Any]:
     mapper = inspect(row).mapper
     return {
         "organisation_id": session.info["organisation_id"],
+        "at": utc_now(),
         "actor": session.info["actor"],
         "action": f"{mapper.local_table.name}.{verb}",
         "subject_type": mapper.local_table.name,

@@ -8,7 +8,9 @@ from typing import Any, Literal
 from sqlalchemy import DateTime, Dialect
 from sqlalchemy.types import TypeDecorator
 
-Prefix = Literal["org", "key", "cam", "met", "cmp", "roi", "rdg", "frm", "ext", "job", "cal", "pub"]
+Prefix = Literal[
+    "org", "key", "cam", "met", "cmp", "roi", "rdg", "frm", "ext", "job", "cal", "pub", "msr", "prg"
+]
 
 
 def new_id(prefix: Prefix) -> str:

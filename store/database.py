@@ -9,7 +9,7 @@ from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.orm import Session
 
-from store.audit import record_changes
+from store.audit import append_entries, record_changes
 
 
 class Database:
@@ -47,6 +47,8 @@ class Database:
             session.info["organisation_id"] = organisation_id
             event.listen(session, "after_flush", record_changes)
             yield session
+            session.flush()
+            append_entries(session)
             session.commit()
 
     def dispose(self) -> None:

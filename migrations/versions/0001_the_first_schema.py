@@ -12,7 +12,7 @@ depends_on = None
 def upgrade() -> None:
     op.create_table(
         "audit_entry",
-        sa.Column("seq", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
+        sa.Column("seq", sa.BigInteger(), autoincrement=False, nullable=False),
         sa.Column("organisation_id", sa.String(), nullable=True),
         sa.Column("at", sa.DateTime(timezone=True), nullable=False),
         sa.Column("actor", sa.String(), nullable=False),
@@ -21,10 +21,20 @@ def upgrade() -> None:
         sa.Column("subject_id", sa.String(), nullable=False),
         sa.Column("before", sa.JSON(), nullable=False),
         sa.Column("after", sa.JSON(), nullable=False),
+        sa.Column("previous_sha256", sa.String(length=64), nullable=False),
+        sa.Column("sha256", sa.String(length=64), nullable=False),
         sa.PrimaryKeyConstraint("seq", name="pk_audit_entry"),
     )
     op.create_index("ix_audit_entry_subject", "audit_entry", ["subject_id", "seq"])
 
+    op.create_table(
+        "audit_head",
+        sa.Column("id", sa.Integer(), nullable=False),
+        sa.Column("seq", sa.BigInteger(), nullable=False),
+        sa.Column("sha256", sa.String(length=64), nullable=False),
+        sa.CheckConstraint("id = 1", name="ck_audit_head_one_row"),
+        sa.PrimaryKeyConstraint("id", name="pk_audit_head"),
+    )
     op.create_table(
         "blob",
         sa.Column("sha256", sa.String(length=64), nullable=False),
@@ -38,6 +48,7 @@ def upgrade() -> None:
         sa.Column("id", sa.String(), nullable=False),
         sa.Column("name", sa.String(), nullable=False),
         sa.Column("operator", sa.Boolean(), nullable=False),
+        sa.Column("refuses_incomplete_certificates", sa.Boolean(), nullable=False),
         sa.Column("created_at", sa.DateTime(timezone=True), nullable=False),
         sa.PrimaryKeyConstraint("id", name="pk_organisation"),
         sa.UniqueConstraint("name", name="uq_organisation_name"),
@@ -117,7 +128,7 @@ def upgrade() -> None:
         sa.CheckConstraint(
             "(state = 'running') = (lease_until IS NOT NULL)", name="ck_job_running_has_lease"
         ),
-        sa.CheckConstraint("kind IN ('extract', 'fit')", name="ck_job_kind_known"),
+        sa.CheckConstraint("kind IN ('extract', 'fit', 'measure')", name="ck_job_kind_known"),
         sa.CheckConstraint(
             "state IN ('queued', 'running', 'succeeded', 'failed', 'quarantined')", name="ck_job_state_known"
         ),
@@ -162,6 +173,23 @@ def upgrade() -> None:
             name="uq_meter_organisation_id_kind_make_model_serial",
         ),
     )
+    op.create_table(
+        "purge",
+        sa.Column("id", sa.String(), nullable=False),
+        sa.Column("organisation_id", sa.String(), nullable=False),
+        sa.Column("cause", sa.JSON(), nullable=False),
+        sa.Column("reason", sa.String(), nullable=False),
+        sa.Column("calibration_ids", sa.JSON(), nullable=False),
+        sa.Column("created_by", sa.String(), nullable=False),
+        sa.Column("created_at", sa.DateTime(timezone=True), nullable=False),
+        sa.Column("confirmed_by", sa.String(), nullable=True),
+        sa.Column("confirmed_at", sa.DateTime(timezone=True), nullable=True),
+        sa.CheckConstraint("(confirmed_by IS NULL) = (confirmed_at IS NULL)", name="ck_purge_who_and_when"),
+        sa.ForeignKeyConstraint(["organisation_id"], ["organisation.id"], name="fk_purge_organisation_id"),
+        sa.PrimaryKeyConstraint("id", name="pk_purge"),
+    )
+    op.create_index("ix_purge_organisation_id", "purge", ["organisation_id"])
+
     op.create_table(
         "roi",
         sa.Column("id", sa.String(), nullable=False),
@@ -241,6 +269,26 @@ def upgrade() -> None:
     )
     op.create_index("ix_calibration_organisation_id", "calibration", ["organisation_id"])
 
+    op.create_table(
+        "checklist_signature",
+        sa.Column("campaign_id", sa.String(), nullable=False),
+        sa.Column("name", sa.String(), nullable=False),
+        sa.Column("signed_by", sa.String(), nullable=False),
+        sa.Column("signed_at", sa.DateTime(timezone=True), nullable=False),
+        sa.ForeignKeyConstraint(["campaign_id"], ["campaign.id"], name="fk_checklist_signature_campaign_id"),
+        sa.PrimaryKeyConstraint("campaign_id", name="pk_checklist_signature"),
+    )
+    op.create_table(
+        "checklist_tick",
+        sa.Column("campaign_id", sa.String(), nullable=False),
+        sa.Column("key", sa.String(), nullable=False),
+        sa.Column("done_by", sa.String(), nullable=True),
+        sa.Column("done_at", sa.DateTime(timezone=True), nullable=True),
+        sa.Column("note", sa.String(), nullable=True),
+        sa.CheckConstraint("(done_by IS NULL) = (done_at IS NULL)", name="ck_checklist_tick_who_and_when"),
+        sa.ForeignKeyConstraint(["campaign_id"], ["campaign.id"], name="fk_checklist_tick_campaign_id"),
+        sa.PrimaryKeyConstraint("campaign_id", "key", name="pk_checklist_tick"),
+    )
     op.create_table(
         "frame",
         sa.Column("id", sa.String(), nullable=False),
@@ -337,6 +385,38 @@ def upgrade() -> None:
         ),
     )
     op.create_table(
+        "measurement",
+        sa.Column("id", sa.String(), nullable=False),
+        sa.Column("organisation_id", sa.String(), nullable=False),
+        sa.Column("campaign_id", sa.String(), nullable=False),
+        sa.Column("frame_id", sa.String(), nullable=False),
+        sa.Column("calibration_id", sa.String(), nullable=False),
+        sa.Column("method", sa.String(), nullable=False),
+        sa.Column("parameters", sa.JSON(), nullable=False),
+        sa.Column("result", sa.JSON(), nullable=False),
+        sa.Column("result_schema", sa.Integer(), nullable=False),
+        sa.Column("software", sa.JSON(), nullable=False),
+        sa.Column("content_sha256", sa.String(length=64), nullable=False),
+        sa.Column("map_tif_sha256", sa.String(length=64), nullable=True),
+        sa.Column("map_png_sha256", sa.String(length=64), nullable=True),
+        sa.Column("created_by", sa.String(), nullable=False),
+        sa.Column("created_at", sa.DateTime(timezone=True), nullable=False),
+        sa.ForeignKeyConstraint(["calibration_id"], ["calibration.id"], name="fk_measurement_calibration_id"),
+        sa.ForeignKeyConstraint(["campaign_id"], ["campaign.id"], name="fk_measurement_campaign_id"),
+        sa.ForeignKeyConstraint(["frame_id"], ["frame.id"], name="fk_measurement_frame_id"),
+        sa.ForeignKeyConstraint(["map_png_sha256"], ["blob.sha256"], name="fk_measurement_map_png_sha256"),
+        sa.ForeignKeyConstraint(["map_tif_sha256"], ["blob.sha256"], name="fk_measurement_map_tif_sha256"),
+        sa.ForeignKeyConstraint(
+            ["organisation_id"], ["organisation.id"], name="fk_measurement_organisation_id"
+        ),
+        sa.PrimaryKeyConstraint("id", name="pk_measurement"),
+        sa.UniqueConstraint("frame_id", "content_sha256", name="uq_measurement_frame_id_content_sha256"),
+    )
+    op.create_index("ix_measurement_calibration_id", "measurement", ["calibration_id"])
+    op.create_index("ix_measurement_campaign_id", "measurement", ["campaign_id"])
+    op.create_index("ix_measurement_organisation_id_id", "measurement", ["organisation_id", "id"])
+
+    op.create_table(
         "publication",
         sa.Column("id", sa.String(), nullable=False),
         sa.Column("slot_id", sa.Integer(), nullable=False),
@@ -401,14 +481,18 @@ def downgrade() -> None:
     op.drop_table("channel_statistics")
     op.drop_table("revocation")
     op.drop_table("publication")
+    op.drop_table("measurement")
     op.drop_table("extraction")
     op.drop_table("coefficient")
     op.drop_table("reading")
     op.drop_table("frame")
+    op.drop_table("checklist_tick")
+    op.drop_table("checklist_signature")
     op.drop_table("calibration")
     op.drop_table("slot")
     op.drop_table("campaign")
     op.drop_table("roi")
+    op.drop_table("purge")
     op.drop_table("meter")
     op.drop_table("job")
     op.drop_table("idempotent_answer")
@@ -416,4 +500,5 @@ def downgrade() -> None:
     op.drop_table("api_key")
     op.drop_table("organisation")
     op.drop_table("blob")
+    op.drop_table("audit_head")
     op.drop_table("audit_entry")

@@ -15,6 +15,7 @@ IMMUTABLE = (
     "roi",
     "extraction",
     "channel_statistics",
+    "measurement",
 )
 
 OVERLAP = """
@@ -30,6 +31,7 @@ OVERLAP = """
 
 
 def upgrade() -> None:
+    op.execute(f"INSERT INTO audit_head (id, seq, sha256) VALUES (1, 0, '{'0' * 64}')")
     if op.get_bind().dialect.name == "sqlite":
         _hold_on_sqlite()
     else:

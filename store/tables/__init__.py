@@ -1,16 +1,19 @@
 """Every table, under its name."""
 
-from store.tables.audit import AuditEntry
+from store.tables.audit import AuditEntry, AuditHead
 from store.tables.base import Audited, Base
 from store.tables.calibration import Calibration, CoefficientRow, Publication, Revocation, Slot
 from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameRow, Reading, Roi
 from store.tables.equipment import Camera, Meter
 from store.tables.identity import ApiKey, IdempotentAnswer, Organisation
 from store.tables.job import Job
+from store.tables.measurement import Measurement
+from store.tables.review import ChecklistSignature, ChecklistTick, Purge
 
 __all__ = [
     "ApiKey",
     "AuditEntry",
+    "AuditHead",
     "Audited",
     "Base",
     "Blob",
@@ -18,14 +21,18 @@ __all__ = [
     "Camera",
     "Campaign",
     "ChannelRow",
+    "ChecklistSignature",
+    "ChecklistTick",
     "CoefficientRow",
     "Extraction",
     "FrameRow",
     "IdempotentAnswer",
     "Job",
+    "Measurement",
     "Meter",
     "Organisation",
     "Publication",
+    "Purge",
     "Reading",
     "Revocation",
     "Roi",

@@ -1,8 +1,8 @@
-"""Who changed what, when, from what to what. Append-only: triggers hold it."""
+"""Who changed what, when, from what to what. Append-only and chained: triggers and hashes hold it."""
 
 from datetime import datetime
 
-from sqlalchemy import BigInteger, Index, Integer
+from sqlalchemy import BigInteger, CheckConstraint, Index, String
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.columns import UtcDateTime, utc_now
@@ -13,7 +13,7 @@ class AuditEntry(Base):
     __tablename__ = "audit_entry"
     __table_args__ = (Index("ix_audit_entry_subject", "subject_id", "seq"),)
 
-    seq: Mapped[int] = mapped_column(BigInteger().with_variant(Integer, "sqlite"), primary_key=True)
+    seq: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
     organisation_id: Mapped[str | None]
     at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     actor: Mapped[str]
@@ -23,3 +23,17 @@ class AuditEntry(Base):
     subject_id: Mapped[str]
     before: Mapped[Json]
     after: Mapped[Json]
+    previous_sha256: Mapped[str] = mapped_column(String(64))
+    sha256: Mapped[str] = mapped_column(String(64))
+    """Over everything above: a chain that breaks where an entry is edited, deleted, inserted or moved."""
+
+
+class AuditHead(Base):
+    """The chain's last link, in one row: whoever appends locks it, and a cut-off end does not match it."""
+
+    __tablename__ = "audit_head"
+    __table_args__ = (CheckConstraint("id = 1", "one_row"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    seq: Mapped[int] = mapped_column(BigInteger)
+    sha256: Mapped[str] = mapped_column(String(64))

@@ -17,6 +17,8 @@ class Organisation(Audited, Base):
     name: Mapped[str] = mapped_column(unique=True)
     operator: Mapped[bool] = mapped_column(default=False)
     """The organisation that runs this service: its admins found the others."""
+    refuses_incomplete_certificates: Mapped[bool] = mapped_column(default=False)
+    """Publishing is refused, not only warned of, while a certificate lacks what ISO/IEC 17025 asks for."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 

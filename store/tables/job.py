@@ -12,7 +12,7 @@ from store.tables.base import Base, Json
 class Job(Base):
     __tablename__ = "job"
     __table_args__ = (
-        CheckConstraint("kind IN ('extract', 'fit')", "kind_known"),
+        CheckConstraint("kind IN ('extract', 'fit', 'measure')", "kind_known"),
         CheckConstraint(
             "state IN ('queued', 'running', 'succeeded', 'failed', 'quarantined')", "state_known"
         ),
