@@ -176,7 +176,7 @@ def _ordinary_variance(axes: models.Axes) -> float:
     theta = np.linalg.lstsq(axes.design, axes.response, rcond=None)[0]
     residual = axes.response - axes.design @ theta
     smallest = (math.ulp(1.0) * float(np.max(np.abs(axes.response)))) ** 2
-    return max(float(residual @ residual) / (len(residual) - p), smallest)
+    return max(float(residual @ residual) / float(len(residual) - p), smallest)
 
 
 def _judge(
@@ -220,7 +220,7 @@ def _k_variance(
     shares: dict[str, tuple[str, float]] = {}
     doubt = testable = 0.0
     for component, contribution in zip(components, solution.contributions, strict=True):
-        share = scale * float(contribution[0, 0])
+        share = max(0.0, scale * float(contribution[0, 0]))  # rounding can leave less than nothing
         shares[component.source] = (component.kind, share)
         if component.common:
             continue

@@ -49,6 +49,7 @@ class Flag(StrEnum):
         "dark_from_few_frames",
         "Fewer than three dark frames: their median guards nothing.",
     )
+    DARK_VARIES = "dark_varies", "The dark frames of an ISO differ by more than 1 % of its weakest signal."
     NONLINEAR = "nonlinear", "The exponent of the power model differs from 1 by more than 0.02."
     IMPLAUSIBLE_K = (
         "implausible_k",

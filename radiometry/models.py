@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import xlogy
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -133,24 +134,26 @@ def predict(model: str, parameters: Vector, rhs: Vector) -> Vector:
 
 
 def invert(model: str, parameters: Sequence[float], signal_dn: float) -> float:
-    """Give X at a signal above dark; infinite or NaN where the model has none."""
+    """Give X at a signal above dark; infinite or NaN where the model has none (power: at dark and below)."""
     first, second = (*parameters, 0.0)[:2]
     with np.errstate(all="ignore"):
         if model == "power":
-            return float(np.float64(signal_dn / first) ** np.float64(1.0 / second))
+            return (
+                float(np.exp(np.log(np.float64(signal_dn / first)) / second)) if signal_dn > 0.0 else math.nan
+            )
         if model == "semilog":
             return float(np.exp(np.float64((signal_dn - second) / first)))
     return (signal_dn - second) / first
 
 
 def invert_gradient(model: str, parameters: Sequence[float], signal_dn: float) -> tuple[float, Vector]:
-    """Give d ln X / dN [1/DN] and d ln X / d parameters at a signal above dark."""
+    """Give dX / dN [1/DN] and dX / d parameters at a signal above dark, where `invert` has an answer."""
     first, second = (*parameters, 0.0)[:2]
     rhs = invert(model, parameters, signal_dn)
     if model == "proportional":
-        return 1.0 / signal_dn, np.array([-1.0 / first])
+        return 1.0 / first, np.array([-rhs / first])
     if model == "affine":
-        return 1.0 / (first * rhs), np.array([-1.0 / first, -1.0 / (first * rhs)])
+        return 1.0 / first, np.array([-rhs / first, -1.0 / first])
     if model == "power":
-        return 1.0 / (second * signal_dn), np.array([-1.0 / (second * first), -math.log(rhs) / second])
-    return 1.0 / first, np.array([-math.log(rhs) / first, -1.0 / first])
+        return rhs / (second * signal_dn), np.array([-rhs / (second * first), -xlogy(rhs, rhs) / second])
+    return rhs / first, np.array([-xlogy(rhs, rhs) / first, -rhs / first])

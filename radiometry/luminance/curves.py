@@ -20,24 +20,17 @@ def fit_series(
 ) -> tuple[IsoFit, tuple[Point, ...]]:
     """Fit all models to one ISO value and report the one that was asked for.
 
-    ``calibration_u_rel`` : the meter's, common to all points: it is added to u(K) and does not average down
+    ``calibration_u_rel`` : the meter's, common to all points: it does not average down
     Raises InputRejected(fit_failed) if the model that was asked for does not settle on these points
     """
+    coefficient, chosen = fit_coefficient(series, params, calibration_u_rel=calibration_u_rel)
     curve = _curve(series, params)
-    fits = {model: fit_curve(curve, model=model) for model in MODELS}
-    chosen = fits[params.model]
-    if chosen is None:
-        raise InputRejected(
-            Code.FIT_FAILED,
-            f"The {params.model} model does not settle on the points of ISO {series.iso:g}: "
-            "look at them for a reading or a unit that is wrong, or choose the proportional model.",
-        )
+    others = [fit_curve(curve, model=model) if model != params.model else chosen for model in MODELS]
     points = _points(series, chosen)
     largest = max(abs(point.residual_rel) for point in points if point.residual_rel is not None)
-    coefficient = _coefficient(series, params, chosen, calibration_u_rel)
     return IsoFit(
         coefficient=coefficient,
-        models=tuple(_report(fit, curve) for fit in fits.values() if fit is not None),
+        models=tuple(_report(fit, curve) for fit in others if fit is not None),
         budget=_budget(chosen, calibration_u_rel),
         chi_squared_per_dof=None if chosen.chi_squared is None else chosen.chi_squared / chosen.dof,
         birge_ratio=chosen.birge_ratio,
@@ -47,6 +40,23 @@ def fit_series(
         largest_residual_rel=largest,
         passed=largest <= params.tolerance_rel,
     ), points
+
+
+def fit_coefficient(
+    series: IsoSeries, params: Params, *, calibration_u_rel: float
+) -> tuple[Coefficient, CurveFit]:
+    """Fit the model that was asked for; the meter's calibration is added to u(K) at the end.
+
+    Raises InputRejected(fit_failed) if the model does not settle on these points
+    """
+    fit = fit_curve(_curve(series, params), model=params.model)
+    if fit is None:
+        raise InputRejected(
+            Code.FIT_FAILED,
+            f"The {params.model} model does not settle on the points of ISO {series.iso:g}: "
+            "look at them for a reading or a unit that is wrong, or choose the proportional model.",
+        )
+    return _coefficient(series, params, fit, calibration_u_rel), fit
 
 
 def _curve(series: IsoSeries, params: Params) -> Curve:

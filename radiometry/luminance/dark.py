@@ -10,6 +10,7 @@ from radiometry.statistics import Signal
 
 _EXPOSURE_RATIO = 2.0
 _FEW = 3
+_VARIATION_REL = 0.01
 _TWELVE_BIT_STEPS = 4096.0
 
 
@@ -57,10 +58,17 @@ def estimate_dark(dark: Sequence[Signal], light: Sequence[Signal]) -> Dark:
     )
 
 
-def check_dark(*, iso: float, light_times_s: Sequence[float], dark_times_s: Sequence[float]) -> list[Raised]:
+def check_dark(
+    dark: Dark,
+    *,
+    iso: float,
+    light_times_s: Sequence[float],
+    dark_times_s: Sequence[float],
+    weakest_signal_dn: float,
+) -> list[Raised]:
     """Say what is to be known about the dark frames of an ISO value.
 
-    Flags  dark_from_black_level, dark_from_few_frames, dark_exposure_differs
+    Flags  dark_from_black_level, dark_from_few_frames, dark_varies, dark_exposure_differs
     """
     where = f"iso {iso:g}"
     if not dark_times_s:
@@ -70,6 +78,9 @@ def check_dark(*, iso: float, light_times_s: Sequence[float], dark_times_s: Sequ
     if len(dark_times_s) < _FEW:
         detail = f"Dark frames: {len(dark_times_s)}."
         raised.append(Raised(flag=Flag.DARK_FROM_FEW_FRAMES.value, where=where, detail=detail))
+    if dark.frame_spread_dn > _VARIATION_REL * weakest_signal_dn:
+        detail = f"Spread {dark.frame_spread_dn:.3g} DN, weakest signal {weakest_signal_dn:.4g} DN."
+        raised.append(Raised(flag=Flag.DARK_VARIES.value, where=where, detail=detail))
     far = [time for time in sorted(set(light_times_s)) if _distance(time, dark_times_s) > _EXPOSURE_RATIO]
     if far:
         times = ", ".join(f"{time:g} s" for time in far)

@@ -90,10 +90,10 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
 
     Flags
-      per ISO: dark_exposure_differs, dark_from_black_level, dark_from_few_frames, nonlinear, implausible_k,
-      few_points, tolerance_exceeded, scatter_exceeds_uncertainty, meter_repeatability_estimated,
-      gain_maps_differ, rendered, apex_missing;   per scene: lamp_drift, rho_cross_check;
-      of the whole: meter_certificate_missing, semilog_model
+      per ISO: dark_exposure_differs, dark_from_black_level, dark_from_few_frames, dark_varies, nonlinear,
+      implausible_k, few_points, tolerance_exceeded, scatter_exceeds_uncertainty, gain_maps_differ, rendered,
+      meter_repeatability_estimated, apex_missing;
+      per scene: lamp_drift, rho_cross_check; of the whole: meter_certificate_missing, semilog_model
     Raises InputRejected
       fit_incomplete if fewer than three scenes of an ISO value can be used, or frames are not extracted yet;
       fit_failed if the model does not settle
@@ -133,9 +133,11 @@ def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -
     used = {candidate.frame for candidate in series.used}
     light = [row for row in rows if row.frame in used]
     flags = check_dark(
+        series.dark,
         iso=series.iso,
         light_times_s=[candidate.settings.exposure_time_s for candidate in series.used],
         dark_times_s=series.dark_times_s,
+        weakest_signal_dn=min(c.signal.value_dn for c in series.used) - series.dark.signal_dn,
     )
     if len(used) < _FEW_POINTS:
         flags.append(_raise(Flag.FEW_POINTS, where, f"Points: {len(used)}."))
