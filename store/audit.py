@@ -44,6 +44,11 @@ def append_entries(session: Session) -> None:
     session.execute(insert(AuditEntry), entries)
 
 
+def forget_entries(session: Session) -> None:
+    """What was rolled back was never done."""
+    session.info.pop("audit_entries", None)
+
+
 def digest(entry: Mapping[str, Any]) -> str:
     """The hash of an entry: over its place, its content and the hash before it."""
     covered = {name: entry[name] for name in _COVERED} | {"at": entry["at"].isoformat()}

@@ -9,7 +9,7 @@ from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.orm import Session
 
-from store.audit import append_entries, record_changes
+from store.audit import append_entries, forget_entries, record_changes
 
 
 class Database:
@@ -46,6 +46,7 @@ class Database:
             session.info["actor"] = actor
             session.info["organisation_id"] = organisation_id
             event.listen(session, "after_flush", record_changes)
+            event.listen(session, "after_rollback", forget_entries)
             yield session
             session.flush()
             append_entries(session)

@@ -1,5 +1,6 @@
 """what the database itself holds: rows that never change, and one version in force at a time"""
 
+import sqlalchemy as sa
 from alembic import op
 
 revision = "0002"
@@ -31,7 +32,8 @@ OVERLAP = """
 
 
 def upgrade() -> None:
-    op.execute(f"INSERT INTO audit_head (id, seq, sha256) VALUES (1, 0, '{'0' * 64}')")
+    head = sa.table("audit_head", sa.column("id"), sa.column("seq"), sa.column("sha256"))
+    op.execute(head.insert().values(id=1, seq=0, sha256="0" * 64))
     if op.get_bind().dialect.name == "sqlite":
         _hold_on_sqlite()
     else:
@@ -39,6 +41,7 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
+    op.execute("DELETE FROM audit_head")
     if op.get_bind().dialect.name == "sqlite":
         for table in IMMUTABLE:
             op.execute(f"DROP TRIGGER {table}_never_changes")

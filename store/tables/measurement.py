@@ -10,7 +10,7 @@ from store.tables.base import Audited, Base, Json
 
 
 class Measurement(Audited, Base):
-    """One measurement, complete and immutable (triggers hold it); a revoked version is seen when it is read."""
+    """One measurement, complete and immutable (triggers hold it)."""
 
     __tablename__ = "measurement"
     __audit_without__ = frozenset({"result"})

@@ -11,7 +11,7 @@ from store.tables.base import Audited, Base, Json
 
 
 class ChecklistTick(Audited, Base):
-    """An item of the procedure's checklist that somebody has ticked; unticking sets ``done_at`` back to null."""
+    """An item of the procedure's checklist that somebody has ticked; unticking empties who and when."""
 
     __tablename__ = "checklist_tick"
     __table_args__ = (CheckConstraint("(done_by IS NULL) = (done_at IS NULL)", "who_and_when"),)
@@ -36,7 +36,7 @@ class ChecklistSignature(Audited, Base):
 
 
 class Purge(Audited, Base):
-    """All versions made with something that turned out wrong: proposed, reviewed, then revoked as one step."""
+    """All versions made with something that turned out wrong: proposed, reviewed, revoked as one step."""
 
     __tablename__ = "purge"
     __table_args__ = (CheckConstraint("(confirmed_by IS NULL) = (confirmed_at IS NULL)", "who_and_when"),)
