@@ -21,6 +21,19 @@ def family(pid: int) -> set[int]:
     return found
 
 
+def children(pid: int) -> set[int]:
+    """Those that a process has started itself and that still run."""
+    return alive(int(path.name) for path in Path("/proc").glob("[0-9]*") if _parent(int(path.name)) == pid)
+
+
+def command(pid: int) -> list[str]:
+    """The words of a process's command; none where it is gone."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text().split("\0")[:-1]
+    except OSError:
+        return []
+
+
 def marked(entry: str) -> set[int]:
     """Every living process with this `NAME=value` in the environment that it was started with."""
     found = set()

@@ -1,0 +1,41 @@
+"""One service of each kind for all tests that leave it as they found it, and the figures of a quiet run."""
+
+import pytest
+
+from tests.support.deployments import Composed, Embedded, short_folder
+from tests.support.fieldwork import figures_of, write_campaign
+
+
+@pytest.fixture(scope="session")
+def embedded():
+    """`make up`, on SQLite, a folder and the bundled Valkey."""
+    with short_folder() as folder, Embedded(folder / "data") as deployment:
+        yield deployment
+
+
+@pytest.fixture(scope="session")
+def composed(postgres):
+    """docker-compose.yml, on PostgreSQL, S3 and a Valkey of its own."""
+    with short_folder() as folder, Composed(folder, postgres.new_database()) as deployment:
+        yield deployment
+
+
+@pytest.fixture(params=["embedded", "composed"])
+def deployment(request):
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
+def shots(tmp_path_factory):
+    """Thirty frames, of which K follows at two ISO values."""
+    return write_campaign(tmp_path_factory.mktemp("shots"))
+
+
+@pytest.fixture(scope="session")
+def quiet_figures(embedded, shots):
+    """What comes of the campaign when nothing disturbs: every other way must end the same, to the last bit."""
+    with embedded.team() as team:
+        campaign = team.campaign()
+        frames = team.push(campaign, shots)
+        embedded.wait_for_jobs([frame.id for frame in frames])
+        return figures_of(team.client.calibrate(campaign.id))

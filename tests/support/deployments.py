@@ -1,0 +1,299 @@
+"""The service as real processes: as `make up` starts it, and as docker-compose.yml does.
+
+They share a face, so that one test goes for both. All of them die with the test process, however it ends.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import httpx
+import redis
+from sqlalchemy import select
+
+from service.launch.lifeline import die_with_parent
+from service.launch.port import free_port
+from service.launch.valkey import valkey_binary
+from store.database import Database
+from store.jobs import FINAL_STATES
+from store.tables import Job
+from tests.support.compose import ROOT, command_of, compose, environment_of
+from tests.support.fieldwork import Team, new_team
+from tests.support.processes import alive, children, command
+
+# What is lost is found again within seconds.
+QUICK = {"STILB_LEASE_S": "2", "STILB_SWEEP_INTERVAL_S": "0.2", "STILB_STALL_S": "10"}
+GIVEN = {
+    "STILB_KEY": "stilb_flow_key",
+    "POSTGRES_PASSWORD": "secret",
+    "AWS_ACCESS_KEY_ID": "id",
+    "AWS_SECRET_ACCESS_KEY": "secret",
+}
+PATIENCE_S = 90.0
+PARTS = {
+    "service": ["-m", "service"],
+    "worker": ["-m", "worker"],
+    "sweeper": ["-m", "worker.sweeper"],
+    "valkey": ["valkey-server"],
+}
+
+
+class Deployment:
+    """What runs, wherever it does: `url`, `key`, `database`, `broker`, `logs`, and its processes by name."""
+
+    url: str
+    key: str
+    broker_url: str
+    database: Database
+    broker: redis.Redis
+    logs: Path
+
+    def pid(self, name: str) -> int:
+        raise NotImplementedError
+
+    def look_after(self) -> None:
+        """Start again what has died, where nobody else does."""
+
+    def kill(self, name: str) -> None:
+        """As the kernel does when memory runs out. It is started again by whoever looks after it."""
+        pid = self.pid(name)
+        os.kill(pid, signal.SIGKILL)
+        wait_for(lambda: not alive([pid]))
+
+    @contextmanager
+    def stopped(self, name: str):
+        """A part that is there and does nothing."""
+        pid = self.pid(name)
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            os.kill(pid, signal.SIGCONT)
+
+    def wait_until(self, condition: Callable[[], object], timeout_s: float = PATIENCE_S) -> None:
+        def met() -> object:
+            self.look_after()
+            return condition()
+
+        assert holds_within(met, timeout_s), self.last_words()
+
+    def jobs(self, *, subjects: list[str] | None = None) -> list[Job]:
+        """Rows, oldest first, also of other organisations unless the subjects are named."""
+        rows = select(Job).order_by(Job.created_at, Job.id)
+        if subjects is not None:
+            rows = rows.where(Job.subject_id.in_(subjects))
+        with self.database.reading() as session:
+            return list(session.scalars(rows))
+
+    def wait_for_jobs(self, subjects: list[str]) -> list[Job]:
+        """Wait until every job on these frames or campaigns has ended, and give them."""
+        self.wait_until(lambda: all(job.state in FINAL_STATES for job in self.jobs(subjects=subjects)))
+        return self.jobs(subjects=subjects)
+
+    @contextmanager
+    def team(self, **settings):
+        with new_team(self.url, self.key, **settings) as team:
+            yield team
+
+    def serves(self) -> bool:
+        try:
+            return httpx.get(f"{self.url}/readyz", timeout=5.0).status_code == 200
+        except httpx.TransportError:
+            return False
+
+    def last_words(self) -> str:
+        tails = [f"--- {path.name}\n{path.read_text()[-1500:]}" for path in sorted(self.logs.glob("*.log"))]
+        return "it did not happen in time\n" + "\n".join(tails)
+
+
+class Embedded(Deployment):
+    """`python -m service.up` on a data folder."""
+
+    def __init__(self, data: Path, *, wrapper: list[str] = (), **settings: str):
+        self.data = data
+        self.logs = data / "logs"
+        self.blobs = data / "blobs"
+        self._command = [*wrapper, sys.executable, "-m", "service.up"]
+        self._environment = os.environ | QUICK | {"STILB_DATA": str(data), "STILB_PORT": "0"} | settings
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def start(self) -> None:
+        self.launcher = spawn(
+            self._command, self._environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        line = self.launcher.stdout.readline().split()
+        if line[:1] != ["ready"]:
+            self.launcher.kill()
+            raise AssertionError(self.launcher.communicate()[1])
+        _, self.url, _, self.key = line
+        self.broker_url = f"redis+socket://{self.data / 'valkey.sock'}"
+        self.broker = redis.Redis(unix_socket_path=str(self.data / "valkey.sock"))
+        self.database = Database(f"sqlite:///{self.data / 'stilb.sqlite'}")
+
+    def pid(self, name: str) -> int:
+        found: list[int] = []
+
+        def is_there() -> bool:
+            found[:] = [pid for pid in children(self.launcher.pid) if _is_part(pid, name)]
+            return bool(found)
+
+        # It may have died just now, to be started again.
+        wait_for(is_there)
+        return found[0]
+
+    def tree_is_killed(self) -> None:
+        """kill -9 on the launcher; the kernel takes the others along."""
+        self.launcher.kill()
+        self._close()
+
+    def __exit__(self, *_):
+        self.launcher.kill()
+        self._close()
+
+    def _close(self) -> None:
+        self.launcher.communicate()
+        self.broker.close()
+        self.database.dispose()
+
+
+class Composed(Deployment):
+    """The commands and the environment of docker-compose.yml; only the addresses are this machine's."""
+
+    def __init__(self, folder: Path, database_url: str, **settings: str):
+        self.folder = folder
+        self.logs = folder / "logs"
+        self.key = GIVEN["STILB_KEY"]
+        self._database_url = database_url
+        self._settings = settings
+        self._running: dict[str, subprocess.Popen] = {}
+
+    def __enter__(self):
+        with ExitStack() as stack:
+            self._start_all(stack)
+            self._stack = stack.pop_all()
+        return self
+
+    def _start_all(self, stack: ExitStack) -> None:
+        self.logs.mkdir()
+        port, broker_port = free_port("127.0.0.1", 0), free_port("127.0.0.1", 0)
+        self.url = f"http://127.0.0.1:{port}"
+        self.broker_url = f"redis://127.0.0.1:{broker_port}/0"
+        self.broker = stack.enter_context(redis.Redis(port=broker_port))
+        self.database = Database(self._database_url)
+        stack.callback(self.database.dispose)
+        stack.callback(self._end)
+        self._addresses = {
+            "STILB_DATA": str(self.folder / "data"),
+            "STILB_DATABASE_URL": self._database_url,
+            "STILB_BROKER_URL": self.broker_url,
+            "STILB_HOST": "127.0.0.1",
+            "STILB_PORT": str(port),
+            "AWS_ENDPOINT_URL": self._start_s3(stack),
+        }
+        self._broker_port = broker_port
+        self.start("valkey")
+        wait_for(self._broker_answers)
+        self.start("migrate")
+        assert self._running.pop("migrate").wait(60) == 0, self.last_words()
+        for name in ("service", "worker", "sweeper"):
+            self.start(name)
+        self.wait_until(self.serves)
+
+    def start(self, name: str) -> None:
+        with (self.logs / f"{name}.log").open("ab") as log:
+            self._running[name] = spawn(*self._described(name), stdout=log, stderr=log)
+
+    def pid(self, name: str) -> int:
+        return self._running[name].pid
+
+    def look_after(self) -> None:
+        # As `restart: unless-stopped` does.
+        for name, process in list(self._running.items()):
+            if process.poll() is not None:
+                self.start(name)
+
+    def __exit__(self, *_):
+        self._stack.close()
+
+    def _described(self, name: str) -> tuple[list[str], dict[str, str]]:
+        path = {"PATH": os.environ["PATH"]}
+        if name == "valkey":
+            words = compose()["services"]["redis"]["command"]
+            where = ["--port", str(self._broker_port), "--bind", "127.0.0.1", "--dir", str(self.folder)]
+            return [str(valkey_binary()), *words[1:], *where], path
+        named = environment_of(name, GIVEN)
+        here = {key: value for key, value in self._addresses.items() if key in named}
+        return command_of(name), path | named | here | QUICK | self._settings
+
+    def _start_s3(self, stack: ExitStack) -> str:
+        server = stack.enter_context(
+            spawn(
+                [sys.executable, "-m", "tests.support.s3_server"],
+                {"PATH": os.environ["PATH"], "BUCKET": "stilb"},
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+        )
+        stack.callback(server.kill)
+        return server.stdout.readline().strip()
+
+    def _broker_answers(self) -> bool:
+        try:
+            return self.broker.ping()
+        except redis.ConnectionError:
+            return False
+
+    def _end(self) -> None:
+        for process in self._running.values():
+            process.kill()
+        for process in self._running.values():
+            process.wait()
+
+
+def spawn(command: list[str], environment: dict[str, str], **pipes) -> subprocess.Popen:
+    """Start a process in the checkout that ends with this one."""
+    return subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        process_group=0,
+        preexec_fn=die_with_parent(),  # noqa: PLW1509 (it takes no lock)
+        **pipes,
+    )
+
+
+@contextmanager
+def short_folder():
+    """Short enough for a unix socket, and gone afterwards with all that was uploaded."""
+    with tempfile.TemporaryDirectory(prefix="stilb-", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
+
+
+def wait_for(condition: Callable[[], object], timeout_s: float = PATIENCE_S) -> None:
+    assert holds_within(condition, timeout_s), "it did not happen in time"
+
+
+def holds_within(condition: Callable[[], object], timeout_s: float) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.005)
+    return True
+
+
+def _is_part(pid: int, name: str) -> bool:
+    words = command(pid)
+    if not words:
+        return False
+    return Path(words[0]).name == name + "-server" if name == "valkey" else words[1:] == PARTS[name]

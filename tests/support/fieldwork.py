@@ -1,0 +1,95 @@
+"""A small campaign on disk, and a field team that goes its way over HTTP in an organisation of its own."""
+
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+
+import stilb
+from tests.support.campaigns import ISOS, K_TRUE, LEVELS, ROI, SETTINGS
+from tests.support.frames import write_frame
+from tests.support.house import CAMERA
+
+CHANNELS = ["B", "G1", "G2", "R", "grey"]
+Figures = list[tuple[str, float, float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    path: Path
+    role: str
+    scene: str | None
+
+
+def write_campaign(folder: Path) -> list[Shot]:
+    """The frames of `tests.support.campaigns`, as files that a client sends."""
+    shots = []
+    for iso in ISOS:
+        for index, (exposure_time_s, f_number) in enumerate(SETTINGS):
+            scenes = {None: 0.0} | LEVELS
+            for number, (scene, luminance) in enumerate(scenes.items()):
+                path = write_frame(
+                    folder / f"{scene or 'dark'}-{iso}-{index}.DNG",
+                    signal_dn=K_TRUE * exposure_time_s * iso * luminance / f_number**2,
+                    exposure_time_s=exposure_time_s,
+                    f_number=f_number,
+                    iso=iso,
+                    seed=1 + 100 * number + index + iso,
+                )
+                shots.append(Shot(path=path, role="light" if scene else "dark", scene=scene))
+    return shots
+
+
+class Team:
+    """One organisation's client. What another team has sent or computed is of no use to this one."""
+
+    def __init__(self, client: stilb.Client, url: str, key: str):
+        self.client = client
+        self.url = url
+        self.headers = {"Authorization": f"Bearer {key}"}
+
+    def campaign(self) -> stilb.Campaign:
+        """A campaign with its region and its readings, and no frame yet."""
+        camera = self.client.create_camera(**CAMERA)
+        campaign = self.client.create_campaign(camera.id)
+        self.client.set_roi(campaign.id, polygon=ROI["polygon"])
+        readings = [
+            {"scene": scene, "quantity": "luminance", "value": value * factor, "unit": "cd/m2"}
+            for scene, value in LEVELS.items()
+            for factor in (0.998, 1.002)
+        ]
+        self.client.add_readings(campaign.id, readings)
+        return campaign
+
+    def push(self, campaign: stilb.Campaign, shots: list[Shot]) -> list[stilb.Frame]:
+        return self.client.push_all(
+            [
+                stilb.Upload(campaign_id=campaign.id, path=shot.path, role=shot.role, scene=shot.scene)
+                for shot in shots
+            ]
+        )
+
+    def http(self, **settings) -> httpx.Client:
+        """For what the client would not do."""
+        return httpx.Client(base_url=self.url, headers=self.headers, timeout=60.0, **settings)
+
+
+@contextmanager
+def new_team(url: str, operator_key: str, **settings) -> Iterator[Team]:
+    """Found an organisation, whose first key the team gets."""
+    headers = {"Authorization": f"Bearer {operator_key}"}
+    answer = httpx.post(
+        f"{url}/v1/organisations", json={"name": str(uuid.uuid4())}, headers=headers, timeout=60.0
+    )
+    assert answer.status_code == 201, answer.text
+    key = answer.json()["key"]["secret"]
+    with stilb.Client(url, key, **{"retries": 10} | settings) as client:
+        yield Team(client, url, key)
+
+
+def figures_of(calibration: stilb.Calibration) -> Figures:
+    """Every coefficient and its uncertainty, to be compared to the last bit."""
+    return [(c.name, c.iso, c.value, c.standard_uncertainty) for c in calibration.coefficients]
