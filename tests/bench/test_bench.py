@@ -1,0 +1,79 @@
+"""The benchmarks run, at a size where their figures mean nothing; the arithmetic is right at any."""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from bench import imagej, timing
+from bench.__main__ import main
+from bench.report import judge, summarise
+from bench.subject import ROI_SHARE, Scale, draw_roi
+from radiometry.roi import bounding_window, mask
+from tests.support.processes import alive, family
+
+TINY = Scale(rows=480, cols=640, rounds=2, uploads=2)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
+def test_every_benchmark_runs_and_leaves_nothing_behind(tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(imagej, "find_imagej", lambda: None)
+    before = family(1)
+    assert main(TINY) == 0
+    told = capfd.readouterr().out
+    assert told.count("target:") == 4
+    assert "4 targets, " in told
+    assert "MB more over" in told
+    assert list(tmp_path.iterdir()) == []
+    assert [pid for pid in alive(family(1)) - before if "stilb_bench" in _environment(pid)] == []
+
+
+def _environment(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/environ").read_text(errors="replace")
+    except OSError:
+        return ""
+
+
+def test_the_region_is_a_twentieth_of_the_frame():
+    scale = Scale()
+    polygon = draw_roi(scale)
+    window = bounding_window(polygon, height_px=scale.rows, width_px=scale.cols)
+    share = mask(polygon, window).sum() / (scale.rows * scale.cols)
+    assert share == pytest.approx(ROI_SHARE, rel=0.01)
+
+
+def test_ways_take_turns_and_only_they_are_timed(monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: clock[0])
+    order = []
+
+    def way(name, lasts_s):
+        def run():
+            order.append(name)
+            clock[0] += lasts_s
+
+        return run
+
+    def prepare():
+        clock[0] += 100.0
+
+    ways = {"a": way("a", 2.0), "b": way("b", 1.0)}
+    seconds = timing.take_turns(ways, rounds=3, warm_up=1, prepare=prepare)
+    assert seconds == {"a": [2.0] * 3, "b": [1.0] * 3}
+    assert "".join(order) == "ab" + "ab" + "ba" + "ab"
+    assert timing.compare(seconds["a"], seconds["b"]).median == 2.0
+
+
+def test_a_missed_target_is_named(capsys):
+    ratio = timing.compare([3.0, 3.0], [1.0, 1.0])
+    verdicts = [
+        judge("x", ratio, at_least=4.0),
+        judge("y", ratio, at_most=4.0),
+        judge("z", ratio, at_least=3.0),
+    ]
+    assert verdicts == [False, True, True]
+    assert capsys.readouterr().out.count("MISSED") == 1
+    assert summarise(verdicts) == "3 targets, 1 MISSED"
