@@ -1,0 +1,67 @@
+"""What the README tells a newcomer to type works, word for word, on a running service."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from tests.support.campaigns import ISOS, K_TRUE, LEVELS
+from tests.support.compose import ROOT
+from tests.support.fieldwork import write_campaign
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def write_field_folder(folder) -> None:
+    """What the README asks for: a folder a light level, one of dark frames, the readings."""
+    raw = folder / "raw"
+    raw.mkdir(parents=True)
+    for shot in write_campaign(raw):
+        target = folder / (shot.scene or "dark")
+        target.mkdir(exist_ok=True)
+        shot.path.rename(target / shot.path.name)
+    raw.rmdir()
+    lines = [f"{scene},luminance,{value},cd/m2" for scene, value in LEVELS.items()]
+    (folder / "readings.csv").write_text("\n".join(["scene,quantity,value,unit", *lines]) + "\n")
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="the commands are curl's")
+def test_every_command_of_the_first_calibration_is_true(embedded, tmp_path):
+    blocks = re.findall(r"^```sh\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 1
+    field = tmp_path / "field"
+    write_field_folder(field)
+    with embedded.team() as team:
+        environment = os.environ | {"STILB": team.url, "KEY": team.key}
+        done = subprocess.run(
+            ["sh", "-euc", blocks[0]],
+            check=False,
+            cwd=field,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    assert done.stderr == ""
+    states = re.findall(r"^\w+$", done.stdout, re.MULTILINE)
+    frames = list(field.rglob("*.DNG"))
+    assert states == ["succeeded"] * len(frames)
+    in_force = json.loads(done.stdout[done.stdout.rindex('{"items":') :])["items"]
+    found = {item["iso"]: item for item in in_force if item["name"] == "luminance_k"}
+    assert sorted(found) == list(ISOS)
+    for item in found.values():
+        assert abs(item["value"] - K_TRUE) <= 3 * item["standard_uncertainty"]
+    assert len((field / "points.csv").read_text().splitlines()) > len(ISOS) * len(LEVELS)
+    assert ET.parse(field / "plot.svg").getroot().tag.endswith("svg")
+
+
+def test_the_picture_is_small_and_is_what_the_service_draws():
+    (name,) = re.findall(r"!\[[^]]+\]\(([^)]+)\)", README)
+    picture = ROOT / name
+    assert picture.stat().st_size < 100_000
+    assert ET.parse(picture).getroot().get("aria-label") == "Luminance calibration"
