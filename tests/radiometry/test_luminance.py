@@ -7,6 +7,7 @@ import random as python_random
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from radiometry.errors import Code, InputRejected
 from radiometry.exposure import Exposure
@@ -161,6 +162,22 @@ def test_all_models_are_reported_and_the_true_one_has_the_best_aicc(drawn):
     assert reports["semilog"].left_out_max_rel > 10 * reports["proportional"].left_out_max_rel
     assert abs(reports["power"].parameters[1] - 1) < 3 * math.sqrt(reports["power"].covariance[1][1])
     assert reports["proportional"].r_squared > 0.99
+
+
+def test_aicc_by_hand():
+    """Proportional, one parameter: -2 ln L of nine normal ln N, the change of axis to N, and the penalty."""
+    params = Params(meter_repeatability_rel=0.0, f_number_u_rel=0.0, exposure_time_u_rel=0.0)
+    rows = [
+        light(s, f, k=K * 1.01 ** (-1) ** n) for s in SCENES for n, f in enumerate((5.6, 8.0, 16.0, 11.0))
+    ]
+    result = fit((*rows, *DARKS), params=params)
+    report, coefficient = result.iso_fits[0].models[0], result.iso_fits[0].coefficient
+    signal = np.array([p.adjusted_signal_dn for p in result.points])
+    fitted = np.array([p.fitted_signal_dn for p in result.points])
+    u_dark = coefficient.dark_signal_standard_uncertainty_dn
+    covariance = (0.2**2 * np.eye(12) + u_dark**2) / np.outer(fitted, fitted)
+    density = multivariate_normal(np.log(fitted), covariance).logpdf(np.log(signal)) - np.log(signal).sum()
+    assert report.aicc == pytest.approx(2 - 2 * density + 4 / 10)
 
 
 def test_leaving_a_scene_out_by_hand():

@@ -243,3 +243,16 @@ def test_a_bad_imagej_line_is_refused_with_the_reason(text, words):
 def test_any_text_is_read_or_refused(text):
     with contextlib.suppress(InputRejected):
         parse_imagej(text)
+
+
+@given(st.integers(1, 4), st.integers(10, 139), st.sampled_from([3, 5, 7]))
+def test_rounding_does_not_decide_who_owns_a_centre_on_an_edge(start, stop, steepness):
+    """Corners at tenths, which no float holds: the edge x = y / steepness still owns its centres."""
+    top, bottom = start / 10, max(stop, steepness * start) / 10
+    on_edge = [(top / steepness, top), (bottom / steepness, bottom)]
+    owned = mask(Polygon.from_points([*on_edge, (-9.0, bottom), (-9.0, top)]), FRAME)
+    for col in range(14):
+        row = (steepness * (2 * col + 1) - 1) // 2  # the centre (col + 1/2, row + 1/2) lies on the edge
+        if top < row + 0.5 < bottom and row < 14:
+            assert owned[row, col]
+            assert not owned[row, col + 1 :].any()
