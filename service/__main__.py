@@ -11,7 +11,7 @@ from service.auth import SCOPES
 from service.context import Context
 from service.waiting import JobWatch
 from store.blobs import blobs_from_url
-from store.broker import Hints, make_celery
+from store.broker import Hints
 from store.database import Database
 from store.queries.keys import ensure_operator
 from store.settings import Settings
@@ -24,7 +24,7 @@ def build_context(settings: Settings) -> Context:
         settings=settings,
         database=database,
         blobs=blobs_from_url(settings.effective_blobs_url, settings.data),
-        hints=Hints(make_celery(settings.effective_broker_url)),
+        hints=Hints(settings.effective_broker_url),
         watch=JobWatch(database),
     )
 

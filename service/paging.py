@@ -1,10 +1,11 @@
 """Lists by keyset: stable while rows are added, and a page costs the same wherever it lies."""
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar, get_args
 
 from fastapi import Query, Request
-from pydantic import Field
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import Select
 from sqlalchemy.orm import Session
 
@@ -16,14 +17,21 @@ Limit = Annotated[int, Query(ge=1, le=1000, description="How many items a page h
 Cursor = Annotated[Text | None, Query(description="Taken from the `next` address of the page before.")]
 
 
+def _show_one_item(schema: dict[str, Any], model: type[BaseModel]) -> None:
+    (item,) = get_args(model.model_fields["items"].annotation)
+    if isinstance(item, type) and issubclass(item, Answer):
+        example = item.model_json_schema()["examples"][0]
+        after = f"https://stilb.example/v1/list?cursor={example['id']}"
+        schema["examples"] = [{"items": [example], "next": after}]
+
+
 class Page(Answer, Generic[AnswerType]):
     """One page of a list; `next` is the address of the page after it, or null at the end."""
 
+    model_config = ConfigDict(json_schema_extra=_show_one_item)
+
     items: list[AnswerType]
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
-
-    def dump(self) -> dict[str, Any]:
-        return {"items": [item.dump() for item in self.items], "next": self.next}
 
 
 def page(
@@ -36,11 +44,11 @@ def page(
     cursor: str | None,
     newest_first: bool = False,
     shape: Callable[[list[Any]], Sequence[Answer]],
-) -> dict[str, Any]:
+) -> JSONResponse:
     """The rows after the cursor in the order of their ids, and where the next ones are."""
     if cursor is not None:
         rows = rows.where(by < cursor if newest_first else by > cursor)
     found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
     more = len(found) > limit
     address = str(request.url.include_query_params(cursor=found[limit - 1].id)) if more else None
-    return {"items": [item.dump() for item in shape(found[:limit])], "next": address}
+    return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})

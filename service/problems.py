@@ -7,9 +7,12 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from pydantic import ValidationError
 from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
 
 from radiometry.errors import InputRejected
+from service.wording import describe
 from store.errors import Conflict
 
 
@@ -83,7 +86,9 @@ def problem_body(
 
 def not_found(what: str) -> Problem:
     return Problem(
-        404, HttpCode.NOT_FOUND, f"There is no such {what}. Check the id; it may be another organisation's."
+        404,
+        HttpCode.NOT_FOUND,
+        f"There is no such {what}. Check the id, and that your key is of the organisation that owns it.",
     )
 
 
@@ -107,11 +112,8 @@ def install(app: FastAPI) -> None:
         return answer(invalid(error.errors()))
 
     @app.exception_handler(HTTPException)
-    async def http(_request: Request, error: HTTPException) -> JSONResponse:
-        code = {404: HttpCode.NOT_FOUND, 405: HttpCode.METHOD_NOT_ALLOWED}.get(
-            error.status_code, HttpCode.BAD_REQUEST
-        )
-        return _answer(problem_body(error.status_code, code, str(error.detail)), error.headers)
+    async def http(request: Request, error: HTTPException) -> JSONResponse:
+        return answer(_of_the_framework(request, error))
 
     @app.exception_handler(Exception)
     async def unexpected(_request: Request, _error: Exception) -> JSONResponse:
@@ -119,11 +121,49 @@ def install(app: FastAPI) -> None:
         return _answer(problem_body(500, HttpCode.INTERNAL_ERROR, detail, retryable=True))
 
 
+def _of_the_framework(request: Request, error: HTTPException) -> Problem:
+    """What the framework refuses by itself, in our words."""
+    headers = dict(error.headers or {})
+    match error.status_code:
+        case 404:
+            detail = "There is nothing at this address; /docs lists what there is."
+            return Problem(404, HttpCode.NOT_FOUND, detail)
+        case 405:
+            allowed = ", ".join(_methods_of(request)) or headers.get("Allow", "GET")
+            detail = f"This address does not take {request.method}; it takes {allowed}."
+            return Problem(405, HttpCode.METHOD_NOT_ALLOWED, detail, headers={"Allow": allowed})
+        case 413:
+            return Problem(413, HttpCode.UPLOAD_TOO_LARGE, str(error.detail))
+        case _:
+            detail = (
+                "The body cannot be read: send JSON in UTF-8, without endless nesting or endless numbers."
+            )
+            return Problem(error.status_code, HttpCode.BAD_REQUEST, detail, headers=headers)
+
+
+def _methods_of(request: Request) -> list[str]:
+    """Every method of an address; the framework names those of the first route that it finds."""
+    paths: dict[str, Any] = request.app.openapi()["paths"]
+    fitting = [path for path in paths if compile_path(path)[0].match(request.scope["path"])]
+    return sorted({method.upper() for path in fitting for method in paths[path]})
+
+
 def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
     """Name each field that is wrong. The given value is not echoed: it may not even be JSON."""
-    named = [{"field": ".".join(map(str, e["loc"])), "message": e["msg"]} for e in errors]
-    detail = "; ".join(f"{e['field']}: {e['message']}" for e in named[:5])
-    return Problem(422, HttpCode.VALIDATION_FAILED, detail, errors=named)
+    errors = list(errors)
+    for error in errors:
+        if error["type"] == "json_invalid":
+            where = f"{error['ctx']['error']} at character {error['loc'][-1]}"
+            return Problem(400, HttpCode.BAD_REQUEST, f"The body is not JSON: {where}.")
+    named = [member for error in errors for member in describe(error)]
+    detail = "; ".join(f"{member['field']}: {member['message']}" for member in named[:5])
+    more = f"; and {len(named) - 5} more" if len(named) > 5 else ""
+    return Problem(422, HttpCode.VALIDATION_FAILED, f"{detail}{more}", errors=named)
+
+
+def located(error: ValidationError, *place: str) -> list[dict[str, Any]]:
+    """What pydantic found, and where in the request."""
+    return [{**each, "loc": (*place, *each["loc"])} for each in error.errors(include_url=False)]
 
 
 def answer(problem: Problem) -> JSONResponse:

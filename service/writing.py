@@ -71,7 +71,7 @@ class Writing:
                         fingerprint=self._digest(),
                         status=reply.status,
                         headers=reply.headers,
-                        body=body,
+                        body=reply.body.keep(),
                     )
                 )
         self._context.hints.send([job.id for job in reply.jobs])

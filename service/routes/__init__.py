@@ -2,17 +2,18 @@
 
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI, Request
 
+from service.problems import invalid
 from service.schemas.base import ProblemAnswer
 
 _MEANINGS = {
-    400: "The request cannot be read.",
+    400: "The body cannot be read.",
     401: "No key, or none that is known.",
     403: "The key lacks a scope.",
     404: "There is no such thing for this key's organisation.",
     409: "It contradicts what is recorded.",
-    413: "The file is too large.",
+    413: "The body is too large.",
     422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
     503: "A part of the service does not answer just now; try again.",
     507: "There is no room left.",
@@ -42,11 +43,30 @@ def include_routes(app: FastAPI) -> None:
         jobs,
         keys,
         meters,
+        pages,
         readings,
         system,
     )
 
-    for module in (
-        *(system, keys, cameras, meters, campaigns, readings, frames, calibrations, coefficients, jobs),
-    ):
+    for module in (system, pages):
         app.include_router(module.router)
+    for module in (keys, cameras, meters, campaigns, readings, frames, calibrations, coefficients, jobs):
+        app.include_router(module.router, dependencies=[Depends(_refuse_unknown_parameters)])
+
+
+def _refuse_unknown_parameters(request: Request) -> None:
+    """A filter that is misspelt must not answer with everything."""
+    document: dict[str, Any] = request.app.openapi()
+    name = request.scope["route"].name
+    known = {
+        parameter["name"]
+        for path in document["paths"].values()
+        for operation in path.values()
+        if operation["operationId"] == name
+        for parameter in operation.get("parameters", ())
+    }
+    unknown = [
+        {"type": "extra_forbidden", "loc": ("query", n)} for n in request.query_params if n not in known
+    ]
+    if unknown:
+        raise invalid(unknown)

@@ -81,7 +81,7 @@ def list_campaign_calibrations(
     context: UsesContext,
     limit: Limit = 100,
     cursor: Cursor = None,
-) -> Any:  # noqa: ANN401
+) -> Response:
     """The versions that were fitted from a campaign, newest first."""
     with context.database.reading() as session:
         owned(session, Campaign, campaign_id, caller)
@@ -101,7 +101,7 @@ def list_camera_calibrations(
     state: Annotated[State | None, Query()] = None,
     limit: Limit = 100,
     cursor: Cursor = None,
-) -> Any:  # noqa: ANN401
+) -> Response:
     """A camera's history, newest first."""
     with context.database.reading() as session:
         owned(session, Camera, camera_id, caller)
@@ -110,10 +110,10 @@ def list_camera_calibrations(
 
 
 @router.get("/calibrations/{calibration_id}", response_model=CalibrationAnswer, responses=problems(404))
-def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One version, whole: coefficients, points, diagnostics, inputs."""
     with context.database.reading() as session:
-        return _answer(session, owned(session, Calibration, calibration_id, caller)).dump()
+        return _answer(session, owned(session, Calibration, calibration_id, caller)).respond()
 
 
 @router.get(
@@ -213,7 +213,7 @@ def _read_params(body: NewCalibration, evidence: Evidence, caller: Caller) -> Pa
     return replace(Params(), **said, exclude=tuple(sorted(exclusions, key=lambda e: e.frame)))
 
 
-def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> dict[str, Any]:  # noqa: ANN401
+def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> Response:  # noqa: ANN401
     def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
         ids = [row.id for row in found]
         standing, coefficients = standings(session, ids), coefficients_of(session, ids)

@@ -1,7 +1,5 @@
 """Cameras."""
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -41,7 +39,7 @@ def create_camera(body: NewCamera, caller: Calibrator, writing: Writes) -> Respo
 @router.get("", response_model=Page[CameraAnswer], responses=problems())
 def list_cameras(
     request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
-) -> Any:  # noqa: ANN401
+) -> Response:
     """The cameras of your organisation, oldest first."""
     rows = select(Camera).where(Camera.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
@@ -57,7 +55,7 @@ def list_cameras(
 
 
 @router.get("/{camera_id}", response_model=CameraAnswer, responses=problems(404))
-def get_camera(camera_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+def get_camera(camera_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One camera."""
     with context.database.reading() as session:
-        return CameraAnswer.of(owned(session, Camera, camera_id, caller)).dump()
+        return CameraAnswer.of(owned(session, Camera, camera_id, caller)).respond()

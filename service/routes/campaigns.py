@@ -1,7 +1,5 @@
 """Campaigns and their region."""
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -11,7 +9,7 @@ from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.problems import not_found
+from service.problems import HttpCode, Problem
 from service.routes import problems
 from service.schemas.campaigns import CampaignAnswer, CampaignChange, NewCampaign, NewRoi, RoiAnswer
 from service.writing import Reply, Writes
@@ -39,7 +37,7 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
 @router.get("", response_model=Page[CampaignAnswer], responses=problems())
 def list_campaigns(
     request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
-) -> Any:  # noqa: ANN401
+) -> Response:
     """The campaigns of your organisation, oldest first."""
     rows = select(Campaign).where(Campaign.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
@@ -55,11 +53,11 @@ def list_campaigns(
 
 
 @router.get("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
-def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One campaign, with what has arrived and what a fit still needs."""
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
-        return _whole(session, campaign).dump()
+        return _whole(session, campaign).respond()
 
 
 @router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
@@ -91,13 +89,13 @@ def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing:
 
 
 @router.get("/{campaign_id}/roi", response_model=RoiAnswer, responses=problems(404))
-def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
     """The region in use."""
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
         if campaign.roi_id is None:
-            raise not_found("region: this campaign has none yet")
-        return RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).dump()
+            raise Problem(404, HttpCode.NOT_FOUND, "This campaign has no region yet: PUT one here.")
+        return RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
 
 
 def read_roi(body: NewRoi) -> tuple[Polygon, list[list[float]]]:

@@ -1,7 +1,7 @@
 """What is in force, and the flat rows that dashboards draw."""
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import JSONResponse
@@ -20,7 +20,7 @@ from service.schemas.calibrations import (
     SeriesAnswer,
     SeriesRow,
 )
-from service.schemas.equipment import Positive
+from service.schemas.equipment import PositiveText
 from service.tabular import write_csv
 from store.columns import utc_now
 from store.publications import InForce, in_force
@@ -35,8 +35,8 @@ class Wanted(Form):
 
     method: Method
     name: Text | None = None
-    iso: Positive | None = None
-    f_number: Positive | None = None
+    iso: PositiveText | None = None
+    f_number: PositiveText | None = None
     band: Text | None = None
     at: Instant | None = None
     known_at: Instant | None = None
@@ -50,7 +50,7 @@ class Wanted(Form):
 @router.get("/cameras/{camera_id}/coefficients", response_model=CoefficientsAnswer, responses=problems(404))
 def get_coefficients(
     camera_id: Id, wanted: Annotated[Wanted, Query()], caller: Reader, context: UsesContext
-) -> Any:  # noqa: ANN401
+) -> Response:
     """The coefficients in force at a time, as known at a time; both default to now. None is a 404."""
     now = utc_now()
     at, known_at = wanted.at or now, wanted.known_at or now
@@ -63,7 +63,7 @@ def get_coefficients(
     ]
     if not items:
         raise Problem(404, HttpCode.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, found, rows))
-    return CoefficientsAnswer(items=items).dump()
+    return CoefficientsAnswer(items=items).respond()
 
 
 @router.get(

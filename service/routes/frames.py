@@ -1,7 +1,7 @@
 """Frames: uploaded as a stream, read by a worker, given back byte for byte."""
 
 import json
-from typing import Annotated, Any
+from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request, Response
@@ -17,13 +17,13 @@ from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page
 from service.paging import page as page_of
-from service.problems import HttpCode, Problem, invalid
+from service.problems import HttpCode, Problem, invalid, located
 from service.receive import receive
 from service.routes import problems
 from service.routes.campaigns import read_roi
 from service.schemas.base import Form, LongText, Text
 from service.schemas.campaigns import NewRoi, Role
-from service.schemas.equipment import Positive
+from service.schemas.equipment import PositiveText
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow
 from service.writing import Reply, StreamWrites, Writes
 from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
@@ -56,10 +56,12 @@ class Upload(Form):
 
     role: Role
     scene: Annotated[Text | None, Field(description="The light level that a light frame belongs to.")] = None
-    filename: Text | None = None
-    exposure_time_s: Annotated[Positive | None, Field(description="For a file that does not say it.")] = None
-    f_number: Annotated[Positive | None, Field(description="For a file that does not say it.")] = None
-    iso: Annotated[Positive | None, Field(description="For a file that does not say it.")] = None
+    filename: Annotated[str | None, Field(min_length=1, description="Its name; folders are left out.")] = None
+    exposure_time_s: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = (
+        None
+    )
+    f_number: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
+    iso: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
     roi: Annotated[
         LongText | None,
         Field(
@@ -129,7 +131,7 @@ def list_frames(
     context: UsesContext,
     limit: Limit = 100,
     cursor: Cursor = None,
-) -> Any:  # noqa: ANN401
+) -> Response:
     """A campaign's frames, oldest first."""
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
     with context.database.reading() as session:
@@ -146,10 +148,10 @@ def list_frames(
 
 
 @router.get("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
-def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One frame: what it says of itself, its refusal or warnings, its statistics."""
     with context.database.reading() as session:
-        return _answers(session, [owned(session, FrameRow, frame_id, caller)])[0].dump()
+        return _answers(session, [owned(session, FrameRow, frame_id, caller)])[0].respond()
 
 
 @router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
@@ -198,6 +200,7 @@ def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: U
         **immutable_headers(frame.sha256),
         "Content-Length": str(size),
         "Content-Disposition": disposition,
+        "X-Content-Type-Options": "nosniff",
     }
     return not_modified(request, frame.sha256) or StreamingResponse(
         context.blobs.open(frame.sha256), headers=headers, media_type="application/octet-stream"
@@ -242,16 +245,17 @@ def _read_region(text: str) -> NewRoi:
         if text.lstrip().startswith("["):
             return NewRoi.model_validate({"polygon": json.loads(text)})
         return NewRoi(imagej=text)
+    except ValidationError as error:
+        raise invalid(located(error, "query", "roi")) from error
     except (ValueError, RecursionError) as error:
-        errors = error.errors(include_input=False) if isinstance(error, ValidationError) else []
-        message = errors[0]["msg"] if errors else "it is neither [[x,y],...] nor makePolygon(...)"
-        raise invalid([{"loc": ("query", "roi"), "msg": message}]) from error
+        message = "must be [[x,y],...] or makePolygon(...)"
+        raise invalid([{"type": "region", "loc": ("query", "roi"), "msg": message}]) from error
 
 
 def _plain_name(filename: str) -> str:
     """The last part of a path, without control characters: a name is data, never an address."""
-    name = filename.replace("\\", "/").rpartition("/")[2]
-    return "".join(c for c in name if c.isprintable())[:200] or "unnamed"
+    name = "".join(c for c in filename.replace("\\", "/").rpartition("/")[2] if c.isprintable())[:200]
+    return name if name.strip(". ") else "unnamed"
 
 
 def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> Reply:

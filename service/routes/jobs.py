@@ -1,10 +1,9 @@
 """Jobs, and waiting for them."""
 
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Query, Request, Response
-from fastapi.responses import JSONResponse
 from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
@@ -33,7 +32,7 @@ def list_jobs(
     cursor: Cursor = None,
     state: Annotated[State | None, Query()] = None,
     kind: Annotated[Literal["extract", "fit"] | None, Query()] = None,
-) -> Any:  # noqa: ANN401
+) -> Response:
     """The jobs of your organisation, newest first."""
     rows = select(Job).where(Job.organisation_id == caller.organisation_id)
     if state is not None:
@@ -71,7 +70,7 @@ async def get_job(
         if answer.state not in FINAL_STATES:
             await context.watch.wait(job_id, min(int(wanted[1]), _LONGEST_WAIT_S))
             answer = await run_in_threadpool(_read, context, caller, job_id)
-    return JSONResponse(answer.dump(), headers=headers)
+    return answer.respond(headers)
 
 
 def _read(context: Context, caller: Caller, job_id: str) -> JobAnswer:

@@ -1,7 +1,5 @@
 """Organisations and keys."""
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -50,7 +48,7 @@ def create_api_key(body: NewKey, caller: Admin, writing: Writes) -> Response:
 @router.get("/keys", response_model=Page[KeyAnswer], responses=problems())
 def list_keys(
     request: Request, caller: Admin, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
-) -> Any:  # noqa: ANN401
+) -> Response:
     """The keys of your organisation, without their secrets."""
     rows = select(ApiKey).where(ApiKey.organisation_id == caller.organisation_id)
     with context.database.reading() as session:

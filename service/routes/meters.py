@@ -1,7 +1,5 @@
 """Meters and their certificates."""
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -44,7 +42,7 @@ def create_meter(body: NewMeter, caller: Calibrator, writing: Writes) -> Respons
 @router.get("", response_model=Page[MeterAnswer], responses=problems())
 def list_meters(
     request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
-) -> Any:  # noqa: ANN401
+) -> Response:
     """The meters of your organisation, oldest first."""
     rows = select(Meter).where(Meter.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
@@ -60,7 +58,7 @@ def list_meters(
 
 
 @router.get("/{meter_id}", response_model=MeterAnswer, responses=problems(404))
-def get_meter(meter_id: Id, caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+def get_meter(meter_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One meter."""
     with context.database.reading() as session:
-        return MeterAnswer.of(owned(session, Meter, meter_id, caller)).dump()
+        return MeterAnswer.of(owned(session, Meter, meter_id, caller)).respond()

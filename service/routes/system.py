@@ -1,17 +1,18 @@
 """Whether the service lives and can serve."""
 
-from typing import Any
-
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
+from fastapi.responses import PlainTextResponse
 from pydantic import ConfigDict
 from sqlalchemy import text
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.context import UsesContext
+from service.metrics import render
 from service.problems import HttpCode, Problem
 from service.routes import problems
 from service.schemas.base import Answer
 from store.blobs import StorageFull, StorageUnavailable
+from store.queries.census import take_census
 
 router = APIRouter(tags=["system"])
 
@@ -23,13 +24,13 @@ class Health(Answer):
 
 
 @router.get("/livez", response_model=Health)
-def get_livez() -> Any:  # noqa: ANN401
+def get_livez() -> Response:
     """The process answers."""
-    return Health(status="ok").dump()
+    return Health(status="ok").respond()
 
 
 @router.get("/readyz", response_model=Health, responses={503: problems()[503]})
-def get_readyz(context: UsesContext) -> Any:  # noqa: ANN401
+def get_readyz(context: UsesContext) -> Response:
     """The database and the file store answer too: requests can be served."""
     try:
         with context.database.reading() as session:
@@ -41,4 +42,18 @@ def get_readyz(context: UsesContext) -> Any:  # noqa: ANN401
         ) from error
     except (StorageFull, StorageUnavailable) as error:
         raise Problem(503, HttpCode.STORAGE_UNAVAILABLE, str(error), retryable=True) from error
-    return Health(status="ok").dump()
+    return Health(status="ok").respond()
+
+
+@router.get(
+    "/metrics",
+    response_class=PlainTextResponse,
+    responses={
+        503: problems()[503],
+        200: {"content": {"text/plain": {"example": "stilb_oldest_queued_job_age_seconds 0\n"}}},
+    },
+)
+def get_metrics(context: UsesContext) -> PlainTextResponse:
+    """Jobs, frames and versions, counted from the database for Prometheus."""
+    with context.database.reading() as session:
+        return PlainTextResponse(render(take_census(session)), media_type="text/plain; version=0.0.4")

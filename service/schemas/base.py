@@ -1,15 +1,19 @@
 """What every form and every answer has in common."""
 
-from datetime import datetime
+import re
+from datetime import date, datetime
 from typing import Annotated, Any
 
+from fastapi.responses import JSONResponse
 from pydantic import (
     AfterValidator,
     AwareDatetime,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     PlainSerializer,
+    Strict,
     StringConstraints,
     model_validator,
 )
@@ -21,6 +25,19 @@ LongText = Annotated[
     str, StringConstraints(min_length=1, max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f]+$")
 ]
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+
+
+# in a body a number is a number: neither true nor "5"
+Number = Annotated[float, Strict()]
+
+_ISO_DAY = re.compile(r"\d{4}-\d\d-\d\d", re.ASCII)
+
+
+def _is_written_out(value: Any) -> Any:  # noqa: ANN401
+    # pydantic would take 5 and "5" as seconds since 1970
+    if isinstance(value, date) or (isinstance(value, str) and _ISO_DAY.match(value)):
+        return value
+    raise PydanticCustomError("written_out", "must begin with a date such as 2026-05-01")
 
 
 def _rfc3339(instant: datetime) -> str:
@@ -35,8 +52,12 @@ def _year_is_plausible(instant: datetime) -> datetime:
 
 
 Instant = Annotated[
-    AwareDatetime, AfterValidator(_year_is_plausible), PlainSerializer(_rfc3339, when_used="json")
+    AwareDatetime,
+    BeforeValidator(_is_written_out),
+    AfterValidator(_year_is_plausible),
+    PlainSerializer(_rfc3339, when_used="json"),
 ]
+Day = Annotated[date, BeforeValidator(_is_written_out)]
 
 
 class Form(BaseModel):
@@ -47,12 +68,8 @@ class Form(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _no_null(cls, value: Any) -> Any:  # noqa: ANN401
-        if isinstance(value, dict):
-            for name, member in value.items():
-                if member is None:
-                    raise PydanticCustomError(
-                        "null", "{name}: null is not a value here; leave it out", {"name": name}
-                    )
+        if isinstance(value, dict) and (names := [name for name, member in value.items() if member is None]):
+            raise PydanticCustomError("null", "null is not a value here; leave it out", {"names": names})
         return value
 
 
@@ -63,6 +80,14 @@ class Answer(BaseModel):
 
     def dump(self) -> dict[str, Any]:
         return self.model_dump(mode="json", exclude_none=True)
+
+    def respond(self, headers: dict[str, str] | None = None) -> JSONResponse:
+        """As it is: sent through a response model it would come out with its nulls."""
+        return JSONResponse(self.dump(), headers=headers)
+
+    def keep(self) -> dict[str, Any]:
+        """What may be stored of it, to be given again to the same request: all, unless it tells a secret."""
+        return self.dump()
 
 
 class Quantity(Answer):

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.schemas.base import Answer, Form, Instant, LongText, Text
+from service.schemas.base import Answer, Form, Instant, LongText, Number, Text
 from store.queries.calibrations import Standing
 from store.tables import Calibration, CoefficientRow
 
@@ -33,13 +33,13 @@ class NewCalibration(Form):
 
     model: Literal["proportional", "affine", "power", "semilog"] | None = None
     tolerance: Annotated[
-        float | None, Field(gt=0, lt=1, description="Largest accepted error, as a share of L.")
+        Number | None, Field(gt=0, lt=1, description="Largest accepted error, as a share of L.")
     ] = None
     channel: Literal["green", "grey"] | None = None
     exposure_basis: Literal["nominal", "apex"] | None = None
-    meter_repeatability_rel: Annotated[float | None, Field(gt=0, lt=1)] = None
-    f_number_u_rel: Annotated[float | None, Field(ge=0, lt=1)] = None
-    exposure_time_u_rel: Annotated[float | None, Field(ge=0, lt=1)] = None
+    meter_repeatability_rel: Annotated[Number | None, Field(gt=0, lt=1)] = None
+    f_number_u_rel: Annotated[Number | None, Field(ge=0, lt=1)] = None
+    exposure_time_u_rel: Annotated[Number | None, Field(ge=0, lt=1)] = None
     exclude: Annotated[list[Exclusion] | None, Field(max_length=10_000)] = None
 
 
@@ -149,7 +149,33 @@ class SeriesRow(Answer):
 
 
 class SeriesAnswer(Answer):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"rows": []}]})
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "rows": [
+                        {
+                            "camera_id": "cam_1",
+                            "make": "DJI",
+                            "model_name": "FC6520",
+                            "serial": "0K1XE8",
+                            "method": "luminance",
+                            "version": 1,
+                            "calibration_id": "cal_1",
+                            "name": "luminance_k",
+                            "value": 33.1,
+                            "standard_uncertainty": 0.4,
+                            "unit": "DN*m2/(cd*s)",
+                            "iso": 3200,
+                            "model": "proportional",
+                            "flags": "",
+                            "valid_from": "2026-05-01T00:00:00Z",
+                        }
+                    ]
+                }
+            ]
+        }
+    )
 
     rows: list[SeriesRow]
 
@@ -166,7 +192,17 @@ class CalibrationAnswer(Answer):
                     "version": 1,
                     "state": "draft",
                     "configuration": {},
-                    "coefficients": [],
+                    "coefficients": [
+                        {
+                            "name": "luminance_k",
+                            "value": 33.1,
+                            "standard_uncertainty": 0.4,
+                            "unit": "DN*m2/(cd*s)",
+                            "iso": 3200,
+                            "model": "proportional",
+                            "flags": [],
+                        }
+                    ],
                     "parameters": {},
                     "software": {"stilb": "0.1.0"},
                     "content_sha256": "0" * 64,

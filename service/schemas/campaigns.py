@@ -5,14 +5,14 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from radiometry.methods import Method
-from service.schemas.base import Answer, Form, Instant, LongText, Text
+from service.schemas.base import Answer, Form, Instant, LongText, Number, Text
 from store.queries.campaigns import Counts
 from store.tables import Campaign, Reading, Roi
 
 Role = Literal["light", "dark", "flat", "panel", "chart", "field"]
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+Coordinate = Annotated[Number, Field(ge=-1e6, le=1e6)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Reflectance = Annotated[float, Field(gt=0, le=1)]
+Reflectance = Annotated[Number, Field(gt=0, le=1)]
 
 
 class NewCampaign(Form):
@@ -159,6 +159,9 @@ class RoiAnswer(Answer):
         return cls(id=row.id, polygon=row.points, sha256=row.sha256, created_at=row.created_at)
 
 
+MOST_READINGS = 10_000
+
+
 class NewReading(Form):
     model_config = ConfigDict(
         json_schema_extra={
@@ -168,7 +171,7 @@ class NewReading(Form):
 
     scene: Text
     quantity: Literal["luminance", "illuminance"]
-    value: Annotated[float, Field(gt=0, lt=1e9)]
+    value: Annotated[Number, Field(gt=0, lt=1e9)]
     unit: Literal["cd/m2", "fL", "lx", "fc"]
     meter_id: Text | None = None
     taken_at: Instant | None = None
@@ -181,23 +184,20 @@ class NewReading(Form):
         return self
 
 
+_READING: dict[str, Any] = {
+    "id": "rdg_1",
+    "scene": "level-1",
+    "quantity": "luminance",
+    "value": 54.4,
+    "unit": "cd/m2",
+    "entered_value": 54.4,
+    "entered_unit": "cd/m2",
+    "created_at": "2026-05-01T08:00:00Z",
+}
+
+
 class ReadingAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "rdg_1",
-                    "scene": "level-1",
-                    "quantity": "luminance",
-                    "value": 54.4,
-                    "unit": "cd/m2",
-                    "entered_value": 54.4,
-                    "entered_unit": "cd/m2",
-                    "created_at": "2026-05-01T08:00:00Z",
-                }
-            ]
-        }
-    )
+    model_config = ConfigDict(json_schema_extra={"examples": [_READING]})
 
     id: str
     scene: str
@@ -218,6 +218,6 @@ class ReadingAnswer(Answer):
 
 
 class ReadingsAnswer(Answer):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"items": []}]})
+    model_config = ConfigDict(json_schema_extra={"examples": [{"items": [_READING]}]})
 
     items: list[ReadingAnswer]

@@ -1,15 +1,16 @@
 """Keys, cameras and meters."""
 
-from datetime import date
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
 from service.auth import Scope
-from service.schemas.base import Answer, Form, Instant, LongText, Text
+from service.schemas.base import Answer, Day, Form, Instant, LongText, Number, Text
 from store.tables import ApiKey, Camera, Meter, Organisation
 
-Positive = Annotated[float, Field(gt=0, lt=1e9)]
+Positive = Annotated[Number, Field(gt=0, lt=1e9)]
+PositiveText = Annotated[float, Field(gt=0, lt=1e9)]
+"""The same in an address, where everything is text."""
 
 
 class NewKey(Form):
@@ -34,12 +35,16 @@ class KeyAnswer(Answer):
     created_at: Instant
     revoked_at: Instant | None = None
     secret: str | None = Field(
-        default=None, description="The key itself: shown this once, kept only as a hash."
+        default=None,
+        description="The key itself: shown once, kept only as a hash, not repeated to a repeated request.",
     )
 
     @classmethod
     def of(cls, row: ApiKey) -> "KeyAnswer":
         return cls.model_validate(row)
+
+    def keep(self) -> dict[str, Any]:
+        return self.model_copy(update={"secret": None}).dump()
 
 
 class NewOrganisation(Form):
@@ -63,6 +68,9 @@ class OrganisationAnswer(Answer):
     @classmethod
     def of(cls, row: Organisation, key: KeyAnswer | None = None) -> "OrganisationAnswer":
         return cls(id=row.id, name=row.name, created_at=row.created_at, key=key)
+
+    def keep(self) -> dict[str, Any]:
+        return self.dump() | ({"key": self.key.keep()} if self.key else {})
 
 
 class Lens(Form, Answer):
@@ -143,10 +151,10 @@ class CameraAnswer(Answer):
 class Certificate(Form, Answer):
     number: Text
     laboratory: Text
-    issued_on: date
-    due_on: date
-    expanded_uncertainty_rel: Annotated[float, Field(gt=0, lt=1)]
-    coverage_factor: Annotated[float, Field(ge=1, le=10)]
+    issued_on: Day
+    due_on: Day
+    expanded_uncertainty_rel: Annotated[Number, Field(gt=0, lt=1)]
+    coverage_factor: Annotated[Number, Field(ge=1, le=10)]
 
     @model_validator(mode="after")
     def _dates_in_order(self) -> "Certificate":

@@ -1,6 +1,6 @@
 """Frames: what came, what it says of itself, and its statistics."""
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
@@ -8,6 +8,8 @@ from service.schemas.base import Answer, Form, Instant, Text
 from service.schemas.campaigns import Role
 from service.schemas.equipment import Positive
 from store.tables import ChannelRow, Extraction, FrameRow
+
+State = Literal["received", "read", "extracted", "refused"]
 
 
 class FrameChange(Form):
@@ -88,7 +90,7 @@ class FrameAnswer(Answer):
     scene: str | None = None
     roi_id: str | None = None
     supplied: dict[str, float] | None = None
-    state: str
+    state: State
     camera: CameraAsRead | None = None
     exposure_time_s: float | None = None
     f_number: float | None = None

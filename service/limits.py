@@ -1,0 +1,41 @@
+"""How much a request may say: files stream without memory, everything else is read whole and stays small."""
+
+import re
+from typing import Final
+
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+MAX_BODY_BYTES: Final = 4 << 20
+_UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames")
+
+
+class BodyLimit:
+    """Refuses a body above MAX_BODY_BYTES as soon as that is known; uploads have a limit of their own."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or _UPLOADS.fullmatch(scope["path"]):
+            await self._app(scope, receive, send)
+            return
+        announced = dict(scope["headers"]).get(b"content-length", b"")
+        read = 0
+
+        async def limited() -> Message:
+            nonlocal read
+            if announced.isdigit() and int(announced) > MAX_BODY_BYTES:
+                raise _too_large()
+            message = await receive()
+            read += len(message.get("body", b""))
+            if read > MAX_BODY_BYTES:
+                raise _too_large()
+            return message
+
+        await self._app(scope, limited, send)
+
+
+def _too_large() -> HTTPException:
+    # this class is the one that the framework lets through while it reads a body
+    return HTTPException(413, f"The body may have at most {MAX_BODY_BYTES} bytes here. Send it in parts.")

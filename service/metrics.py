@@ -1,0 +1,35 @@
+"""The text that Prometheus reads."""
+
+from collections.abc import Iterator, Mapping
+from typing import get_args
+
+from service.schemas.frames import State as FrameState
+from service.schemas.jobs import State as JobState
+from store.queries.census import Census
+
+
+def render(census: Census) -> str:
+    """Every state has its line, also where it counts none: a graph then falls to zero, not to nothing."""
+    return "".join(f"{line}\n" for line in _lines(census))
+
+
+def _lines(census: Census) -> Iterator[str]:
+    yield from _by_state("stilb_jobs", "Jobs by state.", census.jobs, get_args(JobState))
+    yield from _head(
+        "stilb_oldest_queued_job_age_seconds", "How long the job that waits longest has been due."
+    )
+    yield f"stilb_oldest_queued_job_age_seconds {census.oldest_queued_s:.3f}"
+    yield from _by_state("stilb_frames", "Frames by state.", census.frames, get_args(FrameState))
+    yield from _head("stilb_versions_published", "Calibration versions in force at some time.")
+    yield f"stilb_versions_published {census.versions_published}"
+
+
+def _head(name: str, meaning: str) -> Iterator[str]:
+    yield f"# HELP {name} {meaning}"
+    yield f"# TYPE {name} gauge"
+
+
+def _by_state(name: str, meaning: str, counts: Mapping[str, int], states: tuple[str, ...]) -> Iterator[str]:
+    yield from _head(name, meaning)
+    for state in states:
+        yield f'{name}{{state="{state}"}} {counts.get(state, 0)}'

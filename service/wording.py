@@ -1,0 +1,49 @@
+"""A wrong field in words that a field team can act on, from the ones that pydantic chose for programmers."""
+
+from collections.abc import Mapping
+from typing import Any
+
+_OBJECT = "must be a JSON object"
+_INSTANT = "must be a time such as 2026-05-01T08:00:00Z"
+_WORDS = {
+    "missing": "is missing",
+    "extra_forbidden": "is not known here; check its spelling or leave it out",
+    "model_attributes_type": _OBJECT,
+    "model_type": _OBJECT,
+    "dict_type": _OBJECT,
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "int_parsing": "must be a whole number",
+    "string_type": "must be text",
+    "string_pattern_mismatch": "must not hold control characters such as line breaks or tabs",
+    "string_unicode": "must be text in Unicode",
+    "timezone_aware": "needs a time zone: 2026-05-01T08:00:00Z or 2026-05-01T10:00:00+02:00",
+    "datetime_type": _INSTANT,
+    "datetime_parsing": _INSTANT,
+    "datetime_from_date_parsing": _INSTANT,
+    "datetime_object_invalid": _INSTANT,
+    "date_parsing": "must be a date such as 2026-05-01",
+    "date_from_datetime_parsing": "must be a date such as 2026-05-01",
+    "date_from_datetime_inexact": "must be a date such as 2026-05-01",
+}
+_PREFIXES = ("Value error, ", "Input should ", "String should ", "List should ", "Dictionary should ")
+
+
+def describe(error: Mapping[str, Any]) -> list[dict[str, str]]:
+    """The fields that one of pydantic's errors is about, each with what is wrong with it."""
+    field = ".".join(map(str, error["loc"]))
+    if error["type"] == "null":
+        return [{"field": f"{field}.{name}", "message": error["msg"]} for name in error["ctx"]["names"]]
+    message = _WORDS.get(error["type"]) or _plain(error["msg"])
+    if field == "body" and message == _OBJECT:
+        message += ", sent with Content-Type: application/json"
+    return [{"field": field, "message": message}]
+
+
+def _plain(message: str) -> str:
+    for prefix in _PREFIXES:
+        if message.startswith(prefix):
+            rest = message.removeprefix(prefix)
+            return rest if prefix == "Value error, " else f"must {rest}"
+    return message[:1].lower() + message[1:]

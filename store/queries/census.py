@@ -1,0 +1,34 @@
+"""How much there is of everything, for whoever watches the service."""
+
+from dataclasses import dataclass
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import InstrumentedAttribute, Session
+
+from store.jobs import oldest_wait_s
+from store.tables import FrameRow, Job, Publication
+
+
+@dataclass(frozen=True, kw_only=True)
+class Census:
+    jobs: dict[str, int]
+    oldest_queued_s: float
+    frames: dict[str, int]
+    versions_published: int
+
+
+def take_census(session: Session) -> Census:
+    """Jobs and frames by state, and the versions that are in force at some time, over all organisations."""
+    in_force = select(func.count(Publication.calibration_id.distinct())).where(
+        Publication.known_to.is_(None), Publication.superseded_by.is_(None)
+    )
+    return Census(
+        jobs=_count_by(session, Job.state),
+        oldest_queued_s=oldest_wait_s(session),
+        frames=_count_by(session, FrameRow.state),
+        versions_published=session.scalar(in_force) or 0,
+    )
+
+
+def _count_by(session: Session, column: InstrumentedAttribute[str]) -> dict[str, int]:
+    return {row[0]: row[1] for row in session.execute(select(column, func.count()).group_by(column))}

@@ -1,0 +1,46 @@
+"""The application alone, and the house for two organisations."""
+
+import pytest
+from starlette.testclient import TestClient
+
+from service.app import build_app
+from service.context import Context
+from service.waiting import JobWatch
+from store.blobs import LocalBlobs
+from store.database import Database
+from store.settings import Settings
+from tests.support.house import NullHints
+
+
+@pytest.fixture(scope="module")
+def built_app(migrated_sqlite, tmp_path_factory):
+    """The application over an empty database, for what needs no rows."""
+    folder = tmp_path_factory.mktemp("app")
+    path = folder / "stilb.sqlite"
+    path.write_bytes(migrated_sqlite.read_bytes())
+    database = Database(f"sqlite:///{path}")
+    yield build_app(
+        Context(
+            settings=Settings(data=folder),
+            database=database,
+            blobs=LocalBlobs(folder / "blobs"),
+            hints=NullHints(),
+            watch=JobWatch(database),
+        )
+    )
+    database.dispose()
+
+
+@pytest.fixture(scope="module")
+def open_http(built_app):
+    """Without a key."""
+    with TestClient(built_app) as client:
+        yield client
+
+
+@pytest.fixture
+def stranger(house):
+    """A client of another organisation, with every scope."""
+    founded = house.post("/v1/organisations", {"name": "Another City"})
+    with house.with_key(founded["key"]["secret"]) as client:
+        yield client

@@ -1,0 +1,158 @@
+"""The published document keeps the contract's rules, for every route there is."""
+
+import re
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from service.document import resolve
+
+JSON, PROBLEM = "application/json", "application/problem+json"
+NUMBERS_WITHOUT_UNIT = {
+    *("value", "standard_uncertainty", "entered_value"),  # their unit stands beside them
+    *("iso", "f_number", "coverage_factor", "progress", "tolerance", "surface_reflectance"),
+    *("saturated_share", "zero_share"),
+}
+UNIT = re.compile(r"_(s|um|mm|px|dn|rel|deg|m|cd_m2|bytes)$")
+
+
+@pytest.fixture(scope="module")
+def document(built_app):
+    return built_app.openapi()
+
+
+@pytest.fixture(scope="module")
+def operations(document):
+    return [
+        (f"{method.upper()} {path}", operation)
+        for path, methods in document["paths"].items()
+        for method, operation in methods.items()
+    ]
+
+
+def media_of(operation):
+    """Every body that is sent or answered: (status or None, content type, media object)."""
+    for kind, media in operation.get("requestBody", {}).get("content", {}).items():
+        yield None, kind, media
+    for status, answer in operation["responses"].items():
+        for kind, media in answer.get("content", {}).items():
+            yield int(status), kind, media
+
+
+def test_every_route_has_an_id_of_its_own_and_a_summary(operations):
+    ids = [operation["operationId"] for _, operation in operations]
+    assert len(ids) == len(set(ids)) > 25
+    assert all(re.fullmatch(r"[a-z]+(_[a-z]+)+", each) for each in ids)
+    summaries = [operation["summary"] for _, operation in operations]
+    assert all(6 < len(each) < 120 and not each.endswith(".") for each in summaries)
+    # a title made of the function's name says nothing new
+    assert not [s for s, i in zip(summaries, ids, strict=True) if s.lower() == i.replace("_", " ")]
+
+
+def test_every_json_body_has_an_example_that_validates(document, operations):
+    for name, operation in operations:
+        for status, kind, media in media_of(operation):
+            if kind not in {JSON, PROBLEM}:
+                continue
+            assert "example" in media, (name, status)
+            schema = {**media["schema"], "components": document["components"]}
+            errors = list(Draft202012Validator(schema).iter_errors(media["example"]))
+            assert not errors, (name, status, errors[0].message)
+
+
+def test_the_schemas_own_examples_validate(document):
+    for name, schema in document["components"]["schemas"].items():
+        for example in schema.get("examples", []):
+            validator = Draft202012Validator({**schema, "components": document["components"]})
+            assert not list(validator.iter_errors(example)), name
+
+
+def test_an_error_is_a_problem_and_its_example_is_of_its_status(operations):
+    for name, operation in operations:
+        for status, kind, media in media_of(operation):
+            if status is not None and status >= 400:
+                assert kind == PROBLEM, (name, status)
+                assert media["example"]["status"] == status, name
+
+
+def test_what_can_go_wrong_is_documented(operations):
+    for name, operation in operations:
+        statuses = set(map(int, operation["responses"]))
+        if "security" in operation:
+            assert {401, 403, 422, 503} <= statuses, name
+        if "{" in name:
+            assert 404 in statuses, name
+        if "requestBody" in operation:
+            assert {400, 413} <= statuses, name
+
+
+def test_every_route_but_those_for_machines_needs_a_key(operations):
+    without = {name for name, operation in operations if "security" not in operation}
+    assert without == {"GET /livez", "GET /readyz", "GET /metrics"}
+
+
+def test_every_post_takes_an_idempotency_key(operations):
+    for name, operation in operations:
+        if name.startswith("POST"):
+            assert "Idempotency-Key" in {p["name"] for p in operation["parameters"]}, name
+
+
+def nodes(node, path=()):
+    if isinstance(node, dict):
+        yield path, node
+        for key, member in node.items():
+            if key not in {"example", "examples"}:
+                yield from nodes(member, (*path, key))
+    if isinstance(node, list):
+        for index, member in enumerate(node):
+            yield from nodes(member, (*path, index))
+
+
+def test_absence_is_not_null(document):
+    for path, node in nodes(document):
+        options = node.get("anyOf", []) if isinstance(node.get("anyOf", []), list) else []
+        if {"type": "null"} in options:
+            assert path[-1] == "next", path
+        assert "nullable_on_purpose" not in node, path
+
+
+def test_a_discriminator_has_no_default(document):
+    for path, node in nodes(document):
+        name = node["discriminator"]["propertyName"] if isinstance(node.get("discriminator"), dict) else None
+        for option in [*node.get("oneOf", []), *node.get("anyOf", [])] if name else []:
+            assert "default" not in resolve(document, option)["properties"][name], path
+
+
+def test_a_number_says_its_unit_in_its_name(document):
+    for name, schema in document["components"]["schemas"].items():
+        for field, kind in schema.get("properties", {}).items():
+            if kind.get("type") == "number":
+                assert UNIT.search(field) or field in NUMBERS_WITHOUT_UNIT, (name, field)
+
+
+def test_a_form_says_that_it_takes_no_other_fields(document, operations):
+    for name, operation in operations:
+        media = operation.get("requestBody", {}).get("content", {}).get(JSON)
+        if media is not None and "$ref" in media["schema"]:
+            assert resolve(document, media["schema"])["additionalProperties"] is False, name
+
+
+def test_the_reference_shows_every_route_and_loads_nothing(open_http, document):
+    page = open_http.get("/docs")
+    assert page.headers["content-type"] == "text/html; charset=utf-8"
+    for path in document["paths"]:
+        assert f" {path}</code>" in page.text
+    assert not re.search(r"<script|(src|href)=[\"']?(https?:)?//|@import|url\(", page.text)
+    assert "default-src 'none'" in page.headers["content-security-policy"]
+
+
+def test_the_type_of_a_problem_leads_to_its_explanation(open_http, monkeypatch, tmp_path):
+    page = tmp_path / "errors.md"
+    page.write_text(
+        "# Errors\n\n## not_found\n\nThere is <script>no</script> such thing.\n", encoding="utf-8"
+    )
+    monkeypatch.setattr("service.routes.pages._ERRORS", page)
+    address, _, place = open_http.get("/v1/nothing").json()["type"].partition("#")
+    html = open_http.get(address).text
+    assert f'<h2 id="{place}">not_found</h2>' in html
+    assert "<script>" not in html
