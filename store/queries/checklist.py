@@ -1,0 +1,243 @@
+"""The procedure's checklist of a campaign: what the record ticks by itself, and what people tick and sign."""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, Item, VersionFacts, find
+from radiometry.flags import Flag
+from store.columns import utc_now
+from store.queries.evidence import Evidence, gather
+from store.software import EXTRACTOR
+from store.tables import (
+    AuditEntry,
+    Calibration,
+    Campaign,
+    ChecklistSignature,
+    ChecklistTick,
+    Extraction,
+    FrameRow,
+    Reading,
+    Revocation,
+    Roi,
+)
+
+BY_ITSELF = "stilb"
+"""Who ticked what follows from the record."""
+
+KEYS = frozenset(item.key for item in ITEMS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChecklistItem:
+    """A line of the checklist as it stands.
+
+    ``done_by`` : a key's id, or "stilb" for what follows from the record; None while open
+    ``evidence`` : the sentence from which it follows; ``missing`` : what the record lacks for it
+    ``note`` : what somebody wrote beside it
+    """
+
+    key: str
+    section: str
+    text: str
+    done_by: str | None
+    done_at: datetime | None
+    evidence: str | None
+    missing: str | None
+    note: str | None
+
+
+def read_checklist(session: Session, campaign: Campaign) -> list[ChecklistItem]:
+    """Every item in the print's order. What a person says of an item stands before what the record says."""
+    found = find(_gather_facts(session, campaign))
+    times = _times(session, campaign)
+    ticks = {
+        tick.key: tick
+        for tick in session.scalars(select(ChecklistTick).where(ChecklistTick.campaign_id == campaign.id))
+    }
+    return [_stand(item, found.get(item.key), ticks.get(item.key), times) for item in ITEMS]
+
+
+def read_signature(session: Session, campaign: Campaign) -> ChecklistSignature | None:
+    return session.get(ChecklistSignature, campaign.id)
+
+
+def set_tick(
+    session: Session, campaign: Campaign, key: str, *, done: bool, note: str | None, by: str
+) -> None:
+    """Tick or untick an item; a note stays until another takes its place."""
+    tick = session.get(ChecklistTick, (campaign.id, key))
+    if tick is None:
+        tick = ChecklistTick(campaign_id=campaign.id, key=key)
+        session.add(tick)
+    if done != (tick.done_by is not None):
+        tick.done_by, tick.done_at = (by, utc_now()) if done else (None, None)
+    if note is not None:
+        tick.note = note
+
+
+def sign(session: Session, campaign: Campaign, *, name: str, by: str) -> None:
+    """Sign the checklist as it stands; a signature anew takes the place of the one before."""
+    signature = read_signature(session, campaign)
+    if signature is None:
+        session.add(ChecklistSignature(campaign_id=campaign.id, name=name, signed_by=by))
+        return
+    signature.name, signature.signed_by, signature.signed_at = name, by, utc_now()
+
+
+def _stand(
+    item: Item, finding: Finding | None, tick: ChecklistTick | None, times: Mapping[str, datetime]
+) -> ChecklistItem:
+    by, at = (tick.done_by, tick.done_at) if tick else (None, None)
+    if tick is None and finding is not None and finding.done:
+        by = BY_ITSELF
+        at = times.get(item.key) or times[finding.source]
+    return ChecklistItem(
+        key=item.key,
+        section=item.section,
+        text=item.text,
+        done_by=by,
+        done_at=at,
+        evidence=finding.sentence if finding and finding.done else None,
+        missing=finding.sentence if finding and not finding.done else None,
+        note=tick.note if tick else None,
+    )
+
+
+def _gather_facts(session: Session, campaign: Campaign) -> Facts:
+    evidence = gather(session, campaign, EXTRACTOR)
+    readings: dict[str, list[float]] = defaultdict(list)
+    for reading in evidence.readings:
+        if reading.quantity == "luminance":
+            readings[reading.scene].append(reading.value)
+    region = session.get_one(Roi, campaign.roi_id).points if campaign.roi_id else []
+    started = campaign.started_at
+    return Facts(
+        project_number=campaign.project_number,
+        started_on=started.strftime("%Y-%m-%d") if started else None,
+        started_at=started.strftime("%H:%M UTC") if started else None,
+        recorder=campaign.recorder,
+        frames=_frame_facts(session, evidence),
+        unread=tuple(evidence.unread),
+        readings={scene: tuple(values) for scene, values in readings.items()},
+        region=tuple((x, y) for x, y in region),
+        version=_version_facts(_newest_version(session, campaign)),
+    )
+
+
+def _frame_facts(session: Session, evidence: Evidence) -> tuple[FrameFacts, ...]:
+    ids = {name: frame_id for frame_id, name in evidence.names.items()}
+    rows = session.scalars(select(FrameRow).where(FrameRow.id.in_([ids[f.frame] for f in evidence.frames])))
+    headers = {row.id: row.header or {} for row in rows}
+    facts = []
+    for frame in evidence.frames:
+        header, exposure = headers[ids[frame.frame]], frame.exposure
+        origins = {
+            "exposure time": exposure.exposure_time_origin,
+            "f-number": exposure.f_number_origin,
+            "ISO": exposure.iso_origin,
+        }
+        facts.append(
+            FrameFacts(
+                name=frame.frame,
+                role=frame.role,
+                scene=frame.scene,
+                container=header.get("container", ""),
+                rendered=frame.rendered,
+                manual=_is_manual(header),
+                exposure_time_s=exposure.exposure_time_s,
+                f_number=exposure.f_number,
+                iso=exposure.iso,
+                typed_in=tuple(name for name, origin in origins.items() if origin == "supplied"),
+                extracted=frame.statistics is not None,
+            )
+        )
+    return tuple(facts)
+
+
+def _is_manual(header: Mapping[str, Any]) -> bool | None:
+    said = header.get("exposure_mode") or header.get("exposure_program")
+    return said == "manual" if said and said != "not_defined" else None
+
+
+def _newest_version(session: Session, campaign: Campaign) -> Calibration | None:
+    return session.scalar(
+        select(Calibration)
+        .where(Calibration.campaign_id == campaign.id)
+        .where(Calibration.id.not_in(select(Revocation.calibration_id)))
+        .order_by(Calibration.version.desc())
+        .limit(1)
+    )
+
+
+def _version_facts(version: Calibration | None) -> VersionFacts | None:
+    if version is None or version.method != "luminance":
+        return None
+    return VersionFacts(
+        version=version.version,
+        plot=f"/v1/calibrations/{version.id}/plot.svg",
+        isos=tuple(_iso_facts(version, fit["coefficient"]) for fit in version.result["iso_fits"]),
+    )
+
+
+def _iso_facts(version: Calibration, coefficient: Mapping[str, Any]) -> IsoFacts:
+    iso = coefficient["iso"]
+    flags = [flag["flag"] for flag in version.result["flags"] if flag["where"] == f"iso {iso:g}"]
+    excluded = {exclusion["frame"] for exclusion in version.parameters["exclude"]}
+    dark = [
+        frame
+        for frame in version.inputs["frames"]
+        if frame["role"] == "dark" and frame["exposure"]["iso"] == iso and frame["frame"] not in excluded
+    ]
+    return IsoFacts(
+        iso=iso,
+        model=coefficient["model"],
+        luminance_k=coefficient["luminance_k"],
+        luminance_k_standard_uncertainty=coefficient["luminance_k_standard_uncertainty"],
+        luminance_k_unit=coefficient["luminance_k_unit"],
+        dark_signal_dn=coefficient["dark_signal_dn"],
+        dark_frames=0 if Flag.DARK_FROM_BLACK_LEVEL.value in flags else len(dark),
+        points=sum(1 for point in version.result["points"] if point["used"] and point["iso"] == iso),
+    )
+
+
+def _times(session: Session, campaign: Campaign) -> dict[str, datetime]:
+    """Since when each part of the record is as it is; by an item's key where the audit trail knows that."""
+    frames = select(FrameRow.id).where(FrameRow.campaign_id == campaign.id)
+    version = _newest_version(session, campaign)
+    newest = {
+        "frames": session.scalar(
+            select(func.max(FrameRow.created_at)).where(FrameRow.campaign_id == campaign.id)
+        ),
+        "readings": session.scalar(
+            select(func.max(Reading.created_at)).where(
+                Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None)
+            )
+        ),
+        "statistics": session.scalar(
+            select(func.max(Extraction.created_at)).where(Extraction.frame_id.in_(frames))
+        ),
+        "version": version.created_at if version else None,
+        **_last_changes(session, campaign),
+    }
+    times = dict.fromkeys(("campaign", "frames", "readings", "region", "statistics"), campaign.created_at)
+    return times | {name: at for name, at in newest.items() if at is not None}
+
+
+def _last_changes(session: Session, campaign: Campaign) -> dict[str, datetime]:
+    """When each thing that is written on the campaign was last written, from the audit trail."""
+    named = {
+        "project_number": ["general_project_number"],
+        "started_at": ["general_date", "general_time"],
+        "recorder": ["general_recorder"],
+        "roi_id": ["region"],
+    }
+    entries = session.scalars(
+        select(AuditEntry).where(AuditEntry.subject_id == campaign.id).order_by(AuditEntry.seq)
+    )
+    return {key: entry.at for entry in entries for name in entry.after for key in named.get(name, [])}

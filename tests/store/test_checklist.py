@@ -1,0 +1,118 @@
+"""What the record ticks of a real campaign, what people tick, and when."""
+
+from store.columns import utc_now
+from store.queries.checklist import BY_ITSELF, read_checklist, read_signature, set_tick, sign
+from store.tables import Campaign
+from tests.support.campaigns import calibrate, upload_campaign
+
+FROM_THE_VERSION = {
+    "dark_median",
+    "calibration_dark_subtracted",
+    "calibration_rhs",
+    "calibration_plot",
+    "calibration_regression",
+}
+FROM_THE_FRAMES = {
+    "scenes_levels",
+    "scenes_luminance_readings",
+    "settings_exposure_manual",
+    "settings_format_dng",
+    "shooting_iso_and_apertures",
+    "shooting_every_combination",
+    "shooting_settings_recorded",
+    "extract_polygon",
+    "extract_coordinates",
+    "extract_to_tiff",
+    "extract_imagej_open",
+    "extract_first_image",
+    "extract_script_filled",
+    "extract_script_run",
+    "extract_results_saved",
+    "dark_frames",
+    "dark_extracted",
+}
+
+
+def read(house, campaign):
+    with house.database.reading() as session:
+        items = read_checklist(session, session.get_one(Campaign, campaign["id"]))
+    return {item.key: item for item in items}
+
+
+def change(house, campaign, act):
+    with house.database.writing("key_9") as session:
+        act(session, session.get_one(Campaign, campaign["id"]))
+
+
+def done(items):
+    return {key for key, item in items.items() if item.done_by}
+
+
+def test_the_record_ticks_what_it_proves_and_nothing_else(house):
+    before = utc_now()
+    campaign = upload_campaign(house)
+    assert done(read(house, campaign)) == {"extract_polygon", "extract_coordinates"}
+    house.work()
+    assert done(read(house, campaign)) == FROM_THE_FRAMES
+    version = calibrate(house, campaign)
+    items = read(house, campaign)
+    assert done(items) == FROM_THE_FRAMES | FROM_THE_VERSION
+    for item in items.values():
+        if item.done_by:
+            assert item.done_by == BY_ITSELF
+            assert before <= item.done_at <= utc_now()
+    k = version["coefficients"][0]
+    assert f"ISO 3200: K = {k['value']:.6g} DN*m2/(cd*s)" in items["calibration_regression"].evidence
+    assert "the median of 3 frames" in items["dark_median"].evidence
+    assert f"/v1/calibrations/{version['id']}/plot.svg" in items["calibration_plot"].evidence
+    assert items["general_recorder"].missing == "Not recorded."
+
+
+def test_what_is_written_on_the_campaign_is_dated_by_the_audit_trail(house):
+    campaign = house.campaign(project_number="P-17")
+    between = utc_now()
+    answer = house.http.patch(f"/v1/campaigns/{campaign['id']}", json={"recorder": "B. Schulz"})
+    assert answer.status_code == 200
+    items = read(house, campaign)
+    assert items["general_project_number"].done_at < between < items["general_recorder"].done_at
+    assert items["general_recorder"].evidence == "B. Schulz."
+    assert items["general_date"].done_by is None
+
+
+def test_a_person_stands_before_the_record(house):
+    campaign = upload_campaign(house)
+    house.work()
+    change(
+        house,
+        campaign,
+        lambda s, c: set_tick(s, c, "settings_format_dng", done=False, note="two were renamed", by="key_9"),
+    )
+    item = read(house, campaign)["settings_format_dng"]
+    assert (item.done_by, item.done_at, item.note) == (None, None, "two were renamed")
+    assert item.evidence.startswith("Every light and dark frame is a raw DNG: 30 frames (")
+    change(
+        house,
+        campaign,
+        lambda s, c: set_tick(s, c, "settings_format_dng", done=True, note=None, by="key_9"),
+    )
+    item = read(house, campaign)["settings_format_dng"]
+    assert (item.done_by, item.note) == ("key_9", "two were renamed")
+
+
+def test_a_tick_keeps_who_did_it_first_and_when(house):
+    campaign = house.campaign()
+    tick = {"done": True, "note": None}
+    change(house, campaign, lambda s, c: set_tick(s, c, "equipment_lamp", **tick, by="key_1"))
+    first = read(house, campaign)["equipment_lamp"]
+    change(house, campaign, lambda s, c: set_tick(s, c, "equipment_lamp", **tick, by="key_2"))
+    assert read(house, campaign)["equipment_lamp"] == first
+    assert first.done_by == "key_1"
+
+
+def test_the_last_signature_stands(house):
+    campaign = house.campaign()
+    for name in ("A. Meier", "B. Schulz"):
+        change(house, campaign, lambda s, c, name=name: sign(s, c, name=name, by="key_9"))
+    with house.database.reading() as session:
+        signature = read_signature(session, session.get_one(Campaign, campaign["id"]))
+    assert (signature.name, signature.signed_by) == ("B. Schulz", "key_9")
