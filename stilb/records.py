@@ -40,6 +40,9 @@ class Certificate(TypedDict):
 class CampaignDetails(TypedDict, total=False):
     project_number: str
     recorder: str
+    customer: str
+    place: str
+    conditions: str
     started_at: Moment
     comments: str
     surface_reflectance: float

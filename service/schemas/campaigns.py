@@ -33,6 +33,11 @@ class NewCampaign(Form):
     method: Method
     project_number: Text | None = None
     recorder: Text | None = None
+    customer: Text | None = None
+    place: Text | None = None
+    conditions: Annotated[
+        LongText | None, Field(description="What surrounded the work: temperature, light.")
+    ] = None
     started_at: Instant | None = None
     comments: LongText | None = None
     surface_reflectance: Annotated[
@@ -46,6 +51,11 @@ class CampaignChange(Form):
 
     project_number: Text | None = None
     recorder: Text | None = None
+    customer: Text | None = None
+    place: Text | None = None
+    conditions: Annotated[
+        LongText | None, Field(description="What surrounded the work: temperature, light.")
+    ] = None
     started_at: Instant | None = None
     comments: LongText | None = None
     surface_reflectance: Reflectance | None = None
@@ -79,6 +89,9 @@ class CampaignAnswer(Answer):
     method: Method
     project_number: str | None = None
     recorder: str | None = None
+    customer: str | None = None
+    place: str | None = None
+    conditions: str | None = None
     started_at: Instant | None = None
     comments: str | None = None
     surface_reflectance: float | None = None

@@ -23,6 +23,10 @@ class Campaign(Audited, Base):
     method: Mapped[Method] = mapped_column(String)
     project_number: Mapped[str | None]
     recorder: Mapped[str | None]
+    customer: Mapped[str | None]
+    place: Mapped[str | None]
+    conditions: Mapped[str | None]
+    """What surrounded the work and may bear on it: temperature, warm-up of the lamp, daylight kept out."""
     started_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     comments: Mapped[str | None]
     surface_reflectance: Mapped[float | None]

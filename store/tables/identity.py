@@ -15,6 +15,8 @@ class Organisation(Audited, Base):
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("org"))
     name: Mapped[str] = mapped_column(unique=True)
+    address: Mapped[str | None]
+    """As a certificate names it."""
     operator: Mapped[bool] = mapped_column(default=False)
     """The organisation that runs this service: its admins found the others."""
     refuses_incomplete_certificates: Mapped[bool] = mapped_column(default=False)
