@@ -10,12 +10,17 @@ from redis.exceptions import RedisError
 
 RUN_TASK = "stilb.run"
 _SILENCE_AFTER_FAILURE_S = 2.0
+_HINT_WITHIN_S = 1.0
+_ANSWER_WITHIN_S = 30.0
 
 log = logging.getLogger(__name__)
 
 
-def make_celery(broker_url: str) -> Celery:
-    """The Celery application that both sides share: the sender by the task's name, the worker by its body."""
+def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -> Celery:
+    """The Celery application that both sides share: the sender by the task's name, the worker by its body.
+
+    A worker waits for messages and has to be patient; who only sends has not.
+    """
     app = Celery("stilb", broker=broker_url)
     app.conf.update(
         task_acks_late=True,
@@ -29,7 +34,7 @@ def make_celery(broker_url: str) -> Celery:
             "unacked_restore_interval": 1,
             "unacked_restore_throttle": 1,
             "socket_connect_timeout": 1.0,
-            "socket_timeout": 30.0,
+            "socket_timeout": answer_within_s,
         },
         worker_cancel_long_running_tasks_on_connection_loss=False,
         worker_hijack_root_logger=False,
@@ -42,23 +47,27 @@ def make_celery(broker_url: str) -> Celery:
 class Hints:
     """Sends hints, and never fails: what is not hinted is found by the sweeper.
 
-    After a failure it stays silent for two seconds: a broker that is down delays one request, not each.
+    After a failure it stays silent for two seconds: a broker that is down or hangs delays one request by a
+    second, not each.
     """
 
-    def __init__(self, celery: Celery) -> None:
-        self._celery = celery
+    def __init__(self, broker_url: str) -> None:
+        self._celery = make_celery(broker_url, answer_within_s=_HINT_WITHIN_S)
+        # `retry=False` alone would still leave six seconds of attempts to connect
+        self._celery.conf.broker_transport_options["max_retries"] = 0
         self._silent_until = 0.0
         self._lock = threading.Lock()
 
     def send(self, job_ids: list[str]) -> None:
         """Tell some worker that these jobs wait."""
-        if time.monotonic() < self._silent_until:
-            return
         for job_id in job_ids:
-            try:
-                with self._lock:
+            with self._lock:
+                # Looked at behind the lock: those who waited for one that failed do not try one by one.
+                if time.monotonic() < self._silent_until:
+                    return
+                try:
                     self._celery.send_task(RUN_TASK, args=[job_id], retry=False, ignore_result=True)
-            except (OperationalError, RedisError, OSError) as error:
-                log.warning("no hint for %s, the sweeper will find it: %s", job_id, error)
-                self._silent_until = time.monotonic() + _SILENCE_AFTER_FAILURE_S
-                return
+                except (OperationalError, RedisError, OSError) as error:
+                    log.warning("no hint for %s, the sweeper will find it: %s", job_id, error)
+                    self._silent_until = time.monotonic() + _SILENCE_AFTER_FAILURE_S
+                    return

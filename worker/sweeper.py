@@ -8,7 +8,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from store import jobs
 from store.blobs import Blobs, StorageUnavailable, blobs_from_url
-from store.broker import Hints, make_celery
+from store.broker import Hints
 from store.database import Database
 from store.settings import Settings
 
@@ -37,7 +37,7 @@ def main() -> int:
     settings = Settings()
     database = Database(settings.effective_database_url)
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
-    hints = Hints(make_celery(settings.effective_broker_url))
+    hints = Hints(settings.effective_broker_url)
     floor_due = 0.0
     while True:
         try:

@@ -1,0 +1,51 @@
+"""Whoever sends hints is never held up by a broker that does not answer."""
+
+import socket
+import threading
+from contextlib import contextmanager
+
+import pytest
+
+from store.broker import Hints
+
+
+@contextmanager
+def broker_that(answers):
+    """A port where every connection is taken and treated so; the list grows with each."""
+    taken = []
+
+    def serve():
+        while True:
+            try:
+                connection, _ = server.accept()
+            except OSError:
+                return
+            taken.append(connection)
+            answers(connection)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            yield f"redis://127.0.0.1:{server.getsockname()[1]}/0", taken
+        finally:
+            server.shutdown(socket.SHUT_RDWR)
+            thread.join()
+            for connection in taken:
+                connection.close()
+
+
+@pytest.mark.parametrize(
+    "answers",
+    [pytest.param(lambda connection: None, id="silent"), pytest.param(socket.socket.close, id="gone")],
+)
+def test_one_attempt_for_all_who_send_at_once(answers):
+    with broker_that(answers) as (url, taken):
+        hints = Hints(url)
+        senders = [threading.Thread(target=hints.send, args=[["job_1", "job_2"]]) for _ in range(20)]
+        for sender in senders:
+            sender.start()
+        for sender in senders:
+            sender.join(30)
+        assert not any(sender.is_alive() for sender in senders)
+        assert len(taken) == 1
