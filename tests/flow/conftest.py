@@ -33,7 +33,7 @@ def shots(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def quiet_figures(embedded, shots):
-    """What comes of the campaign when nothing disturbs: every other way must end the same, to the last bit."""
+    """What comes of the campaign when nothing disturbs: all other ways must end the same, to the last bit."""
     with embedded.team() as team:
         campaign = team.campaign()
         frames = team.push(campaign, shots)

@@ -96,10 +96,8 @@ class Deployment:
         self.wait_until(lambda: all(job.state in FINAL_STATES for job in self.jobs(subjects=subjects)))
         return self.jobs(subjects=subjects)
 
-    @contextmanager
-    def team(self, **settings):
-        with new_team(self.url, self.key, **settings) as team:
-            yield team
+    def team(self, **settings) -> Team:
+        return new_team(self.url, self.key, **settings)
 
     def serves(self) -> bool:
         try:

@@ -1,8 +1,6 @@
 """A small campaign on disk, and a field team that goes its way over HTTP in an organisation of its own."""
 
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,10 +44,17 @@ def write_campaign(folder: Path) -> list[Shot]:
 class Team:
     """One organisation's client. What another team has sent or computed is of no use to this one."""
 
-    def __init__(self, client: stilb.Client, url: str, key: str):
-        self.client = client
+    def __init__(self, url: str, key: str, **settings):
         self.url = url
-        self.headers = {"Authorization": f"Bearer {key}"}
+        self.key = key
+        self.client = stilb.Client(url, key, **{"retries": 10} | settings)
+
+    def __enter__(self):
+        self.client.__enter__()
+        return self
+
+    def __exit__(self, *error):
+        self.client.__exit__(*error)
 
     def campaign(self) -> stilb.Campaign:
         """A campaign with its region and its readings, and no frame yet."""
@@ -74,20 +79,18 @@ class Team:
 
     def http(self, **settings) -> httpx.Client:
         """For what the client would not do."""
-        return httpx.Client(base_url=self.url, headers=self.headers, timeout=60.0, **settings)
+        headers = {"Authorization": f"Bearer {self.key}"}
+        return httpx.Client(base_url=self.url, headers=headers, timeout=60.0, **settings)
 
 
-@contextmanager
-def new_team(url: str, operator_key: str, **settings) -> Iterator[Team]:
+def new_team(url: str, operator_key: str, **settings) -> Team:
     """Found an organisation, whose first key the team gets."""
     headers = {"Authorization": f"Bearer {operator_key}"}
     answer = httpx.post(
         f"{url}/v1/organisations", json={"name": str(uuid.uuid4())}, headers=headers, timeout=60.0
     )
     assert answer.status_code == 201, answer.text
-    key = answer.json()["key"]["secret"]
-    with stilb.Client(url, key, **{"retries": 10} | settings) as client:
-        yield Team(client, url, key)
+    return Team(url, answer.json()["key"]["secret"], **settings)
 
 
 def figures_of(calibration: stilb.Calibration) -> Figures:
