@@ -10,7 +10,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.luminance.results import K_UNIT, Fit
+from radiometry.luminance.results import Fit
 from radiometry.luminance.rows import Params
 from store.codec import encode
 from store.columns import new_id
@@ -116,7 +116,12 @@ def _coefficients(calibration_id: str, fit: Fit) -> list[CoefficientRow]:
         coefficient = iso_fit.coefficient
         raised = sorted({*flags.get("", []), *flags.get(f"iso {coefficient.iso:g}", [])})
         figures = (
-            ("luminance_k", coefficient.luminance_k, coefficient.luminance_k_standard_uncertainty, K_UNIT),
+            (
+                "luminance_k",
+                coefficient.luminance_k,
+                coefficient.luminance_k_standard_uncertainty,
+                coefficient.luminance_k_unit,
+            ),
             (
                 "dark_signal_dn",
                 coefficient.dark_signal_dn,

@@ -1,0 +1,13 @@
+"""A coefficient is stored in its own model's unit: three of the four K cannot be compared."""
+
+import pytest
+
+from radiometry.models import K_UNITS
+from tests.support.campaigns import calibrate, upload_campaign
+
+
+@pytest.mark.parametrize("model", K_UNITS)
+def test_k_has_the_unit_of_its_model(house, model):
+    version = calibrate(house, upload_campaign(house), model=model)
+    units = {c["unit"] for c in version["coefficients"] if c["name"] == "luminance_k"}
+    assert units == {K_UNITS[model]}
