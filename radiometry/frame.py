@@ -51,7 +51,13 @@ class FrameHeader:
     orientation: int | None = None
     sensor_temperature_c: float | None = None
     software: str | None = None
+    latitude_deg: float | None = None  # WGS 84, north positive; stated with the longitude or not at all
+    longitude_deg: float | None = None  # east positive
+    altitude_m: float | None = None  # above sea level, as the camera says; below it is negative
     opcodes: tuple[Opcode, ...] = field(default=())
+    # A whole frame is read cheapest in bands of so many rows, the first of which may be cut by the border.
+    band_rows: int = 1
+    first_band_rows: int = 1
 
 
 @dataclass(frozen=True, kw_only=True)

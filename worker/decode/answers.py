@@ -45,6 +45,9 @@ def check_header(answer: dict[str, Any]) -> FrameHeader:
         and 0 < header.width_px <= limits.MAX_SIDE_PX
         and 0 < header.height_px <= limits.MAX_SIDE_PX
         and header.width_px * header.height_px <= limits.MAX_FRAME_PX
+        and header.band_rows >= header.first_band_rows >= 1
+        and abs(header.latitude_deg or 0.0) <= 90
+        and abs(header.longitude_deg or 0.0) <= 180
         and all(math.isfinite(level) for level in (*header.black_level_dn, *header.white_level_dn))
         and all(len(text) <= limits.MAX_TEXT and text.isprintable() for text in texts)
     )

@@ -38,6 +38,11 @@ class Layout:
         """Of one uncompressed segment row: each starts on a byte of its own."""
         return -(-self.segment_cols * self.samples * self.bits // 8)
 
+    @property
+    def band_rows(self) -> int:
+        """Rows that are read together most cheaply: those of a compressed strip or tile."""
+        return 2 if self.compression == tags.UNCOMPRESSED else self.segment_rows
+
     def rows_in(self, segment_row: int) -> int:
         """Tiles are stored whole, the last strip only as far as the image goes."""
         if self.tiled:

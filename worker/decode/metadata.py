@@ -8,6 +8,7 @@ from typing import Final
 
 from radiometry.errors import InputRejected
 from worker.decode import limits, tags
+from worker.decode.position import read_position
 from worker.decode.tiff import Directory
 
 _ASK_ELSEWHERE: Final = 65_535  # EXIF 2.3: the ISO does not fit, another tag has it
@@ -54,6 +55,9 @@ class Metadata:
     taken_at: str | None
     orientation: int | None
     software: str | None
+    latitude_deg: float | None
+    longitude_deg: float | None
+    altitude_m: float | None
 
 
 class _Tags:
@@ -103,7 +107,11 @@ class _Tags:
 def read_metadata(main: Directory) -> Metadata:
     found = _Tags(main)
     exposure_time_s, f_number = found.number(tags.EXPOSURE_TIME), found.number(tags.F_NUMBER)
+    position = read_position(main)
     return Metadata(
+        latitude_deg=position.latitude_deg,
+        longitude_deg=position.longitude_deg,
+        altitude_m=position.altitude_m,
         exposure_time_s=exposure_time_s,
         exposure_time_apex_s=_from_apex(found.numbers(tags.SHUTTER_SPEED_VALUE), -1.0, exposure_time_s),
         f_number=f_number,

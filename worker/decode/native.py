@@ -87,6 +87,8 @@ def _describe(
         white_level_dn=white * cell**2,
         white_level_origin=white_origin,
         opcodes=read_opcodes(image),
+        band_rows=layout.band_rows,
+        first_band_rows=layout.band_rows - visible.top % layout.band_rows,
         **vars(read_metadata(main)),
     )
     return ImageDescription(header, layout, visible, black, table)
@@ -117,8 +119,7 @@ class NativeFile:
     @property
     def band_rows(self) -> int:
         """Rows that are read together most cheaply: those of a compressed strip or tile."""
-        layout = self._image.layout
-        return 2 if layout.compression == tags.UNCOMPRESSED else layout.segment_rows
+        return self._image.layout.band_rows
 
     def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
         image = self._image

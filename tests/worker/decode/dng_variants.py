@@ -30,6 +30,7 @@ class Variant:
     extra: dict[int, Any] = field(default_factory=dict)
     main: dict[int, Any] = field(default_factory=dict)
     exif: dict[int, Any] = field(default_factory=dict)
+    gps: dict[int, Any] = field(default_factory=dict)
 
 
 def make_samples(rows, cols, bits, seed=1):
@@ -52,6 +53,8 @@ def make_dng(samples, variant):
     }
     if variant.exif:
         main[34665] = (LONG, writer.directory(variant.exif))
+    if variant.gps:
+        main[34853] = (LONG, writer.directory(variant.gps))
     if variant.thumbnail:
         main |= _thumbnail_entries(writer) | {330: (LONG, writer.directory(raw))}
     else:

@@ -44,6 +44,10 @@ def test_header_survives_the_way(header):
         {"make": "x" * 300},
         {"model": "a\0b"},
         {"opcodes": [{"stage": 1}]},
+        {"latitude_deg": 90.5},
+        {"longitude_deg": -180.5},
+        {"band_rows": 0},
+        {"first_band_rows": 3},
     ],
 )
 def test_header_that_cannot_be(change, header):
