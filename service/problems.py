@@ -35,6 +35,8 @@ class HttpCode(StrEnum):
     DATABASE_UNAVAILABLE = "database_unavailable"
     CAMPAIGN_INCOMPLETE = "campaign_incomplete"
     CALIBRATION_REVOKED = "calibration_revoked"
+    CHECKLIST_SIGNED = "checklist_signed"
+    PURGE_OUTDATED = "purge_outdated"
     NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"
     PREVIEW_NOT_READY = "preview_not_ready"
     NOT_ACCEPTABLE = "not_acceptable"

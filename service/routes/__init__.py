@@ -38,6 +38,7 @@ def include_routes(app: FastAPI) -> None:
         calibrations,
         cameras,
         campaigns,
+        checklist,
         coefficients,
         frames,
         jobs,
@@ -50,7 +51,18 @@ def include_routes(app: FastAPI) -> None:
 
     for module in (system, pages):
         app.include_router(module.router)
-    for module in (keys, cameras, meters, campaigns, readings, frames, calibrations, coefficients, jobs):
+    for module in (
+        keys,
+        cameras,
+        meters,
+        campaigns,
+        readings,
+        frames,
+        calibrations,
+        coefficients,
+        jobs,
+        checklist,
+    ):
         app.include_router(module.router, dependencies=[Depends(_refuse_unknown_parameters)])
 
 

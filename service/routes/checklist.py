@@ -1,0 +1,68 @@
+"""The procedure's checklist, which ticks itself where the record proves an item."""
+
+from fastapi import APIRouter, Response
+from sqlalchemy.orm import Session
+
+from service.auth import Calibrator, Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.problems import HttpCode, Problem, invalid
+from service.routes import problems
+from service.schemas.checklist import ChecklistAnswer, ChecklistChange
+from service.writing import Reply, Writes
+from store.queries.checklist import KEYS, read_checklist, read_signature, set_tick, sign
+from store.tables import Campaign
+
+router = APIRouter(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checklist"])
+
+
+@router.get("", response_model=ChecklistAnswer, responses=problems(404))
+def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """The items of the printed checklist, who ticked each and from what it follows."""
+    with context.database.reading() as session:
+        return _answer(session, owned(session, Campaign, campaign_id, caller)).respond()
+
+
+@router.patch("", response_model=ChecklistAnswer, responses=problems(404, 409))
+def change_checklist(campaign_id: Id, body: ChecklistChange, caller: Calibrator, writing: Writes) -> Response:
+    """Tick items, take ticks away, sign. A signed list changes only together with a new signature."""
+
+    def change(session: Session) -> Reply:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        signature = read_signature(session, campaign)
+        if signature is not None and body.signature is None:
+            raise Problem(
+                409,
+                HttpCode.CHECKLIST_SIGNED,
+                f"{signature.name} has signed this checklist. Send a signature with the change: "
+                "it then stands for the list as changed.",
+            )
+        for item in body.items or []:
+            set_tick(session, campaign, item.key, done=item.done, note=item.note, by=caller.key_id)
+        if body.signature is not None:
+            sign(session, campaign, name=body.signature.name, by=caller.key_id)
+        session.flush()
+        return Reply(status=200, body=_answer(session, campaign))
+
+    _refuse_unknown(body)
+    return writing.run(caller, change)
+
+
+def _refuse_unknown(body: ChecklistChange) -> None:
+    unknown = [
+        {
+            "type": "unknown_key",
+            "loc": ("body", "items", index, "key"),
+            "msg": f"{item.key!r} is no item of the checklist; GET this address lists them",
+        }
+        for index, item in enumerate(body.items or [])
+        if item.key not in KEYS
+    ]
+    if unknown:
+        raise invalid(unknown)
+
+
+def _answer(session: Session, campaign: Campaign) -> ChecklistAnswer:
+    return ChecklistAnswer.of(
+        campaign.id, read_checklist(session, campaign), read_signature(session, campaign)
+    )
