@@ -26,8 +26,9 @@ def missing_for_fit(session: Session, campaign: Campaign, params: Params | None 
 
 
 def list_missing(campaign: Campaign, evidence: Evidence, params: Params) -> list[str]:
-    waiting = [f"frame {name} has not been read yet" for name in evidence.unread]
-    return waiting + list(methods.missing(campaign.method, evidence.frames, evidence.readings, params))
+    return list(
+        methods.missing(campaign.method, evidence.frames, evidence.readings, params, unread=evidence.unread)
+    )
 
 
 def with_campaign(params: Params, campaign: Campaign) -> Params:

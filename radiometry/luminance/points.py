@@ -15,6 +15,8 @@ MOST_SATURATED_SHARE = 0.001
 DETECTION_ERRORS = 3.0
 FEWEST_SCENES = 3
 
+_MOST_NAMES = 3
+
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
@@ -119,41 +121,73 @@ def _why_left_out(
     return ""
 
 
-def list_missing(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> list[str]:
-    """Say by name what keeps a fit from starting."""
+def list_missing(
+    rows: Sequence[FrameRow],
+    readings: Sequence[Reading],
+    params: Params,
+    *,
+    unread: Sequence[str] = (),
+) -> list[str]:
+    """Say by name what keeps a fit from starting, in fragments that can be joined by "; ".
+
+    ``unread`` : names of frames of which nothing is known yet
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
-    names = {row.frame for row in rows}
-    sentences = [
-        f"Frame {name} is to be left out, but the campaign has no such frame."
-        for name in sorted(excluded - names)
+    found = [
+        f"frame {name} is to be left out, but the campaign has no such frame"
+        for name in sorted(excluded - {row.frame for row in rows} - set(unread))
     ]
-    wanted = sorted((row for row in rows if row.frame not in excluded), key=lambda row: row.frame)
-    sentences += [
-        f"Frame {row.frame} has no statistics yet: draw the region, or wait for its extraction."
-        for row in wanted
-        if not row.statistics
-    ]
+    wanted = [row for row in rows if row.frame not in excluded]
+    waiting = sorted({*unread} - excluded)
+    if waiting:
+        found.append(f"{_name_frames(waiting, 'has', 'have')} not been read yet")
+    found += _list_unmeasured(wanted)
     light = [row for row in wanted if row.role == "light"]
-    sentences += [
-        f"Frame {row.frame} has no scene: say which light level it shows." for row in light if not row.scene
-    ]
-    if not light:
-        return [*sentences, "The campaign has no light frame."]
+    sceneless = sorted(row.frame for row in light if not row.scene)
+    if sceneless:
+        found.append(f"{_name_frames(sceneless, 'has', 'have')} no scene: say which light level it is")
+    if not light and not waiting:
+        return [*found, "the campaign has no light frame"]
     for series in collect_series(rows, readings, params):
         usable = {candidate.scene for candidate in series.used}
         if len(usable) < FEWEST_SCENES:
-            sentences.append(
+            found.append(
                 f"ISO {series.iso:g} has {len(usable)} usable scenes, a fit needs {FEWEST_SCENES}: "
                 f"{_reasons(series)}"
             )
-    return sentences
+    return found
 
 
-def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading]) -> list[str]:
+def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> list[str]:
     """Say which scenes have light frames but no luminance reading: a fit can start, but leaves them out."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
     read = {reading.scene for reading in readings if reading.quantity == "luminance"}
-    unread = sorted({row.scene for row in rows if row.role == "light" and row.scene} - read)
-    return [f"Scene {scene} has no luminance reading." for scene in unread]
+    shown = {row.scene for row in rows if row.role == "light" and row.scene and row.frame not in excluded}
+    return [f"scene {scene} has no luminance reading" for scene in sorted(shown - read)]
+
+
+def _list_unmeasured(rows: Sequence[FrameRow]) -> list[str]:
+    """Say which frames have no statistics, and whether they lack a region or only wait for a worker."""
+    regionless = sorted(row.frame for row in rows if not row.statistics and not row.has_region)
+    waiting = sorted(row.frame for row in rows if not row.statistics and row.has_region)
+    found = []
+    if regionless and len(regionless) == len(rows):
+        found.append("the campaign has no region (ROI)")
+    elif regionless:
+        found.append(f"{_name_frames(regionless, 'has', 'have')} no region (ROI)")
+    if waiting:
+        found.append(f"{_name_frames(waiting, 'has', 'have')} no statistics yet")
+    return found
+
+
+def _name_frames(names: Sequence[str], one: str, several: str) -> str:
+    """Name the first few frames and count the rest, up to the verb."""
+    if len(names) == 1:
+        return f"frame {names[0]} {one}"
+    if len(names) <= _MOST_NAMES:
+        return f"frames {', '.join(names[:-1])} and {names[-1]} {several}"
+    first = ", ".join(names[:_MOST_NAMES])
+    return f"frames {first} and {len(names) - _MOST_NAMES} more {several}"
 
 
 def _reasons(series: IsoSeries) -> str:
@@ -161,8 +195,7 @@ def _reasons(series: IsoSeries) -> str:
     usable = {candidate.scene for candidate in series.used}
     lost = {c.scene: c.left_out for c in series.candidates if c.scene not in usable}
     if not lost:
-        return "photograph more light levels."
-    return (
-        "; ".join(f"scene {scene}: a frame was left out because {why}" for scene, why in sorted(lost.items()))
-        + "."
+        return "photograph more light levels"
+    return ", ".join(
+        f"scene {scene}: a frame was left out because {why}" for scene, why in sorted(lost.items())
     )

@@ -68,6 +68,7 @@ class FrameRow:
     ``frame`` : its name in messages and points; unique in a campaign
     ``role`` : "light" | "dark"; ``scene`` : the light level's name, None for a dark frame
     ``statistics`` : rows of `extract`, None while the frame waits for its extraction or its region
+    ``has_region`` : False while nobody has drawn a region for it
     ``gain_maps`` : sha256 of each GainMap opcode the file carries
     """
 
@@ -76,6 +77,7 @@ class FrameRow:
     scene: str | None
     exposure: Exposure
     statistics: tuple[ChannelStatistics, ...] | None
+    has_region: bool = True
     rendered: bool = False
     gain_maps: tuple[str, ...] = ()
 

@@ -42,12 +42,17 @@ def extract(method: Method, frame: Frame, polygon: Polygon) -> tuple[ChannelStat
 
 
 def missing(
-    method: Method, rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+    method: Method,
+    rows: Sequence[FrameRow],
+    readings: Sequence[Reading],
+    params: Params,
+    *,
+    unread: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """Say, by name, what a fit still lacks."""
+    """Say, by name, what a fit still lacks; ``unread`` names frames of which nothing is known yet."""
     match method:
         case "luminance":
-            return luminance.missing(rows, readings, params)
+            return luminance.missing(rows, readings, params, unread=unread)
         case _:
             assert_never(method)
 

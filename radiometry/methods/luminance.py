@@ -76,12 +76,16 @@ def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
     return compute_statistics(frame, inside)
 
 
-def missing(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
+def missing(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
+) -> tuple[str, ...]:
     """Say, by name, what the fit still lacks; empty when it can start with every frame.
 
     A scene without a reading is named although the other scenes may be enough: `fit` then leaves it out.
+    ``unread`` : names of frames of which nothing is known yet
     """
-    return (*list_missing(rows, readings, params), *list_unread_scenes(rows, readings))
+    lacking = list_missing(rows, readings, params, unread=unread)
+    return (*lacking, *list_unread_scenes(rows, readings, params))
 
 
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
@@ -100,7 +104,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     """
     lacking = list_missing(rows, readings, params)
     if lacking:
-        raise InputRejected(Code.FIT_INCOMPLETE, " ".join(lacking))
+        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     calibration_u_rel, certified = meter_calibration_u_rel(readings)
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
     series = collect_series(rows, readings, params)

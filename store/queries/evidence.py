@@ -41,7 +41,10 @@ def gather(session: Session, campaign: Campaign, extractor: str) -> Evidence:
     names = _names(rows)
     read = [row for row in rows if row.exposure is not None]
     return Evidence(
-        frames=[_fit_frame(row, names[row.id], current.get(row.id), statistics) for row in read],
+        frames=[
+            _fit_frame(row, names[row.id], row.roi_id or campaign.roi_id, current.get(row.id), statistics)
+            for row in read
+        ],
         readings=_fit_readings(session, campaign),
         names=names,
         hashes={names[row.id]: row.sha256 for row in read},
@@ -73,7 +76,11 @@ def _current_extractions(
 
 
 def _fit_frame(
-    row: FrameRow, name: str, extraction: Extraction | None, statistics: dict[str, list[ChannelRow]]
+    row: FrameRow,
+    name: str,
+    roi_id: str | None,
+    extraction: Extraction | None,
+    statistics: dict[str, list[ChannelRow]],
 ) -> FitFrame:
     header = row.header or {}
     opcodes = header.get("opcodes", [])
@@ -83,6 +90,7 @@ def _fit_frame(
         scene=row.scene,
         exposure=decode_exposure(row.exposure or {}),
         statistics=tuple(map(decode_statistics, statistics[extraction.id])) if extraction else None,
+        has_region=roi_id is not None,
         rendered=header.get("rendered", False),
         gain_maps=tuple(opcode["sha256"] for opcode in opcodes if opcode["name"] == "GainMap"),
     )

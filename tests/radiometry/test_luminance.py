@@ -286,23 +286,23 @@ def test_nothing_is_missing():
 @pytest.mark.parametrize(
     ("rows", "readings", "sentence"),
     [
-        (DARKS, READINGS, "The campaign has no light frame."),
+        (DARKS, READINGS, "the campaign has no light frame"),
         (
             (*ROWS, light("dim", 11.0, name="new", statistics=None)),
             READINGS,
-            "Frame new has no statistics yet",
+            "frame new has no statistics yet",
         ),
         (
             (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene=None)),
             READINGS,
-            "Frame new has no scene",
+            "frame new has no scene",
         ),
         (
             ROWS,
             READINGS[1:],
             "ISO 3200 has 2 usable scenes, a fit needs 3: scene bright: a frame was left out ",
         ),
-        (LIGHTS[:6], READINGS, "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels."),
+        (LIGHTS[:6], READINGS, "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels"),
         (ROWS, [], "ISO 3200 has 0 usable scenes"),
     ],
 )
@@ -316,14 +316,43 @@ def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, readings, sentence
 
 def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
     rows = (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene="level-4"))
-    assert luminance.missing(rows, READINGS, PARAMS) == ("Scene level-4 has no luminance reading.",)
+    assert luminance.missing(rows, READINGS, PARAMS) == ("scene level-4 has no luminance reading",)
     assert fit(rows).passed
+
+
+def test_a_scene_of_which_every_frame_is_excluded_needs_no_reading():
+    rows = (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene="level-4"))
+    params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="new", reason="", by="me"),))
+    assert luminance.missing(rows, READINGS, params) == ()
+
+
+def test_a_campaign_without_a_region_says_so_once():
+    bare = [dataclasses.replace(row, statistics=None, has_region=False) for row in ROWS]
+    assert luminance.missing(bare, READINGS, PARAMS) == ("the campaign has no region (ROI)",)
+    assert luminance.missing((*bare[:1], *ROWS[1:]), READINGS, PARAMS) == (
+        "frame bright-3200-5.6 has no region (ROI)",
+    )
+
+
+def test_the_first_of_many_waiting_frames_are_named_and_the_rest_counted():
+    waiting = [dataclasses.replace(row, statistics=None) for row in ROWS]
+    assert luminance.missing(waiting, READINGS, PARAMS) == (
+        "frames bright-3200-16, bright-3200-5.6, bright-3200-8 and 12 more have no statistics yet",
+    )
+    assert luminance.missing((*waiting[:2], *ROWS[2:]), READINGS, PARAMS) == (
+        "frames bright-3200-5.6 and bright-3200-8 have no statistics yet",
+    )
+
+
+def test_what_is_not_read_yet_is_named_and_may_be_the_light_frames():
+    assert luminance.missing((), (), PARAMS, unread=("b", "a")) == ("frames a and b have not been read yet",)
+    assert luminance.missing((), (), PARAMS) == ("the campaign has no light frame",)
 
 
 def test_excluding_an_unknown_frame_is_said():
     params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="ghost", reason="", by="me"),))
     assert luminance.missing(ROWS, READINGS, params) == (
-        "Frame ghost is to be left out, but the campaign has no such frame.",
+        "frame ghost is to be left out, but the campaign has no such frame",
     )
 
 
