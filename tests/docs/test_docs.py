@@ -1,0 +1,170 @@
+"""The documentation names what exists, all of it and nothing else."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from radiometry.errors import Code
+from radiometry.flags import Flag
+from service.launch.refusal import Exit
+from service.problems import HttpCode
+from store.settings import Settings
+from worker.decode.refusals import Refusal
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+# Codes that are written where they are raised, and in no enumeration: jobs, conflicts, the client.
+WRITTEN = {
+    "worker": re.compile(r'\bproblem\(\s*"(\w+)"'),
+    "store": re.compile(r'(?:"code": |\bConflict\(\s*)"(\w+)"'),
+    "stilb": re.compile(r'\bcode="(\w+)"|"(unreachable)" if passing else "(not_sent)"'),
+}
+
+
+def read(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+def prose(page: Path) -> str:
+    """Without fenced and indented code, where a # or a bracket is something else."""
+    return re.sub(r"^```.*?^```|^    .*?$", "", read(page), flags=re.MULTILINE | re.DOTALL)
+
+
+def headings(text: str, level: int) -> list[str]:
+    return re.findall(rf"^#{{{level}}} (.+)$", text, re.MULTILINE)
+
+
+def anchors(page: Path) -> set[str]:
+    """As a reader's page makes them of headings."""
+    titles = [title for level in range(1, 5) for title in headings(prose(page), level)]
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def written_codes() -> set[str]:
+    found: set[str] = set()
+    for room, pattern in WRITTEN.items():
+        codes = {
+            code
+            for path in sorted((ROOT / room).rglob("*.py"))
+            for match in pattern.finditer(read(path))
+            for code in match.groups()
+            if code
+        }
+        assert codes, room
+        found |= codes
+    return found
+
+
+def test_every_error_code_has_its_heading_and_every_heading_its_code():
+    codes = {*map(str, (*Code, *Refusal, *HttpCode)), *written_codes()}
+    named = headings(prose(DOCS / "errors.md"), 2)
+    assert sorted(named) == sorted(codes)
+
+
+def test_every_error_says_what_to_do_and_whether_to_try_again():
+    _, *sections = re.split(r"^## ", prose(DOCS / "errors.md"), flags=re.MULTILINE)
+    for section in sections:
+        code, _, text = section.partition("\n")
+        told, found, verdict = text.partition("Retryable: ")
+        assert len(told) > 30, code
+        assert found, code
+        assert verdict.startswith(("yes", "no")), code
+
+
+def test_every_flag_has_its_heading_and_every_heading_its_flag():
+    _, _, section = prose(DOCS / "luminance.md").partition("\n## Flags\n")
+    assert sorted(headings(section, 3)) == sorted(Flag)
+
+
+def test_every_setting_has_its_heading_and_every_heading_its_setting():
+    text = prose(DOCS / "settings.md")
+    assert sorted(headings(text, 2)) == sorted(f"STILB_{name.upper()}" for name in Settings.model_fields)
+
+
+@pytest.mark.parametrize("name", Settings.model_fields)
+def test_every_default_is_told(name):
+    _, _, after = read(DOCS / "settings.md").partition(f"\n## STILB_{name.upper()}\n")
+    default = Settings.model_fields[name].default
+    told = after.partition("\n## ")[0]
+    if default == "" or name == "key":
+        assert "Empty" in told
+    else:
+        assert f"Default `{_plain(default)}`" in told or f"Default {_plain(default)} " in told
+
+
+def _plain(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def test_every_exit_code_is_told():
+    rows = re.findall(r"^\| (\d+) \| .+ \|$", read(DOCS / "operations.md"), re.MULTILINE)
+    assert sorted(map(int, rows)) == sorted(Exit)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_local_link_leads_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        there = (page.parent / path).resolve() if path else page
+        assert there.exists(), target
+        assert there.is_relative_to(ROOT), target
+        assert not anchor or anchor in anchors(there), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_make_target_exists(page):
+    targets = set(re.findall(r"^([a-z]+):", read(ROOT / "Makefile"), re.MULTILINE))
+    named = set(re.findall(r"(?:^    |`|[A-Z]+=\d )make ([a-z]+)", read(page), re.MULTILINE))
+    assert named <= targets
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_setting_that_is_named_exists(page):
+    settings = {f"STILB_{name.upper()}" for name in Settings.model_fields}
+    for named in re.findall(r"\bSTILB_[A-Z_*]+", read(page)):
+        if named.endswith("*"):
+            assert any(setting.startswith(named[:-1]) for setting in settings), named
+        else:
+            assert named in settings
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_file_that_is_named_exists(page):
+    named = set(re.findall(r"`([\w./-]+/[\w.-]+\.(?:py|md|yml|toml|lock|svg))`", read(page)))
+    for path in named:
+        assert (ROOT / path).exists(), path
+
+
+def test_every_page_can_be_reached_from_the_readme():
+    reached, todo = set(), [ROOT / "README.md"]
+    while todo:
+        page = todo.pop()
+        reached.add(page)
+        for target in re.findall(r"\]\(([^)#\s]+)", prose(page)):
+            there = (page.parent / target).resolve()
+            found = [there] if there.suffix == ".md" else [*there.glob("*.md")] if there.is_dir() else []
+            todo += [each for each in found if each not in reached]
+    assert set(PAGES) <= reached
+
+
+def test_decisions_are_numbered_without_a_gap():
+    pages = sorted((DOCS / "adr").glob("*.md"))
+    for number, page in enumerate(pages, start=1):
+        assert page.name.startswith(f"{number:04}-")
+        assert headings(read(page), 1)[0].startswith(f"{number}. ")
+        assert headings(read(page), 2) == [
+            "The question",
+            "The decision",
+            "The alternatives",
+            "What follows",
+        ]
+
+
+def test_the_readme_is_the_package_s_own():
+    project = tomllib.loads(read(ROOT / "pyproject.toml"))["project"]
+    assert project["readme"] == "README.md"
