@@ -20,7 +20,7 @@ PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 WRITTEN = {
     "worker": re.compile(r'\bproblem\(\s*"(\w+)"'),
     "store": re.compile(r'(?:"code": |\bConflict\(\s*)"(\w+)"'),
-    "stilb": re.compile(r'\bcode="(\w+)"|"(unreachable)" if passing else "(not_sent)"'),
+    "stilb": re.compile(r'\bcode="(\w+)"(?: if \w+ else "(\w+)")?'),
 }
 
 
