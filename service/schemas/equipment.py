@@ -130,17 +130,14 @@ class CameraAnswer(Answer):
 
     @classmethod
     def of(cls, row: Camera) -> "CameraAnswer":
-        lens = (
-            Lens(make=row.lens_make, model=row.lens_model, serial=row.lens_serial)
-            if row.lens_make and row.lens_model
-            else None
-        )
+        said = {name: getattr(row, f"lens_{name}") for name in Lens.model_fields}
+        lens = {name: value for name, value in said.items() if value is not None}
         return cls(
             id=row.id,
             make=row.make,
             model=row.model,
             serial=row.serial,
-            lens=lens,
+            lens=Lens.model_validate(lens) if lens else None,
             pixel_pitch_um=row.pixel_pitch_um,
             sensor_width_mm=row.sensor_width_mm,
             note=row.note,

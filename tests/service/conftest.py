@@ -9,7 +9,7 @@ from service.waiting import JobWatch
 from store.blobs import LocalBlobs
 from store.database import Database
 from store.settings import Settings
-from tests.support.house import NullHints
+from tests.support.house import House, NullHints
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +36,17 @@ def open_http(built_app):
     """Without a key."""
     with TestClient(built_app) as client:
         yield client
+
+
+@pytest.fixture(scope="module")
+def sqlite_house(migrated_sqlite, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("house")
+    path = folder / "stilb.sqlite"
+    path.write_bytes(migrated_sqlite.read_bytes())
+    database = Database(f"sqlite:///{path}")
+    with House(database, folder) as built:
+        yield built
+    database.dispose()
 
 
 @pytest.fixture

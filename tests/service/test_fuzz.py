@@ -18,7 +18,7 @@ CHECKS = [
     checks.response_schema_conformance,
     checks.negative_data_rejection,
 ]
-EXAMPLES = 24
+EXAMPLES = 32
 
 
 @pytest.fixture

@@ -78,7 +78,7 @@ class House:
         return answer.json()
 
     def get(self, path: str, *, status: int = 200, **params):
-        answer = self.http.get(path, params=params)
+        answer = self.http.get(path, params=params or None)
         assert answer.status_code == status, answer.text
         return answer.json()
 

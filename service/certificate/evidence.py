@@ -1,0 +1,130 @@
+"""The sections that say what was measured with what: meters, scenes, readings, regions, frames."""
+
+from collections import defaultdict
+
+from service.certificate.figures import in_step, optional, percent, plain, stamp
+from service.certificate.sheet import Node, figure, flow, section, table
+
+
+def evidence_sections(certificate: Node, preview: str) -> list[Node]:
+    """From the meters to the last dark frame."""
+    frames = certificate["frames"]
+    return [
+        section("Meters", [_meters(certificate)]),
+        section("Scenes and readings", [_scenes(certificate), _readings(certificate)]),
+        section("Region", [*_regions(certificate), *([_drawn(preview)] if preview else [])]),
+        section("Light frames", [_frames([f for f in frames if f["role"] == "light"])]),
+        section("Dark frames", [_dark(certificate), _frames([f for f in frames if f["role"] == "dark"])]),
+    ]
+
+
+def _meters(certificate: Node) -> Node:
+    rows = []
+    for meter in certificate["meters"]:
+        told = meter.get("certificate", {})
+        days = sorted({meter[name] for name in ("first_day", "last_day") if name in meter})
+        rows.append(
+            [
+                meter["kind"],
+                f"{meter['make']} {meter['model']}",
+                meter["serial"],
+                f"{told['number']}\n{told['laboratory']}" if told else "none",
+                f"{told['issued_on']}\n{told['due_on']}" if told else "–",
+                percent(told["expanded_uncertainty_rel"]) if told else "–",
+                plain(told["coverage_factor"]) if told else "–",
+                "\n".join(days) or "–",
+            ]
+        )
+    head = ["kind", "meter", "serial", "certificate", "issued, due", "U", "k", "used"]
+    return table(head, rows, align="lllllrrl", widths=[1.2, 1.6, 1.1, 2.2, 1.1, 0.8, 0.4, 1.1])
+
+
+def _scenes(certificate: Node) -> Node:
+    rows = [
+        [
+            scene["scene"],
+            plain(scene["luminance_cd_m2"]),
+            str(scene["readings"]),
+            percent(scene["spread_rel"]),
+            optional(scene, "illuminance_lx", plain),
+            optional(scene, "illuminance_spread_rel", percent),
+            optional(scene, "rho_e_pi_cd_m2", plain),
+        ]
+        for scene in certificate["result"]["scenes"]
+    ]
+    head = ["scene", "L [cd/m²]", "readings", "spread", "E [lx]", "spread", "ρE/π [cd/m²]"]
+    return table(head, rows, align="lrrrrrr", widths=[2, 1, 0.8, 1, 1, 1, 1.2])
+
+
+def _readings(certificate: Node) -> Node:
+    rows = [
+        [
+            reading["scene"],
+            reading["quantity"],
+            f"{plain(reading['value'], 6)} {reading['unit']}",
+            f"{plain(reading['entered_value'], 6)} {reading['entered_unit']}" if "entered_value" in reading else "–",
+            reading.get("meter", "not named"),
+            optional(reading, "taken_at", stamp),
+        ]
+        for reading in certificate["readings"]
+    ]
+    head = ["scene", "quantity", "value", "as entered", "meter", "taken at"]
+    return table(head, rows, align="llrrll", widths=[1.2, 1, 1.3, 1.3, 2.4, 1.9], caption="Every reading.")
+
+
+def _regions(certificate: Node) -> list[Node]:
+    used: dict[str, int] = defaultdict(int)
+    for frame in certificate["frames"]:
+        used[frame["roi_sha256"]] += 1
+    rows = [
+        [
+            " ".join(f"({plain(x, 7)}, {plain(y, 7)})" for x, y in region["points"]),
+            str(used[region["sha256"]]),
+            region["sha256"],
+        ]
+        for region in certificate["regions"]
+    ]
+    return [table(["corners (x, y) [px]", "frames", "SHA-256"], rows, align="lrh", widths=[4, 0.7, 3])]
+
+
+def _drawn(preview: str) -> Node:
+    return figure(preview, "The region on a frame’s preview.", width=0.62)
+
+
+def _frames(frames: list[Node]) -> Node:
+    rows = []
+    for frame in frames:
+        exposure = frame["exposure"]
+        signal, u = in_step(frame["signal_dn"], frame["signal_standard_uncertainty_dn"])
+        rows.append(
+            [
+                "\n".join([frame["frame"], *frame["warnings"]]),
+                frame.get("scene", "–"),
+                plain(exposure["exposure_time_s"]),
+                plain(exposure["f_number"]),
+                plain(exposure["iso"]),
+                signal,
+                u,
+                frame["sha256"],
+            ]
+        )
+    head = ["frame", "scene", "t [s]", "f/", "ISO", "N [DN]", "u(N)", "SHA-256"]
+    return table(head, rows, align="llrrrrrh", widths=[2, 1.2, 0.8, 0.5, 0.8, 1.1, 0.7, 3])
+
+
+def _dark(certificate: Node) -> Node:
+    dark: dict[float, list[Node]] = defaultdict(list)
+    for frame in certificate["frames"]:
+        if frame["role"] == "dark":
+            dark[frame["exposure"]["iso"]].append(frame)
+    rows = []
+    for fit in certificate["result"]["iso_fits"]:
+        c = fit["coefficient"]
+        value, u = in_step(c["dark_signal_dn"], c["dark_signal_standard_uncertainty_dn"])
+        found = dark[c["iso"]]
+        times = sorted({frame["exposure"]["exposure_time_s"] for frame in found})
+        shown = ", ".join(plain(time) for time in times) or "no dark frame: black level of the files"
+        rows.append([plain(c["iso"]), value, u, str(len(found)), shown])
+    head = ["ISO", "D [DN]", "u(D)", "frames", "exposure times [s]"]
+    caption = "Dark signal: the median of the frames taken with the lamp off, per ISO value."
+    return table(head, rows, align="rrrrl", widths=[1, 1, 1, 1, 4], caption=caption)

@@ -1,0 +1,44 @@
+"""Numbers and times as print shows them: rounded for a reader, never changed."""
+
+import math
+from datetime import datetime
+from typing import Any
+
+
+def in_step(value: float, uncertainty: float) -> tuple[str, str]:
+    """A value and its uncertainty: two significant digits of the uncertainty, the value to the same place.
+
+    Source: JCGM 100:2008, 7.2.6
+    """
+    if uncertainty <= 0.0:
+        return plain(value), plain(uncertainty)
+    place = 1 - math.floor(math.log10(uncertainty))
+    if f"{uncertainty:.1e}"[:3] == "1.0" and uncertainty < 10.0 ** (1 - place):
+        place -= 1  # 0.0996 rounds to 0.10
+    decimals = max(place, 0)
+    return f"{round(value, place):.{decimals}f}", f"{round(uncertainty, place):.{decimals}f}"
+
+
+def plain(value: float, digits: int = 5) -> str:
+    """A number to so many significant digits, without zeros that say nothing."""
+    return f"{value:.{digits}g}"
+
+
+def percent(share: float) -> str:
+    """Two decimals of a percent."""
+    return f"{100 * share:.2f} %"
+
+
+def extent(limits: list[float]) -> str:
+    """From the lowest to the highest."""
+    return f"{plain(limits[0])} to {plain(limits[1])}"
+
+
+def stamp(moment: str) -> str:
+    """An instant to the second."""
+    return datetime.fromisoformat(moment).strftime("%Y-%m-%d %H:%M:%S UTC")
+
+
+def optional(row: dict[str, Any], name: str, form: Any = str) -> str:  # noqa: ANN401  a callable
+    """What is absent is a dash."""
+    return form(row[name]) if name in row else "–"

@@ -1,0 +1,143 @@
+"""What ISO/IEC 17025:2017, section 7.8, asks a calibration certificate for and a certificate does not have."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+from service.schemas.certificates import CertificateAnswer, UsedMeter
+
+_MOST_NAMED = 3
+
+
+class GapCode(StrEnum):
+    """Stable: clients match on it; each has its heading in docs/certificate.md."""
+
+    LABORATORY_ADDRESS_MISSING = "laboratory_address_missing"
+    CUSTOMER_MISSING = "customer_missing"
+    PLACE_MISSING = "place_missing"
+    CONDITIONS_MISSING = "conditions_missing"
+    DATE_MISSING = "date_missing"
+    RECORDER_MISSING = "recorder_missing"
+    LENS_MISSING = "lens_missing"
+    METER_UNKNOWN = "meter_unknown"
+    METER_CERTIFICATE_MISSING = "meter_certificate_missing"
+    METER_CERTIFICATE_EXPIRED = "meter_certificate_expired"
+    METER_CERTIFICATE_NOT_YET_ISSUED = "meter_certificate_not_yet_issued"
+    CHECKLIST_INCOMPLETE = "checklist_incomplete"
+    CHECKLIST_UNSIGNED = "checklist_unsigned"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """A gap: which, and a sentence that says what is absent and how to fill it."""
+
+    code: GapCode
+    message: str
+
+
+def list_gaps(certificate: CertificateAnswer) -> list[Found]:
+    """Every gap of a certificate, in the order in which a reader meets what is absent.
+
+    What the record cannot know is asked of people once, on the campaign and the organisation: it is a gap
+    until they say it. Who authorises is not among them: that is the publishing itself.
+    """
+    return [
+        *_unnamed(certificate),
+        *(found for meter in certificate.meters for found in _of_meter(meter)),
+        *_of_readings(certificate),
+        *_of_checklist(certificate),
+    ]
+
+
+def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
+    """7.8.2.1 b, c, e, g, i, o and 7.8.4.1 b: what somebody has to write down."""
+    work = certificate.work
+    for said, code, message in (
+        (
+            certificate.laboratory.address,
+            GapCode.LABORATORY_ADDRESS_MISSING,
+            "The laboratory's address is not known: an admin sets it with PATCH /v1/organisation.",
+        ),
+        (work.customer, GapCode.CUSTOMER_MISSING, "The customer is not named: write it on the campaign."),
+        (
+            work.place,
+            GapCode.PLACE_MISSING,
+            "The place of the measurements is not named: write it on the campaign.",
+        ),
+        (
+            work.conditions,
+            GapCode.CONDITIONS_MISSING,
+            "The conditions of the measurements (temperature, lamp, daylight) are not described: write them "
+            "on the campaign.",
+        ),
+        (
+            work.first_day,
+            GapCode.DATE_MISSING,
+            "The day of the measurements is not known: say when the campaign started, or when the readings "
+            "were taken.",
+        ),
+        (
+            work.recorder,
+            GapCode.RECORDER_MISSING,
+            "Who recorded the measurements is not named: write it on the campaign.",
+        ),
+        (
+            certificate.item.lens,
+            GapCode.LENS_MISSING,
+            "The lens is not named, and K holds for one lens only: register the camera with its lens.",
+        ),
+    ):
+        if said is None:
+            yield Found(code=code, message=message)
+
+
+def _of_meter(meter: UsedMeter) -> Iterator[Found]:
+    """7.8.4.1 c: traceability, unbroken on the day of use."""
+    name = f"The {meter.kind} meter {meter.make} {meter.model}, serial number {meter.serial},"
+    certificate = meter.certificate
+    if certificate is None:
+        yield Found(
+            code=GapCode.METER_CERTIFICATE_MISSING,
+            message=f"{name} has no calibration certificate: register it with its certificate and fit again.",
+        )
+        return
+    if meter.last_day and certificate.due_on < meter.last_day:
+        yield Found(
+            code=GapCode.METER_CERTIFICATE_EXPIRED,
+            message=f"{name} was read on {meter.last_day}, after its certificate {certificate.number} was due "
+            f"on {certificate.due_on}.",
+        )
+    if meter.first_day and meter.first_day < certificate.issued_on:
+        yield Found(
+            code=GapCode.METER_CERTIFICATE_NOT_YET_ISSUED,
+            message=f"{name} was read on {meter.first_day}, before its certificate {certificate.number} was "
+            f"issued on {certificate.issued_on}.",
+        )
+
+
+def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
+    unknown = [reading for reading in certificate.readings if reading.meter is None]
+    if unknown:
+        yield Found(
+            code=GapCode.METER_UNKNOWN,
+            message=f"{len(unknown)} of {len(certificate.readings)} readings name no meter: send readings with "
+            "their meter_id.",
+        )
+
+
+def _of_checklist(certificate: CertificateAnswer) -> Iterator[Found]:
+    """7.8.2.1 n and o: what of the procedure was not done, and who answers for the rest."""
+    items = certificate.checklist.items
+    waiting = [item.text for item in items if item.done_by is None]
+    if waiting:
+        named = "; ".join(waiting[:_MOST_NAMED])
+        more = f"; and {len(waiting) - _MOST_NAMED} more" if len(waiting) > _MOST_NAMED else ""
+        yield Found(
+            code=GapCode.CHECKLIST_INCOMPLETE,
+            message=f"{len(waiting)} of {len(items)} items of the procedure's checklist are not ticked: "
+            f"{named}{more}.",
+        )
+    if certificate.checklist.signature is None:
+        yield Found(
+            code=GapCode.CHECKLIST_UNSIGNED, message="The operator has not signed the procedure's checklist."
+        )

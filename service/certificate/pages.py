@@ -1,0 +1,165 @@
+"""The sheets of a certificate: titles, tables and figures with every number as text, read off its JSON.
+
+Whatever is printed comes from the dictionary that is served as certificate.json, and from nothing else.
+"""
+
+from typing import Any
+
+from service.certificate.evidence import evidence_sections
+from service.certificate.figures import extent, in_step, percent, plain, stamp
+from service.certificate.results import result_sections
+from service.certificate.sheet import Node, facts, flow, section, table
+
+_STAMPS = {
+    "draft": "Draft: not authorised",
+    "revoked": "Revoked",
+    "superseded": "Superseded",
+    "published": "",
+}
+
+
+def lay_out(certificate: Node, preview: str) -> Node:
+    """Everything that the template sets. ``preview``: an SVG of a frame with the region, or nothing."""
+    return {
+        "title": certificate["title"],
+        "number": certificate["number"],
+        "laboratory": certificate["laboratory"],
+        "stamp": _STAMPS[certificate["validity"]["state"]],
+        "item": _item(certificate),
+        "work": _work(certificate),
+        "results": _summary(certificate),
+        "summary": _sentences(certificate),
+        "authority": _authority(certificate),
+        "gaps": [gap["message"] for gap in certificate["gaps"]],
+        "flags": [_flag(flag) for flag in certificate["flags"]],
+        "sections": [
+            *result_sections(certificate),
+            *evidence_sections(certificate, preview),
+            _checklist(certificate),
+            _software(certificate),
+        ],
+        "statements": certificate["statements"],
+    }
+
+
+def _item(certificate: Node) -> list[list[str]]:
+    item = certificate["item"]
+    lens = item.get("lens", {})
+    rows = [
+        ["Camera", f"{item['make']} {item['model']}"],
+        ["Serial number", item["serial"]],
+        ["Lens", f"{lens['make']} {lens['model']}" if lens else "not named"],
+    ]
+    if "serial" in lens:
+        rows.append(["Lens serial number", lens["serial"]])
+    if "pixel_pitch_um" in item:
+        rows.append(["Pixel pitch", f"{plain(item['pixel_pitch_um'])} µm"])
+    return rows
+
+
+def _work(certificate: Node) -> list[list[str]]:
+    work = certificate["work"]
+    days = sorted({work[name] for name in ("first_day", "last_day") if name in work})
+    source = {
+        "readings": "",
+        "campaign": " (start of the campaign)",
+        "frames": " (by the camera’s clock)",
+    }[work.get("days_from", "readings")]
+    named = [
+        ["Customer", work.get("customer")],
+        ["Project", work.get("project_number")],
+        ["Place", work.get("place")],
+        ["Performed", " to ".join(days) + source if days else None],
+        ["Recorder", work.get("recorder")],
+        ["Conditions", work.get("conditions")],
+        ["Comments", work.get("comments")],
+    ]
+    return [[label, said or "not recorded"] for label, said in named if said or label != "Comments"]
+
+
+def _summary(certificate: Node) -> Node:
+    rows = []
+    for fit in certificate["result"]["iso_fits"]:
+        c = fit["coefficient"]
+        k, u = in_step(c["luminance_k"], c["luminance_k_standard_uncertainty"])
+        _, expanded = in_step(c["luminance_k"], c["expanded_uncertainty"])
+        rows.append(
+            [
+                plain(c["iso"]),
+                k,
+                u,
+                expanded,
+                f"{c['coverage_factor']:.2f}",
+                plain(c["effective_dof"], 3) if "effective_dof" in c else "∞",
+                c["luminance_k_unit"],
+                percent(fit["largest_residual_rel"]),
+                "passed" if fit["passed"] else "failed",
+            ]
+        )
+    head = ["ISO", "K", "u(K)", "U(K)", "k", "ν", "unit", "largest error", "verdict"]
+    return table(head, rows, align="rrrrrrlrl", widths=[1, 1.2, 1, 1, 0.8, 0.8, 2.1, 1.5, 1.2])
+
+
+def _sentences(certificate: Node) -> list[str]:
+    result = certificate["result"]
+    models = sorted({fit["coefficient"]["model"] for fit in result["iso_fits"]})
+    return [
+        f"{certificate['procedure']}. Model: {', '.join(models)}. {certificate['equation']}.",
+        "u(K) standard uncertainty, U(K) expanded uncertainty, k coverage factor (95 %), ν effective degrees of "
+        f"freedom. Verdict against a tolerance of {percent(result['tolerance_rel'])} of L.",
+        certificate["traceability"],
+    ]
+
+
+def _authority(certificate: Node) -> list[list[str]]:
+    validity = certificate["validity"]
+    rows = [["Calibrated", f"{certificate['author']}, {stamp(certificate['created_at'])}"]]
+    for act in certificate["published"]:
+        end = f"to {stamp(act['valid_to'])}" if "valid_to" in act else "on"
+        said = f"{act['by']}, {stamp(act['at'])}: {act['reason']} (from {stamp(act['valid_from'])} {end})"
+        rows.append(["Published", said])
+    if "valid_from" in validity:
+        end = f"to {stamp(validity['valid_to'])}" if "valid_to" in validity else "on, until superseded or revoked"
+        rows.append(["Valid", f"from {stamp(validity['valid_from'])} {end}"])
+    if "superseded_by" in validity:
+        rows.append(["Superseded by", validity["superseded_by"]])
+    if "revoked" in validity:
+        revoked = validity["revoked"]
+        rows.append(["Revoked", f"{revoked['by']}, {stamp(revoked['at'])}: {revoked['reason']}"])
+    if not certificate["published"]:
+        rows.append(["Published", "not yet: this is a draft"])
+    return rows
+
+
+def _flag(flag: Node) -> list[str]:
+    return [flag["where"] or "all", flag["meaning"], flag["detail"]]
+
+
+def _checklist(certificate: Node) -> Node:
+    checklist = certificate["checklist"]
+    rows, last = [], None
+    for item in checklist["items"]:
+        if item["section"] != last:
+            last = item["section"]
+            rows.append([f"§{last}"])
+        done = "done_by" in item
+        said = [item[name] for name in ("evidence", "note") if name in item]
+        who = f"{item['done_by']}, {stamp(item['done_at'])}" if done else "–"
+        rows.append(["✓" if done else "○", "\n".join([item["text"], *said]), who])
+    signature = checklist.get("signature")
+    signed = (
+        f"Signed by {signature['name']} with the key “{signature['signed_by']}” on {stamp(signature['signed_at'])}."
+        if signature
+        else "Not signed."
+    )
+    lines = table(["", "item", "done by, at"], rows, align="lll", widths=[0.3, 7, 2.4])
+    return section("Checklist of the procedure", [lines, flow(signed)])
+
+
+def _software(certificate: Node) -> Node:
+    rows = [[name, str(version)] for name, version in sorted(certificate["software"].items())]
+    rows += [
+        ["calibration", certificate["calibration_id"]],
+        ["content SHA-256", certificate["content_sha256"]],
+    ]
+    return section("Software and identity", [facts(rows)])

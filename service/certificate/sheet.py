@@ -1,0 +1,38 @@
+"""The few kinds of block that the template can set."""
+
+from collections.abc import Sequence
+from typing import Any
+
+Node = dict[str, Any]
+
+
+def section(title: str, blocks: list[Node]) -> Node:
+    return {"title": title, "blocks": blocks}
+
+
+def flow(text: str) -> Node:
+    return {"kind": "text", "text": text}
+
+
+def facts(rows: list[list[str]]) -> Node:
+    """Labels and what they name."""
+    return {"kind": "facts", "rows": rows}
+
+
+def table(
+    head: list[str], rows: list[list[str]], *, align: str, widths: Sequence[float], caption: str = ""
+) -> Node:
+    """``align``: l or r a column. A row of one cell that begins with § is a heading across all columns."""
+    return {
+        "kind": "table",
+        "head": head,
+        "rows": rows,
+        "align": align,
+        "widths": list(widths),
+        "caption": caption,
+    }
+
+
+def figure(svg: str, caption: str, *, width: float) -> Node:
+    """``width``: as a share of the page's."""
+    return {"kind": "figure", "svg": svg, "caption": caption, "width": width}

@@ -1,0 +1,70 @@
+"""When, where and with which meters a campaign was done, as far as the record knows."""
+
+from collections.abc import Iterable
+from datetime import date
+
+from service.schemas.certificates import UsedMeter, Work
+from service.schemas.equipment import Certificate
+from store.queries.dossier import Dossier
+
+
+def describe_work(dossier: Dossier) -> Work:
+    """The campaign's own words, and the days on which it was done."""
+    campaign = dossier.campaign
+    days, days_from = _days(dossier)
+    return Work(
+        campaign_id=campaign.id,
+        project_number=campaign.project_number,
+        customer=campaign.customer,
+        recorder=campaign.recorder,
+        place=campaign.place,
+        conditions=campaign.conditions,
+        started_at=campaign.started_at,
+        first_day=min(days, default=None),
+        last_day=max(days, default=None),
+        days_from=days_from if days else None,
+        comments=campaign.comments,
+        surface_reflectance=campaign.surface_reflectance,
+    )
+
+
+def describe_meters(dossier: Dossier) -> list[UsedMeter]:
+    """Each meter with its certificate of then and the days on which it was read."""
+    campaign_days, _ = _days(dossier)
+    meters = []
+    for meter in dossier.meters.values():
+        readings = [reading for reading in dossier.readings if reading and reading.meter_id == meter.row.id]
+        days = [reading.taken_at.date() for reading in readings if reading.taken_at] or campaign_days
+        meters.append(
+            UsedMeter(
+                id=meter.row.id,
+                kind=meter.row.kind,
+                make=meter.row.make,
+                model=meter.row.model,
+                serial=meter.row.serial,
+                certificate=Certificate.model_validate(meter.certificate) if meter.certificate else None,
+                readings=len(readings),
+                first_day=min(days, default=None),
+                last_day=max(days, default=None),
+            )
+        )
+    return meters
+
+
+def _days(dossier: Dossier) -> tuple[list[date], str]:
+    """The days of the readings; else the day the campaign began; else those of the frames' own clock."""
+    taken = [reading.taken_at.date() for reading in dossier.readings if reading and reading.taken_at]
+    if taken:
+        return taken, "readings"
+    if dossier.campaign.started_at:
+        return [dossier.campaign.started_at.date()], "campaign"
+    headers = [frame.row.header or {} for frame in dossier.frames.values()]
+    return list(_read_days(header.get("taken_at") for header in headers)), "frames"
+
+
+def _read_days(stamps: Iterable[str | None]) -> Iterable[date]:
+    for stamp in stamps:
+        try:
+            yield date.fromisoformat((stamp or "")[:10])
+        except ValueError:
+            continue  # a camera whose clock was never set

@@ -1,0 +1,164 @@
+"""Who may: keys, scopes, and organisations that do not see each other."""
+
+import pytest
+from sqlalchemy import select
+
+from store.queries.keys import find_key
+from store.tables import IdempotentAnswer
+from tests.support.campaigns import calibrate, upload_campaign
+
+
+def every_operation(house):
+    for path, methods in house.app.openapi()["paths"].items():
+        for method, operation in methods.items():
+            if "security" in operation:
+                yield method, path, operation
+
+
+def fill(path: str, ids: dict) -> str:
+    return path.format_map({name: ids[name] for name in ids if f"{{{name}}}" in path})
+
+
+def smallest_body(operation):
+    return operation.get("requestBody", {}).get("content", {}).get("application/json", {}).get("example")
+
+
+def test_every_route_refuses_no_key_and_a_wrong_key(house):
+    ids = dict.fromkeys(
+        (
+            "camera_id",
+            "campaign_id",
+            "calibration_id",
+            "frame_id",
+            "job_id",
+            "key_id",
+            "meter_id",
+            "reading_id",
+        ),
+        "x",
+    )
+    with house.with_key("no such key") as wrong:
+        for method, path, operation in every_operation(house):
+            body = smallest_body(operation)
+            for client, headers in ((wrong, {}), (house.http, {"Authorization": "Basic eDp5"})):
+                answer = client.request(method, fill(path, ids), json=body, headers=headers)
+                assert (answer.status_code, answer.json()["code"]) == (401, "unauthenticated"), path
+                assert answer.headers["www-authenticate"] == "Bearer"
+
+
+def test_a_scope_that_is_missing_is_named(house):
+    made = house.post("/v1/keys", {"name": "weak", "scopes": ["read"]})
+    with house.with_key(made["secret"]) as weak:
+        assert weak.get("/v1/cameras").status_code == 200
+        for path in (
+            "/v1/cameras",
+            "/v1/campaigns/x/frames?role=light",
+            "/v1/calibrations/x/publish",
+            "/v1/keys",
+        ):
+            answer = weak.post(
+                path, json=CAMERA if "cameras" in path else PUBLICATION if "publish" in path else KEY
+            )
+            assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing"), answer.text
+            assert "needs a key with the scope" in answer.json()["detail"]
+
+
+CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
+PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "r"}
+KEY = {"name": "k", "scopes": ["read"]}
+
+
+def test_a_revoked_key_is_refused_at_once_and_stays_in_the_record(house):
+    made = house.post("/v1/keys", KEY)
+    with house.with_key(made["secret"]) as client:
+        assert client.get("/v1/cameras").status_code == 200
+        assert house.http.delete(f"/v1/keys/{made['id']}").status_code == 200
+        answer = client.get("/v1/cameras")
+    assert answer.status_code == 401
+    assert "revoked" in answer.json()["detail"]
+    kept = next(k for k in house.get("/v1/keys")["items"] if k["id"] == made["id"])
+    assert kept["revoked_at"]
+
+
+def test_a_secret_is_shown_once_and_kept_nowhere(house):
+    headers = {"Idempotency-Key": "once"}
+    first = house.http.post("/v1/keys", json=KEY, headers=headers).json()
+    again = house.http.post("/v1/keys", json=KEY, headers=headers)
+    assert again.json() == {name: first[name] for name in first if name != "secret"}
+    founded = house.http.post(
+        "/v1/organisations", json={"name": "O"}, headers={"Idempotency-Key": "o"}
+    ).json()
+    assert "secret" not in str(house.get("/v1/keys"))
+    with house.database.reading() as session:
+        kept = [row.body for row in session.scalars(select(IdempotentAnswer))]
+        assert len(kept) == 2
+        for secret in (first["secret"], founded["key"]["secret"]):
+            assert find_key(session, secret) is not None
+            assert secret not in str(kept)
+
+
+def test_only_the_operator_founds_organisations(house, stranger):
+    answer = stranger.post("/v1/organisations", json={"name": "Third"})
+    assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
+    twice = house.post("/v1/organisations", {"name": "Another City"}, status=409)
+    assert twice["code"] == "conflict"
+
+
+@pytest.fixture
+def owned(house):
+    campaign = upload_campaign(house, isos=(3200,))
+    version = calibrate(house, campaign)
+    publication = {"valid_from": "2026-05-01T00:00:00Z", "reason": "r"}
+    house.post(f"/v1/calibrations/{version['id']}/publish", publication, status=200)
+    meter = {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
+    return {
+        "campaign_id": campaign["id"],
+        "camera_id": campaign["camera_id"],
+        "calibration_id": version["id"],
+        "frame_id": version["points"][0]["frame_id"],
+        "job_id": house.get("/v1/jobs")["items"][0]["id"],
+        "reading_id": house.get(f"/v1/campaigns/{campaign['id']}/readings")["items"][0]["id"],
+        "meter_id": house.post("/v1/meters", meter)["id"],
+        "key_id": house.get("/v1/keys")["items"][0]["id"],
+    }
+
+
+def test_what_is_another_organisations_does_not_exist(house, stranger, owned):
+    tried = 0
+    for method, path, operation in every_operation(house):
+        if "{" not in path:
+            continue
+        query = {"role": "light"} if path.endswith("/frames") and method == "post" else {}
+        query |= {"method": "luminance"} if path.endswith("/coefficients") else {}
+        answer = stranger.request(method, fill(path, owned), params=query, json=smallest_body(operation))
+        assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), (method, path, answer.text)
+        tried += 1
+    assert tried > 20
+
+
+def test_the_lists_of_another_organisation_are_empty(stranger, owned):
+    for path in ("/v1/cameras", "/v1/meters", "/v1/campaigns", "/v1/jobs"):
+        assert stranger.get(path).json() == {"items": [], "next": None}
+    assert stranger.get("/v1/series/coefficients").json() == {"rows": []}
+    assert owned["key_id"] not in str(stranger.get("/v1/keys").json())
+    series = stranger.get("/v1/series/coefficients", params={"camera_id": owned["camera_id"]})
+    assert series.status_code == 404
+
+
+def test_nothing_can_be_hung_on_what_is_another_organisations(stranger, owned):
+    camera = stranger.post("/v1/cameras", json=CAMERA).json()
+    forms = {"camera_id": owned["camera_id"], "method": "luminance"}
+    assert stranger.post("/v1/campaigns", json=forms).status_code == 404
+    mine = stranger.post("/v1/campaigns", json=forms | {"camera_id": camera["id"]}).json()
+    reading = {
+        "scene": "s",
+        "quantity": "luminance",
+        "value": 1,
+        "unit": "cd/m2",
+        "meter_id": owned["meter_id"],
+    }
+    answer = stranger.post(f"/v1/campaigns/{mine['id']}/readings", json=reading)
+    assert (answer.status_code, answer.json()["detail"].split(".")[0]) == (404, "There is no such meter")
+    exclude = {"exclude": [{"frame_id": owned["frame_id"], "reason": "r"}]}
+    answer = stranger.post(f"/v1/campaigns/{mine['id']}/calibrations", json=exclude)
+    assert (answer.status_code, answer.json()["code"]) == (422, "validation_failed")

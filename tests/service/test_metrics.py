@@ -1,0 +1,17 @@
+"""What the service tells those who watch it."""
+
+
+def test_metrics_count_what_the_database_holds(house):
+    campaign = house.campaign()
+    house.upload(campaign, b"no raw file", role="light")
+    lines = house.http.get("/metrics").text.splitlines()
+    assert 'stilb_jobs{state="queued"} 1' in lines
+    assert 'stilb_frames{state="received"} 1' in lines
+    age = next(line for line in lines if line.startswith("stilb_oldest_queued_job_age_seconds "))
+    assert float(age.split()[1]) > 0
+    house.work()
+    lines = house.http.get("/metrics").text.splitlines()
+    assert 'stilb_jobs{state="failed"} 1' in lines
+    assert 'stilb_frames{state="refused"} 1' in lines
+    assert "stilb_oldest_queued_job_age_seconds 0.000" in lines
+    assert "stilb_versions_published 0" in lines

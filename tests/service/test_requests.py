@@ -1,0 +1,163 @@
+"""What is wrong with a request is said by field, as a problem, in words."""
+
+import json
+
+import pytest
+
+from service.limits import MAX_BODY_BYTES
+
+CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
+
+
+@pytest.fixture(scope="module")
+def house(sqlite_house):
+    """One for all of them: what is wrong is told before the database is asked."""
+    return sqlite_house
+
+
+def send(house, body: bytes, kind="application/json", path="/v1/cameras"):
+    headers = {"Content-Type": kind} if kind else {}
+    answer = house.http.post(path, content=body, headers=headers)
+    assert answer.headers["content-type"] == "application/problem+json", answer.text
+    problem = answer.json()
+    assert (problem["status"], problem["retryable"]) == (answer.status_code, False)
+    assert problem["type"] == f"/docs/errors#{problem['code']}"
+    assert problem["title"]
+    return problem
+
+
+def with_pitch(text: str) -> bytes:
+    return json.dumps(CAMERA).replace("}", f', "pixel_pitch_um": {text}}}').encode()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("NaN", "must be a finite number"),
+        ("Infinity", "must be a finite number"),
+        ("-Infinity", "must be a finite number"),
+        ("1e400", "must be a finite number"),
+        ("null", "null is not a value here; leave it out"),
+        ('"3.3"', "must be a number"),
+        ("true", "must be a number"),
+        ("[]", "must be a number"),
+        ("-1", "must be greater than 0"),
+        ("0", "must be greater than 0"),
+        ("1e12", "must be less than 1000000000"),
+    ],
+)
+def test_a_wrong_number_is_named(house, text, message):
+    problem = send(house, with_pitch(text))
+    assert problem["errors"] == [{"field": "body.pixel_pitch_um", "message": message}]
+    assert problem["detail"] == f"body.pixel_pitch_um: {message}"
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "message"),
+    [
+        ({"colour": 1}, "body.colour", "is not known here; check its spelling or leave it out"),
+        ({"serial": 5}, "body.serial", "must be text"),
+        ({"serial": "a\x00b"}, "body.serial", "must not hold control characters such as line breaks or tabs"),
+        ({"serial": "\ud800"}, "body.serial", "must be text in Unicode"),
+        ({"serial": ""}, "body.serial", "must have at least 1 character"),
+        ({"serial": "x" * 201}, "body.serial", "must have at most 200 characters"),
+        ({"lens": {"make": "x"}}, "body.lens.model", "is missing"),
+        ({"lens": {"make": "x", "model": None}}, "body.lens.model", "null is not a value here; leave it out"),
+        ({"lens": 3}, "body.lens", "must be a JSON object"),
+    ],
+)
+def test_a_wrong_field_is_named(house, change, field, message):
+    problem = send(house, json.dumps(CAMERA | change).encode())
+    assert problem["errors"] == [{"field": field, "message": message}]
+
+
+def test_every_null_is_named(house):
+    problem = send(house, json.dumps(CAMERA | {"lens": None, "note": None}).encode())
+    assert [error["field"] for error in problem["errors"]] == ["body.lens", "body.note"]
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (1767225600, "must begin with a date such as 2026-05-01"),
+        ("1767225600", "must begin with a date such as 2026-05-01"),
+        ("2026-05-01T08:00:00", "needs a time zone: 2026-05-01T08:00:00Z or 2026-05-01T10:00:00+02:00"),
+        ("2026-02-30T08:00:00Z", "must be a time such as 2026-05-01T08:00:00Z"),
+        ("9999-12-31T23:59:59-23:00", "the year must lie between 1900 and 9000"),
+    ],
+)
+def test_a_time_is_written_out_with_its_zone(house, value, message):
+    body = {"camera_id": house.camera()["id"], "method": "luminance", "started_at": value}
+    problem = send(house, json.dumps(body).encode(), path="/v1/campaigns")
+    assert problem["errors"] == [{"field": "body.started_at", "message": message}]
+
+
+@pytest.mark.parametrize(
+    ("body", "detail"),
+    [
+        (b'{"make": ', "The body is not JSON: Expecting value at character 9."),
+        (b"\xff\xfe{", "The body cannot be read"),
+        (b"[" * 100_000, "The body cannot be read"),
+        (b'{"pixel_pitch_um": ' + b"1" * 5000 + b"}", "The body cannot be read"),
+    ],
+)
+def test_a_body_that_is_no_json_is_a_problem(house, body, detail):
+    problem = send(house, body)
+    assert (problem["status"], problem["code"]) == (400, "bad_request")
+    assert problem["detail"].startswith(detail)
+
+
+@pytest.mark.parametrize(
+    ("body", "kind"), [(b"[]", "application/json"), (b"{}", "text/plain"), (b"{}", None)]
+)
+def test_another_body_is_told_what_is_wanted(house, body, kind):
+    detail = send(house, body, kind)["detail"]
+    assert detail == "body: must be a JSON object, sent with Content-Type: application/json"
+
+
+@pytest.mark.parametrize("announced", [True, False])
+def test_a_huge_body_is_refused(house, announced):
+    body = b" " * (MAX_BODY_BYTES + 1)
+    content = body if announced else iter([body[:1000], body[1000:]])
+    for path in ("/v1/cameras", f"/v1/campaigns/{house.campaign()['id']}/readings"):
+        content = body if announced else iter([body[:1000], body[1000:]])
+        answer = house.http.post(path, content=content, headers={"Content-Type": "application/json"})
+        assert (answer.status_code, answer.json()["code"]) == (413, "upload_too_large")
+
+
+def test_an_unknown_address_and_a_wrong_method(house):
+    lost = house.http.get("/v1/camera").json()
+    assert (lost["status"], lost["code"]) == (404, "not_found")
+    assert "/docs" in lost["detail"]
+    answer = house.http.put("/v1/cameras", json=CAMERA)
+    assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
+    assert answer.headers["allow"] == "GET, POST"
+    assert answer.json()["detail"] == "This address does not take PUT; it takes GET, POST."
+
+
+def test_a_misspelt_filter_does_not_answer_with_everything(house):
+    problem = house.get("/v1/jobs", stat="failed", status=422)
+    assert problem["errors"][0]["field"] == "query.stat"
+
+
+@pytest.mark.parametrize("limit", ["0", "1001", "-1", "abc", "1.5", "9" * 30])
+def test_a_limit_has_bounds(house, limit):
+    problem = house.get("/v1/cameras", limit=limit, status=422)
+    assert problem["errors"][0]["field"] == "query.limit"
+
+
+def test_a_hostile_id_does_not_exist(house):
+    for hostile in ("%00", "%ff", "%F0%9F%98%80", "a%0Ab", "x" * 5000):
+        answer = house.http.get(f"/v1/cameras/{hostile}")
+        assert (answer.status_code, answer.json()["code"]) == (404, "not_found")
+
+
+def test_an_unexpected_fault_is_a_problem_that_tells_nothing(house, monkeypatch):
+    def fail(*_):
+        raise RuntimeError("secret details")
+
+    monkeypatch.setattr("service.routes.system.take_census", fail)
+    with house.with_key("any") as client:
+        answer = client.get("/metrics")
+    assert (answer.status_code, answer.json()["code"]) == (500, "internal_error")
+    assert "secret" not in answer.text
