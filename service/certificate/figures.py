@@ -13,7 +13,7 @@ def in_step(value: float, uncertainty: float) -> tuple[str, str]:
     if uncertainty <= 0.0:
         return plain(value), plain(uncertainty)
     place = 1 - math.floor(math.log10(uncertainty))
-    if f"{uncertainty:.1e}"[:3] == "1.0" and uncertainty < 10.0 ** (1 - place):
+    if round(uncertainty, place) >= 10.0 ** (2 - place):
         place -= 1  # 0.0996 rounds to 0.10
     decimals = max(place, 0)
     return f"{round(value, place):.{decimals}f}", f"{round(uncertainty, place):.{decimals}f}"

@@ -1,0 +1,181 @@
+"""Everything that is recorded about a version and that its certificate has to say."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from store.queries.calibrations import Standing, standings
+from store.queries.checklist import ChecklistItem, read_checklist, read_signature
+from store.queries.frames import channel_rows
+from store.tables import (
+    ApiKey,
+    AuditEntry,
+    Blob,
+    Calibration,
+    Camera,
+    Campaign,
+    ChannelRow,
+    ChecklistSignature,
+    Extraction,
+    FrameRow,
+    Meter,
+    Organisation,
+    Publication,
+    Reading,
+    Revocation,
+    Roi,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Act:
+    """One publishing of a version: by whom, when, and what was said."""
+
+    by: str
+    publication: Publication
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeterAsUsed:
+    """A meter with the certificate that it had when the version was made, whatever it has now."""
+
+    row: Meter
+    certificate: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameAsUsed:
+    row: FrameRow
+    size_bytes: int
+    statistics: list[ChannelRow]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dossier:
+    """``readings``: of each reading in the version's inputs, the row it was; None where no row fits.
+
+    ``frames``: by content hash. ``names``: of every key that appears, its name.
+    """
+
+    calibration: Calibration
+    camera: Camera
+    campaign: Campaign
+    organisation: Organisation
+    standing: Standing
+    revocation: Revocation | None
+    acts: list[Act]
+    readings: list[Reading | None]
+    meters: dict[str, MeterAsUsed]
+    frames: dict[str, FrameAsUsed]
+    checklist: list[ChecklistItem]
+    signature: ChecklistSignature | None
+    names: dict[str, str]
+
+
+def gather_dossier(session: Session, calibration: Calibration) -> Dossier:
+    """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
+    campaign = session.get_one(Campaign, calibration.campaign_id)
+    readings = _readings_used(session, calibration)
+    names = session.execute(
+        select(ApiKey.id, ApiKey.name).where(ApiKey.organisation_id == calibration.organisation_id)
+    )
+    return Dossier(
+        calibration=calibration,
+        camera=session.get_one(Camera, calibration.camera_id),
+        campaign=campaign,
+        organisation=session.get_one(Organisation, calibration.organisation_id),
+        standing=standings(session, [calibration.id])[calibration.id],
+        revocation=session.get(Revocation, calibration.id),
+        acts=_acts(session, calibration),
+        readings=readings,
+        meters=_meters_used(session, readings, at=calibration.created_at),
+        frames=_frames_used(session, calibration),
+        checklist=read_checklist(session, campaign),
+        signature=read_signature(session, campaign),
+        names={row[0]: row[1] for row in names},
+    )
+
+
+def _acts(session: Session, calibration: Calibration) -> list[Act]:
+    """The publishings of this version, oldest first.
+
+    When a newer version takes a part of an older one's time, the older one's rest is written anew in the same
+    instant: of the rows of one instant only the last one written is what somebody published.
+    """
+    slots = select(Publication.slot_id).where(Publication.calibration_id == calibration.id)
+    rows = session.execute(
+        select(Publication, AuditEntry)
+        .join(AuditEntry, AuditEntry.subject_id == Publication.id)
+        .where(AuditEntry.action == "publication.create", Publication.slot_id.in_(slots))
+        .order_by(AuditEntry.seq)
+    )
+    last = {row[0].known_from: Act(by=row[1].actor, publication=row[0]) for row in rows}
+    return [act for _, act in sorted(last.items()) if act.publication.calibration_id == calibration.id]
+
+
+def _readings_used(session: Session, calibration: Calibration) -> list[Reading | None]:
+    """Find the row of each reading that went in, also where it was withdrawn later."""
+    rows = session.execute(
+        select(Reading, Meter)
+        .outerjoin(Meter, Meter.id == Reading.meter_id)
+        .where(Reading.campaign_id == calibration.campaign_id, Reading.created_at <= calibration.created_at)
+        .order_by(Reading.id.desc())
+    )
+    waiting: dict[tuple[Any, ...], list[Reading]] = defaultdict(list)
+    for reading, meter in rows:
+        name = f"{meter.make} {meter.model} {meter.serial}" if meter else None
+        waiting[reading.scene, reading.quantity, reading.value, name].append(reading)
+    keys = [
+        (used["scene"], used["quantity"], used["value"], used["meter"])
+        for used in calibration.inputs["readings"]
+    ]
+    return [waiting[key].pop() if waiting[key] else None for key in keys]
+
+
+def _meters_used(
+    session: Session, readings: list[Reading | None], *, at: datetime
+) -> dict[str, MeterAsUsed]:
+    ids = {reading.meter_id for reading in readings if reading and reading.meter_id}
+    meters = session.scalars(select(Meter).where(Meter.id.in_(ids)).order_by(Meter.id))
+    return {meter.id: MeterAsUsed(row=meter, certificate=_certificate(session, meter, at)) for meter in meters}
+
+
+def _certificate(session: Session, meter: Meter, at: datetime) -> dict[str, Any]:
+    """The certificate that the audit trail knows at a time: a meter's row keeps only its newest."""
+    told: dict[str, Any] = {}
+    entries = session.scalars(
+        select(AuditEntry)
+        .where(AuditEntry.subject_type == "meter", AuditEntry.subject_id == meter.id, AuditEntry.at <= at)
+        .order_by(AuditEntry.seq)
+    )
+    for entry in entries:
+        told.update(entry.after)
+    prefix = "certificate_"
+    return {
+        name.removeprefix(prefix): value
+        for name, value in told.items()
+        if name.startswith(prefix) and value is not None
+    }
+
+
+def _frames_used(session: Session, calibration: Calibration) -> dict[str, FrameAsUsed]:
+    """The frames, each with the statistics that the fit read."""
+    used = {frame["sha256"]: frame["roi_sha256"] for frame in calibration.inputs["frames"]}
+    rows = session.execute(
+        select(FrameRow, Blob.size_bytes, Extraction.id, Roi.sha256)
+        .join(Blob, Blob.sha256 == FrameRow.sha256)
+        .join(Extraction, Extraction.frame_id == FrameRow.id)
+        .join(Roi, Roi.id == Extraction.roi_id)
+        .where(FrameRow.campaign_id == calibration.campaign_id)
+        .where(Extraction.extractor == calibration.inputs["extractor"])
+    )
+    mine = [row for row in rows if used.get(row[0].sha256) == row[3]]
+    statistics = channel_rows(session, [row[2] for row in mine])
+    return {
+        row[0].sha256: FrameAsUsed(row=row[0], size_bytes=row[1], statistics=statistics[row[2]])
+        for row in mine
+    }
