@@ -19,6 +19,8 @@ COPY radiometry radiometry
 COPY store store
 COPY worker worker
 COPY service service
+# The service shows its page of errors.
+COPY docs docs
 # The root is read-only at run time, so the bytecode is written now.
 RUN /environment/bin/python -m compileall -q .
 ENV PATH=/environment/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 STILB_DATA=/data

@@ -157,7 +157,7 @@ def test_ours_can_write_nowhere_but_to_their_data_and_run_as_nobody_special():
 def test_the_image_holds_the_rooms_that_run_and_no_others():
     dockerfile = (ROOT / "Dockerfile").read_text()
     copied = set(re.findall(r"^COPY (\w+) \1$", dockerfile, re.MULTILINE))
-    assert copied == {"migrations", "radiometry", "store", "worker", "service"}
+    assert copied == {"migrations", "radiometry", "store", "worker", "service", "docs"}
     allowed = set((ROOT / ".dockerignore").read_text().splitlines())
     assert {f"!{room}" for room in copied} <= allowed
     assert all((ROOT / room).is_dir() for room in copied)
