@@ -114,7 +114,7 @@ def _limit_of_tiles(path: Path, window: Window, polygon: Polygon) -> Callable[[]
     """Decode only the tiles that the region's window touches, each known by its place in the file."""
     with tifffile.TiffFile(path) as file:
         page = file.pages[0]
-        shape, tile = page.shape, page.tile
+        shape, tile = page.shape, page.tile or page.shape
         segments = list(zip(page.dataoffsets, page.databytecounts, strict=True))
     across = -(-shape[1] // tile[1])
 

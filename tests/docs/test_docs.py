@@ -74,6 +74,11 @@ def test_every_error_says_what_to_do_and_whether_to_try_again():
         assert verdict.startswith(("yes", "no")), code
 
 
+def test_the_page_of_errors_stands_alone():
+    """The service serves it without the others."""
+    assert "](" not in prose(DOCS / "errors.md")
+
+
 def test_every_flag_has_its_heading_and_every_heading_its_flag():
     _, _, section = prose(DOCS / "luminance.md").partition("\n## Flags\n")
     assert sorted(headings(section, 3)) == sorted(Flag)
