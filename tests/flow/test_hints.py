@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import pytest
 
 from store.broker import Hints
+from tests.support.processes import wait_until
 
 
 @contextmanager
@@ -37,15 +38,14 @@ def broker_that(answers):
 
 @pytest.mark.parametrize(
     "answers",
-    [pytest.param(lambda connection: None, id="silent"), pytest.param(socket.socket.close, id="gone")],
+    [pytest.param(socket.socket.fileno, id="silent"), pytest.param(socket.socket.close, id="gone")],
 )
 def test_one_attempt_for_all_who_send_at_once(answers):
     with broker_that(answers) as (url, taken):
         hints = Hints(url)
-        senders = [threading.Thread(target=hints.send, args=[["job_1", "job_2"]]) for _ in range(20)]
+        jobs = [["job_1", "job_2"]]
+        senders = [threading.Thread(target=hints.send, args=jobs, daemon=True) for _ in range(20)]
         for sender in senders:
             sender.start()
-        for sender in senders:
-            sender.join(30)
-        assert not any(sender.is_alive() for sender in senders)
+        wait_until(lambda: not any(sender.is_alive() for sender in senders))
         assert len(taken) == 1

@@ -1,0 +1,97 @@
+"""The launcher's promises with what it really launches; the dummies of tests/service ask for more of them."""
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import uuid
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from service.up import ROSTER
+from tests.support.compose import ROOT
+from tests.support.deployments import Embedded, short_folder, spawn, wait_for
+from tests.support.processes import alive, children, command, family, marked
+
+UP = [sys.executable, "-m", "service.up"]
+# The launcher, Valkey and its parts.
+TREE = 2 + len(ROSTER.parts)
+
+
+@pytest.fixture
+def data():
+    with short_folder() as folder:
+        yield folder / "data"
+
+
+@contextmanager
+def started(command, data):
+    """Start it, and give the process and the mark that all its descendants bear."""
+    name, value = "STILB_TEST_MARK", str(uuid.uuid4())
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    environment = os.environ | {"STILB_DATA": str(data), "STILB_PORT": "0", "PATH": path, name: value}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with spawn(command, environment, **pipes) as process:
+        try:
+            yield process, f"{name}={value}"
+        finally:
+            process.kill()
+
+
+def refused(data):
+    with started(UP, data) as (process, mark):
+        out, err = process.communicate(timeout=60)
+        assert (out, err.count("\n")) == ("", 1)
+        assert not marked(mark)
+        return process.returncode, err.strip()
+
+
+def test_a_second_start_on_the_same_data_is_refused_and_the_first_goes_on(data):
+    with Embedded(data) as first:
+        pid = first.launcher.pid
+        assert refused(data) == (4, f"stilb: stilb already runs on {data}, as process {pid}")
+        assert first.serves()
+
+
+def test_data_of_a_newer_stilb_are_refused_and_left_alone(data):
+    with Embedded(data) as deployment:
+        deployment.launcher.send_signal(signal.SIGTERM)
+        assert deployment.launcher.wait(60) == 0
+    with closing(sqlite3.connect(data / "stilb.sqlite")) as database:
+        database.execute("UPDATE alembic_version SET version_num = '9999'")
+        database.commit()
+    code, line = refused(data)
+    assert code == 3
+    assert line == "stilb: the database has schema 9999, which is newer than this stilb; start the newer one"
+    with closing(sqlite3.connect(data / "stilb.sqlite")) as database:
+        assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]
+
+
+@pytest.mark.parametrize("way", ["launcher", "make"])
+def test_nothing_outlives_what_is_killed(data, way):
+    environment_is_made = ["-o", ".venv/run"]
+    up = ["make", "-s", "-C", str(ROOT), *environment_is_made, "up"] if way == "make" else UP
+    with started(up, data) as (process, mark):
+        assert process.stdout.readline().startswith("ready ")
+        tree = family(process.pid)
+        assert len(tree) >= TREE
+        process.kill()
+        # A decoder looks for its parent twice a second.
+        wait_for(lambda: not alive(tree) and not marked(mark))
+
+
+def test_a_stop_ends_all_in_order(data, shots):
+    with Embedded(data) as deployment, deployment.team() as team:
+        frames = team.push(team.campaign(), shots[:4])
+        deployment.wait_for_jobs([frame.id for frame in frames])
+        tree = family(deployment.launcher.pid)
+        decoders = [pid for pid in tree if "worker.decode" in command(pid)]
+        assert decoders
+        assert len(children(deployment.launcher.pid)) == TREE - 1
+        deployment.launcher.send_signal(signal.SIGTERM)
+        out, err = deployment.launcher.communicate(timeout=60)
+        assert (deployment.launcher.returncode, out, err) == (0, "", "")
+        wait_for(lambda: not alive(tree))

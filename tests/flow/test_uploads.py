@@ -1,0 +1,237 @@
+"""Uploads that break off, lie, collide or do not fit: nothing stays behind, and the next one works."""
+
+import hashlib
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from sqlalchemy import func, select
+
+from store.tables import Blob, FrameRow
+from tests.support.blobs import files
+from tests.support.deployments import Embedded, short_folder
+from tests.support.fieldwork import Team
+
+MEGABYTE = 1 << 20
+NAMESPACE = ["unshare", "--mount"]
+
+
+@pytest.fixture
+def team(embedded):
+    with embedded.team() as team:
+        yield team
+
+
+@pytest.fixture
+def campaign(team):
+    return team.campaign()
+
+
+def frames_path(campaign):
+    return f"/v1/campaigns/{campaign.id}/frames?role=light"
+
+
+def begin_upload(team: Team, campaign, *, promised: int, sent: int) -> socket.socket:
+    """A connection on which an upload has begun and not ended."""
+    host, port = team.url.removeprefix("http://").split(":")
+    connection = socket.create_connection((host, int(port)))
+    head = (
+        f"POST {frames_path(campaign)} HTTP/1.1\r\nHost: {host}\r\nAuthorization: Bearer {team.key}\r\n"
+        f"Content-Type: application/octet-stream\r\nContent-Length: {promised}\r\n\r\n"
+    )
+    connection.sendall(head.encode() + b"x" * sent)
+    return connection
+
+
+def half_written(deployment):
+    """What uploads of this moment have left on the way, or such as were killed."""
+    return [path for path in files(deployment.blobs / "tmp") if path.stat().st_size]
+
+
+def known(deployment, campaign, sha256=None):
+    """How many frames the campaign has, and whether the bytes are known."""
+    with deployment.database.reading() as session:
+        frames = session.scalar(
+            select(func.count()).select_from(FrameRow).where(FrameRow.campaign_id == campaign.id)
+        )
+        return frames, sha256 is not None and session.get(Blob, sha256) is not None
+
+
+def check_the_next_works(deployment, team, campaign, shots):
+    (frame,) = team.push(campaign, shots[:1])
+    assert [job.state for job in deployment.wait_for_jobs([frame.id])] == ["succeeded"]
+
+
+def test_a_client_that_goes_away(embedded, team, campaign, shots):
+    before = files(embedded.blobs)
+    with begin_upload(team, campaign, promised=8 * MEGABYTE, sent=3 * MEGABYTE):
+        embedded.wait_until(lambda: len(half_written(embedded)) == 1)
+    embedded.wait_until(lambda: not half_written(embedded))
+    assert files(embedded.blobs) == before
+    assert known(embedded, campaign) == (0, False)
+    check_the_next_works(embedded, team, campaign, shots)
+
+
+def test_a_hash_that_does_not_match(embedded, team, campaign, shots):
+    content = shots[0].path.read_bytes()
+    told, is_really = (
+        hashlib.sha256(text).hexdigest() for text in (b"another", content + campaign.id.encode())
+    )
+    before = files(embedded.blobs)
+    with team.http() as http:
+        answer = http.post(
+            frames_path(campaign), content=content + campaign.id.encode(), headers={"X-Content-SHA256": told}
+        )
+    assert answer.status_code == 422
+    problem = answer.json()
+    assert (problem["code"], problem["retryable"]) == ("digest_mismatch", True)
+    assert told in problem["detail"]
+    assert is_really in problem["detail"]
+    assert files(embedded.blobs) == before
+    assert known(embedded, campaign, is_really) == (0, False)
+    check_the_next_works(embedded, team, campaign, shots)
+
+
+def test_a_service_killed_in_the_middle_of_an_upload(embedded, team, campaign, shots):
+    before = files(embedded.blobs)
+    with begin_upload(team, campaign, promised=8 * MEGABYTE, sent=3 * MEGABYTE):
+        embedded.wait_until(lambda: len(half_written(embedded)) == 1)
+        embedded.kill("service")
+    (left,) = half_written(embedded)
+    assert files(embedded.blobs) == sorted([*before, left])
+    embedded.wait_until(embedded.serves)
+    assert known(embedded, campaign) == (0, False)
+    # What nobody has written to for a day is swept; a sweeper begins with that.
+    long_ago = left.stat().st_mtime - 2 * 24 * 3600
+    os.utime(left, (long_ago, long_ago))
+    embedded.kill("sweeper")
+    embedded.wait_until(lambda: not half_written(embedded))
+    assert files(embedded.blobs) == before
+    check_the_next_works(embedded, team, campaign, shots)
+
+
+def test_the_clients_retry_finishes_what_a_killed_service_began(embedded, team, campaign, tmp_path):
+    path = tmp_path / "frame.DNG"
+    path.write_bytes(campaign.id.encode() * 400_000)
+    attempts = []
+
+    def progress(progress):
+        if progress.bytes_sent == MEGABYTE:
+            attempts.append(progress)
+            if len(attempts) == 1:
+                embedded.kill("service")
+
+    before = half_written(embedded)
+    frame = team.client.push(campaign.id, path, role="light", on_progress=progress)
+    for path_left in set(half_written(embedded)) - set(before):
+        path_left.unlink()
+    assert len(attempts) > 1
+    assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert known(embedded, campaign, frame.sha256) == (1, True)
+    (job,) = embedded.wait_for_jobs([frame.id])
+    assert (job.state, job.error["code"]) == ("failed", "not_a_raw_file")
+
+
+def test_the_same_file_from_many_clients_at_once(embedded, team, campaign, shots):
+    clients = 8
+    content = shots[0].path.read_bytes() + campaign.id.encode()
+    before = files(embedded.blobs)
+    half_way = threading.Barrier(clients)
+
+    def body():
+        yield content[:1000]
+        half_way.wait(60)
+        yield content[1000:]
+
+    def upload(_):
+        with team.http() as http:
+            return http.post(
+                frames_path(campaign), content=body(), headers={"Content-Length": str(len(content))}
+            )
+
+    with ThreadPoolExecutor(clients) as pool:
+        answers = list(pool.map(upload, range(clients)))
+    assert sorted(answer.status_code for answer in answers) == [200] * (clients - 1) + [201]
+    (frame_id,) = {answer.json()["id"] for answer in answers}
+    sha256 = hashlib.sha256(content).hexdigest()
+    assert known(embedded, campaign, sha256) == (1, True)
+    assert len(embedded.wait_for_jobs([frame_id])) == 1
+    new = set(files(embedded.blobs)) - set(before)
+    assert [path.name for path in new if path.name == sha256] == [sha256]
+    assert not half_written(embedded)
+
+
+@pytest.mark.parametrize("form", ["raw", "multipart"])
+def test_memory_stays_flat_however_large_the_file(embedded, team, campaign, shots, form):
+    team.push(campaign, shots[:2])
+    size, boundary = 300 * MEGABYTE, "stilb"
+    opening = b'--stilb\r\nContent-Disposition: form-data; name="file"; filename="f"\r\n\r\n'
+    start, end = (b"", b"") if form == "raw" else (opening, b"\r\n--stilb--\r\n")
+    kind = "application/octet-stream" if form == "raw" else f"multipart/form-data; boundary={boundary}"
+
+    def body():
+        yield start
+        for number in range(size // MEGABYTE):
+            yield number.to_bytes(8, "big") * (MEGABYTE // 8)
+        yield end
+
+    proc = Path(f"/proc/{embedded.pid('service')}")
+    (proc / "clear_refs").write_text("5")  # the peak begins anew
+    before = resident_peak(proc)
+    headers = {"Content-Length": str(size + len(start) + len(end)), "Content-Type": kind}
+    with team.http() as http:
+        answer = http.post(frames_path(campaign), content=body(), headers=headers)
+    assert answer.status_code == 201, answer.text
+    assert answer.json()["size_bytes"] == size
+    assert resident_peak(proc) - before < 40 * MEGABYTE
+
+
+def resident_peak(proc: Path) -> int:
+    lines = (proc / "status").read_text().splitlines()
+    (line,) = (line for line in lines if line.startswith("VmHWM:"))
+    return int(line.split()[1]) * 1024
+
+
+def can_mount() -> bool:
+    if sys.platform != "linux" or shutil.which("unshare") is None:
+        return False
+    mount = [*NAMESPACE, "mount", "-t", "tmpfs", "tmpfs", "/mnt"]
+    return subprocess.run(mount, check=False, capture_output=True).returncode == 0
+
+
+@pytest.mark.skipif(not can_mount(), reason="a small disk of its own needs root")
+def test_a_full_disk(shots):
+    with short_folder() as folder:
+        data = folder / "data"
+        data.mkdir()
+        # Seen by the service alone, and gone with it.
+        script = f'mount -t tmpfs -o size=48m tmpfs {data} && exec "$@"'
+        wrapper = [*NAMESPACE, "sh", "-c", script, "sh"]
+        with Embedded(data, wrapper=wrapper) as deployment, deployment.team() as team:
+            seen = Path(f"/proc/{deployment.launcher.pid}/root", *data.parts[1:])
+            campaign = team.campaign()
+            before = files(seen / "blobs")
+            free = shutil.disk_usage(seen).free
+            filler = seen / "filler"
+            filler.write_bytes(b"\0" * (free - 4 * MEGABYTE))
+            with team.http() as http:
+                large = http.post(frames_path(campaign), content=b"x" * 8 * MEGABYTE)
+                problem = large.json()
+                assert (large.status_code, problem["code"], problem["retryable"]) == (
+                    507,
+                    "storage_full",
+                    True,
+                )
+                assert files(seen / "blobs") == before
+                assert http.get(f"/v1/campaigns/{campaign.id}/frames").json()["items"] == []
+            (small,) = team.push(campaign, shots[:1])
+            team.client.wait(small.job_id, timeout_s=60)
+            filler.unlink()
+            with team.http() as http:
+                assert http.post(frames_path(campaign), content=b"x" * 8 * MEGABYTE).status_code == 201
