@@ -26,13 +26,12 @@ class Scale:
         return self.start_px + (self.end_px - self.start_px) * (at - low) / (high - low)
 
     def ticks(self) -> list[float]:
-        """Round figures: powers of ten on a logarithmic scale, else steps of 1, 2 or 5."""
+        """Round figures: 1, 2 and 5 in each power of ten on a logarithmic scale, else even steps."""
         if self.logarithmic:
-            exponents = range(
-                math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9) + 1
-            )
-            return [10.0**exponent for exponent in exponents]
-        rough = (self.high - self.low) / 4
+            powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
+            figures = [step * 10.0**power for power in powers for step in _STEPS[:3]]
+            return [figure for figure in figures if self.low <= figure <= self.high]
+        rough = (self.high - self.low) / 6
         power = 10.0 ** math.floor(math.log10(rough))
         step = next(s * power for s in _STEPS if s * power >= rough * 0.999)
         first = math.ceil(self.low / step - 1e-9)
