@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test lint format bench lock clean
+.PHONY: help demo up test audit lint format bench lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -18,6 +18,9 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 
 test: $(VENV)/dev  ## every test, on SQLite and on PostgreSQL
 	@pytest
+
+audit: $(VENV)/run  ## is the audit trail whole? (HEAD=seq:hash compares a head noted before)
+	@python -m store.audit_check $(HEAD)
 
 lint: $(VENV)/dev  ## style, types and who may import whom
 	@ruff check . && ruff format --check . && mypy && lint-imports

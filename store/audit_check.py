@@ -1,0 +1,172 @@
+"""Is the audit trail whole? ``python -m store.audit_check [seq:hash]`` walks the chain, names what is wrong.
+
+An entry that was edited, deleted, inserted or moved breaks the chain, a cut-off end does not match the head.
+Whoever can rewrite the database can compute every hash anew: only a head that was noted elsewhere tells that.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from store.audit import digest
+from store.database import Database
+from store.settings import Settings
+from store.tables import AuditEntry, AuditHead
+
+_PAGE = 1000
+_FIRST = "0" * 64
+_COLUMNS = tuple(AuditEntry.__table__.columns)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """The chain's last link, as it is noted down: ``seq:sha256``."""
+
+    seq: int
+    sha256: str
+
+    def __str__(self) -> str:
+        return f"{self.seq}:{self.sha256}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """The first place where the chain breaks, and how."""
+
+    seq: int
+    what: str
+
+
+class _Broken(Exception):  # noqa: N818  it says what was found
+    def __init__(self, seq: int, what: str) -> None:
+        super().__init__(what)
+        self.fault = Fault(seq=seq, what=what)
+
+
+def check_audit(database: Database, noted: Head | None = None) -> tuple[Head, Fault | None]:
+    """Walk the chain: its last link that holds, and the first fault; ``noted`` is a head of an earlier day.
+
+    It reads one snapshot: entries that are appended meanwhile neither disturb nor count.
+    """
+    last = Head(seq=0, sha256=_FIRST)
+    with database.reading() as session:
+        if not database.is_sqlite:
+            session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+        try:
+            _compare(last, noted)
+            for entry in _walk(session):
+                last = _follow(last, entry)
+                _compare(last, noted)
+            _end(session, last, noted)
+        except _Broken as broken:
+            return last, broken.fault
+    return last, None
+
+
+def _follow(last: Head, entry: Mapping[str, Any]) -> Head:
+    seq = entry["seq"]
+    if seq != last.seq + 1:
+        raise _Broken(last.seq + 1, f"{_name(last.seq + 1, seq - 1)} missing: deleted, or moved elsewhere")
+    if entry["previous_sha256"] != last.sha256:
+        raise _Broken(
+            seq,
+            f"entry {seq} does not continue entry {last.seq}: one of them was rewritten, inserted or moved",
+        )
+    if digest(entry) != entry["sha256"]:
+        raise _Broken(seq, f"entry {seq} does not have its hash: its content was edited, or it was moved")
+    return Head(seq=seq, sha256=entry["sha256"])
+
+
+def _name(first: int, last: int) -> str:
+    return f"entry {first} is" if first == last else f"entries {first} to {last} are"
+
+
+def _compare(last: Head, noted: Head | None) -> None:
+    if noted is not None and noted.seq == last.seq and noted.sha256 != last.sha256:
+        raise _Broken(
+            noted.seq,
+            f"entry {noted.seq} has another hash than the noted head: the trail up to it was rewritten",
+        )
+
+
+def _end(session: Session, last: Head, noted: Head | None) -> None:
+    """Hold the end against what is kept of it in the head's own row, and against the noted head."""
+    head = session.scalars(select(AuditHead)).one_or_none()
+    if head is None:
+        raise _Broken(last.seq + 1, "the head's row is missing: whether entries are missing cannot be told")
+    if head.seq > last.seq:
+        raise _Broken(last.seq + 1, f"{_name(last.seq + 1, head.seq)} missing: deleted at the end")
+    if head.seq < last.seq:
+        raise _Broken(head.seq + 1, f"entry {head.seq + 1} lies beyond the head: inserted at the end")
+    if head.sha256 != last.sha256:
+        raise _Broken(last.seq, f"entry {last.seq} does not match the head: one of the two was rewritten")
+    if noted is not None and noted.seq > last.seq:
+        raise _Broken(
+            last.seq + 1, f"the trail ends at entry {last.seq}, the noted head was entry {noted.seq}: cut off"
+        )
+
+
+def _walk(session: Session) -> Iterator[Mapping[str, Any]]:
+    """Every entry in the order of its number, a page at a time."""
+    after: int | None = None
+    while page := _read(session, after, _PAGE):
+        yield from page
+        after = page[-1]["seq"]
+
+
+def _read(session: Session, after: int | None, limit: int) -> list[Mapping[str, Any]]:
+    rows = select(*_COLUMNS).order_by(AuditEntry.seq).limit(limit)
+    if after is not None:
+        rows = rows.where(AuditEntry.seq > after)
+    try:
+        return [dict(row) for row in session.execute(rows).mappings()]
+    except (ValueError, TypeError) as error:
+        # a value that is none of its type, which no entry of ours has: find its row
+        if limit > 1:
+            return _read(session, after, limit // 2)
+        seq = (after or 0) + 1
+        raise _Broken(seq, f"entry {seq} cannot be read, it was edited: {error}") from error
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="stilb audit", description=__doc__)
+    parser.add_argument("head", nargs="?", type=_read_head, help="a head noted before, seq:hash")
+    noted = parser.parse_args(arguments).head
+    database = Database(Settings().effective_database_url)
+    try:
+        if database.is_sqlite and not Path(database.url.database or "").is_file():
+            return _fail(f"there is no database {database.url.database}; STILB_DATA names its folder")
+        last, fault = check_audit(database, noted)
+    except SQLAlchemyError as error:
+        return _fail(f"the audit trail cannot be read: {error}")
+    finally:
+        database.dispose()
+    if fault is not None:
+        return _fail(f"the audit trail is broken at entry {fault.seq}: {fault.what}")
+    print(f"the audit trail is whole: {last.seq} entries")  # noqa: T201
+    print(f"head {last}\nNote the head elsewhere; `make audit HEAD=...` compares it later.")  # noqa: T201
+    return 0
+
+
+def _read_head(text: str) -> Head:
+    if not re.fullmatch(r"\d{1,18}:[0-9a-f]{64}", text):
+        raise argparse.ArgumentTypeError("a head looks like 123:<64 hexadecimal digits>")
+    seq, _, sha256 = text.partition(":")
+    return Head(seq=int(seq), sha256=sha256)
+
+
+def _fail(message: str) -> int:
+    print(f"stilb: {message}", file=sys.stderr)  # noqa: T201
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

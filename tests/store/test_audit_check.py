@@ -1,0 +1,254 @@
+"""The audit trail tells when somebody has tampered with it, and where."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from sqlalchemy import text
+
+from store import audit_check
+from store.audit import digest
+from store.audit_check import Head, check_audit, main
+from store.tables import AuditEntry, AuditHead, Organisation
+
+
+@pytest.fixture
+def trail(database, monkeypatch):
+    """Six entries in pages of two, on a database whose owner has taken the triggers away."""
+    monkeypatch.setattr(audit_check, "_PAGE", 2)
+    add(database, *"abcdef")
+    with database.engine.begin() as connection:
+        if database.is_sqlite:
+            connection.execute(text("DROP TRIGGER audit_entry_never_changes"))
+            connection.execute(text("DROP TRIGGER audit_entry_never_goes"))
+        else:
+            connection.execute(text("DROP TRIGGER audit_entry_never_changes ON audit_entry"))
+    return database
+
+
+def add(database, *names):
+    for name in names:
+        with database.writing("test") as session:
+            session.add(Organisation(name=name))
+
+
+def tamper(database, *statements):
+    with database.engine.begin() as connection:
+        for statement in statements:
+            connection.execute(text(statement))
+
+
+def fault_of(database, noted=None):
+    _, fault = check_audit(database, noted)
+    return (fault.seq, fault.what) if fault else None
+
+
+def rehash(database, first):
+    """What an attacker who can rewrite everything would do: compute every hash from an entry on anew."""
+    with database.engine.begin() as connection:
+        columns = AuditEntry.__table__
+        rows = connection.execute(columns.select().order_by(columns.c.seq)).mappings().all()
+        previous = "0" * 64
+        for row in map(dict, rows):
+            if row["seq"] >= first:
+                row["previous_sha256"] = previous
+                row["sha256"] = digest(row)
+                connection.execute(columns.update().where(columns.c.seq == row["seq"]).values(**row))
+            previous = row["sha256"]
+        connection.execute(AuditHead.__table__.update().values(sha256=previous))
+
+
+def test_an_untouched_trail_is_whole(trail):
+    head, fault = check_audit(trail)
+    assert (head.seq, fault) == (6, None)
+    with trail.reading() as session:
+        assert session.get_one(AuditHead, 1).sha256 == head.sha256
+
+
+def test_an_empty_trail_is_whole(database):
+    assert check_audit(database) == (Head(seq=0, sha256="0" * 64), None)
+
+
+@pytest.mark.parametrize("seq", [1, 2, 3, 6])
+@pytest.mark.parametrize(
+    "change",
+    [
+        "actor = 'nobody'",
+        "organisation_id = 'org_x'",
+        "action = 'organisation.delete'",
+        "subject_id = 'x'",
+        "at = '2020-01-01 00:00:00.000000'",
+        """after = '{"name": "z"}'""",
+        "after = '{}', sha256 = '" + "1" * 64 + "'",
+    ],
+)
+def test_an_edited_entry_is_named(trail, seq, change):
+    tamper(trail, f"UPDATE audit_entry SET {change} WHERE seq = {seq}")
+    assert fault_of(trail) == (
+        seq,
+        f"entry {seq} does not have its hash: its content was edited, or it was moved",
+    )
+
+
+@pytest.mark.parametrize("seq", [1, 2, 3, 5])
+def test_a_deleted_entry_is_named(trail, seq):
+    tamper(trail, f"DELETE FROM audit_entry WHERE seq = {seq}")
+    assert fault_of(trail) == (seq, f"entry {seq} is missing: deleted, or moved elsewhere")
+
+
+def test_several_deleted_entries_are_named(trail):
+    tamper(trail, "DELETE FROM audit_entry WHERE seq IN (2, 3, 4)")
+    assert fault_of(trail) == (2, "entries 2 to 4 are missing: deleted, or moved elsewhere")
+
+
+@pytest.mark.parametrize("first", [1, 5, 6])
+def test_a_deleted_end_is_named(trail, first):
+    tamper(trail, f"DELETE FROM audit_entry WHERE seq >= {first}")
+    assert fault_of(trail) == (
+        first,
+        ("entry 6 is" if first == 6 else f"entries {first} to 6 are") + " missing: deleted at the end",
+    )
+
+
+def test_a_deleted_end_with_the_head_set_back_is_seen_by_the_noted_head(trail):
+    noted, _ = check_audit(trail)
+    tamper(
+        trail,
+        "DELETE FROM audit_entry WHERE seq = 6",
+        "UPDATE audit_head SET seq = 5, sha256 = (SELECT sha256 FROM audit_entry WHERE seq = 5)",
+    )
+    assert fault_of(trail) is None
+    assert fault_of(trail, noted) == (6, "the trail ends at entry 5, the noted head was entry 6: cut off")
+
+
+def test_a_deleted_entry_whose_gap_was_closed_is_named(trail):
+    tamper(
+        trail,
+        "DELETE FROM audit_entry WHERE seq = 3",
+        *(f"UPDATE audit_entry SET seq = {seq - 1} WHERE seq = {seq}" for seq in (4, 5, 6)),
+    )
+    seq, what = fault_of(trail)
+    assert seq == 3
+    assert "does not continue entry 2" in what
+
+
+def test_an_inserted_entry_is_named(trail):
+    shift = [f"UPDATE audit_entry SET seq = {seq + 1} WHERE seq = {seq}" for seq in (6, 5, 4)]
+    copy = (
+        "INSERT INTO audit_entry SELECT 4, organisation_id, at, actor, action, subject_type, subject_id, "
+        "before, after, previous_sha256, sha256 FROM audit_entry WHERE seq = 3"
+    )
+    tamper(trail, *shift, copy, "UPDATE audit_head SET seq = 7")
+    seq, what = fault_of(trail)
+    assert seq == 4
+    assert "does not continue entry 3" in what
+
+
+def test_an_entry_inserted_at_the_end_is_named(trail):
+    tamper(
+        trail,
+        "INSERT INTO audit_entry SELECT 7, organisation_id, at, actor, action, subject_type, subject_id, "
+        "before, after, sha256, sha256 FROM audit_entry WHERE seq = 6",
+    )
+    assert fault_of(trail)[0] == 7
+    rehash(trail, 7)
+    tamper(trail, "UPDATE audit_head SET sha256 = (SELECT sha256 FROM audit_entry WHERE seq = 6)")
+    assert fault_of(trail) == (7, "entry 7 lies beyond the head: inserted at the end")
+
+
+def test_two_entries_that_changed_places_are_named(trail):
+    tamper(
+        trail,
+        *(f"UPDATE audit_entry SET seq = {new} WHERE seq = {old}" for old, new in ((3, 9), (4, 3), (9, 4))),
+    )
+    seq, what = fault_of(trail)
+    assert seq == 3
+    assert "inserted or moved" in what
+
+
+def test_an_entry_that_was_hashed_anew_breaks_the_next(trail):
+    with trail.reading() as session:
+        entry = dict(
+            session.execute(AuditEntry.__table__.select().where(AuditEntry.seq == 4)).mappings().one()
+        )
+    entry["actor"] = "nobody"
+    tamper(trail, f"UPDATE audit_entry SET actor = 'nobody', sha256 = '{digest(entry)}' WHERE seq = 4")
+    seq, what = fault_of(trail)
+    assert seq == 5
+    assert "entry 5 does not continue entry 4" in what
+
+
+def test_only_a_noted_head_catches_who_hashes_everything_anew(trail):
+    noted, _ = check_audit(trail)
+    add(trail, "later")
+    assert fault_of(trail, noted) is None
+    tamper(trail, "UPDATE audit_entry SET actor = 'nobody' WHERE seq = 2")
+    rehash(trail, 2)
+    assert fault_of(trail) is None
+    seq, what = fault_of(trail, noted)
+    assert seq == 6
+    assert "was rewritten" in what
+
+
+def test_a_head_that_is_missing_or_other_is_named(trail):
+    tamper(trail, "UPDATE audit_head SET sha256 = '" + "1" * 64 + "'")
+    assert "does not match the head" in fault_of(trail)[1]
+    tamper(trail, "DELETE FROM audit_head")
+    assert "head's row is missing" in fault_of(trail)[1]
+
+
+def test_content_that_cannot_even_be_read_is_named(trail):
+    if not trail.is_sqlite:
+        pytest.skip("PostgreSQL keeps no text in a JSON column that is none")
+    tamper(trail, "UPDATE audit_entry SET after = 'no JSON' WHERE seq = 4")
+    assert fault_of(trail)[0] == 4
+
+
+def test_fifty_who_write_at_once_leave_a_whole_trail(database):
+    with ThreadPoolExecutor(50) as threads:
+        list(threads.map(lambda number: add(database, f"organisation {number}"), range(50)))
+    head, fault = check_audit(database)
+    assert (head.seq, fault) == (50, None)
+
+
+@pytest.fixture
+def run(trail, monkeypatch, capsys):
+    url = trail.url.render_as_string(hide_password=False)
+    monkeypatch.setenv("STILB_DATABASE_URL", url)
+
+    def call(*arguments):
+        code = main(list(arguments))
+        said = capsys.readouterr()
+        return code, said.out + said.err
+
+    return call
+
+
+def test_the_command_says_the_head_and_compares_it(run, trail):
+    code, said = run()
+    assert code == 0
+    assert "whole: 6 entries" in said
+    head = next(line for line in said.splitlines() if line.startswith("head ")).removeprefix("head ")
+    assert run(head)[0] == 0
+    code, said = run("6:" + "1" * 64)
+    assert (code, "broken at entry 6" in said) == (1, True)
+    tamper(trail, "DELETE FROM audit_entry WHERE seq = 2")
+    code, said = run(head)
+    assert (code, "broken at entry 2" in said) == (1, True)
+
+
+def test_a_head_that_is_none_is_refused(run):
+    with pytest.raises(SystemExit):
+        run("6")
+
+
+def test_where_no_database_is_none_is_made(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STILB_DATA", str(tmp_path))
+    monkeypatch.delenv("STILB_DATABASE_URL", raising=False)
+    assert main([]) == 1
+    assert "there is no database" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_names_of_any_script_keep_their_hash(database):
+    add(database, 'Gemeinde Grünau \N{SNOWMAN} \\ " \U0001f4f7')
+    assert fault_of(database) is None
