@@ -49,6 +49,21 @@ def sqlite_house(migrated_sqlite, tmp_path_factory):
     database.dispose()
 
 
+@pytest.fixture(scope="module", params=["sqlite", "postgresql"])
+def shared_house(request, tmp_path_factory):
+    """One for all tests of a module, on either database: each test makes a campaign of its own."""
+    if request.param == "sqlite":
+        yield request.getfixturevalue("sqlite_house")
+        return
+    server = request.getfixturevalue("postgres")
+    url = server.new_database(like=request.getfixturevalue("migrated_postgres"))
+    database = Database(url)
+    with House(database, tmp_path_factory.mktemp("house")) as built:
+        yield built
+    database.dispose()
+    server.drop_database(url)
+
+
 @pytest.fixture
 def stranger(house):
     """A client of another organisation, with every scope."""

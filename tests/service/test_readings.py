@@ -1,0 +1,154 @@
+"""Meter readings, as people write them down."""
+
+import pytest
+
+from service.limits import MAX_BODY_BYTES
+
+FIRST = {"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}
+SECOND = {"scene": "level-1", "quantity": "illuminance", "value": 120, "unit": "lx"}
+CD_M2_PER_FL = 3.4262590996
+LX_PER_FC = 10.76391
+
+
+@pytest.fixture(scope="module")
+def house(shared_house):
+    return shared_house
+
+
+def read_csv(house, text, *, status=201, encoding="utf-8", kind="text/csv; charset=utf-8"):
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    answer = house.http.post(path, content=text.encode(encoding), headers={"Content-Type": kind})
+    assert answer.status_code == status, answer.text
+    return answer.json()
+
+
+def test_one_and_a_list(house):
+    campaign = house.campaign()
+    path = f"/v1/campaigns/{campaign['id']}/readings"
+    one = house.post(path, FIRST)
+    assert (one["value"], one["unit"], one["scene"]) == (54.4, "cd/m2", "level-1")
+    both = house.post(path, [FIRST, SECOND])["items"]
+    assert [r["quantity"] for r in both] == ["luminance", "illuminance"]
+    assert [r["id"] for r in house.get(path)["items"]] == [one["id"], *(r["id"] for r in both)]
+    assert house.get(f"/v1/campaigns/{campaign['id']}")["readings"] == 3
+
+
+def test_american_units_are_kept_and_converted(house):
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    lambert = house.post(path, FIRST | {"value": 1, "unit": "fL"})
+    candle = house.post(path, SECOND | {"value": 1, "unit": "fc"})
+    assert lambert["value"] == pytest.approx(CD_M2_PER_FL, rel=1e-10)
+    assert candle["value"] == pytest.approx(LX_PER_FC, rel=1e-7)
+    assert (lambert["unit"], lambert["entered_unit"], lambert["entered_value"]) == ("cd/m2", "fL", 1)
+    assert (candle["unit"], candle["entered_unit"]) == ("lx", "fc")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "scene,quantity,value,unit\nlevel-1,luminance,54.4,cd/m2\nlevel-1,illuminance,120,lx\n",
+        "scene;quantity;value;unit\nlevel-1;luminance;54,4;cd/m2\nlevel-1;illuminance;120;lx\n",
+        "scene;quantity;value;unit\nlevel-1;luminance;54.4;cd/m2\nlevel-1;illuminance;120,0;lx\n",
+        "scene\tquantity\tvalue\tunit\nlevel-1\tluminance\t54,4\tcd/m2\nlevel-1\tilluminance\t120\tlx\n",
+        "\ufeffscene,quantity,value,unit\r\nlevel-1,luminance,54.4,cd/m2\r\nlevel-1,illuminance,120,lx\r\n",
+        "scene,quantity,value,unit\rlevel-1,luminance,54.4,cd/m2\rlevel-1,illuminance,120,lx\r",
+        "Value, Unit ,quantity,scene\n54.4, cd/m2 ,luminance,level-1\n\n120,lx,illuminance,level-1",
+        'scene,quantity,value,unit\n"level-1",luminance,"54.4",cd/m2\nlevel-1,illuminance,120,lx\n',
+        "scene,quantity,value,unit,meter_id,taken_at\nlevel-1,luminance,54.4,cd/m2,,\nlevel-1,illuminance,120,lx,,\n",
+    ],
+    ids=["comma", "semicolon", "mixed", "tab", "bom crlf", "cr", "order", "quoted", "empty cells"],
+)
+def test_every_spreadsheet_is_read(house, text):
+    rows = read_csv(house, text)["items"]
+    assert [(r["scene"], r["quantity"], r["value"], r["unit"]) for r in rows] == [
+        ("level-1", "luminance", 54.4, "cd/m2"),
+        ("level-1", "illuminance", 120.0, "lx"),
+    ]
+
+
+def test_each_bad_row_is_named_by_its_line_and_none_is_kept(house):
+    text = (
+        "scene;quantity;value;unit\nlevel-1;luminance;54,4;cd/m2\nlevel-2;luminance;n/a;cd/m2\n"
+        "level-3;luminance;NaN;cd/m2\n;luminance;1;cd/m2\nlevel-5;luminance;1;lx\nlevel-6;light;-1;cd/m2\n"
+    )
+    problem = read_csv(house, text, status=422)
+    assert [(e["field"], e["message"]) for e in problem["errors"]] == [
+        ("line 3.value", "must be a number"),
+        ("line 4.value", "must be a finite number"),
+        ("line 5.scene", "is missing"),
+        ("line 6", "lx is no unit of luminance: use cd/m2 or fL"),
+        ("line 7.quantity", "must be 'luminance' or 'illuminance'"),
+        ("line 7.value", "must be greater than 0"),
+    ]
+    assert problem["detail"].endswith("; and 1 more")
+    campaign = house.get("/v1/campaigns", limit=1000)["items"][-1]
+    assert house.get(f"/v1/campaigns/{campaign['id']}/readings")["items"] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "detail"),
+    [
+        ("", "line 1: must name each of the columns scene, quantity, value, unit"),
+        ("scene,value\na,1\n", "it names 'scene', 'value'"),
+        ("scene,scene,quantity,value,unit\na,b,luminance,1,cd/m2\n", "once"),
+        ("scene,quantity,value,unit,colour\na,luminance,1,cd/m2,red\n", "'colour'"),
+        ("scene,quantity,value,unit\n", "must hold 1 to 10000 readings"),
+        ("scene,quantity,unit,value\na,luminance,cd/m2,54,4\n", "line 2: has more cells than line 1 names"),
+        ("scene\tquantity\tvalue\tunit\na\tluminance\t1,234\tcd/m2\n", "line 2.value: must be a number"),
+        ("scene,quantity,value,unit\na,luminance,1,cd/m2\n" * 11_000, "must hold 1 to 10000 readings"),
+    ],
+)
+def test_a_table_that_cannot_be_meant_is_refused(house, text, detail):
+    problem = read_csv(house, text, status=422)
+    assert problem["code"] == "validation_failed"
+    assert detail in problem["detail"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_another_encoding_is_named(house, encoding):
+    text = "scene,quantity,value,unit\nTürme,luminance,1,cd/m2\n"
+    problem = read_csv(house, text, status=400, encoding=encoding)
+    assert problem["detail"] == "The CSV is not UTF-8. Save it as CSV UTF-8."
+
+
+def test_a_cell_without_end(house):
+    problem = read_csv(house, "scene,quantity,value,unit\n" + "x" * 200_000, status=400)
+    assert problem["detail"].startswith("The CSV cannot be read")
+    assert read_csv(house, " " * (MAX_BODY_BYTES + 1), status=413)["code"] == "upload_too_large"
+
+
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ([FIRST, FIRST | {"value": -1}], "body.1.value"),
+        (FIRST | {"value": "54,4"}, "body.value"),
+        (FIRST | {"meter": "x"}, "body.meter"),
+        (FIRST | {"unit": "lx"}, "body"),
+        ([], "body"),
+        ([[]], "body.0"),
+        (7, "body"),
+    ],
+)
+def test_a_bad_reading_is_named(house, body, field):
+    problem = house.post(f"/v1/campaigns/{house.campaign()['id']}/readings", body, status=422)
+    assert problem["errors"][0]["field"] == field
+
+
+def test_a_reading_names_its_meter(house):
+    meter = house.post(
+        "/v1/meters", {"kind": "luminance", "make": "G", "model": "S", "serial": "1"}, status=201
+    )
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    assert house.post(path, FIRST | {"meter_id": meter["id"]})["meter_id"] == meter["id"]
+    assert house.post(path, FIRST | {"meter_id": "met_no"}, status=404)["code"] == "not_found"
+
+
+def test_a_withdrawn_reading_counts_no_more_and_stays_in_the_record(house):
+    campaign = house.campaign()
+    path = f"/v1/campaigns/{campaign['id']}/readings"
+    reading = house.post(path, FIRST)
+    withdrawn = house.http.delete(f"/v1/readings/{reading['id']}").json()
+    assert withdrawn["withdrawn_at"]
+    assert house.http.delete(f"/v1/readings/{reading['id']}").json() == withdrawn
+    assert house.get(path)["items"] == [withdrawn]
+    assert house.get(f"/v1/campaigns/{campaign['id']}")["readings"] == 0
