@@ -21,7 +21,7 @@ def _show_one_item(schema: dict[str, Any], model: type[BaseModel]) -> None:
     (item,) = get_args(model.model_fields["items"].annotation)
     if isinstance(item, type) and issubclass(item, Answer):
         example = item.model_json_schema()["examples"][0]
-        after = f"https://stilb.example/v1/list?cursor={example['id']}"
+        after = f"https://stilb.example/v1/list?cursor={example.get('id', example.get('seq'))}"
         schema["examples"] = [{"items": [example], "next": after}]
 
 
@@ -41,14 +41,15 @@ def page(
     *,
     by: Any,  # noqa: ANN401  a column
     limit: int,
-    cursor: str | None,
+    cursor: str | int | None,
     newest_first: bool = False,
     shape: Callable[[list[Any]], Sequence[Answer]],
 ) -> JSONResponse:
-    """The rows after the cursor in the order of their ids, and where the next ones are."""
+    """The rows after the cursor in the order of a unique column, and where the next ones are."""
     if cursor is not None:
         rows = rows.where(by < cursor if newest_first else by > cursor)
     found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
     more = len(found) > limit
-    address = str(request.url.include_query_params(cursor=found[limit - 1].id)) if more else None
+    last = getattr(found[limit - 1], by.key) if more else None
+    address = str(request.url.include_query_params(cursor=last)) if more else None
     return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})

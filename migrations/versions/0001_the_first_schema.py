@@ -26,6 +26,7 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("seq", name="pk_audit_entry"),
     )
     op.create_index("ix_audit_entry_subject", "audit_entry", ["subject_id", "seq"])
+    op.create_index("ix_audit_entry_organisation", "audit_entry", ["organisation_id", "seq"])
 
     op.create_table(
         "audit_head",

@@ -35,6 +35,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 def include_routes(app: FastAPI) -> None:
     """Hang every resource into the application."""
     from service.routes import (  # noqa: PLC0415  the routes import this module's problems()
+        audit,
         calibrations,
         cameras,
         campaigns,
@@ -62,6 +63,7 @@ def include_routes(app: FastAPI) -> None:
         coefficients,
         jobs,
         checklist,
+        audit,
     ):
         app.include_router(module.router, dependencies=[Depends(_refuse_unknown_parameters)])
 

@@ -11,7 +11,10 @@ from store.tables.base import Base, Json
 
 class AuditEntry(Base):
     __tablename__ = "audit_entry"
-    __table_args__ = (Index("ix_audit_entry_subject", "subject_id", "seq"),)
+    __table_args__ = (
+        Index("ix_audit_entry_subject", "subject_id", "seq"),
+        Index("ix_audit_entry_organisation", "organisation_id", "seq"),
+    )
 
     seq: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
     organisation_id: Mapped[str | None]
