@@ -1,18 +1,22 @@
-"""Answers that never change: a strong ETag, cached for ever, 304 for who has it already."""
+"""Answers with a strong ETag: those that never change, and those that change with what is decided."""
 
 from fastapi import Request, Response
 
-_FOR_EVER = "private, max-age=31536000, immutable"
-
 
 def immutable_headers(tag: str) -> dict[str, str]:
-    return {"ETag": f'"{tag}"', "Cache-Control": _FOR_EVER}
+    """Cached for ever."""
+    return {"ETag": f'"{tag}"', "Cache-Control": "private, max-age=31536000, immutable"}
 
 
-def not_modified(request: Request, tag: str) -> Response | None:
-    """304 when the client names this tag."""
+def standing_headers(tag: str) -> dict[str, str]:
+    """Kept, and asked for again each time: 304 while nothing was decided since."""
+    return {"ETag": f'"{tag}"', "Cache-Control": "private, no-cache"}
+
+
+def not_modified(request: Request, tag: str, headers: dict[str, str] | None = None) -> Response | None:
+    """304 when the client names this tag; ``headers`` where it is not for ever."""
     named = request.headers.get("if-none-match", "")
     tags = {part.strip().removeprefix("W/") for part in named.split(",")}
     if f'"{tag}"' in tags or named.strip() == "*":
-        return Response(status_code=304, headers=immutable_headers(tag))
+        return Response(status_code=304, headers=headers or immutable_headers(tag))
     return None

@@ -35,6 +35,7 @@ class HttpCode(StrEnum):
     DATABASE_UNAVAILABLE = "database_unavailable"
     CAMPAIGN_INCOMPLETE = "campaign_incomplete"
     CALIBRATION_REVOKED = "calibration_revoked"
+    CERTIFICATE_INCOMPLETE = "certificate_incomplete"
     CHECKLIST_SIGNED = "checklist_signed"
     PURGE_OUTDATED = "purge_outdated"
     NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"

@@ -1,4 +1,4 @@
-"""From what is recorded about a version to its certificate. Nothing is computed here that changes a figure."""
+"""From what is recorded about a version to its certificate. Nothing here changes a figure."""
 
 from typing import Any
 
@@ -10,13 +10,13 @@ from radiometry.luminance.results import IsoFit
 from radiometry.statistics import measure_signal
 from service.certificate.gaps import list_gaps
 from service.certificate.work import describe_meters, describe_work
+from service.schemas.calibrations import Gap
 from service.schemas.certificates import (
     Budget,
     CertificateAnswer,
     CheckedItem,
     Checklist,
     FlagInWords,
-    Gap,
     Item,
     Laboratory,
     PublishedBy,
@@ -36,19 +36,25 @@ SCHEMA_VERSION = 1
 
 _ISO_FIT = TypeAdapter(IsoFit)
 _SI = {"luminance": "cd/m2", "illuminance": "lx"}
-_STATEMENTS = (
-    "This certificate relates only to the item named on it, in the state in which it was calibrated, and "
-    "within the range of validity stated.",
-    "Expanded uncertainties are standard uncertainties multiplied by the coverage factor k, taken from the t "
-    "distribution with the effective degrees of freedom for a coverage probability of about 95 %, evaluated "
-    "according to JCGM 100:2008.",
-    "The verdict compares the largest deviation of a point from the luminance meter with the tolerance; the "
-    "measurement uncertainty is not taken into account in the decision.",
-    "No correction for vignetting was applied: the coefficient holds for the region in which it was found.",
-    "The frames, readings, regions and parameters named here suffice to compute every figure anew; each "
-    "frame is known by its SHA-256.",
-    "This certificate may be reproduced only in full.",
+_EQUATION = "N - D = K X,  X = t S L / f²"
+_PROCEDURE = (
+    "Luminance coefficient K of a camera against a luminance meter, one per ISO value, after the standard "
+    "operating procedure “Drone Camera Calibration”; K by generalised least squares"
 )
+_STATEMENTS = """
+This certificate relates only to the item named on it, in the state in which it was calibrated, and within \
+the range of validity stated.
+Expanded uncertainties are standard uncertainties times the coverage factor k, taken from the t \
+distribution with the effective degrees of freedom for a coverage probability of about 95 %, evaluated \
+according to JCGM 100:2008.
+The verdict compares the largest deviation of a point from the luminance meter with the tolerance; the \
+measurement uncertainty is not taken into account in the decision.
+No correction for vignetting was applied: the coefficient holds for the region in which it was found.
+The frames, readings, regions and parameters named here suffice to compute every figure anew; each frame is \
+known by its SHA-256.
+This certificate may be reproduced only in full.
+"""
+_MEANINGS = {flag.value: flag.meaning for flag in Flag}
 
 
 def build_certificate(dossier: Dossier) -> CertificateAnswer:
@@ -64,9 +70,8 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         content_sha256=row.content_sha256,
         version=row.version,
         method=row.method,
-        procedure="Luminance coefficient K of a camera against a luminance meter, one per ISO value, after the "
-        "standard operating procedure “Drone Camera Calibration”; K by generalised least squares",
-        equation="N - D = K X,  X = t S L / f^2",
+        procedure=_PROCEDURE,
+        equation=_EQUATION,
         laboratory=Laboratory(name=dossier.organisation.name, address=dossier.organisation.address),
         item=Item(**CameraAnswer.of(dossier.camera).model_dump()),
         work=describe_work(dossier),
@@ -79,14 +84,14 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         result=result,
         budgets=[_budget(fit) for fit in row.result["iso_fits"]],
         vignetting="none",
-        flags=[FlagInWords(**flag, meaning=Flag(flag["flag"]).meaning) for flag in result["flags"]],
+        flags=[FlagInWords(**flag, meaning=_MEANINGS[flag["flag"]]) for flag in result["flags"]],
         checklist=_checklist(dossier),
         software={**row.software, "extractor": row.inputs["extractor"]},
         author=_name(dossier, row.created_by),
         created_at=row.created_at,
         published=_published(dossier),
         validity=_validity(dossier),
-        statements=list(_STATEMENTS),
+        statements=_STATEMENTS.strip().splitlines(),
     )
     gaps = [Gap(code=found.code.value, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
@@ -133,7 +138,7 @@ def _frame(dossier: Dossier, used: dict[str, Any]) -> UsedFrame:
         exposure=drop_absent(used["exposure"]),
         taken_at=(found.row.header or {}).get("taken_at"),
         roi_sha256=used["roi_sha256"],
-        warnings=[Flag(flag).meaning for flag in found.row.warnings if flag in set(Flag)],
+        warnings=[_MEANINGS[flag] for flag in found.row.warnings if flag in _MEANINGS],
         signal_dn=signal.value_dn,
         signal_standard_uncertainty_dn=signal.standard_uncertainty_dn,
         statistics=[encode_statistics(row) for row in statistics],
@@ -142,17 +147,15 @@ def _frame(dossier: Dossier, used: dict[str, Any]) -> UsedFrame:
 
 def _budget(stored: dict[str, Any]) -> Budget:
     fit = _ISO_FIT.validate_python(stored)
-    return Budget(
-        iso=fit.coefficient.iso, lines=[drop_absent(encode(line)) for line in explain_budget(fit)]
-    )
+    return Budget(iso=fit.coefficient.iso, lines=[drop_absent(encode(line)) for line in explain_budget(fit)])
 
 
 def _traceability(meters: list[UsedMeter]) -> str:
     """Through which certificates the figures hang on the units they are given in."""
     luminance = [meter for meter in meters if meter.kind == "luminance"]
     named = [
-        f"{meter.make} {meter.model}, serial number {meter.serial}: certificate {meter.certificate.number} of "
-        f"{meter.certificate.laboratory}"
+        f"{meter.make} {meter.model}, serial number {meter.serial}: "
+        f"certificate {meter.certificate.number} of {meter.certificate.laboratory}"
         for meter in luminance
         if meter.certificate
     ]

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 
-from service.certificate.figures import in_step, optional, percent, plain, stamp
+from service.certificate.figures import in_print, in_step, optional, percent, plain, stamp
 from service.certificate.sheet import Node, figure, flow, section, table
 
 
@@ -19,6 +19,8 @@ def evidence_sections(certificate: Node, preview: str) -> list[Node]:
 
 
 def _meters(certificate: Node) -> Node:
+    if not certificate["meters"]:
+        return flow("No reading names its meter.")
     rows = []
     for meter in certificate["meters"]:
         told = meter.get("certificate", {})
@@ -29,10 +31,10 @@ def _meters(certificate: Node) -> Node:
                 f"{meter['make']} {meter['model']}",
                 meter["serial"],
                 f"{told['number']}\n{told['laboratory']}" if told else "none",
-                f"{told['issued_on']}\n{told['due_on']}" if told else "–",
-                percent(told["expanded_uncertainty_rel"]) if told else "–",
-                plain(told["coverage_factor"]) if told else "–",
-                "\n".join(days) or "–",
+                f"{told['issued_on']}\n{told['due_on']}" if told else "-",
+                percent(told["expanded_uncertainty_rel"]) if told else "-",
+                plain(told["coverage_factor"]) if told else "-",
+                "\n".join(days) or "-",
             ]
         )
     head = ["kind", "meter", "serial", "certificate", "issued, due", "U", "k", "used"]
@@ -52,7 +54,7 @@ def _scenes(certificate: Node) -> Node:
         ]
         for scene in certificate["result"]["scenes"]
     ]
-    head = ["scene", "L [cd/m²]", "readings", "spread", "E [lx]", "spread", "ρE/π [cd/m²]"]
+    head = ["scene", "L [cd/m²]", "readings", "spread", "E [lx]", "spread", "rho E/pi [cd/m²]"]
     return table(head, rows, align="lrrrrrr", widths=[2, 1, 0.8, 1, 1, 1, 1.2])
 
 
@@ -61,8 +63,8 @@ def _readings(certificate: Node) -> Node:
         [
             reading["scene"],
             reading["quantity"],
-            f"{plain(reading['value'], 6)} {reading['unit']}",
-            f"{plain(reading['entered_value'], 6)} {reading['entered_unit']}" if "entered_value" in reading else "–",
+            f"{plain(reading['value'], 6)} {in_print(reading['unit'])}",
+            _entered(reading),
             reading.get("meter", "not named"),
             optional(reading, "taken_at", stamp),
         ]
@@ -70,6 +72,12 @@ def _readings(certificate: Node) -> Node:
     ]
     head = ["scene", "quantity", "value", "as entered", "meter", "taken at"]
     return table(head, rows, align="llrrll", widths=[1.2, 1, 1.3, 1.3, 2.4, 1.9], caption="Every reading.")
+
+
+def _entered(reading: Node) -> str:
+    if "entered_value" not in reading:
+        return "-"
+    return f"{plain(reading['entered_value'], 6)} {in_print(reading['entered_unit'])}"
 
 
 def _regions(certificate: Node) -> list[Node]:
@@ -88,7 +96,7 @@ def _regions(certificate: Node) -> list[Node]:
 
 
 def _drawn(preview: str) -> Node:
-    return figure(preview, "The region on a frame’s preview.", width=0.62)
+    return figure(preview, "The region on a frame's preview.", width=0.62)
 
 
 def _frames(frames: list[Node]) -> Node:
@@ -99,7 +107,7 @@ def _frames(frames: list[Node]) -> Node:
         rows.append(
             [
                 "\n".join([frame["frame"], *frame["warnings"]]),
-                frame.get("scene", "–"),
+                frame.get("scene", "-"),
                 plain(exposure["exposure_time_s"]),
                 plain(exposure["f_number"]),
                 plain(exposure["iso"]),

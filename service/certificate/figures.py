@@ -34,6 +34,17 @@ def extent(limits: list[float]) -> str:
     return f"{plain(limits[0])} to {plain(limits[1])}"
 
 
+def degrees(row: dict[str, Any]) -> str:
+    """Degrees of freedom: beyond a thousand there is nothing to tell apart."""
+    dof = row.get("effective_dof", math.inf)
+    return plain(dof, 3) if dof <= 1000.0 else "> 1000"
+
+
+def in_print(unit: str) -> str:
+    """A unit as it is set, from the way in which it is typed."""
+    return unit.replace("*", "·").replace("m2", "m²")
+
+
 def stamp(moment: str) -> str:
     """An instant to the second."""
     return datetime.fromisoformat(moment).strftime("%Y-%m-%d %H:%M:%S UTC")
@@ -41,4 +52,4 @@ def stamp(moment: str) -> str:
 
 def optional(row: dict[str, Any], name: str, form: Any = str) -> str:  # noqa: ANN401  a callable
     """What is absent is a dash."""
-    return form(row[name]) if name in row else "–"
+    return form(row[name]) if name in row else "-"

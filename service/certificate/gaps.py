@@ -1,4 +1,4 @@
-"""What ISO/IEC 17025:2017, section 7.8, asks a calibration certificate for and a certificate does not have."""
+"""What ISO/IEC 17025:2017, 7.8, asks a calibration certificate for and a certificate does not have."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -67,14 +67,12 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
         (
             work.conditions,
             GapCode.CONDITIONS_MISSING,
-            "The conditions of the measurements (temperature, lamp, daylight) are not described: write them "
-            "on the campaign.",
+            "The conditions (temperature, lamp, daylight) are not described: write them on the campaign.",
         ),
         (
             work.first_day,
             GapCode.DATE_MISSING,
-            "The day of the measurements is not known: say when the campaign started, or when the readings "
-            "were taken.",
+            "The day of the measurements is not known: say when the campaign started.",
         ),
         (
             work.recorder,
@@ -98,20 +96,20 @@ def _of_meter(meter: UsedMeter) -> Iterator[Found]:
     if certificate is None:
         yield Found(
             code=GapCode.METER_CERTIFICATE_MISSING,
-            message=f"{name} has no calibration certificate: register it with its certificate and fit again.",
+            message=f"{name} has no certificate: register it with its certificate, then fit again.",
         )
         return
     if meter.last_day and certificate.due_on < meter.last_day:
         yield Found(
             code=GapCode.METER_CERTIFICATE_EXPIRED,
-            message=f"{name} was read on {meter.last_day}, after its certificate {certificate.number} was due "
-            f"on {certificate.due_on}.",
+            message=f"{name} was read on {meter.last_day}, after its certificate {certificate.number} "
+            f"was due on {certificate.due_on}.",
         )
     if meter.first_day and meter.first_day < certificate.issued_on:
         yield Found(
             code=GapCode.METER_CERTIFICATE_NOT_YET_ISSUED,
-            message=f"{name} was read on {meter.first_day}, before its certificate {certificate.number} was "
-            f"issued on {certificate.issued_on}.",
+            message=f"{name} was read on {meter.first_day}, before its certificate {certificate.number} "
+            f"was issued on {certificate.issued_on}.",
         )
 
 
@@ -120,8 +118,8 @@ def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
     if unknown:
         yield Found(
             code=GapCode.METER_UNKNOWN,
-            message=f"{len(unknown)} of {len(certificate.readings)} readings name no meter: send readings with "
-            "their meter_id.",
+            message=f"{len(unknown)} of {len(certificate.readings)} readings name no meter: "
+            "send readings with their meter_id.",
         )
 
 

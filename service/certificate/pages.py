@@ -3,10 +3,8 @@
 Whatever is printed comes from the dictionary that is served as certificate.json, and from nothing else.
 """
 
-from typing import Any
-
 from service.certificate.evidence import evidence_sections
-from service.certificate.figures import extent, in_step, percent, plain, stamp
+from service.certificate.figures import degrees, in_print, in_step, percent, plain, stamp
 from service.certificate.results import result_sections
 from service.certificate.sheet import Node, facts, flow, section, table
 
@@ -16,6 +14,7 @@ _STAMPS = {
     "superseded": "Superseded",
     "published": "",
 }
+_LEGEND = "u(K) standard, U(K) expanded uncertainty, k coverage factor (95 %), dof degrees of freedom."
 
 
 def lay_out(certificate: Node, preview: str) -> Node:
@@ -63,7 +62,7 @@ def _work(certificate: Node) -> list[list[str]]:
     source = {
         "readings": "",
         "campaign": " (start of the campaign)",
-        "frames": " (by the camera’s clock)",
+        "frames": " (by the camera's clock)",
     }[work.get("days_from", "readings")]
     named = [
         ["Customer", work.get("customer")],
@@ -90,13 +89,13 @@ def _summary(certificate: Node) -> Node:
                 u,
                 expanded,
                 f"{c['coverage_factor']:.2f}",
-                plain(c["effective_dof"], 3) if "effective_dof" in c else "∞",
-                c["luminance_k_unit"],
+                degrees(c),
+                in_print(c["luminance_k_unit"]),
                 percent(fit["largest_residual_rel"]),
                 "passed" if fit["passed"] else "failed",
             ]
         )
-    head = ["ISO", "K", "u(K)", "U(K)", "k", "ν", "unit", "largest error", "verdict"]
+    head = ["ISO", "K", "u(K)", "U(K)", "k", "dof", "unit", "largest error", "verdict"]
     return table(head, rows, align="rrrrrrlrl", widths=[1, 1.2, 1, 1, 0.8, 0.8, 2.1, 1.5, 1.2])
 
 
@@ -105,8 +104,7 @@ def _sentences(certificate: Node) -> list[str]:
     models = sorted({fit["coefficient"]["model"] for fit in result["iso_fits"]})
     return [
         f"{certificate['procedure']}. Model: {', '.join(models)}. {certificate['equation']}.",
-        "u(K) standard uncertainty, U(K) expanded uncertainty, k coverage factor (95 %), ν effective degrees of "
-        f"freedom. Verdict against a tolerance of {percent(result['tolerance_rel'])} of L.",
+        f"{_LEGEND} Verdict against a tolerance of {percent(result['tolerance_rel'])} of L.",
         certificate["traceability"],
     ]
 
@@ -119,8 +117,9 @@ def _authority(certificate: Node) -> list[list[str]]:
         said = f"{act['by']}, {stamp(act['at'])}: {act['reason']} (from {stamp(act['valid_from'])} {end})"
         rows.append(["Published", said])
     if "valid_from" in validity:
-        end = f"to {stamp(validity['valid_to'])}" if "valid_to" in validity else "on, until superseded or revoked"
-        rows.append(["Valid", f"from {stamp(validity['valid_from'])} {end}"])
+        start = stamp(validity["valid_from"])
+        end = f"to {stamp(validity['valid_to'])}" if "valid_to" in validity else "until superseded or revoked"
+        rows.append(["Valid", f"from {start} {end}"])
     if "superseded_by" in validity:
         rows.append(["Superseded by", validity["superseded_by"]])
     if "revoked" in validity:
@@ -144,14 +143,13 @@ def _checklist(certificate: Node) -> Node:
             rows.append([f"§{last}"])
         done = "done_by" in item
         said = [item[name] for name in ("evidence", "note") if name in item]
-        who = f"{item['done_by']}, {stamp(item['done_at'])}" if done else "–"
+        who = f"{item['done_by']}, {stamp(item['done_at'])}" if done else "-"
         rows.append(["✓" if done else "○", "\n".join([item["text"], *said]), who])
     signature = checklist.get("signature")
-    signed = (
-        f"Signed by {signature['name']} with the key “{signature['signed_by']}” on {stamp(signature['signed_at'])}."
-        if signature
-        else "Not signed."
-    )
+    signed = "Not signed."
+    if signature:
+        when = stamp(signature["signed_at"])
+        signed = f"Signed by {signature['name']} with the key “{signature['signed_by']}” on {when}."
     lines = table(["", "item", "done by, at"], rows, align="lll", widths=[0.3, 7, 2.4])
     return section("Checklist of the procedure", [lines, flow(signed)])
 

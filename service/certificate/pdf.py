@@ -8,8 +8,8 @@ import json
 from collections.abc import Sequence
 from datetime import datetime
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
+from typing import Final
 
 import typst
 
@@ -17,7 +17,7 @@ from service.certificate.pages import lay_out
 from service.certificate.sheet import Node
 
 _TEMPLATE = Path(__file__).parent / "certificate.typ"
-_STANDARD = "a-2b"  # what archives keep
+_STANDARD: Final = "a-2b"  # what archives keep
 
 
 def render_pdf(certificate: Node, preview: str = "") -> bytes:
@@ -32,11 +32,6 @@ def render_pdf(certificate: Node, preview: str = "") -> bytes:
     pdf = compiler.compile(format="pdf", pdf_standards=_STANDARD, timestamp=int(made.timestamp()))
     assert isinstance(pdf, bytes)  # noqa: S101  narrows the type: one document was asked for
     return pdf
-
-
-def typesetter() -> str:
-    """What decides the PDF's bytes besides the certificate."""
-    return f"typst-{version('typst')}"
 
 
 def draw_region(png: bytes, width_px: int, height_px: int, corners: Sequence[Sequence[float]]) -> str:

@@ -1,7 +1,7 @@
 """The sections that say what was found: per ISO the fit, its uncertainty and its range; then the points."""
 
-from service.certificate.figures import extent, in_step, percent, plain
-from service.certificate.sheet import Node, facts, figure, flow, section, table
+from service.certificate.figures import extent, in_print, in_step, percent, plain
+from service.certificate.sheet import Node, facts, figure, section, table
 from service.plot import draw_calibration
 
 
@@ -10,24 +10,27 @@ def result_sections(certificate: Node) -> list[Node]:
     result = certificate["result"]
     budgets = {budget["iso"]: budget["lines"] for budget in certificate["budgets"]}
     return [
-        *(_iso(result, fit, budgets[fit["coefficient"]["iso"]]) for fit in result["iso_fits"]),
+        *(
+            _iso(result, fit, budgets[fit["coefficient"]["iso"]], certificate["vignetting"])
+            for fit in result["iso_fits"]
+        ),
         section("Models compared", [_models(result)]),
         section("Points of the fit", [_points(result)]),
     ]
 
 
-def _iso(result: Node, fit: Node, budget: list[Node]) -> Node:
+def _iso(result: Node, fit: Node, budget: list[Node], vignetting: str) -> Node:
     c = fit["coefficient"]
     k, u = in_step(c["luminance_k"], c["luminance_k_standard_uncertainty"])
     dark, u_dark = in_step(c["dark_signal_dn"], c["dark_signal_standard_uncertainty_dn"])
     parameters = zip(c["parameter_names"], c["parameters"], strict=True)
     covariance = "; ".join(", ".join(f"{value:.4e}" for value in row) for row in c["covariance"])
     rows = [
-        ["K", f"{k} {c['luminance_k_unit']}, standard uncertainty {u}"],
+        ["K", f"{k} {in_print(c['luminance_k_unit'])}, standard uncertainty {u}"],
         ["Dark signal", f"{dark} DN, standard uncertainty {u_dark} DN"],
         ["Parameters", ", ".join(f"{name} = {plain(value, 8)}" for name, value in parameters)],
-        ["Covariance", f"{covariance} (of the parameters, without the meter’s calibration)"],
-        ["Valid for", _range(c)],
+        ["Covariance", f"{covariance} (of the parameters, without the meter's calibration)"],
+        ["Valid for", _range(c, vignetting)],
         ["Expected", f"K about {plain(fit['expected_k'])} for a camera rated by ISO 12232"],
         ["Birge ratio", plain(fit["birge_ratio"], 4)],
     ]
@@ -36,7 +39,7 @@ def _iso(result: Node, fit: Node, budget: list[Node]) -> Node:
         f"ISO {plain(c['iso'])}: the fit against X and ln X, and its residuals. Hollow: left out. "
         f"Dashed: the tolerance, {percent(result['tolerance_rel'])}."
     )
-    blocks = [facts(rows), _budget(budget, c["luminance_k_unit"]), figure(plot, caption, width=1.0)]
+    blocks = [facts(rows), _budget(budget, in_print(c["luminance_k_unit"])), figure(plot, caption, width=1.0)]
     return section(f"ISO {plain(c['iso'])}", blocks)
 
 
@@ -45,13 +48,13 @@ def _drawn(result: Node) -> list[Node]:
     return [{"rhs": None, "residual_rel": None, **point} for point in result["points"]]
 
 
-def _range(c: Node) -> str:
+def _range(c: Node, vignetting: str) -> str:
     times = ", ".join(f"{plain(time)} s" for time in c["exposure_times_s"])
     signals = extent(c["signal_range_dn"])
     return (
         f"ISO {plain(c['iso'])}; exposure times {times}; f-numbers {extent(c['f_number_range'])}; signals of "
-        f"{signals} DN above dark; X of {extent(c['rhs_range'])} cd·s/m²; channel {c['channel']}, exposure values "
-        f"{c['exposure_basis']}; the region drawn below; vignetting correction: none"
+        f"{signals} DN above dark; X of {extent(c['rhs_range'])} cd·s/m²; channel {c['channel']}; "
+        f"exposure values {c['exposure_basis']}; the region drawn below; vignetting correction: {vignetting}"
     )
 
 
@@ -61,7 +64,7 @@ def _budget(lines: list[Node], unit: str) -> Node:
             line["source"],
             line["kind"],
             f"{plain(line['input_uncertainty'], 3)}{' DN' if line['input_unit'] == 'DN' else ''}",
-            plain(line["sensitivity"], 3) if "sensitivity" in line else "–",
+            plain(line["sensitivity"], 3) if "sensitivity" in line else "-",
             percent(line["u_rel"]),
             plain(line["u"], 3),
             percent(line["variance_share"]),
@@ -69,7 +72,7 @@ def _budget(lines: list[Node], unit: str) -> Node:
         for line in lines
     ]
     head = ["source", "type", "u(x)", "sensitivity", "u(K)/K", f"u(K) [{unit}]", "share of u²"]
-    caption = "Uncertainty budget. u(x) relative where no unit is given; type A from scatter, B from elsewhere."
+    caption = "Uncertainty budget. u(x) relative where it has no unit; type A from scatter, B from elsewhere."
     return table(head, rows, align="llrrrrr", widths=[2, 0.6, 1.2, 1.1, 1.1, 2, 1.2], caption=caption)
 
 
@@ -83,10 +86,10 @@ def _models(result: Node) -> Node:
                     plain(fit["coefficient"]["iso"]),
                     model["model"],
                     ", ".join(f"{name} = {plain(value)}" for name, value in named),
-                    f"{model['r_squared']:.6f}" if "r_squared" in model else "–",
-                    f"{model['aicc']:.1f}" if "aicc" in model else "–",
-                    percent(model["left_out_rms_rel"]) if "left_out_rms_rel" in model else "–",
-                    percent(model["left_out_max_rel"]) if "left_out_max_rel" in model else "–",
+                    f"{model['r_squared']:.6f}" if "r_squared" in model else "-",
+                    f"{model['aicc']:.1f}" if "aicc" in model else "-",
+                    percent(model["left_out_rms_rel"]) if "left_out_rms_rel" in model else "-",
+                    percent(model["left_out_max_rel"]) if "left_out_max_rel" in model else "-",
                 ]
             )
     head = ["ISO", "model", "parameters", "R²", "AICc", "rms", "largest"]
@@ -102,12 +105,12 @@ def _points(result: Node) -> Node:
             plain(point["iso"]),
             plain(point["exposure_time_s"]),
             plain(point["f_number"]),
-            plain(point["luminance_cd_m2"]) if "luminance_cd_m2" in point else "–",
-            plain(point["rhs"]) if "rhs" in point else "–",
+            plain(point["luminance_cd_m2"]) if "luminance_cd_m2" in point else "-",
+            plain(point["rhs"]) if "rhs" in point else "-",
             in_step(point["adjusted_signal_dn"], point["signal_standard_uncertainty_dn"])[0],
             f"{100 * point['residual_rel']:+.2f} %" if "residual_rel" in point else point["left_out"],
         ]
         for point in result["points"]
     ]
-    head = ["frame", "scene", "ISO", "t [s]", "f/", "L [cd/m²]", "X", "N − D [DN]", "error in L"]
+    head = ["frame", "scene", "ISO", "t [s]", "f/", "L [cd/m²]", "X", "N - D [DN]", "error in L"]
     return table(head, rows, align="llrrrrrrr", widths=[2.2, 1.4, 0.8, 0.9, 0.6, 1, 1, 1.2, 1.4])

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from datetime import date
 
-from service.schemas.certificates import UsedMeter, Work
+from service.schemas.certificates import DaysFrom, UsedMeter, Work
 from service.schemas.equipment import Certificate
 from store.queries.dossier import Dossier
 
@@ -51,7 +51,7 @@ def describe_meters(dossier: Dossier) -> list[UsedMeter]:
     return meters
 
 
-def _days(dossier: Dossier) -> tuple[list[date], str]:
+def _days(dossier: Dossier) -> tuple[list[date], DaysFrom]:
     """The days of the readings; else the day the campaign began; else those of the frames' own clock."""
     taken = [reading.taken_at.date() for reading in dossier.readings if reading and reading.taken_at]
     if taken:

@@ -39,12 +39,14 @@ def include_routes(app: FastAPI) -> None:
         calibrations,
         cameras,
         campaigns,
+        certificates,
         checklist,
         coefficients,
         frames,
         jobs,
         keys,
         meters,
+        organisation,
         pages,
         readings,
         system,
@@ -63,6 +65,8 @@ def include_routes(app: FastAPI) -> None:
         coefficients,
         jobs,
         checklist,
+        certificates,
+        organisation,
         audit,
     ):
         app.include_router(module.router, dependencies=[Depends(_refuse_unknown_parameters)])

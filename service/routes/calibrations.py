@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.luminance.rows import Exclusion, Params
 from service.auth import Calibrator, Caller, Publisher, Reader
+from service.certificate import warn_of_gaps
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
@@ -162,10 +163,14 @@ def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: 
 def publish_calibration(
     calibration_id: Id, body: NewPublication, caller: Publisher, writing: Writes
 ) -> Response:
-    """Put a version in force in [valid_from, valid_to). What was in force there gives way to it."""
+    """Put a version in force in [valid_from, valid_to). What was in force there gives way to it.
+
+    `warnings` name what its certificate lacks of what ISO/IEC 17025 asks for.
+    """
 
     def change(session: Session) -> Reply:
         calibration = owned(session, Calibration, calibration_id, caller)
+        warnings = warn_of_gaps(session, calibration)
         publications.publish(
             session,
             calibration,
@@ -173,7 +178,7 @@ def publish_calibration(
             valid_to=body.valid_to,
             reason=body.reason,
         )
-        return Reply(status=200, body=_answer(session, calibration))
+        return Reply(status=200, body=_answer(session, calibration).model_copy(update={"warnings": warnings}))
 
     return writing.run(caller, change)
 

@@ -180,6 +180,13 @@ class SeriesAnswer(Answer):
     rows: list[SeriesRow]
 
 
+class Gap(Answer):
+    """What ISO/IEC 17025 asks a certificate for and this one lacks."""
+
+    code: str
+    message: str
+
+
 class CalibrationAnswer(Answer):
     model_config = ConfigDict(
         json_schema_extra={
@@ -233,6 +240,9 @@ class CalibrationAnswer(Answer):
     valid_to: Instant | None = None
     superseded_by: str | None = None
     revoked_reason: str | None = None
+    warnings: list[Gap] | None = Field(
+        default=None, description="When it is published: what its certificate lacks."
+    )
 
     @classmethod
     def of(

@@ -6,9 +6,11 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field
 
 from service.schemas.base import Answer, Instant
-from service.schemas.calibrations import State
+from service.schemas.calibrations import Gap, State
 from service.schemas.equipment import Certificate as MeterCertificate
 from service.schemas.equipment import Lens
+
+DaysFrom = Literal["readings", "campaign", "frames"]
 
 
 class Laboratory(Answer):
@@ -37,7 +39,7 @@ class Work(Answer):
     started_at: Instant | None = None
     first_day: date | None = None
     last_day: date | None = None
-    days_from: Literal["readings", "campaign", "frames"] | None = None
+    days_from: DaysFrom | None = None
     comments: str | None = None
     surface_reflectance: float | None = None
 
@@ -146,13 +148,6 @@ class Validity(Answer):
     revoked: Revoked | None = None
 
 
-class Gap(Answer):
-    """What ISO/IEC 17025 asks a certificate for and this one lacks."""
-
-    code: str
-    message: str
-
-
 _EXAMPLE: dict[str, Any] = {
     "schema_version": 1,
     "title": "Certificate of calibration",
@@ -188,7 +183,7 @@ _EXAMPLE: dict[str, Any] = {
 
 
 class CertificateAnswer(Answer):
-    """``result``: the fit as it was stored; with it, frames, readings, regions and parameters it recomputes."""
+    """``result``: the fit as stored; frames, readings, regions and parameters give it anew."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 

@@ -136,12 +136,12 @@ def _readings_used(session: Session, calibration: Calibration) -> list[Reading |
     return [waiting[key].pop() if waiting[key] else None for key in keys]
 
 
-def _meters_used(
-    session: Session, readings: list[Reading | None], *, at: datetime
-) -> dict[str, MeterAsUsed]:
+def _meters_used(session: Session, readings: list[Reading | None], *, at: datetime) -> dict[str, MeterAsUsed]:
     ids = {reading.meter_id for reading in readings if reading and reading.meter_id}
     meters = session.scalars(select(Meter).where(Meter.id.in_(ids)).order_by(Meter.id))
-    return {meter.id: MeterAsUsed(row=meter, certificate=_certificate(session, meter, at)) for meter in meters}
+    return {
+        meter.id: MeterAsUsed(row=meter, certificate=_certificate(session, meter, at)) for meter in meters
+    }
 
 
 def _certificate(session: Session, meter: Meter, at: datetime) -> dict[str, Any]:

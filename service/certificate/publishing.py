@@ -1,0 +1,24 @@
+"""Whether a version may be published with the certificate that it has."""
+
+from sqlalchemy.orm import Session
+
+from service.certificate.document import build_certificate
+from service.problems import HttpCode, Problem
+from service.schemas.calibrations import Gap
+from store.queries.dossier import gather_dossier
+from store.tables import Calibration, Organisation
+
+
+def warn_of_gaps(session: Session, calibration: Calibration) -> list[Gap]:
+    """The gaps of a version's certificate; 409 when its organisation publishes nothing that has any."""
+    gaps = build_certificate(gather_dossier(session, calibration)).gaps
+    organisation = session.get_one(Organisation, calibration.organisation_id)
+    if gaps and organisation.refuses_incomplete_certificates:
+        raise Problem(
+            409,
+            HttpCode.CERTIFICATE_INCOMPLETE,
+            "Your organisation publishes no version whose certificate lacks what ISO/IEC 17025 asks for. "
+            f"Fill this in, then publish again: {' '.join(gap.message for gap in gaps)}",
+            gaps=[gap.dump() for gap in gaps],
+        )
+    return gaps

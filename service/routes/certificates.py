@@ -1,0 +1,85 @@
+"""The certificate of a version: as JSON, and the same as PDF."""
+
+import hashlib
+import json
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from sqlalchemy.orm import Session
+
+from service.auth import Caller, Reader
+from service.certificate import build_certificate, draw_region, render_pdf
+from service.context import UsesContext
+from service.immutable import not_modified, standing_headers
+from service.lookup import Id, owned
+from service.routes import problems
+from service.schemas.certificates import CertificateAnswer
+from store.blobs import Blobs
+from store.queries.dossier import Dossier, gather_dossier
+from store.tables import Calibration
+
+router = APIRouter(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
+
+_UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it already."}}
+
+
+@router.get("/certificate.json", response_model=CertificateAnswer, responses={**_UNCHANGED, **problems(404)})
+def get_certificate(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """Everything that a laboratory hands out with a calibration, and what is needed to compute it anew.
+
+    Its figures never change; who published or revoked it and what was ticked may: the ETag follows all of it.
+    """
+    with context.database.reading() as session:
+        certificate = build_certificate(_gather(session, calibration_id, caller)).dump()
+    content = json.dumps(certificate, ensure_ascii=False, allow_nan=False).encode()
+    return _answer(request, content, "application/json")
+
+
+@router.get(
+    "/certificate.pdf",
+    response_class=Response,
+    responses={
+        200: {"content": {"application/pdf": {"schema": {"type": "string", "format": "binary"}}}},
+        **_UNCHANGED,
+        **problems(404),
+    },
+)
+def get_certificate_pdf(
+    calibration_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
+    """The certificate on paper (PDF/A): the very numbers of certificate.json, with plots and the region."""
+    with context.database.reading() as session:
+        dossier = _gather(session, calibration_id, caller)
+    certificate = build_certificate(dossier).dump()
+    pdf = render_pdf(certificate, _draw_preview(dossier, context.blobs))
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in certificate["number"])
+    return _answer(request, pdf, "application/pdf", {"Content-Disposition": f'inline; filename="{name}.pdf"'})
+
+
+def _gather(session: Session, calibration_id: str, caller: Caller) -> Dossier:
+    return gather_dossier(session, owned(session, Calibration, calibration_id, caller))
+
+
+def _draw_preview(dossier: Dossier, blobs: Blobs) -> str:
+    """The largest light frame that has a preview, with the region in which it was measured."""
+    regions = dossier.calibration.inputs["rois"]
+    candidates = [
+        (used, dossier.frames[used["sha256"]].row)
+        for used in dossier.calibration.inputs["frames"]
+        if used["role"] == "light"
+    ]
+    shown = [(used, row, row.header) for used, row in candidates if row.header and row.preview_sha256]
+    if not shown:
+        return ""
+    used, row, header = max(shown, key=lambda one: one[2]["width_px"] * one[2]["height_px"])
+    png = b"".join(blobs.open(row.preview_sha256 or ""))
+    return draw_region(png, header["width_px"], header["height_px"], regions[used["roi_sha256"]])
+
+
+def _answer(
+    request: Request, content: bytes, media_type: str, headers: dict[str, str] | None = None
+) -> Response:
+    tag = hashlib.sha256(content).hexdigest()
+    return not_modified(request, tag, standing_headers(tag)) or Response(
+        content, headers={**standing_headers(tag), **(headers or {})}, media_type=media_type
+    )

@@ -1,0 +1,37 @@
+"""Your own organisation: how its certificates name it, and what it refuses."""
+
+from typing import Any
+
+from fastapi import APIRouter, Response
+from sqlalchemy.orm import Session
+
+from service.auth import Admin, Reader
+from service.context import UsesContext
+from service.routes import problems
+from service.schemas.organisation import OrganisationChange, OwnOrganisationAnswer
+from service.writing import Reply, Writes
+from store.tables import Organisation
+
+router = APIRouter(prefix="/v1/organisation", tags=["keys"])
+
+
+@router.get("", response_model=OwnOrganisationAnswer, responses=problems())
+def get_organisation(caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
+    """The organisation that your key belongs to."""
+    with context.database.reading() as session:
+        row = session.get_one(Organisation, caller.organisation_id)
+    return OwnOrganisationAnswer.model_validate(row).respond()
+
+
+@router.patch("", response_model=OwnOrganisationAnswer, responses=problems())
+def change_organisation(body: OrganisationChange, caller: Admin, writing: Writes) -> Response:
+    """Set the address that certificates name, and whether an incomplete certificate may be published."""
+
+    def change(session: Session) -> Reply:
+        organisation = session.get_one(Organisation, caller.organisation_id)
+        for name, value in body.model_dump(exclude_unset=True).items():
+            setattr(organisation, name, value)
+        session.flush()
+        return Reply(status=200, body=OwnOrganisationAnswer.model_validate(organisation))
+
+    return writing.run(caller, change)
