@@ -146,14 +146,14 @@ def test_every_file_that_is_named_exists(page):
 
 
 def test_every_page_can_be_reached_from_the_readme():
-    reached, todo = set(), [ROOT / "README.md"]
-    while todo:
-        page = todo.pop()
+    reached, ahead = set(), [ROOT / "README.md"]
+    while ahead:
+        page = ahead.pop()
         reached.add(page)
         for target in re.findall(r"\]\(([^)#\s]+)", prose(page)):
             there = (page.parent / target).resolve()
             found = [there] if there.suffix == ".md" else [*there.glob("*.md")] if there.is_dir() else []
-            todo += [each for each in found if each not in reached]
+            ahead += [each for each in found if each not in reached]
     assert set(PAGES) <= reached
 
 
