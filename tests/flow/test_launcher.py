@@ -1,6 +1,7 @@
 """The launcher's promises with what it really launches; the dummies of tests/service ask for more of them."""
 
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -49,17 +50,15 @@ def refused(data):
         return process.returncode, err.strip()
 
 
-def test_a_second_start_on_the_same_data_is_refused_and_the_first_goes_on(data):
-    with Embedded(data) as first:
-        pid = first.launcher.pid
-        assert refused(data) == (4, f"stilb: stilb already runs on {data}, as process {pid}")
-        assert first.serves()
+def test_a_second_start_on_the_same_data_is_refused_and_the_first_goes_on(embedded):
+    data, pid = embedded.data, embedded.launcher.pid
+    assert refused(data) == (4, f"stilb: stilb already runs on {data}, as process {pid}")
+    assert embedded.serves()
 
 
-def test_data_of_a_newer_stilb_are_refused_and_left_alone(data):
-    with Embedded(data) as deployment:
-        deployment.launcher.send_signal(signal.SIGTERM)
-        assert deployment.launcher.wait(60) == 0
+def test_data_of_a_newer_stilb_are_refused_and_left_alone(data, migrated_sqlite):
+    data.mkdir()
+    shutil.copy(migrated_sqlite, data / "stilb.sqlite")
     with closing(sqlite3.connect(data / "stilb.sqlite")) as database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
         database.commit()
