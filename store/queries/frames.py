@@ -51,10 +51,8 @@ def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tu
         return found, True, True
     if found.state != "refused":
         return found, False, False
-    again = describe_anew(
-        found,
-        {"role": new.role, "scene": new.scene, "supplied": {**found.supplied, **new.supplied}},
-    )
+    said = {"role": new.role, "scene": new.scene, "supplied": {**found.supplied, **new.supplied}}
+    again = describe_anew(found, said | ({"roi_id": new.roi_id} if new.roi_id else {}))
     return found, False, again
 
 

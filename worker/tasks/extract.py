@@ -131,7 +131,8 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
 
 
 def _store_acceptance(frame: FrameRow, found: _Found) -> None:
-    frame.refusal_code = frame.refusal_detail = None
+    # together: the row may be written before the rest is known, and must be whole then
+    frame.state, frame.refusal_code, frame.refusal_detail = "read", None, None
     frame.warnings = list(found.acceptance.flags)
     if found.region_refused is not None:
         frame.warnings.append(str(found.region_refused.code))
