@@ -16,6 +16,10 @@ class Code(StrEnum):
     FIT_INCOMPLETE = "fit_incomplete"
     FIT_FAILED = "fit_failed"
     ISO_NOT_CALIBRATED = "iso_not_calibrated"
+    GRID_INVALID = "grid_invalid"
+    REGION_MISSING = "region_missing"
+    FRAME_NOT_READ = "frame_not_read"
+    FRAME_TIME_MISSING = "frame_time_missing"
 
 
 class InputRejected(Exception):  # noqa: N818  the name says whose fault it is

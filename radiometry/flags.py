@@ -92,6 +92,31 @@ class Flag(StrEnum):
         "More than 0.1 % of the region's samples are saturated: the luminance is a lower bound.",
     )
     BELOW_DETECTION = "below_detection", "The signal is less than three standard errors above dark."
+    NO_VIGNETTING_CORRECTION = (
+        "no_vignetting_correction",
+        "The lens's falloff is not corrected: K holds where the calibration's region lay.",
+    )
+    ROI_ELSEWHERE = (
+        "roi_elsewhere",
+        "What was measured reaches beyond the calibration's region, and vignetting is not corrected.",
+    )
+    OBSERVER_DIFFERS = (
+        "observer_differs",
+        "The camera looks from where it hung: not the observer of EN 13201 or RP-8.",
+    )
+    # of a measurement's calibration, as it stands when it is asked for
+    CALIBRATION_NOT_PUBLISHED = (
+        "calibration_not_published",
+        "The measurement was made with a version that nobody has published.",
+    )
+    CALIBRATION_SUPERSEDED = (
+        "calibration_superseded",
+        "The version that the measurement was made with has been superseded since.",
+    )
+    CALIBRATION_REVOKED = (
+        "calibration_revoked",
+        "The version that the measurement was made with has been revoked since.",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,9 +10,10 @@ from radiometry.errors import Code, InputRejected
 from radiometry.exposure import Exposure, Settings, require_plausible
 from radiometry.flags import Flag, Raised
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
-from radiometry.luminance.results import AppliedLuminance, Coefficient, Quantity
+from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect, Quantity
 from radiometry.statistics import ChannelStatistics, Signal, measure_signal
 
+NOISE = "pixel noise"
 _SAME_TIME_REL = 0.02
 
 
@@ -38,25 +39,36 @@ def apply_coefficient(
       iso_not_calibrated if no coefficient is for the frame's ISO value, exposure_implausible
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
+    signal = measure_signal(statistics, channel=coefficient.channel)
+    return apply_to_signal(signal, exposure=exposure, coefficient=coefficient, iso_u_rel=iso_u_rel)
+
+
+def apply_to_signal(
+    signal: Signal, *, exposure: Exposure, coefficient: Coefficient, iso_u_rel: float = 0.0
+) -> AppliedLuminance:
+    """Give the luminance of a signal: of a region, of a cell, of a single pixel.
+
+    The equation of `apply_coefficient`, each source's effect kept apart: what two luminances of a frame share
+    is the same number times their sensitivities, what is a luminance's own is its noise.
+    Raises InputRejected(exposure_implausible | fit_failed)
+    """
     settings = exposure.on_basis(coefficient.exposure_basis)
     require_plausible(settings)
-    signal = measure_signal(statistics, channel=coefficient.channel)
     adjusted = signal.value_dn - coefficient.dark_signal_dn
-    u_adjusted = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
-    rhs, u_rhs = _invert(coefficient, adjusted, u_adjusted)
+    rhs = _invert(coefficient, adjusted)
     scale = settings.f_number**2 / (settings.exposure_time_s * settings.iso)
-    u_settings_rel = math.hypot(coefficient.exposure_time_u_rel, iso_u_rel, 2 * coefficient.f_number_u_rel)
-    if coefficient.model != "semilog":
-        u_settings_rel = math.hypot(u_settings_rel, coefficient.meter_calibration_u_rel)
+    effects = _effects(coefficient, signal, adjusted_dn=adjusted, rhs=rhs, scale=scale, iso_u_rel=iso_u_rel)
+    u_adjusted = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
     return AppliedLuminance(
         luminance_cd_m2=Quantity(
             value=rhs * scale,
-            standard_uncertainty=scale * math.hypot(u_rhs, rhs * u_settings_rel),
+            standard_uncertainty=math.hypot(*(effect.effect_cd_m2 for effect in effects)),
             unit="cd/m2",
         ),
         signal_dn=signal.value_dn,
         adjusted_signal_dn=adjusted,
         rhs=rhs,
+        effects=effects,
         flags=tuple(_flags(coefficient, settings, signal, adjusted, u_adjusted)),
     )
 
@@ -91,8 +103,7 @@ def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
     return settings.f_number**2 / (coefficient.luminance_k * settings.exposure_time_s * settings.iso)
 
 
-def _invert(coefficient: Coefficient, adjusted_dn: float, u_adjusted_dn: float) -> tuple[float, float]:
-    """Give X and its standard uncertainty from the signal's and the parameters'."""
+def _invert(coefficient: Coefficient, adjusted_dn: float) -> float:
     rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
     if not math.isfinite(rhs):
         raise InputRejected(
@@ -100,10 +111,38 @@ def _invert(coefficient: Coefficient, adjusted_dn: float, u_adjusted_dn: float) 
             f"The {coefficient.model} model of this calibration has no luminance for a signal of "
             f"{adjusted_dn:g} DN above dark.",
         )
+    return rhs
+
+
+def _effects(
+    coefficient: Coefficient,
+    signal: Signal,
+    *,
+    adjusted_dn: float,
+    rhs: float,
+    scale: float,
+    iso_u_rel: float,
+) -> tuple[Effect, ...]:
+    """List each source's effect on L = X scale [cd/m2]; correlated parameters as independent combinations."""
     by_signal, by_parameters = models.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
-    variance = (by_signal * u_adjusted_dn) ** 2
-    variance += float(by_parameters @ np.array(coefficient.covariance) @ by_parameters)
-    return rhs, math.sqrt(variance)
+    variances, directions = np.linalg.eigh(np.array(coefficient.covariance))
+    combined = by_parameters @ (directions * np.sqrt(np.maximum(variances, 0.0)))
+    luminance = rhs * scale
+    # semilog has no K that scales with the meter
+    meter_u_rel = coefficient.meter_calibration_u_rel if coefficient.model != "semilog" else 0.0
+    dark_u_dn = coefficient.dark_signal_standard_uncertainty_dn
+    shared = [
+        *(("fit of K", float(effect) * scale) for effect in combined),
+        ("meter calibration", luminance * meter_u_rel),
+        ("dark signal", -by_signal * dark_u_dn * scale),
+        ("exposure time", luminance * coefficient.exposure_time_u_rel),
+        ("f-number", 2.0 * luminance * coefficient.f_number_u_rel),
+        ("ISO setting", luminance * iso_u_rel),
+    ]
+    noise = Effect(
+        source=NOISE, shared=False, effect_cd_m2=by_signal * signal.standard_uncertainty_dn * scale
+    )
+    return (*(Effect(source=name, shared=True, effect_cd_m2=effect) for name, effect in shared), noise)
 
 
 def _flags(

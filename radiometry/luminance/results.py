@@ -154,11 +154,28 @@ class Fit:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Effect:
+    """What one standard uncertainty of one independent source does to a luminance [cd/m2], with its sign.
+
+    ``shared`` : the same error is in every luminance of the frame, so it can cancel in a ratio and never
+        averages down; else it is this luminance's own noise
+    """
+
+    source: str
+    shared: bool
+    effect_cd_m2: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class AppliedLuminance:
-    """The luminance of a region in a frame, with its uncertainty, and what to know about it."""
+    """The luminance of a region in a frame, with its uncertainty, and what to know about it.
+
+    ``effects`` : sum of squares is the variance; of one frame's luminances the shared ones come in one order
+    """
 
     luminance_cd_m2: Quantity
     signal_dn: float
     adjusted_signal_dn: float
     rhs: float
+    effects: tuple[Effect, ...]
     flags: tuple[Raised, ...]

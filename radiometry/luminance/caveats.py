@@ -1,0 +1,84 @@
+"""What to know about a measurement beyond the signal and the settings of its region."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from radiometry.flags import Flag, Raised
+from radiometry.frame import Frame
+from radiometry.luminance.results import AppliedLuminance
+from radiometry.roi import Polygon
+
+Corners = Sequence[tuple[float, float]]
+
+# As well as a hand draws the same region twice, of the frame's diagonal.
+_NEAR_SHARE = 0.02
+_OF_CELLS = {
+    Flag.SATURATED.value: "Saturated",
+    Flag.BELOW_DETECTION.value: "Below detection",
+    Flag.OUTSIDE_SIGNALS.value: "Outside the calibrated signals",
+}
+
+
+def find_caveats(
+    frame: Frame, measured: Sequence[Corners], calibrated: Sequence[Polygon], *, rendered: bool
+) -> tuple[Raised, ...]:
+    """Say what a measurement from the air cannot claim.
+
+    Takes
+      measured : corners (x, y) [px] of everything that was measured; calibrated : the calibration's regions
+    Flags  no_vignetting_correction, roi_elsewhere, observer_differs, rendered
+    """
+    flags = [
+        Raised(
+            flag=Flag.NO_VIGNETTING_CORRECTION.value, where="", detail="Vignetting was corrected with: none."
+        )
+    ]
+    distance = _farthest_px(measured, calibrated)
+    diagonal = math.hypot(frame.height_px, frame.width_px)
+    if distance > _NEAR_SHARE * diagonal:
+        detail = (
+            f"It reaches {distance:.0f} px beyond the calibration's region, "
+            f"{distance / diagonal:.0%} of the frame's diagonal."
+        )
+        flags.append(Raised(flag=Flag.ROI_ELSEWHERE.value, where="", detail=detail))
+    if rendered:
+        flags.append(Raised(flag=Flag.RENDERED.value, where="", detail="The frame is no raw file."))
+    detail = "Luminance towards the camera, not towards a driver 60 m or a pedestrian 1.5 m away."
+    flags.append(Raised(flag=Flag.OBSERVER_DIFFERS.value, where="", detail=detail))
+    return tuple(flags)
+
+
+def summarise_cells(applied: Iterable[Iterable[AppliedLuminance]]) -> tuple[Raised, ...]:
+    """Say of how many cells a flag speaks, and which is the first.
+
+    Flags  saturated, below_detection, outside_signals
+    """
+    found: dict[str, list[str]] = {flag: [] for flag in _OF_CELLS}
+    for row, line in enumerate(applied):
+        for col, one in enumerate(line):
+            for raised in one.flags:
+                if raised.flag in found:
+                    found[raised.flag].append(f"row {row + 1}, column {col + 1}")
+    return tuple(
+        Raised(
+            flag=flag,
+            where="grid",
+            detail=f"{_OF_CELLS[flag]}: {len(cells)} of the cells, the first in {cells[0]}.",
+        )
+        for flag, cells in found.items()
+        if cells
+    )
+
+
+def _farthest_px(measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> float:
+    """Give how far a corner lies beyond the nearest of the calibration's regions' bounding boxes [px]."""
+    if not calibrated:
+        return 0.0
+    return max(min(_beyond_px(point, box) for box in calibrated) for corners in measured for point in corners)
+
+
+def _beyond_px(point: tuple[float, float], polygon: Polygon) -> float:
+    xs, ys = zip(*polygon.points, strict=True)
+    right = max(min(xs) - point[0], point[0] - max(xs), 0.0)
+    down = max(min(ys) - point[1], point[1] - max(ys), 0.0)
+    return math.hypot(right, down)

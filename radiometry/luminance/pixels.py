@@ -1,0 +1,162 @@
+"""The single pixels of a region: extremes, percentiles, and the noise that one pixel carries."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.frame import Frame
+from radiometry.luminance.maps import find_measured, sum_signal
+from radiometry.roi import Polygon, Window, mask
+from radiometry.statistics import GREY
+
+PERCENTILES = (5, 10, 90, 95)
+
+_THREES_A_BIN = 500
+_MOST_BINS = 16
+_MOST_PIXELS_FOR_NOISE = 1_000_000
+_ROUNDING_VARIANCE = 1 / 12
+_OUTLIER_SIGMAS = 5.0
+_MAD_TO_SIGMA = 1.4826
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelSignal:
+    """A number that a single pixel of the region has [DN], black included, and that pixel's noise."""
+
+    value_dn: float
+    noise_dn: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelSignals:
+    """Order statistics of a region's pixels; ``percentiles`` in the order of PERCENTILES.
+
+    ``median.noise_dn`` is the median's own, not a pixel's: many pixels make it.
+    """
+
+    pixels: int
+    smallest: PixelSignal
+    largest: PixelSignal
+    median: PixelSignal
+    percentiles: tuple[PixelSignal, ...]
+
+
+@dataclass(frozen=True)
+class NoiseCurve:
+    """The variance of a pixel's noise [DN^2] at some levels [DN], and between them by straight lines."""
+
+    levels_dn: NDArray[np.float64]
+    variances_dn2: NDArray[np.float64]
+
+    def at(self, level_dn: float) -> float:
+        """Give the standard deviation at a level [DN]; beyond the ends as at the ends."""
+        return math.sqrt(float(np.interp(level_dn, self.levels_dn, self.variances_dn2)))
+
+
+def order_pixels(frame: Frame, polygon: Polygon, *, channel: str) -> PixelSignals:
+    """Give the extremes, the median and the percentiles of a region's pixels.
+
+    Only measured pixels count: the green sites for ``green``; for ``grey`` of a mosaic each pixel's local
+    mean over the pattern, as in a map. Percentiles lie between two pixels in proportion (numpy's "linear").
+    The median's noise is sqrt(pi / 2) times a mean's [1].
+
+    Takes
+    ----------
+      frame : window of the mosaic that holds the region
+    Raises InputRejected(roi_empty) if the region holds no measured pixel
+    References
+      [1] M. G. Kendall, A. Stuart, The Advanced Theory of Statistics 1, section 10.11
+
+    """
+    sums, parts = sum_signal(frame, channel=channel)
+    height, width = sums.shape
+    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    inside &= find_measured(frame, channel=channel)
+    values = sums[inside]
+    if not values.size:
+        raise InputRejected(
+            Code.ROI_EMPTY, f"The region holds no {channel} pixel of the frame: draw it larger."
+        )
+    noise = estimate_pixel_noise(sums, inside, parts=parts, lag=4 if channel == GREY else 2)
+    low, high = int(values.min()), int(values.max())
+    median, *percentiles = np.percentile(values, [50, *PERCENTILES], overwrite_input=True).tolist()
+
+    def pixel(number: float) -> PixelSignal:
+        return PixelSignal(value_dn=number / parts, noise_dn=noise.at(number / parts))
+
+    middle = pixel(median)
+    return PixelSignals(
+        pixels=int(values.size),
+        smallest=pixel(low),
+        largest=pixel(high),
+        median=PixelSignal(
+            value_dn=middle.value_dn, noise_dn=middle.noise_dn * math.sqrt(math.pi / 2 / values.size)
+        ),
+        percentiles=tuple(pixel(number) for number in percentiles),
+    )
+
+
+def estimate_pixel_noise(
+    sums: NDArray[np.unsignedinteger], inside: NDArray[np.bool_], *, parts: int, lag: int
+) -> NoiseCurve:
+    """Estimate the noise of single pixels from one frame, whatever the scene shows.
+
+    Three neighbours a, b, c of the same site in a line: a - 2 b + c is free of the light and of its gradient,
+    and its variance is 6 times a pixel's. Edges of the scene are outliers beyond 5 sigma of the median
+    deviation and are left out. Noise grows with the signal: the threes are sorted by their mean into bins of
+    equal number. Never less than the variance of rounding, 1/12 DN^2; that alone for a region without any.
+
+    Takes
+      sums : (row, col) unsigned [DN / parts]; inside : (row, col) bool, the measured pixels of the region
+      lag : distance of neighbours that share no number [px]
+    Source: EMVA 1288 release 4.0, 6.5: temporal noise from differences, here of neighbours instead of frames
+    """
+    step = max(1, math.ceil(sums.size / _MOST_PIXELS_FOR_NOISE))
+    threes = [
+        _threes(sums[band], inside[band], lag) for band in _bands(sums.shape[0], step=step, rows=4 * lag)
+    ]
+    levels = np.concatenate([level for level, _ in threes]) / parts
+    squares = np.concatenate([square for _, square in threes]) / parts**2
+    if not levels.size:
+        return NoiseCurve(np.zeros(1), np.full(1, _ROUNDING_VARIANCE))
+    order = np.argsort(levels, kind="stable")
+    bins = min(max(levels.size // _THREES_A_BIN, 1), _MOST_BINS)
+    chosen = np.array_split(order, bins)
+    return NoiseCurve(
+        np.array([levels[part].mean() for part in chosen]),
+        np.array([_variance(squares[part]) for part in chosen]),
+    )
+
+
+def _bands(height: int, *, step: int, rows: int) -> list[slice]:
+    """Give every step-th run of rows: enough of a large region."""
+    return [slice(top, top + rows) for top in range(0, height, rows * step)]
+
+
+def _threes(
+    sums: NDArray[np.unsignedinteger], inside: NDArray[np.bool_], lag: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give mean and squared second difference of three neighbours along both axes."""
+    levels, squares = [], []
+    for axis in (0, 1):
+        size = sums.shape[axis] - 2 * lag
+        if size <= 0:
+            continue
+        places = [(slice(None),) * axis + (slice(at, at + size),) for at in (0, lag, 2 * lag)]
+        chosen = np.logical_and.reduce([inside[place] for place in places])
+        a, b, c = (sums[place][chosen].astype(np.float64) for place in places)
+        levels.append((a + b + c) / 3)
+        squares.append((a - 2 * b + c) ** 2)
+    if not levels:
+        return np.empty(0), np.empty(0)
+    return np.concatenate(levels), np.concatenate(squares)
+
+
+def _variance(squares: NDArray[np.float64]) -> float:
+    """Give a sixth of the mean square of the second differences that are no outliers."""
+    spread = max(_MAD_TO_SIGMA * math.sqrt(float(np.median(squares))), 1.0)
+    kept = squares[squares <= (_OUTLIER_SIGMAS * spread) ** 2]
+    return max(float(kept.mean()) / 6 if kept.size else 0.0, _ROUNDING_VARIANCE)
