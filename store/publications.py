@@ -123,6 +123,14 @@ def _next_instant(session: Session, slot: Slot) -> datetime:
         session.scalar(select(func.max(column)).where(Publication.slot_id == slot.id))
         for column in (Publication.known_from, Publication.known_to)
     ]
+    # a version that held nothing was revoked without closing a row
+    last.append(
+        session.scalar(
+            select(func.max(Revocation.revoked_at))
+            .join(Calibration, Calibration.id == Revocation.calibration_id)
+            .where(Calibration.camera_id == slot.camera_id, Calibration.method == slot.method)
+        )
+    )
     return max([utc_now(), *(known + timedelta(microseconds=1) for known in last if known)])
 
 

@@ -1,0 +1,296 @@
+"""Publications against a plain list of what was said, replayed: 10,000 random steps on each database.
+
+The model knows nothing of rows, slots or closed knowledge: who holds an instant is whoever was last published
+over it, unless that version was revoked since; as known then, only what had been said by then counts.
+"""
+
+import random
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from secrets import token_hex
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import select
+
+from store import publications
+from store.errors import Conflict
+from store.queries.calibrations import history, standings
+from store.tables import Calibration, Camera, Campaign, Organisation, Publication, Revocation
+
+STEPS = 10_000
+SEED = 20260501
+TICK = timedelta(microseconds=1)
+INSTANTS = [datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=7 * number) for number in range(24)]
+FIRST_CLOCK = datetime(2026, 6, 1, tzinfo=UTC)
+LENSES = ({}, {"lens": {"model": "MFT 15mm"}})
+
+
+@dataclass(frozen=True)
+class Said:
+    """One event: ``version`` holds [start, end) from now on; with no start it is revoked."""
+
+    known: datetime
+    version: str
+    start: datetime | None = None
+    end: datetime | None = None
+
+
+class Model:
+    """What was said of each slot, in the order in which it was said."""
+
+    def __init__(self):
+        self.said = {}
+        self.revoked = set()
+
+    def copy(self):
+        twin = Model()
+        twin.said = {slot: list(events) for slot, events in self.said.items()}
+        twin.revoked = set(self.revoked)
+        return twin
+
+    def say(self, slot, event):
+        events = self.said.setdefault(slot, [])
+        if events:
+            assert event.known > events[-1].known, "knowledge has an order"
+        events.append(event)
+        if event.start is None:
+            self.revoked.add(event.version)
+
+    def holder(self, slot, at, known_at):
+        holds = None
+        for event in self.said.get(slot, []):
+            if event.known > known_at:
+                break
+            if event.start is None:
+                holds = None if holds == event.version else holds
+            elif event.start <= at and (event.end is None or at < event.end):
+                holds = event.version
+        return holds
+
+    def published(self, slot):
+        return {event.version for event in self.said.get(slot, []) if event.start is not None}
+
+    def hull(self, slot, version):
+        """From when to when a version holds now, gaps included; None where it holds nothing."""
+        events = self.said.get(slot, [])
+        edges = sorted({edge for event in events for edge in (event.start, event.end) if edge})
+        held = [edge for edge in edges if self.holder(slot, edge, events[-1].known) == version]
+        if not held:
+            return None
+        after = [edge for edge in edges if edge > held[-1]]
+        return held[0], after[0] if after else None
+
+
+class World:
+    """Three cameras, one of them with two lenses, many versions each; and a clock that may jump back."""
+
+    def __init__(self, database, monkeypatch, *, versions):
+        self.database = database
+        self.now = FIRST_CLOCK
+        monkeypatch.setattr(publications, "utc_now", lambda: self.now)
+        self.slots = {}
+        with database.writing("test") as session:
+            organisation = Organisation(name=f"house {token_hex(8)}")
+            session.add(organisation)
+            session.flush()
+            for serial, lenses in (("1", LENSES), ("2", LENSES[:1]), ("3", LENSES[1:])):
+                self._add_camera(session, organisation.id, serial, lenses, versions)
+        self.model = Model()
+
+    def _add_camera(self, session, organisation_id, serial, lenses, versions):
+        camera = Camera(organisation_id=organisation_id, make="DJI", model="FC6520", serial=serial)
+        session.add(camera)
+        session.flush()
+        campaign = Campaign(organisation_id=organisation_id, camera_id=camera.id, method="luminance")
+        session.add(campaign)
+        session.flush()
+        for place, lens in enumerate(lenses):
+            rows = [
+                Calibration(
+                    organisation_id=organisation_id,
+                    camera_id=camera.id,
+                    campaign_id=campaign.id,
+                    method="luminance",
+                    version=1 + number * len(lenses) + place,
+                    configuration=lens,
+                    parameters={},
+                    inputs={},
+                    result={},
+                    result_schema=1,
+                    software={},
+                    content_sha256=f"{number}-{place}",
+                    created_by="test",
+                )
+                for number in range(versions)
+            ]
+            session.add_all(rows)
+            session.flush()
+            self.slots[camera.id, place if len(lenses) > 1 else LENSES.index(lens)] = [r.id for r in rows]
+
+    def publish(self, session, slot, version, start, end):
+        calibration = session.get_one(Calibration, version)
+        if version in self.model.revoked:
+            with pytest.raises(Conflict):
+                publications.publish(session, calibration, valid_from=start, valid_to=end, reason="r")
+            return
+        row = publications.publish(session, calibration, valid_from=start, valid_to=end, reason="r")
+        self._say(slot, Said(row.known_from, version, start, end))
+
+    def revoke(self, session, slot, version):
+        again = version in self.model.revoked
+        publications.revoke(session, session.get_one(Calibration, version), reason="r", by="test")
+        if not again:
+            self._say(slot, Said(session.get_one(Revocation, version).revoked_at, version))
+
+    def _say(self, slot, event):
+        assert event.known >= self.now
+        self.model.say(slot, event)
+
+    def look_up(self, session, camera_id, at, known_at):
+        found = publications.in_force(
+            session, camera_id=camera_id, method="luminance", at=at, known_at=known_at
+        )
+        got = {
+            (camera_id, LENSES.index(held.calibration.configuration)): held.calibration.id for held in found
+        }
+        assert len(got) == len(found)
+        slots = [slot for slot in self.slots if slot[0] == camera_id]
+        holders = {slot: self.model.holder(slot, at, known_at) for slot in slots}
+        assert got == {slot: version for slot, version in holders.items() if version}
+
+    def check_states(self, session):
+        for slot, versions in self.slots.items():
+            now = standings(session, versions)
+            for version in versions:
+                self._check_state(slot, version, now[version])
+            for state in ("draft", "published", "superseded", "revoked"):
+                rows = session.scalars(history(slot[0], method="luminance", state=state))
+                listed = {row.id for row in rows} & set(versions)
+                assert listed == {version for version in versions if now[version].state == state}
+
+    def _check_state(self, slot, version, standing):
+        hull = self.model.hull(slot, version)
+        if version in self.model.revoked:
+            assert standing.state == "revoked"
+            assert hull is None
+        elif version not in self.model.published(slot):
+            assert standing.state == "draft"
+        else:
+            assert standing.state in {"published", "superseded"}
+            assert standing.state == "superseded" or hull
+            assert (standing.valid_from, standing.valid_to) == (hull or (None, None))
+            assert (standing.superseded_by is None) == (standing.state == "published")
+
+
+def anything_said(world):
+    return [event.known for events in world.model.said.values() for event in events] or [FIRST_CLOCK]
+
+
+class Walk:
+    """One random step after another."""
+
+    def __init__(self, world, seed):
+        self.world, self.random = world, random.Random(seed)
+
+    def step(self, session):
+        world, dice = self.world, self.random
+        world.now += dice.choice([timedelta(0), TICK, timedelta(seconds=3), timedelta(seconds=-2)])
+        slot = dice.choice(list(world.slots))
+        known = dice.random()
+        if known < 0.15:
+            version = dice.choice(world.slots[slot])
+            start, end = self._validity()
+            world.publish(session, slot, version, start, end)
+        elif known < 0.165:
+            world.revoke(session, slot, dice.choice(world.slots[slot]))
+        else:
+            world.look_up(session, slot[0], self._at(), self._known_at())
+
+    def _validity(self):
+        start = self.random.choice(INSTANTS)
+        if self.random.random() < 0.4:
+            return start, None
+        later = [instant for instant in INSTANTS if instant > start] or [start + TICK]
+        return start, self.random.choice(later)
+
+    def _at(self):
+        near = self.random.choice(INSTANTS)
+        return near + self.random.choice([-TICK, timedelta(0), timedelta(0), TICK, timedelta(hours=3)])
+
+    def _known_at(self):
+        far = [FIRST_CLOCK - timedelta(days=1), self.world.now + timedelta(days=1)]
+        near = self.random.choice(anything_said(self.world)[-40:] + anything_said(self.world)[:5])
+        return self.random.choice([*far, near - TICK, near, near, near + TICK])
+
+
+class RolledBack(Exception):  # noqa: N818
+    pass
+
+
+def test_ten_thousand_random_steps_agree_with_the_model(database, monkeypatch):
+    world = World(database, monkeypatch, versions=60)
+    walk = Walk(world, SEED)
+    done = 0
+    while done < STEPS:
+        before, steps = world.model.copy(), walk.random.randint(1, 40)
+        lost = walk.random.random() < 0.1
+        try:
+            with database.writing("test") as session:
+                for number in range(done, done + steps):
+                    step = number
+                    walk.step(session)
+                if lost:
+                    raise RolledBack  # noqa: TRY301
+            with database.reading() as session:
+                walk.world.look_up(session, next(iter(world.slots))[0], INSTANTS[5], world.now)
+                if walk.random.random() < 0.1:
+                    world.check_states(session)
+        except RolledBack:
+            world.model = before
+        except (AssertionError, Exception) as error:
+            error.add_note(f"seed {SEED}, step {step}")
+            raise
+        done += steps
+    with database.reading() as session:
+        world.check_states(session)
+        rows = list(session.scalars(select(Publication)))
+    assert len(rows) > 1000
+    assert len(world.model.revoked) > 50
+
+
+places = st.integers(0, 4)
+decisions = st.lists(
+    st.one_of(
+        st.tuples(st.just("publish"), st.integers(0, 2), places, st.one_of(st.none(), places)),
+        st.tuples(st.just("revoke"), st.integers(0, 2)),
+    ),
+    max_size=7,
+)
+
+
+@settings(
+    max_examples=40,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(steps=decisions)
+def test_every_instant_after_a_few_steps(database, monkeypatch, steps):
+    world = World(database, monkeypatch, versions=3)
+    slot = next(iter(world.slots))
+    with database.writing("test") as session:
+        for kind, version, *validity in steps:
+            world.now += TICK
+            if kind == "revoke":
+                world.revoke(session, slot, world.slots[slot][version])
+            else:
+                start, end = (None if place is None else INSTANTS[place] for place in validity)
+                end = start + TICK if end is not None and end <= start else end
+                world.publish(session, slot, world.slots[slot][version], start, end)
+    with database.reading() as session:
+        for known in {FIRST_CLOCK, *anything_said(world), world.now + TICK}:
+            for at in {instant + shift for instant in INSTANTS[:6] for shift in (-TICK, 0 * TICK, TICK)}:
+                world.look_up(session, slot[0], at, known)
+        world.check_states(session)
