@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test audit lint format bench lock clean
+.PHONY: help demo up test audit export verify lint format bench lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -21,6 +21,12 @@ test: $(VENV)/dev  ## every test, on SQLite and on PostgreSQL
 
 audit: $(VENV)/run  ## is the audit trail whole? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)
+
+export: $(VENV)/run  ## what a version rests on, into a folder: CAL=<id> URL=<service> KEY=<key> TO=<folder>
+	@STILB_KEY="$(KEY)" python -m stilb export "$(CAL)" "$(TO)" --url "$(URL)"
+
+verify: $(VENV)/run  ## compute a certificate anew: CERT=<file or address> DATA=<folder or service> [KEY=<key>]
+	@STILB_KEY="$(KEY)" python -m verify "$(CERT)" --data "$(DATA)"
 
 lint: $(VENV)/dev  ## style, types and who may import whom
 	@ruff check . && ruff format --check . && mypy && lint-imports

@@ -7,6 +7,7 @@ with stilb.Client("http://127.0.0.1:8000", key) as client:
 """
 
 from stilb.client import Client
+from stilb.export import ExportProgress
 from stilb.problem import JobFailed, Problem
 from stilb.records import (
     Calibration,
@@ -27,6 +28,7 @@ __all__ = [
     "Campaign",
     "Client",
     "Coefficient",
+    "ExportProgress",
     "Frame",
     "Job",
     "JobFailed",

@@ -3,9 +3,11 @@
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, Unpack, overload
 
+from stilb.export import OnExport, export
 from stilb.problem import JobFailed
 from stilb.records import (
     Calibration,
@@ -236,6 +238,14 @@ class Client:
     def revoke(self, calibration_id: str, *, reason: str) -> dict[str, Any]:
         """Take a version out of force; the answer lists the measurements that rest on it."""
         return self._post(f"/v1/calibrations/{calibration_id}/revoke", {"reason": reason})
+
+    def certificate(self, calibration_id: str) -> dict[str, Any]:
+        """What is handed out with a version, and all that is needed to compute it anew."""
+        return self._get(f"/v1/calibrations/{calibration_id}/certificate.json")
+
+    def export(self, calibration_id: str, folder: PathLike, *, on_progress: OnExport | None = None) -> Path:
+        """Put everything that a version rests on into a folder; see ``stilb.export``. Safe to call again."""
+        return export(self._transport, calibration_id, Path(folder), on_progress)
 
     def points_csv(self, calibration_id: str) -> str:
         return self._text(f"/v1/calibrations/{calibration_id}/points.csv")

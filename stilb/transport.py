@@ -5,8 +5,9 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO, Self, TypeVar
 
 import httpx
 
@@ -15,6 +16,9 @@ from stilb import problem
 _REPEATABLE = frozenset({"GET", "HEAD", "PUT", "DELETE"})
 _LONGEST_PAUSE_S = 60.0
 _KEY = "Idempotency-Key"
+_CHUNK_BYTES = 1 << 20
+
+Answer = TypeVar("Answer")
 
 Query = Mapping[str, str | int | float | None]
 
@@ -70,12 +74,24 @@ class Transport:
 
     def send(self, call: Call) -> httpx.Response:
         """Send until it is answered; only what is safe to send twice is sent twice."""
+        return self._repeat(call, self._once)
+
+    def download(self, call: Call, path: Path) -> None:
+        """Write an answer to a file in flat memory; an answer that broke off is begun anew."""
+
+        def save(call: Call, headers: Mapping[str, str]) -> None:
+            with path.open("wb") as file:
+                self._save(call, headers, file)
+
+        self._repeat(call, save)
+
+    def _repeat(self, call: Call, once: Callable[[Call, Mapping[str, str]], Answer]) -> Answer:
         headers = call.sent_headers()
         repeatable = call.method in _REPEATABLE or _KEY in headers
         attempt = 0
         while True:
             try:
-                return self._once(call, headers)
+                return once(call, headers)
             except problem.Problem as found:
                 if attempt >= self._retries or not (repeatable and found.retryable):
                     raise
@@ -127,6 +143,16 @@ class Transport:
         if not response.is_success:
             raise problem.from_response(response)
         return response
+
+    def _save(self, call: Call, headers: Mapping[str, str], file: BinaryIO) -> None:
+        try:
+            with self._http.stream(call.method, call.path, headers=headers) as response:
+                if not response.is_success:
+                    response.read()
+                    raise problem.from_response(response)
+                file.writelines(response.iter_bytes(_CHUNK_BYTES))
+        except httpx.TransportError as error:
+            raise problem.from_transport(error) from error
 
     def _pause_s(self, attempt: int, retry_after_s: float | None) -> float:
         """Twice as long each time, with a random part, so that many clients do not come back as one."""

@@ -34,3 +34,10 @@ def decode_statistics(row: ChannelRow) -> ChannelStatistics:
 
 def encode_statistics(row: ChannelStatistics) -> dict[str, Any]:
     return asdict(row)
+
+
+def drop_absent(value: Any) -> Any:  # noqa: ANN401
+    """The same without what does not exist: absent is left out, never null."""
+    if isinstance(value, dict):
+        return {name: drop_absent(member) for name, member in value.items() if member is not None}
+    return [drop_absent(member) for member in value] if isinstance(value, list) else value

@@ -42,8 +42,7 @@ def write_version(
     """Write the next version of the camera; the same content again is the version that exists."""
     inputs = _inputs(session, evidence)
     parameters = encode(params)
-    content = json.dumps([inputs, parameters, CODE_VERSION], sort_keys=True)
-    content_sha256 = hashlib.sha256(content.encode()).hexdigest()
+    content_sha256 = hash_content(inputs, parameters)
     found = session.scalar(
         select(Calibration).where(
             Calibration.campaign_id == campaign.id, Calibration.content_sha256 == content_sha256
@@ -72,6 +71,12 @@ def write_version(
     session.add_all(_coefficients(calibration.id, fit))
     session.flush()
     return calibration
+
+
+def hash_content(inputs: dict[str, Any], parameters: dict[str, Any]) -> str:
+    """The identity of what this code makes of these inputs."""
+    content = json.dumps([inputs, parameters, CODE_VERSION], sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()
 
 
 def _inputs(session: Session, evidence: Evidence) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from service.schemas.certificates import (
     Validity,
 )
 from service.schemas.equipment import CameraAnswer
-from store.codec import decode_statistics, encode, encode_statistics
+from store.codec import decode_statistics, drop_absent, encode, encode_statistics
 from store.queries.dossier import Dossier
 
 SCHEMA_VERSION = 1
@@ -95,13 +95,6 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
     )
     gaps = [Gap(code=found.code.value, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
-
-
-def drop_absent(value: Any) -> Any:  # noqa: ANN401
-    """The same without what does not exist: absent is left out, never null."""
-    if isinstance(value, dict):
-        return {name: drop_absent(member) for name, member in value.items() if member is not None}
-    return [drop_absent(member) for member in value] if isinstance(value, list) else value
 
 
 def _name(dossier: Dossier, key_id: str) -> str:

@@ -1,0 +1,100 @@
+"""Everything that a calibration rests on, in a folder. Begun again, it fetches only what is not there yet.
+
+certificate.json  certificate.pdf   as the service gives them
+readings.json     roi.json          the meter readings and regions that went in
+frames/<hash>-<name>                every frame, byte for byte
+SHA256SUMS                          for `sha256sum --check` of the frames
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stilb.problem import Problem
+from stilb.transport import Call, Transport
+
+CERTIFICATE, READINGS, REGIONS = "certificate.json", "readings.json", "roi.json"
+
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportProgress:
+    """How far an export is; what lay there already counts as done."""
+
+    filename: str
+    files_done: int
+    files_total: int
+    bytes_done: int
+    bytes_total: int
+
+
+OnExport = Callable[[ExportProgress], None]
+
+
+def frame_path(frame: Mapping[str, Any]) -> str:
+    """Where a frame of a certificate lies in an export: under a name that no file system minds."""
+    sha256 = str(frame["sha256"])
+    if _SHA256.fullmatch(sha256) is None:
+        raise ValueError(f"not a SHA-256: {sha256!r}")
+    return f"frames/{sha256[:12]}-{re.sub(r'[^A-Za-z0-9._-]', '_', str(frame['frame']))[:100]}"
+
+
+def hash_file(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def export(transport: Transport, calibration_id: str, folder: Path, on_progress: OnExport | None) -> Path:
+    """Fetch it all; a file counts only when its hash is the certificate's."""
+    (folder / "frames").mkdir(parents=True, exist_ok=True)
+    address = f"/v1/calibrations/{calibration_id}"
+    content = transport.send(Call(method="GET", path=f"{address}/certificate.json")).content
+    certificate = json.loads(content)
+    frames = certificate["frames"]
+    total = sum(frame["size_bytes"] for frame in frames)
+    done = 0
+    for number, frame in enumerate(frames, start=1):
+        _fetch_frame(transport, frame, folder / frame_path(frame))
+        done += frame["size_bytes"]
+        if on_progress is not None:
+            on_progress(
+                ExportProgress(
+                    filename=frame["frame"],
+                    files_done=number,
+                    files_total=len(frames),
+                    bytes_done=done,
+                    bytes_total=total,
+                )
+            )
+    transport.download(Call(method="GET", path=f"{address}/certificate.pdf"), folder / "certificate.pdf")
+    _write_json(folder / READINGS, certificate["readings"])
+    _write_json(folder / REGIONS, certificate["regions"])
+    sums = "".join(f"{frame['sha256']}  {frame_path(frame)}\n" for frame in frames)
+    (folder / "SHA256SUMS").write_text(sums, encoding="utf-8")
+    (folder / CERTIFICATE).write_bytes(content)  # last: where it lies, the rest lies too
+    return folder
+
+
+def _fetch_frame(transport: Transport, frame: Mapping[str, Any], path: Path) -> None:
+    if path.exists() and hash_file(path) == frame["sha256"]:
+        return
+    part = path.with_name(f"{path.name}.part")
+    transport.download(Call(method="GET", path=f"/v1/frames/{frame['id']}/content"), part)
+    found = hash_file(part)
+    if found != frame["sha256"]:
+        raise Problem(
+            status=200,
+            code="export_damaged",
+            detail=f"{frame['frame']} has arrived with the hash {found}, not {frame['sha256']}",
+            retryable=True,
+        )
+    part.replace(path)
+
+
+def _write_json(path: Path, value: object) -> None:
+    path.write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

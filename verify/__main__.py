@@ -1,0 +1,67 @@
+"""``make verify CERT=... DATA=... [KEY=...]``: says whether a certificate's every figure comes out again.
+
+The exit code is 0 when all agree to the last bit, 1 when something differs, 2 when nothing can be compared.
+"""
+
+import argparse
+import os
+import sys
+
+from rich.console import Console
+
+import stilb
+from verify.checks import check
+from verify.data import Unusable, is_address, open_data, read_certificate, split_address
+from verify.recompute import recompute
+from verify.report import conclude, tabulate
+from worker.decode.pool import DecoderPool, DecoderUnavailable
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Verify, print the table, give the exit code."""
+    asked = _read_arguments(arguments)
+    console = Console(highlight=False)
+    try:
+        return _verify(asked.certificate, asked.data, asked.key, console)
+    except (Unusable, stilb.Problem, DecoderUnavailable) as error:
+        console.print(f"verify: {error}", markup=False, soft_wrap=True)
+        return 2
+    except (KeyError, TypeError, ValueError) as error:
+        # a hand that edits a certificate may also take something away
+        console.print(f"verify: the certificate or the data lack something: {error!r}", markup=False)
+        return 2
+
+
+def _verify(place: str, data_place: str, key: str, console: Console) -> int:
+    certificate = read_certificate(place, key)
+    with (
+        open_data(data_place, key, certificate["calibration_id"]) as data,
+        DecoderPool(1) as decoders,
+        console.status("reading the frames") as status,
+    ):
+
+        def tell(done: int, total: int) -> None:
+            status.update(f"reading the frames: {done} of {total}")
+
+        found = recompute(certificate, data, decoders, tell)
+        rows = check(certificate, data, found)
+    console.print(tabulate(certificate, rows))
+    console.print(conclude(rows), markup=False)
+    return 0 if all(row.same for row in rows) else 1
+
+
+def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m verify", description="Compute a certificate anew.")
+    parser.add_argument("certificate", help="certificate.json, or its address on a server")
+    parser.add_argument("--data", default="", help="an export's folder, or a server's address")
+    parser.add_argument("--key", default=os.environ.get("STILB_KEY", ""), help="for a server; or STILB_KEY")
+    asked = parser.parse_args(arguments)
+    if not asked.data:
+        if not is_address(asked.certificate):
+            parser.error("say where the frames are: --data FOLDER or --data http://...")
+        asked.data, _ = split_address(asked.certificate)
+    return asked
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,119 @@
+"""Every quantity of a certificate that the data decide, beside what the data say."""
+
+from collections.abc import Iterator
+
+from radiometry.luminance.budget import explain_budget
+from radiometry.roi import Polygon
+from store.codec import drop_absent, encode
+from store.fitting import hash_content
+from store.software import CODE_VERSION, EXTRACTOR
+from verify.compare import ABSENT, Row, compare
+from verify.data import Data, Node
+from verify.recompute import Recomputed, inputs_of
+
+_DECIDED_LATER = ("validity", "published", "checklist", "gaps")
+"""What may rightly have changed since a certificate was handed out."""
+
+
+def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
+    """All rows, the same and the different, in the order of the work: software, data, figures, whole."""
+    return [
+        *_software(certificate),
+        *_frames(found),
+        *compare("readings", certificate["readings"], data.readings),
+        *compare("regions", certificate["regions"], data.regions),
+        *_regions(data),
+        *_meters(certificate),
+        *_figures(certificate, found),
+        *_content(certificate, data, found),
+        *_own_copy(certificate, data),
+    ]
+
+
+def _software(certificate: Node) -> Iterator[Row]:
+    yield from compare(
+        "software",
+        {name: certificate["software"].get(name, ABSENT) for name in ("stilb", "extractor")},
+        {"stilb": CODE_VERSION, "extractor": EXTRACTOR},
+    )
+
+
+def _frames(found: Recomputed) -> Iterator[Row]:
+    for frame in found.frames:
+        stated, name = frame.stated, frame.stated["frame"]
+        yield Row(
+            group="frame files",
+            quantity=f"{name} SHA-256",
+            certificate=stated["sha256"],
+            recomputed=frame.sha256 or frame.trouble,
+        )
+        if frame.row is None:
+            yield Row(group="frames", quantity=name, certificate="can be read", recomputed=frame.trouble)
+            continue
+        exposure = drop_absent(encode(frame.row.exposure))
+        yield from compare("exposures", stated["exposure"], exposure, name)
+        yield from compare("frame statistics", {key: stated[key] for key in frame.signal}, frame.signal, name)
+
+
+def _regions(data: Data) -> Iterator[Row]:
+    for region in data.regions:
+        found = Polygon.from_points(region["points"]).sha256
+        yield Row(
+            group="regions", quantity="SHA-256 of its corners", certificate=region["sha256"], recomputed=found
+        )
+
+
+def _meters(certificate: Node) -> Iterator[Row]:
+    """The uncertainty that went into the fit is the one on the meter's certificate."""
+    meters = {meter["id"]: meter.get("certificate", {}) for meter in certificate["meters"]}
+    for index, reading in enumerate(certificate["readings"]):
+        if "meter_id" in reading:
+            for name in ("expanded_uncertainty_rel", "coverage_factor"):
+                yield Row(
+                    group="meter certificates",
+                    quantity=f"[{index}].{name}",
+                    certificate=meters.get(reading["meter_id"], {}).get(name, ABSENT),
+                    recomputed=reading.get(name, ABSENT),
+                )
+
+
+def _figures(certificate: Node, found: Recomputed) -> Iterator[Row]:
+    if found.fit is None:
+        yield Row(group="fit", quantity="fit", certificate="was possible", recomputed=found.trouble)
+        return
+    stated = dict(certificate["result"])
+    stated["points"] = [_without(point, "frame_id") for point in stated["points"]]
+    result = drop_absent(encode(found.fit))
+    for name in sorted(stated.keys() | result.keys()):
+        yield from compare(name, stated.get(name, ABSENT), result.get(name, ABSENT), name)
+    budgets = [
+        {
+            "iso": fit.coefficient.iso,
+            "lines": [drop_absent(encode(line)) for line in explain_budget(fit)],
+        }
+        for fit in found.fit.iso_fits
+    ]
+    yield from compare("budgets", certificate["budgets"], budgets, "budgets")
+    flags = [_without(flag, "meaning") for flag in certificate["flags"]]
+    yield from compare("flags in words", flags, result["flags"], "flags")
+
+
+def _content(certificate: Node, data: Data, found: Recomputed) -> Iterator[Row]:
+    inputs = inputs_of(certificate, found, data)
+    yield Row(
+        group="content hash",
+        quantity="content SHA-256",
+        certificate=certificate["content_sha256"],
+        recomputed=hash_content(inputs, encode(found.params)),
+    )
+
+
+def _own_copy(certificate: Node, data: Data) -> Iterator[Row]:
+    """The data bring the certificate as it was handed out with them."""
+    kept = {name: value for name, value in certificate.items() if name not in _DECIDED_LATER}
+    theirs = {name: value for name, value in data.certificate.items() if name not in _DECIDED_LATER}
+    yield from compare("the data's own certificate", kept, theirs)
+
+
+def _without(node: Node, name: str) -> Node:
+    return {key: value for key, value in node.items() if key != name}

@@ -1,0 +1,97 @@
+"""What a certificate is checked against: an export in a folder, or one fetched from a server for this."""
+
+import json
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import stilb
+from stilb.export import CERTIFICATE, READINGS, REGIONS, frame_path
+
+Node = dict[str, Any]
+
+
+class Unusable(Exception):  # noqa: N818  it says what was found
+    """There is no certificate, or no data, where it was said to be."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Data:
+    """An export, read. ``certificate``: its own copy, which need not be the one that is checked."""
+
+    folder: Path
+    certificate: Node
+    readings: list[Node]
+    regions: list[Node]
+
+    def path(self, frame: Node) -> Path:
+        """Where a frame of a certificate lies, if it is there."""
+        return self.folder / frame_path(frame)
+
+
+def read_certificate(place: str, key: str) -> Node:
+    """From a file, or from an address that ends in /v1/calibrations/<id>/certificate.json."""
+    if not is_address(place):
+        return _checked(_read_json(Path(place)), place)
+    server, path = split_address(place)
+    parts = path.strip("/").split("/")
+    if len(parts) != 4 or parts[:2] != ["v1", "calibrations"]:
+        raise Unusable(
+            f"{place} is not the address of a certificate: .../v1/calibrations/<id>/certificate.json"
+        )
+    with stilb.Client(server, key) as client:
+        return _checked(client.certificate(parts[2]), place)
+
+
+@contextmanager
+def open_data(place: str, key: str, calibration_id: str) -> Iterator[Data]:
+    """An export's folder; a server's export is made in a folder that lasts as long as this context."""
+    if not is_address(place):
+        yield _read_folder(Path(place))
+        return
+    server, _ = split_address(place)
+    with tempfile.TemporaryDirectory(prefix="stilb-verify-") as folder, stilb.Client(server, key) as client:
+        yield _read_folder(client.export(calibration_id, folder))
+
+
+def is_address(place: str) -> bool:
+    """Whether a place is on a server."""
+    return place.startswith(("http://", "https://"))
+
+
+def split_address(place: str) -> tuple[str, str]:
+    """The server and the path on it."""
+    parts = urlsplit(place)
+    return f"{parts.scheme}://{parts.netloc}", parts.path
+
+
+def _read_folder(folder: Path) -> Data:
+    return Data(
+        folder=folder,
+        certificate=_read_json(folder / CERTIFICATE),
+        readings=_read_json(folder / READINGS),
+        regions=_read_json(folder / REGIONS),
+    )
+
+
+def _read_json(path: Path) -> Any:  # noqa: ANN401  JSON
+    try:
+        return json.loads(path.read_bytes(), parse_constant=_refuse)
+    except OSError as error:
+        raise Unusable(f"{path} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise Unusable(f"{path} is no JSON: {error}") from error
+
+
+def _refuse(name: str) -> float:
+    raise ValueError(f"{name} is no number")
+
+
+def _checked(certificate: Any, place: str) -> Node:  # noqa: ANN401  JSON
+    if not isinstance(certificate, dict) or certificate.get("schema_version") != 1:
+        raise Unusable(f"{place} is no certificate that this verifier knows (schema_version 1)")
+    return certificate

@@ -1,0 +1,62 @@
+"""The table that a verification prints: results one by one, the rest by kind, differences in full."""
+
+from rich.table import Table
+
+from verify.compare import Row
+from verify.data import Node
+
+_HEADLINES = {
+    "luminance_k": "K",
+    "luminance_k_standard_uncertainty": "u(K)",
+    "expanded_uncertainty": "U(K)",
+    "coverage_factor": "k",
+    "dark_signal_dn": "D",
+}
+_MOST_DIFFERENT = 40
+
+
+def tabulate(certificate: Node, rows: list[Row]) -> Table:
+    """Give the table: quantity, certificate, recomputed, same or not."""
+    table = Table(title=f"Certificate {certificate['number']}", title_justify="left")
+    for name in ("quantity", "certificate", "recomputed", "same?"):
+        table.add_column(name, overflow="fold")
+    isos = [fit["coefficient"]["iso"] for fit in certificate["result"]["iso_fits"]]
+    figures = {row.quantity: row for row in rows if row.group == "iso_fits"}
+    for index, iso in enumerate(isos):
+        for name, symbol in _HEADLINES.items():
+            row = figures.get(f"iso_fits[{index}].coefficient.{name}")
+            if row is not None:
+                table.add_row(
+                    f"ISO {iso:g} {symbol}", _show(row.certificate), _show(row.recomputed), _verdict(row)
+                )
+    table.add_section()
+    for group in dict.fromkeys(row.group for row in rows):
+        mine = [row for row in rows if row.group == group]
+        same = sum(row.same for row in mine)
+        verdict = "yes" if same == len(mine) else "NO"
+        table.add_row(f"{group.replace('_', ' ')} (all)", f"{len(mine)}", f"{same} the same", verdict)
+    different = [row for row in rows if not row.same]
+    if different:
+        table.add_section()
+    for row in different[:_MOST_DIFFERENT]:
+        name = f"{row.group}: {row.quantity}"
+        table.add_row(name, _show(row.certificate), _show(row.recomputed), _verdict(row))
+    if len(different) > _MOST_DIFFERENT:
+        table.add_row(f"and {len(different) - _MOST_DIFFERENT} more", "", "", "NO")
+    return table
+
+
+def conclude(rows: list[Row]) -> str:
+    """One sentence."""
+    different = sum(not row.same for row in rows)
+    if different:
+        return f"{different} of {len(rows)} quantities differ."
+    return f"All {len(rows)} quantities are the same to the last bit."
+
+
+def _verdict(row: Row) -> str:
+    return "yes" if row.same else f"NO {row.difference}".strip()
+
+
+def _show(value: object) -> str:
+    return value if isinstance(value, str) else repr(value)
