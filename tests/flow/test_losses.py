@@ -30,7 +30,7 @@ def runs(deployment, subjects):
 
 
 def kill_at_work(deployment, subjects, dead=frozenset()):
-    """Kill the worker while it runs one of these jobs; the runs that it was killed in, none if it was too late.
+    """Kill the worker while it runs one of these jobs; the runs it was killed in; none if too late.
 
     `dead`: the runs of earlier kills, which seem to go on until their leases end.
     """
