@@ -82,6 +82,13 @@ def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[Channel
     return (*rows, _summarise(GREY, *everything))
 
 
+def select_rows(statistics: Sequence[ChannelStatistics], *, channel: str) -> list[ChannelStatistics]:
+    """Give the rows of which the signal is made: those of ``channel``, or grey where the image has none."""
+    wanted = ("G1", "G2", "G") if channel == "green" else (channel,)
+    rows = [row for row in statistics if row.channel in wanted]
+    return rows or [row for row in statistics if row.channel == GREY]
+
+
 def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "green") -> Signal:
     """Give the signal of a region: the mean over both greens, or over one channel.
 
@@ -100,10 +107,7 @@ def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "g
       [2] W. F. Sheppard, Proc. London Math. Soc. 29, 353, 1898
 
     """
-    wanted = ("G1", "G2", "G") if channel == "green" else (channel,)
-    rows = [row for row in statistics if row.channel in wanted]
-    if not rows:
-        rows = [row for row in statistics if row.channel == GREY]
+    rows = select_rows(statistics, channel=channel)
     count = len(rows)
     variance = sum(_mean_variance(row) for row in rows) / count**2
     return Signal(

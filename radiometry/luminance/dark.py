@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from radiometry.flags import Flag, Raised
 from radiometry.statistics import Signal
 
-_EXPOSURE_RATIO = 2.0
-_FEW = 3
+EXPOSURE_RATIO = 2.0
+FEW_DARK_FRAMES = 3
 _VARIATION_REL = 0.01
 _TWELVE_BIT_STEPS = 4096.0
 
@@ -49,7 +49,7 @@ def estimate_dark(dark: Sequence[Signal], light: Sequence[Signal]) -> Dark:
     n = len(values)
     within = math.fsum(sorted(signal.standard_uncertainty_dn**2 for signal in dark)) / n
     between = python_statistics.variance(values) if n > 1 else 0.0
-    efficiency = math.pi / 2 if n >= _FEW else 1.0
+    efficiency = math.pi / 2 if n >= FEW_DARK_FRAMES else 1.0
     return Dark(
         signal_dn=python_statistics.median(values),
         standard_uncertainty_dn=math.sqrt(efficiency * max(between, within) / n),
@@ -75,20 +75,20 @@ def check_dark(
         detail = "No dark frame: the black level that the files state was subtracted."
         return [Raised(flag=Flag.DARK_FROM_BLACK_LEVEL.value, where=where, detail=detail)]
     raised: list[Raised] = []
-    if len(dark_times_s) < _FEW:
+    if len(dark_times_s) < FEW_DARK_FRAMES:
         detail = f"Dark frames: {len(dark_times_s)}."
         raised.append(Raised(flag=Flag.DARK_FROM_FEW_FRAMES.value, where=where, detail=detail))
     if dark.frame_spread_dn > _VARIATION_REL * weakest_signal_dn:
         detail = f"Spread {dark.frame_spread_dn:.3g} DN, weakest signal {weakest_signal_dn:.4g} DN."
         raised.append(Raised(flag=Flag.DARK_VARIES.value, where=where, detail=detail))
-    far = [time for time in sorted(set(light_times_s)) if _distance(time, dark_times_s) > _EXPOSURE_RATIO]
+    far = [time for time in sorted(set(light_times_s)) if time_ratio(time, dark_times_s) > EXPOSURE_RATIO]
     if far:
         times = ", ".join(f"{time:g} s" for time in far)
-        detail = f"No dark frame within a factor of {_EXPOSURE_RATIO:g} of the exposure time {times}."
+        detail = f"No dark frame within a factor of {EXPOSURE_RATIO:g} of the exposure time {times}."
         raised.append(Raised(flag=Flag.DARK_EXPOSURE_DIFFERS.value, where=where, detail=detail))
     return raised
 
 
-def _distance(time_s: float, others_s: Sequence[float]) -> float:
+def time_ratio(time_s: float, others_s: Sequence[float]) -> float:
     """Give the ratio to the nearest other time, >= 1, free of rounding's last digit."""
     return round(min(max(time_s / other, other / time_s) for other in others_s), 9)

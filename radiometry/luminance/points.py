@@ -14,6 +14,7 @@ from radiometry.statistics import Signal, measure_signal
 MOST_SATURATED_SHARE = 0.001
 DETECTION_ERRORS = 3.0
 FEWEST_SCENES = 3
+FEW_POINTS = 6
 
 _MOST_NAMES = 3
 
@@ -103,6 +104,21 @@ def _candidate(
     )
 
 
+def is_saturated(signal: Signal) -> bool:
+    """Say whether too many samples are saturated for the mean to count."""
+    return signal.saturated_share > MOST_SATURATED_SHARE
+
+
+def signal_error_dn(signal: Signal, dark: Dark) -> float:
+    """Give the standard error of a signal above dark [DN]."""
+    return math.hypot(signal.standard_uncertainty_dn, dark.standard_uncertainty_dn)
+
+
+def is_below_detection(signal: Signal, dark: Dark) -> bool:
+    """Say whether a signal cannot be told from dark."""
+    return signal.value_dn - dark.signal_dn < DETECTION_ERRORS * signal_error_dn(signal, dark)
+
+
 def _why_left_out(
     row: FrameRow, signal: Signal, dark: Dark, scene: SceneSummary | None, params: Params
 ) -> str:
@@ -111,12 +127,11 @@ def _why_left_out(
             return f"excluded by {exclusion.by}: {exclusion.reason}"
     if scene is None:
         return "its scene has no luminance reading"
-    if signal.saturated_share > MOST_SATURATED_SHARE:
+    if is_saturated(signal):
         return (
             f"{signal.saturated_share:.2%} of its samples are saturated, more than {MOST_SATURATED_SHARE:.1%}"
         )
-    error = math.hypot(signal.standard_uncertainty_dn, dark.standard_uncertainty_dn)
-    if signal.value_dn - dark.signal_dn < DETECTION_ERRORS * error:
+    if is_below_detection(signal, dark):
         return f"its signal is less than {DETECTION_ERRORS:g} standard errors above dark"
     return ""
 

@@ -11,6 +11,7 @@ from radiometry.frame import Frame
 from radiometry.methods import luminance
 from radiometry.roi import Polygon
 from radiometry.statistics import ChannelStatistics
+from radiometry.verdicts import Taken, Verdict
 
 Method = Literal["luminance"]
 Params = luminance.Params
@@ -53,6 +54,32 @@ def missing(
     match method:
         case "luminance":
             return luminance.missing(rows, readings, params, unread=unread)
+        case _:
+            assert_never(method)
+
+
+def judge(
+    method: Method,
+    frames: Sequence[Taken],
+    rows: Sequence[FrameRow],
+    readings: Sequence[Reading],
+    params: Params,
+) -> dict[str, Verdict]:
+    """Give the verdict on each frame of a campaign, by name; ``rows`` are those that a fit would see."""
+    match method:
+        case "luminance":
+            return luminance.judge(frames, rows, readings, params)
+        case _:
+            assert_never(method)
+
+
+def plan(
+    method: Method, rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> tuple[str, ...]:
+    """Say, by name, what would make a fit good."""
+    match method:
+        case "luminance":
+            return luminance.plan(rows, readings, params)
         case _:
             assert_never(method)
 

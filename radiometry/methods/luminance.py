@@ -18,7 +18,15 @@ from radiometry.luminance.application import apply_coefficient as apply
 from radiometry.luminance.application import luminance_per_dn
 from radiometry.luminance.curves import fit_series
 from radiometry.luminance.dark import check_dark
-from radiometry.luminance.points import IsoSeries, collect_series, list_missing, list_unread_scenes
+from radiometry.luminance.judging import judge
+from radiometry.luminance.planning import plan
+from radiometry.luminance.points import (
+    FEW_POINTS,
+    IsoSeries,
+    collect_series,
+    list_missing,
+    list_unread_scenes,
+)
 from radiometry.luminance.results import (
     AppliedLuminance,
     BudgetEntry,
@@ -53,15 +61,16 @@ __all__ = [
     "apply",
     "extract",
     "fit",
+    "judge",
     "luminance_per_dn",
     "missing",
+    "plan",
 ]
 
 SCHEMA_VERSION = 1
 
 _NONLINEARITY = 0.02
 _IMPLAUSIBLE_RATIO = 4.0
-_FEW_POINTS = 6
 
 
 def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
@@ -143,7 +152,7 @@ def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -
         dark_times_s=series.dark_times_s,
         weakest_signal_dn=min(c.signal.value_dn for c in series.used) - series.dark.signal_dn,
     )
-    if len(used) < _FEW_POINTS:
+    if len(used) < FEW_POINTS:
         flags.append(_raise(Flag.FEW_POINTS, where, f"Points: {len(used)}."))
     rendered = sum(row.rendered for row in light)
     if rendered:

@@ -6,6 +6,7 @@ from radiometry import methods
 from radiometry.frame import Frame
 from radiometry.methods import luminance
 from radiometry.roi import Polygon
+from tests.radiometry.evidence import taken
 
 
 def test_every_method_has_a_schema_version():
@@ -16,6 +17,13 @@ def test_every_method_has_a_schema_version():
 def test_luminance_is_forwarded(drawn):
     params = luminance.Params()
     assert methods.missing("luminance", (), (), params) == luminance.missing((), (), params)
+    assert methods.plan("luminance", drawn.rows, drawn.readings, params) == luminance.plan(
+        drawn.rows, drawn.readings, params
+    )
+    frames = [taken(row) for row in drawn.rows]
+    assert methods.judge("luminance", frames, drawn.rows, drawn.readings, params) == luminance.judge(
+        frames, drawn.rows, drawn.readings, params
+    )
     fit = methods.fit("luminance", drawn.rows, drawn.readings, params)
     assert fit == luminance.fit(drawn.rows, drawn.readings, params)
     row = drawn.rows[0]

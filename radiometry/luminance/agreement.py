@@ -1,0 +1,149 @@
+"""Whether a light frame agrees with its scene: with the readings there, and with the other frames."""
+
+import statistics as python_statistics
+from collections.abc import Iterable, Sequence
+
+from radiometry.exposure import compute_rhs
+from radiometry.flags import Flag
+from radiometry.luminance.exposing import USEFUL_SHARE
+from radiometry.luminance.points import Candidate, IsoSeries, is_below_detection, is_saturated
+from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.luminance.scenes import check_scenes, summarise_scenes
+from radiometry.luminance.wording import show_settings
+from radiometry.verdicts import Reason, ReasonCode
+
+DOUBTFUL_REL = 0.25
+"""Distance of a frame's brightness from the median of its scene. Markings of aperture and time err by up to
+5.6 % and 6.7 %, a lens that vignettes wide open by some more; a next light level lies further off."""
+
+LIKE_REL = 0.10
+"""A scene that a doubtful frame would fit better agrees with it to what markings err."""
+
+_MOST_NAMES = 4
+
+
+def inspect_scenes(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> dict[str, list[Reason]]:
+    """Say which light frames lack a scene or its reading, and in which scenes the lamp drifted.
+
+    Reasons  scene_missing : fail; reading_missing, lamp_drift : warn
+    """
+    read = sorted({reading.scene for reading in readings if reading.quantity == "luminance"})
+    scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
+    drifts = {
+        raised.where: raised.detail for raised in check_scenes(scenes) if raised.flag == Flag.LAMP_DRIFT
+    }
+    found: dict[str, list[Reason]] = {}
+    for row in rows:
+        if row.role != "light":
+            continue
+        reasons = found.setdefault(row.frame, [])
+        if not row.scene:
+            detail = "Nobody said which light level this frame shows: give it its scene."
+            reasons.append(Reason(code=ReasonCode.SCENE_MISSING, outcome="fail", detail=detail))
+            continue
+        if row.scene not in read:
+            reasons.append(_reading_missing(row.scene, read))
+        if f"scene {row.scene}" in drifts:
+            detail = (
+                f"{drifts[f'scene {row.scene}']} The lamp drifted in scene {row.scene}: let it warm up, then "
+                "repeat the frames and the readings of this level."
+            )
+            reasons.append(Reason(code=ReasonCode.LAMP_DRIFT, outcome="warn", detail=detail))
+    return found
+
+
+def _reading_missing(scene: str, read: Sequence[str]) -> Reason:
+    named = ", ".join(read[:_MOST_NAMES]) + (
+        f" and {len(read) - _MOST_NAMES} more" if len(read) > _MOST_NAMES else ""
+    )
+    there = f"; there are readings of {named}" if read else ""
+    detail = (
+        f"Scene {scene} has no luminance reading{there}. Read the meter while the lamp still "
+        "burns at this level, or correct the name."
+    )
+    return Reason(code=ReasonCode.READING_MISSING, outcome="warn", detail=detail)
+
+
+def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
+    """Say which light frames repeat another of the same scene and settings; the first by name passes.
+
+    Reasons  redundant : warn
+    """
+    first: dict[object, str] = {}
+    found = {}
+    for row in sorted(rows, key=lambda row: row.frame):
+        if row.role != "light" or not row.scene:
+            continue
+        settings = row.exposure.on_basis(params.exposure_basis)
+        earlier = first.setdefault((row.scene, settings), row.frame)
+        if earlier != row.frame:
+            detail = (
+                f"{earlier} shows scene {row.scene} at {show_settings(settings)} already: a repeat "
+                "shares the errors of reading and aperture and adds next to nothing. Change the aperture or "
+                "the level."
+            )
+            found[row.frame] = [Reason(code=ReasonCode.REDUNDANT, outcome="warn", detail=detail)]
+    return found
+
+
+def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:
+    """Give per scene and frame the signal above dark per t S / f^2 [DN*m2/(cd*s) times cd/m2]: K L.
+
+    Of frames whose signal is neither clipped nor weak; a frame's exposure settings drop out, its light stays.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for candidate in series.candidates:
+        adjusted = candidate.signal.value_dn - series.dark.signal_dn
+        span = candidate.signal.white_level_dn - series.dark.signal_dn
+        lost = is_saturated(candidate.signal) or is_below_detection(candidate.signal, series.dark)
+        if not lost and adjusted >= USEFUL_SHARE * span:
+            found.setdefault(candidate.scene, {})[candidate.frame] = adjusted / _per_luminance(candidate)
+    return found
+
+
+def expect_signal(candidate: Candidate, brightness: dict[str, dict[str, float]]) -> float | None:
+    """Give the signal above dark [DN] that the other frames of its scene let expect; None where none does."""
+    others = [
+        value for frame, value in brightness.get(candidate.scene, {}).items() if frame != candidate.frame
+    ]
+    return python_statistics.median(others) * _per_luminance(candidate) if others else None
+
+
+def inspect_agreement(brightness: dict[str, dict[str, float]]) -> dict[str, list[Reason]]:
+    """Say which frames of one ISO value disagree with their scene, and which scene they would fit.
+
+    A frame is compared with the median of its scene's frames, itself among them: of two that disagree nobody
+    can say which is wrong, and both are named.
+
+    Reasons  scene_doubtful : warn
+    """
+    medians = {scene: python_statistics.median(frames.values()) for scene, frames in brightness.items()}
+    found = {}
+    for scene, frames in brightness.items():
+        for frame, value in frames.items():
+            ratio = value / medians[scene]
+            if abs(ratio - 1.0) > DOUBTFUL_REL:
+                fitting = _find_fitting(value, medians.items())
+                found[frame] = [_doubtful(scene, ratio, fitting)]
+    return found
+
+
+def _find_fitting(value: float, medians: Iterable[tuple[str, float]]) -> str:
+    distances = sorted((abs(value / median - 1.0), scene) for scene, median in medians)
+    return distances[0][1] if distances and distances[0][0] <= LIKE_REL else ""
+
+
+def _doubtful(scene: str, ratio: float, fitting: str) -> Reason:
+    hint = f"It would fit scene {fitting}. " if fitting else ""
+    detail = (
+        f"Its settings taken into account, this frame is {ratio:.2f} times as bright as the frames of scene "
+        f"{scene} at this ISO. {hint}Check its scene; if that is right, the lamp or the camera "
+        "moved: take it again."
+    )
+    return Reason(code=ReasonCode.SCENE_DOUBTFUL, outcome="warn", detail=detail)
+
+
+def _per_luminance(candidate: Candidate) -> float:
+    return compute_rhs(candidate.settings, luminance_cd_m2=1.0)

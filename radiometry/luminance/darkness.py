@@ -1,0 +1,101 @@
+"""Whether a dark frame is dark, or the lamp stayed on."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from radiometry.luminance.dark import EXPOSURE_RATIO, time_ratio
+from radiometry.luminance.points import DETECTION_ERRORS
+from radiometry.luminance.rows import FrameRow, Params
+from radiometry.statistics import Signal, measure_signal
+from radiometry.verdicts import Reason, ReasonCode
+
+ABOVE_OTHERS_SHARE = 0.001
+"""Of the span from black to white, above the darkest dark frame of the same ISO and a like time: a tenth of
+the weakest useful signal. Dark frames of one time differ by noise and by a wandering black level, together
+about a tenth of this."""
+
+ABOVE_BLACK_SHARE = 0.005
+"""Of the span, above the stated black level: half of the weakest useful signal. A warm sensor reaches it at
+long times by itself, so that it is no more than a warning."""
+
+LIT_SHARE = 0.05
+"""Of the span, above the stated black level: more than the dark current of any sensor at the times and ISO
+values of the procedure; this is light."""
+
+_ADVICE = "Switch the lamp off, cover the lens and take it again."
+
+
+def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
+    """Say which dark frames saw light.
+
+    A dark frame is compared with the darkest of its ISO whose time is within a factor of two, because dark
+    current grows with time; and with the black level that the file states, where it states one: when the lamp
+    burnt in all of them, they agree with each other.
+
+    Reasons  dark_not_dark : fail, or warn where it may be the sensor's own dark current
+    """
+    darks = [row for row in rows if row.role == "dark" and row.statistics]
+    signals = {row.frame: measure_signal(row.statistics or (), channel=params.channel) for row in darks}
+    by_iso: dict[float, list[FrameRow]] = {}
+    for row in darks:
+        by_iso.setdefault(row.exposure.iso, []).append(row)
+    found = {}
+    for group in by_iso.values():
+        times = {r.frame: r.exposure.on_basis(params.exposure_basis).exposure_time_s for r in group}
+        group.sort(key=lambda row: (signals[row.frame].value_dn, row.frame))
+        for row in group:
+            time_s = times[row.frame]
+            darkest = next(r for r in group if time_ratio(times[r.frame], [time_s]) <= EXPOSURE_RATIO)
+            reason = _above_others(row, darkest, signals) or _above_black(signals[row.frame])
+            if reason is not None:
+                found[row.frame] = [reason]
+    return found
+
+
+def name_unusable(rows: Sequence[FrameRow], found: Mapping[str, Sequence[Reason]]) -> list[str]:
+    """Name the dark frames by which light frames are not to be judged: one mistake is said once.
+
+    Where one fails, the lamp may shine faintly in others of its ISO: only the darkest of them counts.
+    """
+    unusable = {frame for frame, reasons in found.items() if reasons[0].outcome == "fail"}
+    for iso in {row.exposure.iso for row in rows if row.frame in unusable}:
+        group = [row for row in rows if row.role == "dark" and row.statistics and row.exposure.iso == iso]
+        left = [row for row in group if row.frame not in unusable]
+        left.sort(key=lambda row: (measure_signal(row.statistics or ()).value_dn, row.frame))
+        unusable |= {row.frame for row in left[1:]}
+    return sorted(unusable)
+
+
+def _above_others(row: FrameRow, darkest: FrameRow, signals: dict[str, Signal]) -> Reason | None:
+    signal, least = signals[row.frame], signals[darkest.frame]
+    excess = signal.value_dn - least.value_dn
+    error = math.hypot(signal.standard_uncertainty_dn, least.standard_uncertainty_dn)
+    if excess <= max(ABOVE_OTHERS_SHARE * _span(signal), DETECTION_ERRORS * error):
+        return None
+    detail = (
+        f"Its mean is {excess:.3g} DN above that of {darkest.frame}, a dark frame of the same ISO and a like "
+        f"time: this one saw light. {_ADVICE}"
+    )
+    return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=detail)
+
+
+def _above_black(signal: Signal) -> Reason | None:
+    # a black level of zero is what a file has that states none
+    share = (signal.value_dn - signal.black_level_dn) / _span(signal) if signal.black_level_dn > 0.0 else 0.0
+    if share <= ABOVE_BLACK_SHARE:
+        return None
+    said = (
+        f"Its mean is {share:.1%} of the span from black to white above the black level that the file states"
+    )
+    if share > LIT_SHARE:
+        return Reason(
+            code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=f"{said}: this frame saw light. {_ADVICE}"
+        )
+    detail = (
+        f"{said}. {_ADVICE} If it stays so with the lens covered, the sensor is warm and the frame is right."
+    )
+    return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="warn", detail=detail)
+
+
+def _span(signal: Signal) -> float:
+    return max(signal.white_level_dn - signal.black_level_dn, 1.0)

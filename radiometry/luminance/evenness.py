@@ -1,0 +1,103 @@
+"""Whether the region shows one evenly lit surface: what its statistics say beyond noise."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from radiometry.luminance.points import Candidate, IsoSeries, is_below_detection, is_saturated
+from radiometry.statistics import ChannelStatistics
+from radiometry.verdicts import Reason, ReasonCode
+
+UNEVEN_REL = 0.05
+"""Standard deviation of the light over the region, of its mean. A meter's spot somewhere in the region then
+differs from the region's mean by about as much, more than the tolerance of 4 %. A slope has it when one end
+is 17 % brighter than the other."""
+
+SKEWED_REL = 0.02
+"""Distance of mean and median, of the signal: half of the tolerance. A tape or an edge that takes 2 % of the
+region and gives no light reaches it."""
+
+JUDGED_SHARE = 0.05
+"""Of the span from dark to white. In a weaker signal, what read noise differs between frames looks like
+unevenness: a fifth of it, at 3 DN, would be 9 % of a signal of 1 %, and is 1 % here."""
+
+_ERRORS = 3.0
+_NORMAL_MEDIAN = math.sqrt(math.pi / 2 - 1)
+"""Standard error of mean minus median in units of the mean's, of a normal distribution."""
+
+_ROUNDING_DN = 0.5
+
+Rows = Mapping[str, Sequence[ChannelStatistics]]
+
+
+def inspect_evenness(series: IsoSeries, rows: Rows, *, dark_std_dn: float) -> dict[str, list[Reason]]:
+    """Say which light frames of an ISO value show more than one evenly lit surface.
+
+    Model: std^2 = std_dark^2 + g S + (u S)^2, S the signal above dark [1]. Photon noise g S, with a gain g
+    that nobody states, and unevenness u S both add to the dark frames' std. Of every frame
+    (std^2 - std_dark^2) / S is g or more, so the least of the series is a gain that is never too small, and
+
+        u^2 >= ((std^2 - std_dark^2) / S - g) / S
+
+    an unevenness that is at least there: it sees most of it where the series also holds weak signals, and
+    nothing in a single frame. Besides, a surface's mean and median agree to noise, to rounding, and to the
+    skewness of photon noise, g / 6 <= std^2 / (6 S); where they do not, part of the region is something else.
+
+    Takes
+      rows : per frame, those of which the signal is made; dark_std_dn : of the quietest dark frame, 0 if none
+    Reasons  uneven : warn
+    References
+      [1] EMVA Standard 1288, release 4.0, 2021, equation for temporal and spatial variance
+
+    """
+    judged = [c for c in series.candidates if not is_saturated(c.signal)]
+    judged = [c for c in judged if not is_below_detection(c.signal, series.dark)]
+    spreads = {c.frame: _measure_spread(rows[c.frame], _adjusted(c, series), dark_std_dn) for c in judged}
+    gain = max(0.0, min((per_dn + _ERRORS * error for per_dn, error in spreads.values()), default=0.0))
+    found = {}
+    for candidate in judged:
+        adjusted = _adjusted(candidate, series)
+        if adjusted < JUDGED_SHARE * (candidate.signal.white_level_dn - series.dark.signal_dn):
+            continue
+        per_dn, error = spreads[candidate.frame]
+        unevenness = math.sqrt(max(0.0, per_dn - _ERRORS * error - gain) / adjusted)
+        skew = max((_measure_skew(row, adjusted) for row in rows[candidate.frame]), key=abs)
+        if unevenness > UNEVEN_REL or abs(skew) > SKEWED_REL:
+            found[candidate.frame] = [_uneven(unevenness, skew)]
+    return found
+
+
+def _adjusted(candidate: Candidate, series: IsoSeries) -> float:
+    return candidate.signal.value_dn - series.dark.signal_dn
+
+
+def _measure_spread(
+    rows: Sequence[ChannelStatistics], adjusted_dn: float, dark_std_dn: float
+) -> tuple[float, float]:
+    """Give (std^2 - std_dark^2) / S and its standard error [DN]: var(std^2) = 2 std^4 / n."""
+    variance = math.fsum(row.std_dn**2 for row in rows) / len(rows)
+    error = variance * math.sqrt(2.0 / sum(row.n for row in rows))
+    return (variance - dark_std_dn**2) / adjusted_dn, error / adjusted_dn
+
+
+def _measure_skew(row: ChannelStatistics, adjusted_dn: float) -> float:
+    """Give what mean and median differ beyond noise, of the signal; negative: the mean is below."""
+    difference = row.mean_dn - row.median_dn
+    noise = _ERRORS * _NORMAL_MEDIAN * row.std_dn / math.sqrt(row.n)
+    allowed = noise + row.std_dn**2 / (6.0 * adjusted_dn) + _ROUNDING_DN
+    return math.copysign(max(0.0, abs(difference) - allowed), difference) / adjusted_dn
+
+
+def _uneven(unevenness: float, skew: float) -> Reason:
+    said = []
+    if unevenness > UNEVEN_REL:
+        said.append(f"the light varies over the region by at least {unevenness:.0%} beyond noise")
+    if abs(skew) > SKEWED_REL:
+        side = "below" if skew < 0.0 else "above"
+        said.append(f"the mean lies {abs(skew):.1%} {side} the median: part of it shows something else")
+    text = ", and ".join(said)
+    detail = (
+        f"{text[0].upper()}{text[1:]}. Look at the preview: does the region still lie on the measured "
+        "surface, without tape, edge or shadow? Draw it anew, give this frame a region of its own, or even "
+        "out the light."
+    )
+    return Reason(code=ReasonCode.UNEVEN, outcome="warn", detail=detail)

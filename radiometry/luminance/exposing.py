@@ -1,0 +1,119 @@
+"""Is a light frame well exposed: not clipped, not nearly, and bright enough to weigh."""
+
+from collections.abc import Sequence
+from statistics import NormalDist
+
+from radiometry.luminance.dark import Dark
+from radiometry.luminance.points import (
+    MOST_SATURATED_SHARE,
+    Candidate,
+    is_below_detection,
+    is_saturated,
+    signal_error_dn,
+)
+from radiometry.luminance.wording import show_stops
+from radiometry.statistics import ChannelStatistics
+from radiometry.verdicts import Reason, ReasonCode
+
+NEAR_WHITE_SHARE = 0.95
+"""Of the span from dark to white. The last 5 % are where sensors bend first, and a lamp that rises by as
+much would clip the next frame."""
+
+AIM_SHARE = 0.80
+"""Where the highlights should come to lie: a quarter of a stop below `NEAR_WHITE_SHARE`, which is what a
+camera that moves in thirds of a stop can hit."""
+
+USEFUL_SHARE = 0.01
+"""Of the span. Black levels wander between frames by about a ten-thousandth of it (0.4 DN of 12 bits), which
+is 1 % of such a signal and more of a weaker one."""
+
+USEFUL_ERRORS = 50.0
+"""Standard errors above dark: one is then 2 % of the signal, half of the tolerance of 4 %."""
+
+_UNKNOWN_EXCESS = 4.0
+"""Told of a region of which most is clipped: two stops, after which the next frame shows how many more."""
+
+_HIGHLIGHT_SIGMAS = NormalDist().inv_cdf(1.0 - MOST_SATURATED_SHARE)
+
+_LESS = "a shorter time, a smaller aperture (larger f-number) or a lower ISO"
+_MORE = "a longer time, a larger aperture (smaller f-number) or a brighter level"
+
+
+def inspect_exposure(
+    candidate: Candidate, dark: Dark, rows: Sequence[ChannelStatistics], *, expected_signal_dn: float | None
+) -> list[Reason]:
+    """Say whether a light frame has too much or too little light, and by how many stops.
+
+    Model: the highlights are where a normal distribution has 0.1 % above it, mean + 3.09 std, and never above
+    the largest sample; of a clipped region, where one with its median and its clipped share has.
+
+    Takes
+      rows : those of which the signal is made
+      expected_signal_dn : above dark, as other frames of the scene let expect it; None where none does
+    Reasons  clipped, too_dark : fail, the fit leaves the frame out; nearly_clipped, weak_signal : warn
+
+    """
+    signal = candidate.signal
+    span = signal.white_level_dn - dark.signal_dn
+    if is_saturated(signal):
+        return [_clipped(candidate, dark, rows, span, expected_signal_dn)]
+    highlights = max(min(row.max_dn, row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn) for row in rows)
+    if highlights - dark.signal_dn >= NEAR_WHITE_SHARE * span:
+        share = (highlights - dark.signal_dn) / span
+        detail = (
+            f"The highlights of the region reach {min(share, 1.0):.0%} of white. Give it "
+            f"{show_stops(share / AIM_SHARE)} less light: {_LESS}."
+        )
+        return [Reason(code=ReasonCode.NEARLY_CLIPPED, outcome="warn", detail=detail)]
+    return _inspect_weakness(candidate, dark, span)
+
+
+def _inspect_weakness(candidate: Candidate, dark: Dark, span: float) -> list[Reason]:
+    adjusted = candidate.signal.value_dn - dark.signal_dn
+    error = signal_error_dn(candidate.signal, dark)
+    useful = max(USEFUL_SHARE * span, USEFUL_ERRORS * error)
+    if is_below_detection(candidate.signal, dark):
+        # what may be nothing but noise says only how many stops are needed at least
+        stops = show_stops(useful / max(adjusted, error))
+        detail = (
+            f"The signal is {adjusted:.3g} DN above dark, with a standard error of {error:.2g} DN: the fit "
+            f"leaves it out. Give it at least {stops} more light: {_MORE}."
+        )
+        return [Reason(code=ReasonCode.TOO_DARK, outcome="fail", detail=detail)]
+    if adjusted < useful:
+        detail = (
+            f"The signal is {adjusted:.3g} DN above dark; from {useful:.3g} DN on it is useful. "
+            f"Give it {show_stops(useful / adjusted)} more light: {_MORE}."
+        )
+        return [Reason(code=ReasonCode.WEAK_SIGNAL, outcome="warn", detail=detail)]
+    return []
+
+
+def _clipped(
+    candidate: Candidate,
+    dark: Dark,
+    rows: Sequence[ChannelStatistics],
+    span: float,
+    expected_signal_dn: float | None,
+) -> Reason:
+    excess = [_estimate_highlights(row) - dark.signal_dn for row in rows if row.saturated_share < 0.5]
+    if expected_signal_dn is not None:
+        excess.append(expected_signal_dn)
+    if len(excess) == 0:
+        amount = f"at least {show_stops(_UNKNOWN_EXCESS)}"
+    else:
+        amount = show_stops(max(1.0, max(excess) / (AIM_SHARE * span)))
+    detail = (
+        f"{candidate.signal.saturated_share:.2%} of the region is clipped, more than "
+        f"{MOST_SATURATED_SHARE:.1%}: the fit leaves it out. Give it {amount} less light: {_LESS}."
+    )
+    return Reason(code=ReasonCode.CLIPPED, outcome="fail", detail=detail)
+
+
+def _estimate_highlights(row: ChannelStatistics) -> float:
+    """Give the level that 0.1 % of the samples would exceed if nothing had clipped them [DN]."""
+    if row.saturated_share <= 0.0:
+        return row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn
+    clipped_at = NormalDist().inv_cdf(1.0 - row.saturated_share)
+    sigma = (row.white_level_dn - row.median_dn) / clipped_at
+    return row.median_dn + _HIGHLIGHT_SIGMAS * max(sigma, 0.0)

@@ -1,0 +1,80 @@
+"""The verdict on every frame of a luminance campaign, from the same evidence that its fit will use."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from radiometry.luminance.agreement import (
+    expect_signal,
+    find_repeats,
+    inspect_agreement,
+    inspect_scenes,
+    measure_brightness,
+)
+from radiometry.luminance.darkness import inspect_darks, name_unusable
+from radiometry.luminance.evenness import inspect_evenness
+from radiometry.luminance.exposing import inspect_exposure
+from radiometry.luminance.points import IsoSeries, collect_series
+from radiometry.luminance.rows import Exclusion, FrameRow, Params, Reading
+from radiometry.statistics import ChannelStatistics, select_rows
+from radiometry.verdicts import Reason, Taken, Verdict, conclude, find_usual_format, inspect_frame
+
+
+def judge(
+    frames: Sequence[Taken], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> dict[str, Verdict]:
+    """Give the verdict on each frame of a campaign, by name.
+
+    Light frames are judged by dark frames that saw no light: one mistake is said once.
+
+    Takes
+      frames : all frames of the campaign; rows : those of them that a fit would see
+
+    """
+    usual = find_usual_format(frames)
+    reasons = {frame.frame: inspect_frame(frame, usual_format=usual) for frame in frames}
+    darks = inspect_darks(rows, params)
+    unusable = frozenset(name_unusable(rows, darks))
+    _add(reasons, darks, inspect_scenes(rows, readings, params), find_repeats(rows, params))
+    without = tuple(Exclusion(frame=frame, reason="saw light", by="verdict") for frame in sorted(unusable))
+    for series in collect_series(rows, readings, replace(params, exclude=params.exclude + without)):
+        _add(reasons, *_inspect_series(series, rows, params, unusable=unusable))
+    return {frame: conclude(found) for frame, found in reasons.items()}
+
+
+def _add(reasons: dict[str, list[Reason]], *parts: Mapping[str, Sequence[Reason]]) -> None:
+    for part in parts:
+        for frame, found in part.items():
+            reasons[frame].extend(found)
+
+
+def _inspect_series(
+    series: IsoSeries, rows: Sequence[FrameRow], params: Params, *, unusable: frozenset[str]
+) -> list[dict[str, list[Reason]]]:
+    measured = {
+        row.frame: select_rows(row.statistics, channel=params.channel)
+        for row in rows
+        if row.statistics and row.exposure.iso == series.iso
+    }
+    brightness = measure_brightness(series)
+    exposing = {
+        candidate.frame: inspect_exposure(
+            candidate,
+            series.dark,
+            measured[candidate.frame],
+            expected_signal_dn=expect_signal(candidate, brightness),
+        )
+        for candidate in series.candidates
+    }
+    raw = {row.frame for row in rows if not row.rendered}
+    # a tone curve bends noise: what it leaves says nothing of the light
+    linear = replace(series, candidates=tuple(c for c in series.candidates if c.frame in raw))
+    usable = [r for r in rows if r.role == "dark" and r.frame not in unusable]
+    darks = [measured[row.frame] for row in usable if row.frame in measured]
+    evenness = inspect_evenness(linear, measured, dark_std_dn=_quietest(darks))
+    return [exposing, evenness, inspect_agreement(brightness)]
+
+
+def _quietest(darks: Sequence[Sequence[ChannelStatistics]]) -> float:
+    """Give the noise of the quietest dark frame [DN], 0 where there is none."""
+    return min((math.sqrt(math.fsum(r.std_dn**2 for r in rows) / len(rows)) for rows in darks), default=0.0)

@@ -1,0 +1,156 @@
+"""What a field team is told of a frame while it is still on site: pass, warn, fail or pending, and why."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Literal, Self
+
+from radiometry.errors import InputRejected
+from radiometry.flags import Flag
+from radiometry.roi import Polygon, bounding_window
+
+Outcome = Literal["pass", "warn", "fail", "pending"]
+
+# What is certain to be lost outranks what is not known yet, and that what is doubtful.
+_RANKS: tuple[Outcome, ...] = ("pass", "warn", "pending", "fail")
+
+
+class ReasonCode(StrEnum):
+    """Why a frame does not simply pass. Stable: clients match on it; each has a heading in docs/."""
+
+    meaning: str
+
+    def __new__(cls, value: str, meaning: str) -> Self:
+        """Bind the one-line meaning to the value."""
+        member = str.__new__(cls, value)
+        member._value_ = value
+        member.meaning = meaning
+        return member
+
+    # of any frame
+    NOT_READ = "not_read", "The frame has arrived and waits to be read."
+    NO_REGION = "no_region", "Neither the frame nor its campaign has a region."
+    NOT_EXTRACTED = "not_extracted", "The statistics of the frame's region are not there yet."
+    REFUSED = "refused", "The file cannot be used; the detail is the refusal's."
+    ROI_UNFIT = "roi_unfit", "The region leaves the frame or holds no pixel of it."
+    FORMAT_DIFFERS = "format_differs", "Its size or colour filter differs from most frames of the campaign."
+    EXPOSURE_NOT_MANUAL = "exposure_not_manual", "The camera chose the exposure."
+    RENDERED = "rendered", "The image is not raw."
+    # of a light frame
+    SCENE_MISSING = "scene_missing", "Nobody said which light level it shows."
+    READING_MISSING = "reading_missing", "Its scene has no luminance reading."
+    CLIPPED = "clipped", "More than 0.1 % of the region is saturated: the fit leaves the frame out."
+    NEARLY_CLIPPED = "nearly_clipped", "The brightest of the region comes within 5 % of white."
+    TOO_DARK = "too_dark", "The signal is less than three standard errors above dark: the fit leaves it out."
+    WEAK_SIGNAL = "weak_signal", "The signal is above dark, but too little to weigh much."
+    UNEVEN = "uneven", "The region is not one evenly lit surface."
+    SCENE_DOUBTFUL = "scene_doubtful", "It disagrees with the other frames of its scene."
+    LAMP_DRIFT = "lamp_drift", "The illuminance readings of its scene spread over more than 2 %."
+    REDUNDANT = "redundant", "Another frame has the same scene, ISO, time and f-number."
+    # of a dark frame
+    DARK_NOT_DARK = "dark_not_dark", "It is brighter than other dark frames, or than black, by too much."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """One thing to know about a frame; ``detail`` is a sentence with the numbers and what to do."""
+
+    code: ReasonCode
+    outcome: Outcome
+    detail: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What follows from all reasons together; without any, "pass"."""
+
+    outcome: Outcome
+    reasons: tuple[Reason, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taken:
+    """A frame as its campaign knows it at a moment.
+
+    ``frame`` : its name, unique in the campaign; ``role`` : "light", "dark", ...
+    ``state`` : received | read | extracted | refused; ``refusal`` : the sentence of a refused frame, else ""
+    ``flags`` : those raised when it was accepted
+    ``format`` : (width, height [px], CFA) of a frame that has been read, else None
+    ``region`` : the polygon that holds for it now, None where nobody has drawn one
+    """
+
+    frame: str
+    role: str
+    scene: str | None
+    state: str
+    refusal: str
+    flags: tuple[str, ...]
+    format: tuple[int, int, str] | None
+    region: Polygon | None
+
+
+def conclude(reasons: Iterable[Reason]) -> Verdict:
+    """Draw the verdict from reasons, the gravest first; of equals the order stays."""
+    ordered = tuple(sorted(reasons, key=lambda reason: -_RANKS.index(reason.outcome)))
+    return Verdict(outcome=ordered[0].outcome if ordered else "pass", reasons=ordered)
+
+
+def find_usual_format(frames: Sequence[Taken]) -> tuple[int, int, str] | None:
+    """Give the format that most frames of a campaign have; of equally many, the smallest by its numbers."""
+    counts = Counter(frame.format for frame in frames if frame.format is not None and not frame.refusal)
+    return min(counts, key=lambda form: (-counts[form], form), default=None)
+
+
+def inspect_frame(frame: Taken, *, usual_format: tuple[int, int, str] | None) -> list[Reason]:
+    """Say what can be said of a frame of any role and method before its statistics are looked at.
+
+    Reasons
+      refused, roi_unfit, format_differs : fail; exposure_not_manual, rendered : warn;
+      not_read, no_region, not_extracted : pending
+    """
+    if frame.state == "refused":
+        return [Reason(code=ReasonCode.REFUSED, outcome="fail", detail=frame.refusal)]
+    if frame.format is None:
+        detail = "This frame waits to be read: ask again in a few seconds."
+        return [Reason(code=ReasonCode.NOT_READ, outcome="pending", detail=detail)]
+    reasons = _inspect_region(frame, *frame.format[:2])
+    if usual_format is not None and frame.format != usual_format:
+        detail = (
+            f"This frame is {_show_format(frame.format)}, others of the campaign are "
+            f"{_show_format(usual_format)}: another picture size, crop or sensor mode. "
+            "Set the camera as for the others and take it again."
+        )
+        reasons.append(Reason(code=ReasonCode.FORMAT_DIFFERS, outcome="fail", detail=detail))
+    if Flag.EXPOSURE_NOT_MANUAL in frame.flags:
+        detail = (
+            "The camera chose the exposure itself. Set the exposure mode to manual and automatic ISO off, "
+            "and take the frame again."
+        )
+        reasons.append(Reason(code=ReasonCode.EXPOSURE_NOT_MANUAL, outcome="warn", detail=detail))
+    if Flag.RENDERED in frame.flags:
+        detail = (
+            "This is a converted image: a tone curve stands between light and numbers. "
+            "Upload the camera's own raw file."
+        )
+        reasons.append(Reason(code=ReasonCode.RENDERED, outcome="warn", detail=detail))
+    return reasons
+
+
+def _inspect_region(frame: Taken, width_px: int, height_px: int) -> list[Reason]:
+    if frame.region is None:
+        detail = "No region (ROI) is drawn yet: draw it on the preview, for the campaign or for this frame."
+        return [Reason(code=ReasonCode.NO_REGION, outcome="pending", detail=detail)]
+    if frame.state == "extracted":
+        return []
+    try:
+        bounding_window(frame.region, height_px=height_px, width_px=width_px)
+    except InputRejected as refusal:
+        detail = f"{refusal.message} Draw the region anew, or give this frame one of its own."
+        return [Reason(code=ReasonCode.ROI_UNFIT, outcome="fail", detail=detail)]
+    detail = "The statistics of its region are being computed: ask again in a few seconds."
+    return [Reason(code=ReasonCode.NOT_EXTRACTED, outcome="pending", detail=detail)]
+
+
+def _show_format(form: tuple[int, int, str]) -> str:
+    return f"{form[0]} x {form[1]} pixels, {form[2]}"

@@ -1,0 +1,186 @@
+"""What a campaign lacks for a good fit, said by name."""
+
+import dataclasses
+
+import pytest
+
+from radiometry.luminance.planning import plan
+from radiometry.luminance.rows import Exclusion, Params
+from radiometry.methods import luminance
+from tests.radiometry import evidence
+from tests.radiometry.evidence import dark, light
+
+LEVELS = {"a": 50.0, "b": 20.0, "c": 5.0, "d": 2.0, "e": 0.5}
+
+
+def reading(scene, value=None, *, quantity="luminance", factor=1.0, **changes):
+    value = factor * (LEVELS[scene] if value is None else value)
+    return dataclasses.replace(evidence.reading(scene, value, quantity=quantity), **changes)
+
+
+def lights(*scenes, f_numbers=(5.6, 8.0), levels=None):
+    return tuple(light(s, f, luminance=(levels or LEVELS)[s]) for s in scenes for f in f_numbers)
+
+
+def readings_of(*scenes):
+    """Twice each, of luminance and of illuminance."""
+    return [
+        reading(scene, quantity=quantity, factor=factor)
+        for scene in scenes
+        for quantity in ("luminance", "illuminance")
+        for factor in (0.999, 1.001)
+    ]
+
+
+DARKS = tuple(dark(f"dark-{t:g}-{n}", time_s=t) for t in (0.01, 0.025, 0.1, 0.25, 1.0) for n in range(3))
+GOOD = (*lights(*LEVELS), *DARKS)
+READ = readings_of(*LEVELS)
+
+
+def advice(rows=GOOD, readings=READ, params=None):
+    return plan(rows, readings, params or Params())
+
+
+def test_a_good_campaign_lacks_nothing():
+    assert advice() == ()
+    assert luminance.missing(GOOD, READ, Params()) == ()
+
+
+def test_a_scene_without_a_reading_is_in_both_lists():
+    left = [r for r in READ if r.scene != "c"]
+    sentence = "scene c has no luminance reading"
+    assert advice(readings=left)[0] == sentence
+    assert sentence in luminance.missing(GOOD, left, Params())
+
+
+def test_no_dark_frames():
+    assert advice(lights(*LEVELS)) == ("no dark frames at ISO 3200",)
+    higher = [light(scene, 8.0, iso=6400.0, luminance=value) for scene, value in LEVELS.items()]
+    assert "no dark frames at ISO 6400" in advice((*GOOD, *higher))
+    assert "no dark frames at ISO 3200" not in advice((*GOOD, *higher))
+
+
+def test_few_dark_frames():
+    rows = (*lights(*LEVELS), dark("d1", time_s=0.1), dark("d2", time_s=0.1))
+    assert advice(rows)[0] == "fewer than three dark frames at ISO 3200: add some at other apertures"
+    three = (*rows, dark("d3", time_s=0.1))
+    assert not any("fewer than three" in sentence for sentence in advice(three))
+
+
+def test_dark_frames_at_another_time():
+    rows = (*lights(*LEVELS), *(dark(f"d{n}", time_s=0.1) for n in range(3)))
+    (sentence,) = advice(rows)
+    assert sentence.startswith("no dark frames at ISO 3200 with a like exposure time: No dark frame within")
+    assert sentence.endswith("0.01 s, 0.025 s, 0.25 s, 1 s")
+
+
+def test_dark_frames_that_differ():
+    rows = (*GOOD, *(dark(f"d{n}", mean_dn=290.0, time_s=0.1) for n in range(4)))
+    assert "the dark frames at ISO 3200 differ too much for its weakest signal: repeat them" in advice(rows)
+
+
+def test_levels_are_to_be_added_in_the_widest_gap():
+    kept = (*lights("a", "b", "e"), *DARKS)
+    assert advice(kept, readings_of("a", "b", "e")) == (
+        "ISO 3200 has 3 usable levels: add 2 more between 0.5 and 20 cd/m2",
+    )
+
+
+def test_levels_that_lie_close_are_to_be_spread():
+    kept = (*lights("b", "c", f_numbers=(4.0, 5.6, 8.0)), *DARKS)
+    assert advice(kept, readings_of("b", "c")) == (
+        "ISO 3200 has 2 usable levels: add 3 more down to 2 cd/m2 or up to 50 cd/m2",
+    )
+
+
+def test_one_level_and_none():
+    kept = (*lights("c", f_numbers=(4.0, 5.0, 5.6, 6.3, 8.0, 10.0)), *DARKS)
+    assert advice(kept, readings_of("c")) == (
+        "ISO 3200 has 1 usable level: add 4 more down to 0.5 cd/m2 or up to 50 cd/m2",
+    )
+    assert "ISO 3200 has no usable level: add 5" in advice(kept, [])
+
+
+@pytest.mark.parametrize(("darkest", "found"), [(0.51, True), (0.49, False)])
+def test_a_narrow_span_asks_for_a_darker_level(darkest, found):
+    """Five levels up to 5 cd/m2."""
+    levels = {"a": 5.0, "b": 4.0, "c": 3.0, "d": 2.0, "e": darkest}
+    readings = [reading(scene, value) for scene, value in levels.items()]
+    sentence = f"add a darker level at ISO 3200, 0.5 cd/m2 or less: it has {darkest} to 5 cd/m2"
+    assert (sentence in advice((*lights(*levels, levels=levels), *DARKS), readings)) is found
+
+
+def test_one_aperture_only():
+    kept = (*lights(*LEVELS, f_numbers=(8.0,)), *DARKS)
+    assert advice(kept) == (
+        "one aperture only at ISO 3200 (f/8): its f-number error cannot average out",
+        "ISO 3200 has 5 usable frames: add 1 more",
+    )
+
+
+def test_six_frames_are_enough():
+    exclude = tuple(Exclusion(frame=row.frame, reason="", by="me") for row in GOOD[:4])
+    params = dataclasses.replace(Params(), exclude=exclude)
+    assert not any("usable frames" in sentence for sentence in advice(params=params))
+    params = dataclasses.replace(
+        Params(), exclude=(*exclude, Exclusion(frame=GOOD[4].frame, reason="", by=""))
+    )
+    assert "ISO 3200 has 5 usable frames: add 1 more" in advice(params=params)
+
+
+def test_a_reading_in_foot_lamberts():
+    """One fL is 3.4263 cd/m2: typed as cd/m2, the reading is that much too low."""
+    readings = [
+        dataclasses.replace(r, value=r.value / 3.4263) if (r.scene, r.quantity) == ("c", "luminance") else r
+        for r in READ
+    ]
+    assert advice(readings=readings) == (
+        "the reading of scene c is 0.292 times what its frames at ISO 3200 give: check it, and its unit",
+    )
+
+
+@pytest.mark.parametrize(
+    ("factor", "found"), [(1.249, False), (1.251, True), (1 / 1.249, False), (1 / 1.251, True)]
+)
+def test_a_reading_may_differ_from_the_others(factor, found):
+    readings = [dataclasses.replace(r, value=r.value * factor) if r.scene == "c" else r for r in READ]
+    assert any("the reading of scene c" in sentence for sentence in advice(readings=readings)) is found
+
+
+def test_one_reading_per_scene():
+    once = [r for index, r in enumerate(READ) if index % 2 == 0]
+    assert advice(readings=once) == (
+        "only one reading per scene: repeatability cannot be seen",
+        "no scene has two illuminance readings: a drifting lamp cannot be seen",
+    )
+    assert advice(readings=[*once, reading("c")]) == (
+        "no scene has two illuminance readings: a drifting lamp cannot be seen",
+    )
+
+
+def test_a_lamp_that_drifts():
+    drifted = [dataclasses.replace(r, value=r.value * 1.03) if r is READ[3] else r for r in READ]
+    assert advice(readings=drifted) == ("the lamp drifted in scene a: repeat its frames and readings",)
+
+
+def test_luminance_against_illuminance():
+    """Illuminances equal luminances in number: rho = pi agrees, rho = 1 does not."""
+    found = advice(params=dataclasses.replace(Params(), panel_rho=1.0))
+    assert found[0] == "luminance and illuminance of scene a disagree: check both readings and rho"
+    assert len(found) == 5
+
+
+def test_a_meter_without_a_certificate():
+    bare = [dataclasses.replace(r, expanded_uncertainty_rel=None) for r in READ]
+    assert advice(readings=bare) == (
+        "the meter meter 1 has no certificate: its calibration uncertainty is not in that of K",
+    )
+    unnamed = [dataclasses.replace(r, meter=None) for r in bare]
+    assert advice(readings=unnamed) == (
+        "some luminance readings name no meter: its calibration uncertainty is not in that of K",
+    )
+
+
+def test_an_empty_campaign_gets_no_advice():
+    """What it lacks is in the other list."""
+    assert advice((), []) == ()
