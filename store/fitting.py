@@ -100,6 +100,7 @@ def _inputs(session: Session, evidence: Evidence) -> dict[str, Any]:
     return {
         "frames": frames,
         "readings": [encode(reading) for reading in evidence.readings],
+        "meters": evidence.meters,
         "rois": {roi.sha256: roi.points for roi in sorted(regions.values(), key=lambda roi: roi.sha256)},
         "extractor": EXTRACTOR,
     }

@@ -146,6 +146,13 @@ def inputs_of(certificate: Node, found: Recomputed, data: Data) -> Node:
     return {
         "frames": frames,
         "readings": [encode(reading) for reading in found.readings],
+        "meters": _meters_of(certificate),
         "rois": {region["sha256"]: region["points"] for region in data.regions},
         "extractor": certificate["software"]["extractor"],
     }
+
+
+def _meters_of(certificate: Node) -> list[Node]:
+    names = ("kind", "make", "model", "serial", "certificate")
+    meters = [{name: meter[name] for name in names if name in meter} for meter in certificate["meters"]]
+    return sorted(meters, key=lambda meter: [meter[name] for name in names[:4]])

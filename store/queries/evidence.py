@@ -2,6 +2,8 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from datetime import date
+from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -24,6 +26,8 @@ class Evidence:
     rois: dict[str, str]
     unread: list[str]
     """Frames of which nothing is known yet."""
+    meters: list[dict[str, Any]]
+    """Each meter of the readings as engraved, with its certificate as it is now: a newer one replaces it."""
 
 
 def gather(session: Session, campaign: Campaign, extractor: str) -> Evidence:
@@ -50,6 +54,7 @@ def gather(session: Session, campaign: Campaign, extractor: str) -> Evidence:
         hashes={names[row.id]: row.sha256 for row in read},
         rois={names[row.id]: current[row.id].roi_id for row in read if row.id in current},
         unread=[names[row.id] for row in rows if row.exposure is None],
+        meters=_meters(session, campaign),
     )
 
 
@@ -115,3 +120,24 @@ def _fit_readings(session: Session, campaign: Campaign) -> list[FitReading]:
         )
         for reading, meter in rows
     ]
+
+
+_ENGRAVED = ("kind", "make", "model", "serial")
+_CERTIFICATE = ("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor")
+
+
+def _meters(session: Session, campaign: Campaign) -> list[dict[str, Any]]:
+    used = select(Reading.meter_id).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
+    rows = session.scalars(select(Meter).where(Meter.id.in_(used)))
+    return sorted(map(_describe_meter, rows), key=lambda meter: [meter[name] for name in _ENGRAVED])
+
+
+def _describe_meter(meter: Meter) -> dict[str, Any]:
+    said = {name: getattr(meter, f"certificate_{name}") for name in _CERTIFICATE}
+    certificate = {
+        name: value.isoformat() if isinstance(value, date) else value
+        for name, value in said.items()
+        if value is not None
+    }
+    engraved = {name: getattr(meter, name) for name in _ENGRAVED}
+    return {**engraved, **({"certificate": certificate} if certificate else {})}
