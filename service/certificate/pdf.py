@@ -22,16 +22,24 @@ _STANDARD: Final = "a-2b"  # what archives keep
 
 def render_pdf(certificate: Node, preview: str = "") -> bytes:
     """``certificate`` : what certificate.json holds; ``preview`` : see `draw_region`."""
-    compiler = typst.Compiler(
+    content = json.dumps(lay_out(certificate, preview))
+    timestamp = int(datetime.fromisoformat(certificate["created_at"]).timestamp())
+    try:
+        pdf = _compiler(content).compile(format="pdf", pdf_standards=_STANDARD, timestamp=timestamp)
+    except typst.TypstError:
+        # a name in a script that the fonts lack: the archive's standard refuses it, a plain PDF shows a box
+        pdf = _compiler(content).compile(format="pdf", timestamp=timestamp)
+    assert isinstance(pdf, bytes)  # noqa: S101  narrows the type: one document was asked for
+    return pdf
+
+
+def _compiler(content: str) -> typst.Compiler:
+    return typst.Compiler(
         _TEMPLATE.read_bytes(),
         font_paths=_fonts(),
         ignore_system_fonts=True,
-        sys_inputs={"certificate": json.dumps(lay_out(certificate, preview))},
+        sys_inputs={"certificate": content},
     )
-    made = datetime.fromisoformat(certificate["created_at"])
-    pdf = compiler.compile(format="pdf", pdf_standards=_STANDARD, timestamp=int(made.timestamp()))
-    assert isinstance(pdf, bytes)  # noqa: S101  narrows the type: one document was asked for
-    return pdf
 
 
 def draw_region(png: bytes, width_px: int, height_px: int, corners: Sequence[Sequence[float]]) -> str:

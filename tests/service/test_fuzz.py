@@ -18,7 +18,7 @@ CHECKS = [
     checks.response_schema_conformance,
     checks.negative_data_rejection,
 ]
-EXAMPLES = 32
+EXAMPLES = 20
 
 
 @pytest.fixture
