@@ -40,7 +40,7 @@ class Polygon:
         """
         corners = _finite_points(points)
         area_px = _signed_area_px(np.array(corners))
-        if area_px == 0.0:
+        if np.linalg.matrix_rank(np.array(corners) - corners[0]) < 2:
             raise InputRejected(Code.ROI_INVALID, "The polygon encloses no area: its points lie on one line.")
         _refuse_self_intersection(np.array(corners))
         if area_px < 0.0:

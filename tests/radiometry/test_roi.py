@@ -256,3 +256,9 @@ def test_rounding_does_not_decide_who_owns_a_centre_on_an_edge(start, stop, stee
         if top < row + 0.5 < bottom and row < 14:
             assert owned[row, col]
             assert not owned[row, col + 1 :].any()
+
+
+def test_a_symmetric_bow_tie_crosses_itself_although_its_halves_cancel():
+    with pytest.raises(InputRejected, match="cross") as caught:
+        Polygon.from_points([(0, 0), (10, 10), (10, 0), (0, 10)])
+    assert caught.value.code == Code.ROI_SELF_INTERSECTING
