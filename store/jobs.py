@@ -61,6 +61,12 @@ def enqueue(
     return job
 
 
+def is_live(session: Session, subject_id: str) -> bool:
+    """Whether a job for this subject waits or runs."""
+    live = select(Job.id).where(Job.subject_id == subject_id, Job.state.in_(("queued", "running")))
+    return session.scalar(live.limit(1)) is not None
+
+
 def claim(session: Session, job_id: str, *, lease_s: float) -> Claim | None:
     """Take a job that waits; None when it is gone, taken, finished or not yet due."""
     now = utc_now()

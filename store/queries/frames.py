@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from store import jobs
 from store.columns import new_id
 from store.tables import Blob, Campaign, ChannelRow, Extraction, FrameRow, Roi
 
@@ -27,7 +28,8 @@ class NewFrame:
 def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tuple[FrameRow, bool, bool]:
     """The campaign's frame with these bytes; whether it is new; whether it is to be read (again).
 
-    The same bytes again change nothing, except that a refused frame gets another chance.
+    The same bytes again change nothing, except that a refused frame gets another chance, and one whose
+    reading was given up is read again.
     """
     if session.get(Blob, new.sha256) is None:
         session.add(Blob(sha256=new.sha256, size_bytes=new.size_bytes))
@@ -50,7 +52,7 @@ def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tu
         session.flush()
         return found, True, True
     if found.state != "refused":
-        return found, False, False
+        return found, False, found.state == "received" and not jobs.is_live(session, found.id)
     said = {"role": new.role, "scene": new.scene, "supplied": {**found.supplied, **new.supplied}}
     again = describe_anew(found, said | ({"roi_id": new.roi_id} if new.roi_id else {}))
     return found, False, again

@@ -74,6 +74,9 @@ def test_our_own_fault_fails_with_its_traceback_kept_and_not_shown(house, upload
     found = job(house, uploaded)
     assert (found["state"], found["error"]["code"]) == ("failed", "internal_error")
     assert "ZeroDivisionError" not in str(found)
+    again = house.upload({"id": uploaded["campaign_id"]}, house.frame_bytes(), status=200, role="light")
+    run(house.worker, again["job_id"])
+    assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "extracted"
     with house.database.reading() as session:
         assert "ZeroDivisionError: ours" in session.get_one(Job, uploaded["job_id"]).traceback
 
