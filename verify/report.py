@@ -12,7 +12,7 @@ _HEADLINES = {
     "coverage_factor": "k",
     "dark_signal_dn": "D",
 }
-_MOST_DIFFERENT = 40
+_MOST_IN_GROUP = 12
 
 
 def tabulate(certificate: Node, rows: list[Row]) -> Table:
@@ -38,11 +38,13 @@ def tabulate(certificate: Node, rows: list[Row]) -> Table:
     different = [row for row in rows if not row.same]
     if different:
         table.add_section()
-    for row in different[:_MOST_DIFFERENT]:
-        name = f"{row.group}: {row.quantity}"
-        table.add_row(name, _show(row.certificate), _show(row.recomputed), _verdict(row))
-    if len(different) > _MOST_DIFFERENT:
-        table.add_row(f"and {len(different) - _MOST_DIFFERENT} more", "", "", "NO")
+    for group in dict.fromkeys(row.group for row in different):
+        mine = [row for row in different if row.group == group]
+        for row in mine[:_MOST_IN_GROUP]:
+            name = f"{group}: {row.quantity}"
+            table.add_row(name, _show(row.certificate), _show(row.recomputed), _verdict(row))
+        if len(mine) > _MOST_IN_GROUP:
+            table.add_row(f"{group}: and {len(mine) - _MOST_IN_GROUP} more", "", "", "NO")
     return table
 
 

@@ -1,0 +1,267 @@
+"""What is on a certificate: who, what, with what, how sure; its gaps; its tag; publishing with it."""
+
+import copy
+
+import pytest
+
+from service.certificate.gaps import GapCode, list_gaps
+from service.schemas.certificates import CertificateAnswer
+from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, upload_campaign
+from tests.support.certificates import METER, WORK, certificate_of, complete_version
+
+PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring, reviewed"}
+
+
+@pytest.fixture
+def version(house):
+    return complete_version(house)
+
+
+def publish(house, version, *, status=200, **changes):
+    return house.post(f"/v1/calibrations/{version['id']}/publish", PUBLICATION | changes, status=status)
+
+
+def codes(certificate):
+    return [gap["code"] for gap in certificate["gaps"]]
+
+
+def test_it_names_the_item_the_work_and_the_meter(house, version):
+    certificate = certificate_of(house, version)
+    assert certificate["number"] == "0K1XE8-luminance-1"
+    assert certificate["item"]["lens"] == {"make": "DJI", "model": "MFT 15mm F1.7 ASPH", "serial": "L1"}
+    assert certificate["laboratory"] == {"name": "operator", "address": "Main Street 1"}
+    work = certificate["work"]
+    assert {name: work[name] for name in WORK} == WORK
+    assert (work["first_day"], work["last_day"], work["days_from"]) == (
+        "2026-05-01",
+        "2026-05-01",
+        "readings",
+    )
+    (meter,) = certificate["meters"]
+    assert meter["certificate"] == METER["certificate"]
+    assert meter["readings"] == 2 * len(LEVELS)
+    assert "certificate D-K-15070-2026-04 of PTB Braunschweig" in certificate["traceability"]
+
+
+def test_it_carries_what_the_version_rests_on(house, version):
+    certificate = certificate_of(house, version)
+    assert certificate["content_sha256"] == version["content_sha256"]
+    assert [region["points"] for region in certificate["regions"]] == [ROI["polygon"]]
+    frames = certificate["frames"]
+    assert len(frames) == len(SETTINGS) * (len(LEVELS) + 1)
+    for frame in frames:
+        row = house.get(f"/v1/frames/{frame['id']}")
+        assert (row["sha256"], row["role"], row.get("scene")) == (
+            frame["sha256"],
+            frame["role"],
+            frame.get("scene"),
+        )
+        stored = {row["channel"]: row["mean_dn"] for row in row["statistics"]}
+        assert {row["channel"]: row["mean_dn"] for row in frame["statistics"]} == stored
+        assert frame["signal_dn"] == (stored["G1"] + stored["G2"]) / 2
+    expected = [(value * factor, "cd/m2") for value in LEVELS.values() for factor in (0.998, 1.002)]
+    assert sorted((r["value"], r["entered_unit"]) for r in certificate["readings"]) == sorted(expected)
+    assert certificate["parameters"]["model"] == "proportional"
+    assert certificate["software"] | version["software"] == certificate["software"]
+
+
+def test_its_figures_are_the_versions(house, version):
+    certificate = certificate_of(house, version)
+    stated = {fit["coefficient"]["iso"]: fit["coefficient"] for fit in certificate["result"]["iso_fits"]}
+    for row in version["coefficients"]:
+        coefficient = stated[row["iso"]]
+        name, u = {
+            "luminance_k": ("luminance_k", "luminance_k_standard_uncertainty"),
+            "dark_signal_dn": ("dark_signal_dn", "dark_signal_standard_uncertainty_dn"),
+        }[row["name"]]
+        assert (coefficient[name], coefficient[u]) == (row["value"], row["standard_uncertainty"])
+    for coefficient in stated.values():
+        expanded = coefficient["coverage_factor"] * coefficient["luminance_k_standard_uncertainty"]
+        assert coefficient["expanded_uncertainty"] == pytest.approx(expanded, rel=1e-12)
+
+
+def test_the_budget_adds_up_to_the_uncertainty(house, version):
+    certificate = certificate_of(house, version)
+    for budget, fit in zip(certificate["budgets"], certificate["result"]["iso_fits"], strict=True):
+        u = fit["coefficient"]["luminance_k_standard_uncertainty"]
+        assert sum(line["u"] ** 2 for line in budget["lines"]) == pytest.approx(u**2, rel=1e-9)
+        assert sum(line["variance_share"] for line in budget["lines"]) == pytest.approx(1.0)
+        by_source = {line["source"]: line for line in budget["lines"]}
+        assert by_source["meter calibration"]["sensitivity"] == pytest.approx(1.0)
+        assert by_source["meter calibration"]["input_uncertainty"] == 0.01
+        # two f-numbers, each of weight w and 1 - w: between 2 / sqrt(2) and 2
+        assert 2**0.5 - 1e-9 <= by_source["f-number"]["sensitivity"] <= 2.0
+        for line in budget["lines"]:
+            if "sensitivity" in line:
+                assert line["sensitivity"] * line["input_uncertainty"] == pytest.approx(line["u_rel"])
+
+
+def test_nothing_in_it_is_null(house, version):
+    def leaves(value):
+        members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+        return [value] if members is None else [leaf for member in members for leaf in leaves(member)]
+
+    certificate = certificate_of(house, version)
+    assert None not in leaves(certificate)
+    CertificateAnswer.model_validate(certificate)
+
+
+def test_author_publisher_and_revocation_are_named(house, version):
+    key = house.post("/v1/keys", {"name": "head of the laboratory", "scopes": ["read", "publish"]})
+    head = house.with_key(key["secret"])
+    path = f"/v1/calibrations/{version['id']}"
+    assert certificate_of(house, version)["validity"] == {"state": "draft"}
+    assert head.post(f"{path}/publish", json=PUBLICATION).status_code == 200
+    certificate = certificate_of(house, version)
+    assert certificate["author"] == "bootstrap"
+    (act,) = certificate["published"]
+    assert (act["by"], act["reason"]) == ("head of the laboratory", "spring, reviewed")
+    assert certificate["validity"] == {"state": "published", "valid_from": "2026-05-01T00:00:00Z"}
+    assert head.post(f"{path}/revoke", json={"reason": "wrong lamp"}).status_code == 200
+    revoked = certificate_of(house, version)["validity"]["revoked"]
+    assert (revoked["by"], revoked["reason"]) == ("head of the laboratory", "wrong lamp")
+
+
+def test_what_a_newer_version_leaves_of_an_older_one_is_no_new_publishing(house, version):
+    """The remainder of its validity is written anew by whoever published the newer one."""
+    publish(house, version)
+    campaign = {"id": version["campaign_id"]}
+    newer = calibrate(house, campaign, tolerance=0.05)
+    key = house.post("/v1/keys", {"name": "somebody else", "scopes": ["read", "publish"]})
+    body = {"valid_from": "2026-06-01T00:00:00Z", "valid_to": "2026-07-01T00:00:00Z", "reason": "june"}
+    answer = house.with_key(key["secret"]).post(f"/v1/calibrations/{newer['id']}/publish", json=body)
+    assert answer.status_code == 200
+    older = certificate_of(house, version)["published"]
+    assert [(act["by"], act["reason"]) for act in older] == [("bootstrap", "spring, reviewed")]
+    newest = certificate_of(house, newer)["published"]
+    assert [(act["by"], act["reason"]) for act in newest] == [("somebody else", "june")]
+
+
+def test_a_meters_later_certificate_does_not_replace_the_one_that_was_used(house, version):
+    before = certificate_of(house, version)
+    newer = copy.deepcopy(METER)
+    newer["certificate"] |= {"number": "NEW", "expanded_uncertainty_rel": 0.5, "due_on": "2030-01-01"}
+    assert house.http.post("/v1/meters", json=newer).status_code == 200
+    assert certificate_of(house, version)["meters"] == before["meters"]
+
+
+def test_a_reading_withdrawn_later_stays_on_it(house, version):
+    before = certificate_of(house, version)["readings"]
+    rows = house.get(f"/v1/campaigns/{version['campaign_id']}/readings")["items"]
+    assert house.http.delete(f"/v1/readings/{rows[0]['id']}").status_code == 200
+    assert certificate_of(house, version)["readings"] == before
+
+
+@pytest.mark.parametrize("form", ["json", "pdf"])
+def test_its_tag_holds_until_something_is_decided(house, version, form):
+    path = f"/v1/calibrations/{version['id']}/certificate.{form}"
+    first = house.http.get(path)
+    tag = first.headers["ETag"]
+    assert "immutable" not in first.headers["Cache-Control"]
+    again = house.http.get(path, headers={"If-None-Match": tag})
+    assert (again.status_code, again.content, again.headers["ETag"]) == (304, b"", tag)
+    assert house.http.get(path).content == first.content
+    publish(house, version)
+    published = house.http.get(path, headers={"If-None-Match": tag})
+    assert published.status_code == 200
+    assert published.headers["ETag"] != tag
+    campaign = f"/v1/campaigns/{version['campaign_id']}"
+    assert house.http.patch(campaign, json={"comments": "somebody coughed"}).status_code == 200
+    assert house.http.get(path).headers["ETag"] != published.headers["ETag"]
+
+
+def test_a_complete_certificate_has_no_gap_and_is_published_without_a_warning(house, version):
+    assert certificate_of(house, version)["gaps"] == []
+    assert house.http.patch("/v1/organisation", json={"refuses_incomplete_certificates": True}).is_success
+    assert publish(house, version)["warnings"] == []
+
+
+def test_a_bare_campaign_is_published_with_every_warning_or_not_at_all(house):
+    version = calibrate(house, upload_campaign(house, isos=(3200,)))
+    expected = [
+        *("laboratory_address_missing", "customer_missing", "place_missing", "conditions_missing"),
+        *("recorder_missing", "lens_missing", "meter_unknown", "checklist_incomplete", "checklist_unsigned"),
+    ]
+    assert codes(certificate_of(house, version)) == expected
+    assert [warning["code"] for warning in publish(house, version)["warnings"]] == expected
+    answer = house.http.patch("/v1/organisation", json={"refuses_incomplete_certificates": True})
+    assert answer.json()["refuses_incomplete_certificates"] is True
+    before = certificate_of(house, version)
+    problem = publish(house, version, status=409, reason="again")
+    assert problem["code"] == "certificate_incomplete"
+    assert [gap["code"] for gap in problem["gaps"]] == expected
+    assert certificate_of(house, version) == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "taken_at", "expected"),
+    [
+        ({"due_on": "2026-04-30"}, "2026-05-01T20:00:00Z", ["meter_certificate_expired"]),
+        ({"due_on": "2026-05-01"}, "2026-05-01T20:00:00Z", []),
+        ({"due_on": "2026-05-01"}, "2026-05-02T00:00:00Z", ["meter_certificate_expired"]),
+        ({"issued_on": "2026-05-02"}, "2026-05-01T20:00:00Z", ["meter_certificate_not_yet_issued"]),
+        ({"due_on": "2026-04-30"}, None, ["meter_certificate_expired"]),
+        (None, "2026-05-01T20:00:00Z", ["meter_certificate_missing"]),
+    ],
+)
+def test_a_meters_certificate_must_hold_on_the_day_of_use(house, changes, taken_at, expected):
+    meter = copy.deepcopy(METER)
+    if changes is None:
+        del meter["certificate"]
+    else:
+        meter["certificate"] |= changes
+    version = complete_version(house, meter=meter, taken_at=taken_at)
+    assert codes(certificate_of(house, version)) == expected
+
+
+def certificate_without(complete, place):
+    stripped = copy.deepcopy(complete)
+    *path, last = place
+    node = stripped
+    for name in path:
+        node = node[name]
+    del node[last]
+    return CertificateAnswer.model_validate(stripped)
+
+
+def test_every_gap_is_found_by_its_rule_and_filled_alone(house, version):
+    """Take one thing away from a complete certificate: exactly its gap opens."""
+    complete = certificate_of(house, version)
+    assert list_gaps(CertificateAnswer.model_validate(complete)) == []
+    removals = {
+        GapCode.LABORATORY_ADDRESS_MISSING: ("laboratory", "address"),
+        GapCode.CUSTOMER_MISSING: ("work", "customer"),
+        GapCode.PLACE_MISSING: ("work", "place"),
+        GapCode.CONDITIONS_MISSING: ("work", "conditions"),
+        GapCode.DATE_MISSING: ("work", "first_day"),
+        GapCode.RECORDER_MISSING: ("work", "recorder"),
+        GapCode.LENS_MISSING: ("item", "lens"),
+        GapCode.METER_UNKNOWN: ("readings", 0, "meter"),
+        GapCode.METER_CERTIFICATE_MISSING: ("meters", 0, "certificate"),
+        GapCode.CHECKLIST_INCOMPLETE: ("checklist", "items", 5, "done_by"),
+        GapCode.CHECKLIST_UNSIGNED: ("checklist", "signature"),
+    }
+    dates = {GapCode.METER_CERTIFICATE_EXPIRED, GapCode.METER_CERTIFICATE_NOT_YET_ISSUED}
+    assert set(GapCode) == removals.keys() | dates, "the dates have a test of their own"
+    for code, place in removals.items():
+        (found,) = list_gaps(certificate_without(complete, place))
+        assert found.code == code
+        assert len(found.message) > 30
+
+
+def test_another_organisations_certificate_does_not_exist(house, version):
+    founded = house.post("/v1/organisations", {"name": "another"})
+    other = house.with_key(founded["key"]["secret"])
+    for form in ("json", "pdf"):
+        assert other.get(f"/v1/calibrations/{version['id']}/certificate.{form}").status_code == 404
+
+
+def test_an_organisation_is_changed_by_its_admins_only(house):
+    key = house.post("/v1/keys", {"name": "team", "scopes": ["read", "publish"]})
+    team = house.with_key(key["secret"])
+    assert team.get("/v1/organisation").json()["refuses_incomplete_certificates"] is False
+    answer = team.patch("/v1/organisation", json={"refuses_incomplete_certificates": True})
+    assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
+    for wrong in ({"refuses_incomplete_certificates": "yes"}, {"address": None}, {"name": "x"}):
+        assert house.http.patch("/v1/organisation", json=wrong).status_code == 422
+    assert team.get("/v1/organisation").json()["refuses_incomplete_certificates"] is False

@@ -1,0 +1,169 @@
+"""The certificate on paper: the numbers are those of certificate.json, and nothing is lost on the way."""
+
+import copy
+import io
+import re
+from decimal import ROUND_HALF_EVEN, Decimal
+
+import pypdf
+import pytest
+
+from service.certificate import draw_region, render_pdf
+from service.certificate.figures import in_step
+from tests.support.certificates import certificate_of, complete_version
+
+# with a point, and no part of a name, a version or a date
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
+
+
+@pytest.fixture
+def version(house):
+    return complete_version(house, isos=(3200, 6400))
+
+
+def read(pdf: bytes) -> list[str]:
+    reader = pypdf.PdfReader(io.BytesIO(pdf))
+    return [page.extract_text().replace("\u200b", "").replace("\u2212", "-") for page in reader.pages]
+
+
+def fetch(house, version) -> list[str]:
+    answer = house.http.get(f"/v1/calibrations/{version['id']}/certificate.pdf")
+    assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
+    return read(answer.content)
+
+
+def leaves(value):
+    members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+    if members is None:
+        return [value]
+    return [leaf for member in members for leaf in leaves(member)]
+
+
+def numbers_of(certificate) -> list[float]:
+    found = [float(leaf) for leaf in leaves(certificate) if type(leaf) in (int, float)]
+    return found + [100 * value for value in found]  # percent
+
+
+def is_printed(token: str, numbers: list[float]) -> bool:
+    """Whether a printed number is one of these, rounded to the digits that are printed."""
+    mantissa, _, exponent = token.lstrip("+").partition("e")
+    digits = len(mantissa.partition(".")[2])
+    kind = "e" if exponent else "f"
+    # the sign of a zero is not printed by everybody
+    return any(abs(float(f"{n:.{digits}{kind}}") - float(token)) <= 1e-12 * abs(n) for n in numbers)
+
+
+def test_every_number_on_paper_is_one_of_the_jsons(house, version):
+    certificate = certificate_of(house, version)
+    plots = house.http.get(f"/v1/calibrations/{version['id']}/plot.svg").text
+    quoted = set(_NUMBER.findall(" ".join(leaf for leaf in leaves(certificate) if isinstance(leaf, str))))
+    ticks = set(_NUMBER.findall(" ".join(re.findall(r">([^<]*)<", plots))))
+    numbers = numbers_of(certificate)
+    tokens = [token for page in fetch(house, version) for token in _NUMBER.findall(page)]
+    assert len(tokens) > 300
+    assert [t for t in tokens if t not in quoted | ticks and not is_printed(t, numbers)] == []
+    # and the check can fail
+    assert not is_printed("2.718281", numbers)
+
+
+def rounded(value: float, uncertainty: float) -> tuple[str, str]:
+    """To two significant digits of the uncertainty, in decimal arithmetic."""
+    u = Decimal(uncertainty)
+    step = Decimal(1).scaleb(u.adjusted() - 1)
+    if u.quantize(step, ROUND_HALF_EVEN).adjusted() > u.adjusted():
+        step *= 10
+    return str(Decimal(value).quantize(step)), str(u.quantize(step))
+
+
+def test_the_results_stand_on_the_first_page(house, version):
+    certificate = certificate_of(house, version)
+    first = " ".join(fetch(house, version)[0].split())
+    for fit in certificate["result"]["iso_fits"]:
+        c = fit["coefficient"]
+        k, u = rounded(c["luminance_k"], c["luminance_k_standard_uncertainty"])
+        _, expanded = rounded(c["luminance_k"], c["expanded_uncertainty"])
+        row = f"{c['iso']:g} {k} {u} {expanded} {c['coverage_factor']:.2f}"
+        assert row in first
+    for said in ("0K1XE8-luminance-1", "A. Meier", "City of Lansing", "Main Street 1", "PTB Braunschweig"):
+        assert said in first
+    assert "Draft: not authorised" in first
+    assert "page 1 of" in first
+
+
+def test_every_frame_reading_item_and_share_is_printed(house, version):
+    certificate = certificate_of(house, version)
+    text = "".join("".join(page.split()) for page in fetch(house, version))
+    for frame in certificate["frames"]:
+        assert frame["sha256"] in text
+        assert rounded(frame["signal_dn"], frame["signal_standard_uncertainty_dn"])[0] in text
+    for reading in certificate["readings"]:
+        assert f"{reading['value']:.6g}cd/m²" in text
+    for item in certificate["checklist"]["items"]:
+        assert "".join(item["text"].split()) in text.replace("\u2019", "'")
+    for budget in certificate["budgets"]:
+        for line in budget["lines"]:
+            assert f"{100 * line['variance_share']:.2f}%" in text
+    for statement in certificate["statements"]:
+        assert "".join(statement.split()) in text
+    assert certificate["content_sha256"] in text
+
+
+def test_a_change_of_any_result_shows_on_paper(house, version):
+    certificate = certificate_of(house, version)
+    changed = copy.deepcopy(certificate)
+    changed["result"]["iso_fits"][0]["coefficient"]["luminance_k"] = 77.77
+    assert "77.77" not in "".join(read(render_pdf(certificate)))
+    assert "77.77" in read(render_pdf(changed))[0]
+
+
+def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(house, version):
+    certificate = certificate_of(house, version)
+    long = copy.deepcopy(certificate)
+    long["frames"] = [
+        frame | {"frame": f"{'N' * 60}-{i}.DNG"} for i in range(4) for frame in certificate["frames"]
+    ]
+    long["meters"][0]["serial"] = "S" * 80
+    pages = read(render_pdf(long))
+    with_frames = [page for page in pages if "NNNNNNNNNN" in page]
+    assert len(with_frames) > 3
+    for page in with_frames:
+        assert "SHA-256" in page
+    total = len(pages)
+    for number, page in enumerate(pages, start=1):
+        assert f"page {number} of {total}" in " ".join(page.split())
+        assert "It relates only to the item named on it." in " ".join(page.split())
+
+
+def test_the_same_certificate_gives_the_same_bytes(house, version):
+    certificate = certificate_of(house, version)
+    assert render_pdf(certificate) == render_pdf(copy.deepcopy(certificate))
+
+
+def test_words_are_text_and_never_markup(house, version):
+    certificate = certificate_of(house, version)
+    hostile = '#eval("1") *bold* $x$ <b> \\ "quoted" #include "/etc/passwd"'
+    certificate["work"]["place"] = hostile
+    certificate["checklist"]["items"][0]["note"] = hostile
+    text = "".join("".join(read(render_pdf(certificate))).split())
+    assert text.count("".join(hostile.split())) == 2
+
+
+def test_the_region_is_drawn_where_it_lies():
+    svg = draw_region(b"png", 400, 300, [[10, 20], [110.5, 20], [110, 80]])
+    assert 'viewBox="0 0 400 300"' in svg
+    assert 'points="10,20 110.5,20 110,80"' in svg
+
+
+@pytest.mark.parametrize(
+    ("value", "uncertainty", "expected"),
+    [
+        (2.0002046, 0.043026, ("2.000", "0.043")),
+        (31.99, 0.0996, ("31.99", "0.10")),
+        (31.99, 9.96, ("32", "10")),
+        (1234.5, 120.0, ("1230", "120")),
+        (-0.5, 0.001, ("-0.5000", "0.0010")),
+        (0.25, 0.0, ("0.25", "0")),
+    ],
+)
+def test_a_value_is_rounded_as_its_uncertainty_is(value, uncertainty, expected):
+    assert in_step(value, uncertainty) == expected

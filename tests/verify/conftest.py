@@ -1,0 +1,41 @@
+"""One export of a small version, made once and copied for each test; a house that answers on a socket."""
+
+import shutil
+import socket
+import threading
+
+import pytest
+import uvicorn
+
+from store.database import Database
+from tests.support.certificates import complete_version, export_version
+from tests.support.house import House
+
+
+@pytest.fixture(scope="session")
+def exported_once(migrated_sqlite, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("verify")
+    shutil.copy(migrated_sqlite, folder / "stilb.sqlite")
+    database = Database(f"sqlite:///{folder / 'stilb.sqlite'}")
+    with House(database, folder) as house:
+        export = export_version(house, complete_version(house), folder / "export")
+    database.dispose()
+    return export
+
+
+@pytest.fixture
+def exported(exported_once, tmp_path):
+    return shutil.copytree(exported_once, tmp_path / "export")
+
+
+@pytest.fixture
+def address(house):
+    """The house on a port: what connects before it serves waits in the socket's queue."""
+    listening = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(uvicorn.Config(house.app, log_config=None, lifespan="off"))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    yield f"http://127.0.0.1:{listening.getsockname()[1]}"
+    server.should_exit = True
+    thread.join()
+    listening.close()

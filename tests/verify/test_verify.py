@@ -1,0 +1,236 @@
+"""A certificate comes out again to the last bit, and whatever was touched is found and named."""
+
+import json
+
+import pytest
+
+import stilb
+import stilb.__main__
+from stilb.export import frame_path
+from tests.support.certificates import certificate_of, complete_version
+from tests.support.house import KEY
+from verify.__main__ import main
+from verify.compare import Row, compare
+
+
+def run(capsys, exported, *more):
+    code = main([str(exported / "certificate.json"), "--data", str(exported), *more])
+    return code, " ".join(capsys.readouterr().out.split())
+
+
+def change(path, edit):
+    content = json.loads(path.read_text())
+    edit(content)
+    path.write_text(json.dumps(content))
+
+
+@pytest.fixture(autouse=True)
+def wide(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "250")
+
+
+def test_an_untouched_export_agrees(capsys, exported):
+    code, said = run(capsys, exported)
+    assert code == 0
+    assert "quantities are the same to the last bit." in said
+    certificate = json.loads((exported / "certificate.json").read_text())
+    (fit,) = certificate["result"]["iso_fits"]
+    k = repr(fit["coefficient"]["luminance_k"])
+    assert f"ISO 3200 K │ {k} │ {k} │ yes" in said
+    assert "NO" not in said
+
+
+def test_a_changed_frame_is_found_by_its_hash_and_moves_k(capsys, exported):
+    certificate = json.loads((exported / "certificate.json").read_text())
+    frame = next(frame for frame in certificate["frames"] if frame["role"] == "light")
+    path = exported / frame_path(frame)
+    content = bytearray(path.read_bytes())
+    middle = len(content) // 2  # among the samples, which are most of the file
+    content[middle & ~1] ^= 0x40
+    path.write_bytes(content)
+    code, said = run(capsys, exported)
+    assert code == 1
+    assert f"frame files: {frame['frame']} SHA-256 │ {frame['sha256']}" in said
+    assert f"frame statistics: {frame['frame']}.signal_dn" in said
+    assert "content hash: content SHA-256" in said
+    k = said.split("ISO 3200 K │")[1].split("ISO 3200 u(K)")[0]
+    assert "NO" in k
+
+
+@pytest.mark.parametrize("damage", ["missing", "cut off"])
+def test_a_frame_that_cannot_be_read_is_said(capsys, exported, damage):
+    certificate = json.loads((exported / "certificate.json").read_text())
+    path = exported / frame_path(certificate["frames"][0])
+    if damage == "missing":
+        path.unlink()
+    else:
+        path.write_bytes(path.read_bytes()[:2000])
+    code, said = run(capsys, exported)
+    assert code == 1
+    assert f"frames: {certificate['frames'][0]['frame']} │ can be read │" in said
+
+
+def test_a_changed_reading_is_found_and_moves_k(capsys, exported):
+    def edit(readings):
+        readings[0]["value"] *= 1.001
+
+    change(exported / "readings.json", edit)
+    code, said = run(capsys, exported)
+    assert code == 1
+    assert "readings: [0].value │" in said
+    assert "+1.00e-03" in said
+    assert "NO" in said.split("ISO 3200 K │")[1].split("ISO 3200 u(K)")[0]
+
+
+def test_a_region_that_was_moved_is_found(capsys, exported):
+    def edit(regions):
+        regions[0]["points"][0][0] += 1.0
+
+    change(exported / "roi.json", edit)
+    code, said = run(capsys, exported)
+    assert code == 1
+    assert "regions: SHA-256 of its corners" in said
+
+
+PLACES = [
+    ("result", "iso_fits", 0, "coefficient", "luminance_k"),
+    ("result", "iso_fits", 0, "coefficient", "covariance", 0, 0),
+    ("result", "iso_fits", 0, "models", 2, "parameters", 1),
+    ("result", "points", 3, "residual_rel"),
+    ("result", "scenes", 0, "luminance_cd_m2"),
+    ("budgets", 0, "lines", 0, "u_rel"),
+    ("frames", 2, "signal_dn"),
+    ("frames", 2, "statistics", 0, "std_dn"),
+    ("frames", 2, "exposure", "exposure_time_s"),
+    ("readings", 1, "value"),
+    ("parameters", "f_number_u_rel"),
+    ("meters", 0, "certificate", "expanded_uncertainty_rel"),
+    ("regions", 0, "points", 0, 0),
+]
+
+
+@pytest.mark.parametrize("place", PLACES, ids=lambda place: ".".join(map(str, place)))
+def test_a_changed_number_in_the_certificate_is_found(capsys, exported, place):
+    """In its last bits, and although the data's own copy was changed along with it."""
+
+    def edit(certificate):
+        *path, last = place
+        node = certificate
+        for name in path:
+            node = node[name]
+        node[last] = node[last] * (1 + 1e-15) + 1e-15
+
+    change(exported / "certificate.json", edit)
+    code, said = run(capsys, exported)
+    assert code == 1
+    assert "quantities differ." in said
+
+
+def test_a_certificate_is_held_against_the_one_that_came_with_the_data(capsys, exported, tmp_path):
+    certificate = json.loads((exported / "certificate.json").read_text())
+    certificate["work"]["recorder"] = "somebody else"
+    mine = tmp_path / "mine.json"
+    mine.write_text(json.dumps(certificate))
+    assert main([str(mine), "--data", str(exported)]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "the data's own certificate: work.recorder │ somebody else │ A. Meier │ NO" in said
+
+
+def test_what_is_decided_later_does_not_make_it_differ(exported, tmp_path):
+    certificate = json.loads((exported / "certificate.json").read_text())
+    certificate["validity"] = {"state": "published", "valid_from": "2026-05-01T00:00:00Z"}
+    mine = tmp_path / "mine.json"
+    mine.write_text(json.dumps(certificate))
+    assert main([str(mine), "--data", str(exported)]) == 0
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "[]", "{}", '{"schema_version": 2}', '{"schema_version": 1, "x": NaN}', '{"schema_version": 1}'],
+)
+def test_what_is_no_certificate_is_neither_right_nor_wrong(capsys, exported, content):
+    (exported / "certificate.json").write_text(content)
+    code, said = run(capsys, exported)
+    assert code == 2
+    assert said.startswith("verify: ")
+
+
+def test_a_frame_cannot_lead_out_of_the_folder(capsys, exported):
+    def edit(certificate):
+        certificate["frames"][0]["sha256"] = "../../../etc/passwd"
+
+    change(exported / "certificate.json", edit)
+    assert run(capsys, exported)[0] == 2
+
+
+def test_the_data_must_be_named(exported):
+    with pytest.raises(SystemExit, match="2"):
+        main([str(exported / "certificate.json")])
+
+
+def test_a_certificate_on_a_server_is_verified_from_there(capsys, house, address):
+    version = complete_version(house)
+    place = f"{address}/v1/calibrations/{version['id']}/certificate.json"
+    assert main([place, "--key", KEY]) == 0
+    assert main([place, "--key", "wrong"]) == 2
+    assert "unauthenticated" in capsys.readouterr().out
+
+
+def test_a_doctored_certificate_fails_against_the_server(house, address, tmp_path):
+    version = complete_version(house)
+    certificate = certificate_of(house, version)
+    certificate["readings"][0]["value"] *= 1.01
+    doctored = tmp_path / "doctored.json"
+    doctored.write_text(json.dumps(certificate))
+    assert main([str(doctored), "--data", address, "--key", KEY]) == 1
+
+
+def test_the_clients_export_is_taken_up_where_it_stopped(house, address, tmp_path):
+    version = complete_version(house)
+    told = []
+    with stilb.Client(address, KEY) as client:
+        folder = client.export(version["id"], tmp_path / "out", on_progress=told.append)
+        frames = certificate_of(house, version)["frames"]
+        assert [progress.files_done for progress in told] == list(range(1, len(frames) + 1))
+        assert told[-1].bytes_done == told[-1].bytes_total == sum(frame["size_bytes"] for frame in frames)
+        for frame in frames:
+            sent = house.http.get(f"/v1/frames/{frame['id']}/content").content
+            assert (folder / frame_path(frame)).read_bytes() == sent
+        kept, damaged = (folder / frame_path(frame) for frame in frames[:2])
+        damaged.write_bytes(b"half")
+        before = kept.stat().st_mtime_ns, kept.stat().st_ino
+        client.export(version["id"], folder)
+        assert (kept.stat().st_mtime_ns, kept.stat().st_ino) == before
+    assert damaged.stat().st_size == frames[1]["size_bytes"]
+    assert (folder / "certificate.pdf").read_bytes().startswith(b"%PDF")
+    assert not list(folder.rglob("*.part"))
+
+
+def test_the_command_exports(house, address, tmp_path, capsys):
+    version = complete_version(house)
+    asked = ["export", version["id"], str(tmp_path / "out"), "--url", address, "--key"]
+    assert stilb.__main__.main([*asked, KEY]) == 0
+    assert main([str(tmp_path / "out" / "certificate.json"), "--data", str(tmp_path / "out")]) == 0
+    assert stilb.__main__.main([*asked, "wrong"]) == 1
+    assert "unauthenticated" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("stated", "found", "differing"),
+    [
+        ({"a": 1.0}, {"a": 1}, []),
+        ({"a": True}, {"a": 1}, ["a"]),
+        ({"a": 1.0}, {"a": 1.0000000000000002}, ["a"]),
+        ({"a": 1}, {"b": 1}, ["a", "b"]),
+        ({"a": [1, 2]}, {"a": [1]}, ["a count"]),
+        ({"a": [1]}, {"a": {"0": 1}}, ["a"]),
+        ({"a": {"b": [{"c": "x"}]}}, {"a": {"b": [{"c": "y"}]}}, ["a.b[0].c"]),
+    ],
+)
+def test_leaves_are_compared_to_the_last_bit(stated, found, differing):
+    assert [row.quantity for row in compare("", stated, found) if not row.same] == differing
+
+
+def test_a_difference_is_relative_to_what_the_certificate_says():
+    row = Row(group="", quantity="", certificate=-2.0, recomputed=-2.002)
+    assert row.difference == "-1.00e-03"
