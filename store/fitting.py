@@ -15,17 +15,13 @@ from radiometry.luminance.rows import Params
 from store.codec import encode
 from store.columns import new_id
 from store.queries.calibrations import next_version
-from store.queries.evidence import Evidence, gather
+from store.queries.evidence import Evidence
 from store.software import CODE_VERSION, EXTRACTOR
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 
 
-def missing_for_fit(session: Session, campaign: Campaign, params: Params | None = None) -> list[str]:
-    """What a fit still needs, by name; empty when it can start."""
-    return list_missing(campaign, gather(session, campaign, EXTRACTOR), params or Params())
-
-
 def list_missing(campaign: Campaign, evidence: Evidence, params: Params) -> list[str]:
+    """What a fit still needs, by name; empty when it can start."""
     return list(
         methods.missing(campaign.method, evidence.frames, evidence.readings, params, unread=evidence.unread)
     )

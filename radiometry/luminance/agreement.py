@@ -103,12 +103,14 @@ def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:
     return found
 
 
-def expect_signal(candidate: Candidate, brightness: dict[str, dict[str, float]]) -> float | None:
-    """Give the signal above dark [DN] that the other frames of its scene let expect; None where none does."""
-    others = [
-        value for frame, value in brightness.get(candidate.scene, {}).items() if frame != candidate.frame
-    ]
-    return python_statistics.median(others) * _per_luminance(candidate) if others else None
+def expect_signals(series: IsoSeries, brightness: dict[str, dict[str, float]]) -> dict[str, float]:
+    """Give the signal above dark [DN] that clipped frames would have by the other frames of their scene."""
+    medians = {scene: python_statistics.median(frames.values()) for scene, frames in brightness.items()}
+    return {
+        candidate.frame: medians[candidate.scene] * _per_luminance(candidate)
+        for candidate in series.candidates
+        if is_saturated(candidate.signal) and candidate.scene in medians
+    }
 
 
 def inspect_agreement(brightness: dict[str, dict[str, float]]) -> dict[str, list[Reason]]:

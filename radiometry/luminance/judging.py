@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from radiometry.luminance.agreement import (
-    expect_signal,
+    expect_signals,
     find_repeats,
     inspect_agreement,
     inspect_scenes,
@@ -57,12 +57,13 @@ def _inspect_series(
         if row.statistics and row.exposure.iso == series.iso
     }
     brightness = measure_brightness(series)
+    expected = expect_signals(series, brightness)
     exposing = {
         candidate.frame: inspect_exposure(
             candidate,
             series.dark,
             measured[candidate.frame],
-            expected_signal_dn=expect_signal(candidate, brightness),
+            expected_signal_dn=expected.get(candidate.frame),
         )
         for candidate in series.candidates
     }

@@ -13,7 +13,7 @@ from service.problems import HttpCode, Problem
 from service.routes import problems
 from service.schemas.campaigns import CampaignAnswer, CampaignChange, NewCampaign, NewRoi, RoiAnswer
 from service.writing import Reply, Writes
-from store.fitting import missing_for_fit
+from store.judging import take_stock
 from store.queries.campaigns import count, find_or_add_roi, set_roi
 from store.tables import Camera, Campaign, Roi
 
@@ -54,7 +54,7 @@ def list_campaigns(
 
 @router.get("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
 def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
-    """One campaign, with what has arrived and what a fit still needs."""
+    """One campaign, with what has arrived and what a fit, and a good one, still needs."""
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
         return _whole(session, campaign).respond()
@@ -107,4 +107,4 @@ def read_roi(body: NewRoi) -> tuple[Polygon, list[list[float]]]:
 
 
 def _whole(session: Session, campaign: Campaign) -> CampaignAnswer:
-    return CampaignAnswer.whole(campaign, count(session, campaign), missing_for_fit(session, campaign))
+    return CampaignAnswer.whole(campaign, count(session, campaign), take_stock(session, campaign))

@@ -1,6 +1,7 @@
 """Frames: uploaded as a stream, read by a worker, given back byte for byte."""
 
 import json
+from collections.abc import Mapping
 from typing import Annotated
 from urllib.parse import quote
 
@@ -11,6 +12,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from radiometry.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
 from service.context import Context, UsesContext
 from service.immutable import immutable_headers, not_modified
@@ -26,9 +28,10 @@ from service.schemas.campaigns import NewRoi, Role
 from service.schemas.equipment import PositiveText
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow
 from service.writing import Reply, StreamWrites, Writes
+from store.judging import judge_alone, judge_frames
 from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
 from store.queries.frames import NewFrame, channel_rows, describe_anew, extractions_of, find_or_add_frame
-from store.tables import Blob, Campaign, FrameRow
+from store.tables import Blob, Campaign, FrameRow, Job
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 
@@ -116,9 +119,9 @@ async def upload_frame(
         jobs = (
             [enqueue_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if to_read else []
         )
-        body = _answers(session, [frame])[0]
-        body = body.model_copy(update={"job_id": jobs[0].id if jobs else None})
-        return Reply(status=201 if is_new else 200, body=body, jobs=jobs)
+        return Reply(
+            status=201 if is_new else 200, body=_answer_write(session, frame, campaign, jobs), jobs=jobs
+        )
 
     return await run_in_threadpool(writing.with_content(received.blob.sha256).run, caller, change)
 
@@ -135,7 +138,7 @@ def list_frames(
     """A campaign's frames, oldest first."""
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
     with context.database.reading() as session:
-        owned(session, Campaign, campaign_id, caller)
+        campaign = owned(session, Campaign, campaign_id, caller)
         return page_of(
             session,
             request,
@@ -143,15 +146,17 @@ def list_frames(
             by=FrameRow.id,
             limit=limit,
             cursor=cursor,
-            shape=lambda found: _answers(session, found),
+            shape=lambda found: _answers(session, found, judge_frames(session, campaign)),
         )
 
 
 @router.get("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
 def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
-    """One frame: what it says of itself, its refusal or warnings, its statistics."""
+    """One frame: what it says of itself, its refusal or warnings, its statistics, and the verdict on it."""
     with context.database.reading() as session:
-        return _answers(session, [owned(session, FrameRow, frame_id, caller)])[0].respond()
+        frame = owned(session, FrameRow, frame_id, caller)
+        verdicts = judge_frames(session, session.get_one(Campaign, frame.campaign_id))
+        return _answers(session, [frame], verdicts)[0].respond()
 
 
 @router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
@@ -261,12 +266,19 @@ def _plain_name(filename: str) -> str:
 def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> Reply:
     jobs = [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
     session.flush()
-    body = _answers(session, [frame])[0].model_copy(update={"job_id": jobs[0].id if jobs else None})
-    return Reply(status=200, body=body, jobs=jobs)
+    campaign = session.get_one(Campaign, frame.campaign_id)
+    return Reply(status=200, body=_answer_write(session, frame, campaign, jobs), jobs=jobs)
 
 
-def _answers(session: Session, frames: list[FrameRow]) -> list[FrameAnswer]:
-    """Frames with their statistics, in four queries however many they are."""
+def _answer_write(session: Session, frame: FrameRow, campaign: Campaign, jobs: list[Job]) -> FrameAnswer:
+    # nobody else may write meanwhile: the frame is not held against a whole campaign here
+    verdicts = {frame.id: judge_alone(session, frame, campaign)} if jobs else {}
+    answer = _answers(session, [frame], verdicts)[0]
+    return answer.model_copy(update={"job_id": jobs[0].id}) if jobs else answer
+
+
+def _answers(session: Session, frames: list[FrameRow], verdicts: Mapping[str, Verdict]) -> list[FrameAnswer]:
+    """Frames with their statistics, in three queries however many they are."""
     extractions = extractions_of(session, [frame.id for frame in frames])
     rows = channel_rows(session, [e.id for found in extractions.values() for e in found])
     blobs = session.scalars(select(Blob).where(Blob.sha256.in_({frame.sha256 for frame in frames})))
@@ -280,6 +292,7 @@ def _answers(session: Session, frames: list[FrameRow]) -> list[FrameAnswer]:
                 for extraction in extractions[frame.id]
                 for row in rows[extraction.id]
             ],
+            verdict=verdicts.get(frame.id),
         )
         for frame in frames
     ]

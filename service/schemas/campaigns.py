@@ -6,6 +6,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from radiometry.methods import Method
 from service.schemas.base import Answer, Form, Instant, LongText, Number, Text
+from store.judging import Stock
 from store.queries.campaigns import Counts
 from store.tables import Campaign, Reading, Roi
 
@@ -79,6 +80,7 @@ class CampaignAnswer(Answer):
                     "frames": {"received": 30, "extracted": 29, "refused": 1},
                     "readings": 12,
                     "missing": ["scene level-4 has no luminance reading"],
+                    "advice": ["no dark frames at ISO 3200"],
                 }
             ]
         }
@@ -99,6 +101,7 @@ class CampaignAnswer(Answer):
     frames: FrameCounts | None = None
     readings: int | None = None
     missing: list[str] | None = Field(default=None, description="What a fit still needs, by name.")
+    advice: list[str] | None = Field(default=None, description="What would make a fit good, by name.")
 
     @classmethod
     def of(cls, row: Campaign) -> "CampaignAnswer":
@@ -107,7 +110,7 @@ class CampaignAnswer(Answer):
         )
 
     @classmethod
-    def whole(cls, row: Campaign, counts: Counts, missing: list[str]) -> "CampaignAnswer":
+    def whole(cls, row: Campaign, counts: Counts, stock: Stock) -> "CampaignAnswer":
         """With what has arrived and what has not."""
         return cls.of(row).model_copy(
             update={
@@ -115,7 +118,8 @@ class CampaignAnswer(Answer):
                     received=counts.received, extracted=counts.extracted, refused=counts.refused
                 ),
                 "readings": counts.readings,
-                "missing": missing,
+                "missing": stock.missing,
+                "advice": stock.advice,
             }
         )
 

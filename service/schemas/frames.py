@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from radiometry.verdicts import Outcome, ReasonCode, Verdict
 from service.schemas.base import Answer, Form, Instant, Text
 from service.schemas.campaigns import Role
 from service.schemas.equipment import Positive
@@ -36,6 +37,19 @@ class CameraAsRead(Answer):
 class Refusal(Answer):
     code: str
     detail: str
+
+
+class ReasonAnswer(Answer):
+    code: ReasonCode
+    outcome: Outcome
+    detail: str = Field(description="A sentence with the numbers and what to do.")
+
+
+class VerdictAnswer(Answer):
+    """What a field team does about a frame while it is on site."""
+
+    outcome: Outcome
+    reasons: list[ReasonAnswer] = Field(description="The gravest first.")
 
 
 class StatisticsRow(Answer):
@@ -75,6 +89,16 @@ class FrameAnswer(Answer):
                     "state": "received",
                     "warnings": [],
                     "statistics": [],
+                    "verdict": {
+                        "outcome": "pending",
+                        "reasons": [
+                            {
+                                "code": "not_read",
+                                "outcome": "pending",
+                                "detail": "This frame waits to be read: ask again in a few seconds.",
+                            }
+                        ],
+                    },
                     "created_at": "2026-05-01T08:00:00Z",
                 }
             ]
@@ -110,6 +134,11 @@ class FrameAnswer(Answer):
     refusal: Refusal | None = None
     warnings: list[str]
     statistics: list[StatisticsRow]
+    verdict: VerdictAnswer | None = Field(
+        default=None,
+        description="Computed anew whenever the frame is asked for. Left out where an upload or a change "
+        "finds nothing to do: ask for the frame.",
+    )
     job_id: str | None = Field(default=None, description="The job that reads it, where one was started.")
     created_at: Instant
 
@@ -120,6 +149,7 @@ class FrameAnswer(Answer):
         *,
         size_bytes: int | None = None,
         statistics: list[StatisticsRow] | None = None,
+        verdict: Verdict | None = None,
         job_id: str | None = None,
     ) -> "FrameAnswer":
         refusal = None
@@ -132,6 +162,7 @@ class FrameAnswer(Answer):
             size_bytes=size_bytes,
             refusal=refusal,
             statistics=statistics or [],
+            verdict=VerdictAnswer.model_validate(verdict) if verdict else None,
             job_id=job_id,
         )
 

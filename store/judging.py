@@ -1,0 +1,79 @@
+"""What a field team is told on site: the verdict on each frame, and what its campaign still lacks."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry import methods
+from radiometry.luminance.rows import Params
+from radiometry.roi import Polygon
+from radiometry.verdicts import Taken, Verdict, conclude, inspect_frame
+from store.fitting import list_missing, with_campaign
+from store.queries.evidence import gather
+from store.queries.frames import current_roi
+from store.software import EXTRACTOR
+from store.tables import Campaign, FrameRow, Roi
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stock:
+    """What a campaign lacks. ``missing``: for any fit; ``advice``: for a good one."""
+
+    missing: list[str]
+    advice: list[str]
+
+
+def take_stock(session: Session, campaign: Campaign) -> Stock:
+    evidence = gather(session, campaign, EXTRACTOR)
+    params = with_campaign(Params(), campaign)
+    return Stock(
+        missing=list_missing(campaign, evidence, params),
+        advice=list(methods.plan(campaign.method, evidence.frames, evidence.readings, params)),
+    )
+
+
+def judge_frames(session: Session, campaign: Campaign) -> dict[str, Verdict]:
+    """The verdict on every frame of a campaign, by id; in as many queries for a thousand as for one."""
+    rows = session.scalars(
+        select(FrameRow).where(FrameRow.campaign_id == campaign.id).order_by(FrameRow.id)
+    ).all()
+    evidence = gather(session, campaign, EXTRACTOR)
+    regions = _read_regions(session, {row.roi_id or campaign.roi_id for row in rows})
+    # what no fit sees needs no name, only one that no other frame has
+    names = {row.id: evidence.names.get(row.id, row.id) for row in rows}
+    taken = [_take(row, names[row.id], regions.get(row.roi_id or campaign.roi_id)) for row in rows]
+    verdicts = methods.judge(
+        campaign.method, taken, evidence.frames, evidence.readings, with_campaign(Params(), campaign)
+    )
+    return {row.id: verdicts[names[row.id]] for row in rows}
+
+
+def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdict:
+    """The verdict on a frame that is about to be read: nothing of it can be held against others yet."""
+    roi = current_roi(session, frame, campaign)
+    region = Polygon.from_points(roi.points) if roi else None
+    return conclude(inspect_frame(_take(frame, frame.id, region), usual_format=None))
+
+
+def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None, Polygon]:
+    rois = session.scalars(select(Roi).where(Roi.id.in_(roi_ids - {None})))
+    return {roi.id: Polygon.from_points(roi.points) for roi in rois}
+
+
+def _take(row: FrameRow, name: str, region: Polygon | None) -> Taken:
+    return Taken(
+        frame=name,
+        role=row.role,
+        scene=row.scene,
+        state=row.state,
+        refusal=row.refusal_detail or "",
+        flags=tuple(row.warnings),
+        format=_read_format(row.header),
+        region=region,
+    )
+
+
+def _read_format(header: dict[str, Any] | None) -> tuple[int, int, str] | None:
+    return (header["width_px"], header["height_px"], header["cfa"]) if header else None
