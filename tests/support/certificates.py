@@ -32,7 +32,7 @@ WORK = {
 
 
 def complete_version(house: House, *, meter=METER, work=WORK, taken_at="2026-05-01T20:00:00Z", isos=(3200,)):
-    """A version of a camera with its lens, its meter read with a certificate, its checklist ticked and signed."""
+    """A version of a camera with its lens, its meter and certificate, its checklist signed."""
     house.camera(lens={"make": "DJI", "model": "MFT 15mm F1.7 ASPH", "serial": "L1"})
     assert house.http.patch("/v1/organisation", json={"address": "Main Street 1"}).status_code == 200
     campaign = upload_campaign(house, readings=False, isos=isos)
