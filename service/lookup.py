@@ -7,7 +7,19 @@ from sqlalchemy.orm import Session
 
 from service.auth import Caller
 from service.problems import not_found
-from store.tables import ApiKey, Base, Calibration, Camera, Campaign, FrameRow, Job, Meter, Reading
+from store.tables import (
+    ApiKey,
+    Base,
+    Calibration,
+    Camera,
+    Campaign,
+    FrameRow,
+    Job,
+    Measurement,
+    Meter,
+    Purge,
+    Reading,
+)
 
 Row = TypeVar("Row", bound=Base)
 
@@ -20,7 +32,9 @@ _WORDS: dict[type[Base], str] = {
     Campaign: "campaign",
     FrameRow: "frame",
     Job: "job",
+    Measurement: "measurement",
     Meter: "meter",
+    Purge: "purge",
     Reading: "reading",
 }
 

@@ -31,7 +31,7 @@ def list_jobs(
     limit: Limit = 100,
     cursor: Cursor = None,
     state: Annotated[State | None, Query()] = None,
-    kind: Annotated[Literal["extract", "fit"] | None, Query()] = None,
+    kind: Annotated[Literal["extract", "fit", "measure"] | None, Query()] = None,
 ) -> Response:
     """The jobs of your organisation, newest first."""
     rows = select(Job).where(Job.organisation_id == caller.organisation_id)

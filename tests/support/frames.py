@@ -1,5 +1,6 @@
 """Small DNG files as the demo's camera writes them, with a given signal."""
 
+import struct
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -40,3 +41,37 @@ def write_frame(
     camera = Camera(black_level_dn=BLACK, white_level_dn=WHITE, serial=serial)
     write_dng(path, mosaic, camera=camera, exposure=exposure)
     return path
+
+
+def place_frame(content: bytes, *, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bytes:
+    """The same file with a GPS directory, and a first directory that points to it; both at its end."""
+    place = len(content) + len(content) % 2
+    entries = [
+        struct.pack("<HHI4s", 1, 2, 2, b"S" if latitude_deg < 0 else b"N"),
+        struct.pack("<HHII", 2, 5, 3, place + 100),
+        struct.pack("<HHI4s", 3, 2, 2, b"W" if longitude_deg < 0 else b"E"),
+        struct.pack("<HHII", 4, 5, 3, place + 124),
+        struct.pack("<HHII", 5, 1, 1, altitude_m < 0),
+        struct.pack("<HHII", 6, 5, 1, place + 148),
+    ]
+    gps = (struct.pack("<H", len(entries)) + b"".join(entries) + bytes(4)).ljust(100, b"\0")
+    for degrees in (latitude_deg, longitude_deg):
+        gps += struct.pack("<IIIIII", round(abs(degrees) * 1e6), 10**6, 0, 1, 0, 1)
+    gps += struct.pack("<II", round(abs(altitude_m) * 1000), 1000)
+    (first,) = struct.unpack_from("<I", content, 4)
+    (count,) = struct.unpack_from("<H", content, first)
+    old = [content[first + 2 + 12 * n : first + 14 + 12 * n] for n in range(count)]
+    new = sorted([*old, struct.pack("<HHII", 34853, 4, 1, place)], key=lambda e: struct.unpack("<H", e[:2]))
+    directory = struct.pack("<H", len(new)) + b"".join(new) + bytes(4)
+    moved = content[:4] + struct.pack("<I", place + len(gps)) + content[8:].ljust(place - 8, b"\0")
+    return moved + gps + directory
+
+
+def forget_time(content: bytes, *, zone_only: bool = False) -> bytes:
+    """The same file without the offset of its time, or without the time: the tags become unknown ones."""
+    hidden = {36881: 7} if zone_only else {36881: 7, 36867: 20}
+    for tag, length in hidden.items():
+        entry = struct.pack("<HHI", tag, 2, length)
+        assert content.count(entry) == 1
+        content = content.replace(entry, struct.pack("<HHI", tag + 20_000, 2, length))
+    return content

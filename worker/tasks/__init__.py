@@ -4,6 +4,7 @@ from store.jobs import Claim
 from worker.context import Context
 from worker.tasks.extract import extract
 from worker.tasks.fit import fit
+from worker.tasks.measure import measure
 from worker.tasks.outcome import Outcome
 
 __all__ = ["Outcome", "work"]
@@ -16,5 +17,7 @@ def work(context: Context, claim: Claim) -> Outcome:
             return extract(context, claim)
         case "fit":
             return fit(context, claim)
+        case "measure":
+            return measure(context, claim)
         case kind:
             raise AssertionError(f"no such kind of job: {kind}")

@@ -1,0 +1,73 @@
+"""Measurements as flat rows for a spreadsheet, and as features for a map."""
+
+from typing import Any
+
+from service.schemas.base import Quantity
+from service.schemas.measurements import MeasurementAnswer
+
+_FIGURES = {
+    "mean": "cd_m2",
+    "min": "cd_m2",
+    "max": "cd_m2",
+    "median": "cd_m2",
+    "illuminance": "lx",
+    "l_av_cd_m2": "",
+    "l_min_cd_m2": "",
+    "l_max_cd_m2": "",
+    "u_o": "",
+    "average_to_min": "",
+    "max_to_min": "",
+    "grid_illuminance": "lx",
+}
+_PLAIN = ("id", "frame_id", "filename", "taken_at", "latitude_deg", "longitude_deg", "altitude_m")
+PERCENTS = (5, 10, 90, 95)
+
+
+def _name(figure: str) -> str:
+    return f"{figure}_{_FIGURES[figure]}" if _FIGURES[figure] else figure
+
+
+COLUMNS = [
+    *_PLAIN,
+    *("calibration_id", "calibration_version", "calibration_state", "region_origin", "pixels"),
+    *(f"{_name(figure)}{suffix}" for figure in _FIGURES for suffix in ("", "_standard_uncertainty")),
+    *(f"p{percent}_cd_m2" for percent in PERCENTS),
+    *("saturated_share", "vignetting", "signal", "flags", "created_at"),
+]
+
+
+def flatten(answer: MeasurementAnswer) -> dict[str, Any]:
+    """One row; what the measurement does not have is left out."""
+    row: dict[str, Any] = {name: getattr(answer, name) for name in _PLAIN}
+    row |= {
+        "calibration_id": answer.calibration.id,
+        "calibration_version": answer.calibration.version,
+        "calibration_state": answer.calibration.state,
+        "region_origin": answer.region_origin,
+        "pixels": answer.pixels,
+    }
+    for figure in _FIGURES:
+        quantity: Quantity | None = getattr(answer, figure)
+        if quantity is not None:
+            row[_name(figure)] = quantity.value
+            row[f"{_name(figure)}_standard_uncertainty"] = quantity.standard_uncertainty
+    row |= {f"p{entry.percent}_cd_m2": entry.luminance.value for entry in answer.percentiles}
+    row |= {
+        "saturated_share": answer.saturated_share,
+        "vignetting": answer.vignetting,
+        "signal": answer.signal,
+        "flags": " ".join(dict.fromkeys(raised.flag for raised in answer.flags)),
+        "created_at": answer.dump()["created_at"],
+    }
+    return {name: value for name, value in row.items() if value is not None}
+
+
+def make_feature(answer: MeasurementAnswer) -> dict[str, Any]:
+    """A feature of RFC 7946: longitude first, and no geometry where the file names no place."""
+    geometry = None
+    if answer.latitude_deg is not None and answer.longitude_deg is not None:
+        place = [answer.longitude_deg, answer.latitude_deg]
+        if answer.altitude_m is not None:
+            place.append(answer.altitude_m)
+        geometry = {"type": "Point", "coordinates": place}
+    return {"type": "Feature", "id": answer.id, "geometry": geometry, "properties": flatten(answer)}

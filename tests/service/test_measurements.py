@@ -1,0 +1,343 @@
+"""Measuring over HTTP: a known luminance comes back, with what it was measured with and what to know."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from tests.support.campaigns import K_TRUE, ROI, calibrate, upload_campaign
+from tests.support.frames import forget_time, place_frame, write_frame
+
+SETTINGS = {"exposure_time_s": 0.02, "f_number": 4.0, "iso": 3200}
+PER_DN = 4.0**2 / (K_TRUE * 0.02 * 3200)
+CORNERS = [[8, 8], [88, 8], [88, 56], [8, 56]]
+ROAD = np.array([[1.2, 0.9, 0.8, 0.9, 1.1], [1.0, 0.8, 0.6, 0.7, 1.0], [0.7, 0.5, 0.45, 0.5, 0.65]]) * 15
+IN_FORCE = {"valid_from": "2026-04-01T00:00:00Z", "reason": "spring"}
+
+
+@pytest.fixture
+def version(house):
+    """A published calibration of K = 2."""
+    made = calibrate(house, upload_campaign(house))
+    house.post(f"/v1/calibrations/{made['id']}/publish", IN_FORCE, status=200)
+    return made
+
+
+def field_campaign(house, roi=ROI):
+    campaign = house.campaign()
+    if roi:
+        house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=roi)
+    return campaign
+
+
+def field_frame(house, campaign, luminance=20.0, *, name="field.DNG", change=None, **settings):
+    content = house.frame_bytes(**({"signal_dn": luminance / PER_DN} | SETTINGS | settings))
+    content = change(content) if change else content
+    frame = house.upload(campaign, content, role="field", filename=name)
+    house.work()
+    return frame
+
+
+def measure(house, frame, **asked):
+    answer = house.http.post("/v1/measurements", json={"frame_id": frame["id"]} | asked)
+    assert answer.status_code == 202, answer.text
+    job = answer.json()
+    assert (job["kind"], answer.headers["Location"]) == ("measure", f"/v1/jobs/{job['id']}")
+    house.work()
+    done = house.get(f"/v1/jobs/{job['id']}")
+    assert done["state"] == "succeeded", done
+    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+
+
+def flags(measurement):
+    return {raised["flag"] for raised in measurement["flags"]}
+
+
+def test_a_frame_of_known_luminance_comes_back_within_its_uncertainty(house, version):
+    """Another campaign of the same camera, the version in force when the frame was taken."""
+    found = measure(house, field_frame(house, field_campaign(house)))
+    mean = found["mean"]
+    assert abs(mean["value"] - 20.0) <= 2 * mean["standard_uncertainty"]
+    assert mean["unit"] == "cd/m2"
+    used = found["calibration"]
+    assert (used["id"], used["version"], used["state"]) == (version["id"], 1, "published")
+    assert "version 1 is in force from 2026-04-01T00:00:00Z on" in used["why"]
+    assert used["why"].endswith(": spring")
+    k = next(c for c in version["coefficients"] if c["name"] == "luminance_k" and c["iso"] == 3200)
+    shares = {row["source"]: row for row in found["budget"]}
+    assert sum(row["variance_share"] for row in found["budget"]) == pytest.approx(1.0)
+    by_k = np.hypot(*(shares[s]["standard_uncertainty_cd_m2"] for s in ("fit of K", "meter calibration")))
+    assert by_k == pytest.approx(mean["value"] * k["standard_uncertainty"] / k["value"], rel=1e-9)
+    assert (found["region_origin"], found["vignetting"]) == ("campaign", "none")
+    assert {"no_vignetting_correction", "observer_differs"} <= flags(found)
+    assert any("flat fields" in sentence for sentence in found["to_do_better"])
+    assert found["min"]["value"] < found["percentiles"][0]["luminance"]["value"] < found["median"]["value"]
+    single = found["min"]["standard_uncertainty"]
+    assert single > np.hypot(found["shared_u_cd_m2"] * 0.9, 3.5 * PER_DN)
+    assert "null" not in json.dumps(found)
+
+
+@pytest.mark.usefixtures("version")
+def test_a_lit_surface(house):
+    samples = np.full((64, 96), 0.0)
+    samples[8:56, 8:88] = np.kron(ROAD, np.ones((16, 16))) / PER_DN
+    path = write_frame(house.folder / "road.dng", signal_dn=samples, noise_dn=2.0, **SETTINGS)
+    frame = house.upload(field_campaign(house), path.read_bytes(), role="field", filename="road.DNG")
+    house.work()
+    grid = {"corners": CORNERS, "rows": 3, "columns": 5}
+    found = measure(house, frame, grid=grid, reflectance=0.25)
+    k = np.mean(ROAD) / found["l_av_cd_m2"]["value"]
+    cells = np.array([[cell["value"] for cell in line] for line in found["grid"]["cells"]])
+    assert cells * k == pytest.approx(ROAD, rel=0.01)
+    assert found["u_o"]["value"] == pytest.approx(0.57203, abs=3 * found["u_o"]["standard_uncertainty"])
+    assert found["max_to_min"]["value"] == pytest.approx(
+        2.6667, abs=3 * found["max_to_min"]["standard_uncertainty"]
+    )
+    assert [line["value"] for line in found["u_l"]] == pytest.approx([2 / 3, 0.6, 0.45 / 0.7], rel=0.01)
+    # K is the same in every cell: it is the whole of the average's uncertainty and nothing of U_o's
+    relative = found["l_av_cd_m2"]["standard_uncertainty"] / found["l_av_cd_m2"]["value"]
+    assert found["u_o"]["standard_uncertainty"] / found["u_o"]["value"] < relative / 5
+    assert found["grid"]["cell_model"] == "projective"
+    assert found["illuminance"]["value"] == pytest.approx(np.pi * found["mean"]["value"] / 0.25)
+    assert found["grid_illuminance"]["unit"] == "lx"
+
+
+def test_a_map_holds_every_pixel_and_names_what_made_it(house, version):
+    frame = field_frame(house, field_campaign(house))
+    found = measure(house, frame, products=["map"])
+    links = found["links"]
+    answer = house.http.get(links["map_tif"])
+    assert (answer.headers["Content-Type"], "immutable" in answer.headers["Cache-Control"]) == (
+        "image/tiff",
+        True,
+    )
+    again = house.http.get(links["map_tif"], headers={"If-None-Match": answer.headers["ETag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
+        page = file.pages[0]
+        told = json.loads(page.description)
+        values = page.asarray()
+    assert (values.shape, values.dtype) == ((64, 96), np.float32)
+    assert told["unit"] == "cd/m2"
+    assert told["calibration"] == {
+        "id": version["id"],
+        "version": 1,
+        "content_sha256": version["content_sha256"],
+    }
+    greens = np.zeros((64, 96), bool)
+    greens[0::2, 1::2] = greens[1::2, 0::2] = True
+    greens[:8] = greens[56:] = False
+    greens[:, :8] = greens[:, 88:] = False
+    assert values[greens].mean() == pytest.approx(found["mean"]["value"], rel=1e-5)
+    assert values[greens].min() == pytest.approx(found["min"]["value"], rel=1e-5)
+    picture = house.http.get(links["map_png"])
+    assert picture.headers["Content-Type"] == "image/png"
+    with Image.open(io.BytesIO(picture.content)) as image:
+        assert image.width <= 1600
+
+
+@pytest.mark.usefixtures("version")
+def test_without_a_map_its_address_says_how_to_get_one(house):
+    found = measure(house, field_frame(house, field_campaign(house)))
+    assert "map_tif" not in found["links"]
+    problem = house.get(f"/v1/measurements/{found['id']}/map.tif", status=404)
+    assert '"products": ["map"]' in problem["detail"]
+
+
+def test_the_same_request_again_is_the_same_measurement(house, version):
+    frame = field_frame(house, field_campaign(house))
+    first, again = (measure(house, frame, products=["map"]) for _ in range(2))
+    other = measure(house, frame, products=["map"], reflectance=0.5)
+    assert first["id"] == again["id"] != other["id"]
+    assert first["content_sha256"] != other["content_sha256"]
+    listed = house.get("/v1/measurements", calibration_id=version["id"])["items"]
+    assert [row["id"] for row in listed] == [other["id"], first["id"]]
+
+
+def test_filters_of_the_list(house, version):
+    campaign = field_campaign(house)
+    found = measure(house, field_frame(house, campaign))
+    for name, value in (
+        ("camera_id", version["camera_id"]),
+        ("campaign_id", campaign["id"]),
+        ("calibration_id", version["id"]),
+    ):
+        assert [row["id"] for row in house.get("/v1/measurements", **{name: value})["items"]] == [found["id"]]
+        assert house.get("/v1/measurements", **{name: "nothing"})["items"] == []
+
+
+@pytest.mark.usefixtures("version")
+def test_an_iso_that_was_not_calibrated_is_refused_by_name(house):
+    frame = field_frame(house, field_campaign(house), iso=100)
+    problem = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=422)
+    assert problem["code"] == "iso_not_calibrated"
+    assert "ISO 100; this calibration holds ISO 3200, 6400" in problem["detail"]
+    assert house.get("/v1/jobs", kind="measure")["items"] == []
+
+
+def test_a_frame_of_another_camera_is_refused(house, version):
+    other = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "OTHER"})
+    campaign = house.post("/v1/campaigns", {"camera_id": other["id"], "method": "luminance"})
+    frame = field_frame(house, campaign, serial="OTHER")
+    asked = {"frame_id": frame["id"], "calibration_id": version["id"], "roi": ROI}
+    assert house.post("/v1/measurements", asked, status=422)["code"] == "wrong_camera"
+
+
+def test_without_a_version_in_force_nothing_is_measured_in_silence(house):
+    made = calibrate(house, upload_campaign(house))
+    frame = field_frame(house, field_campaign(house))
+    problem = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=409)
+    assert problem["code"] == "no_calibration_in_force"
+    assert "calibration_id" in problem["detail"]
+    validity = IN_FORCE | {"valid_to": "2026-05-01T20:00:00Z"}  # the frame's very instant is not within
+    house.post(f"/v1/calibrations/{made['id']}/publish", validity, status=200)
+    house.post("/v1/measurements", {"frame_id": frame["id"]}, status=409)
+    found = measure(house, frame, calibration_id=made["id"])
+    assert found["calibration"]["why"] == "version 1 was named in the request"
+
+
+def test_a_draft_may_be_named_and_is_flagged(house):
+    made = calibrate(house, upload_campaign(house))
+    found = measure(house, field_frame(house, field_campaign(house)), calibration_id=made["id"])
+    assert "calibration_not_published" in flags(found)
+
+
+def test_what_becomes_of_the_version_is_told_with_every_measurement(house, version):
+    frame = field_frame(house, field_campaign(house))
+    found = measure(house, frame)
+    address = f"/v1/measurements/{found['id']}"
+    tag = house.http.get(address).headers["ETag"]
+    assert house.http.get(address, headers={"If-None-Match": tag}).status_code == 304
+    newer = calibrate(house, {"id": version["campaign_id"]}, model="affine")
+    house.post(f"/v1/calibrations/{newer['id']}/publish", IN_FORCE, status=200)
+    now = house.get(address)
+    assert "calibration_superseded" in flags(now)
+    assert now["calibration"]["superseded_by"] == newer["id"]
+    assert now["mean"] == found["mean"]
+    assert house.http.get(address, headers={"If-None-Match": tag}).status_code == 200
+    house.post(f"/v1/calibrations/{version['id']}/revoke", {"reason": "lamp was warm"}, status=200)
+    now = house.get(address)
+    assert "calibration_revoked" in flags(now)
+    assert now["calibration"]["revoked_reason"] == "lamp was warm"
+    asked = {"frame_id": frame["id"], "calibration_id": version["id"]}
+    assert house.post("/v1/measurements", asked, status=409)["code"] == "calibration_revoked"
+
+
+def test_a_map_of_a_model_that_is_no_scale_is_refused_at_once(house, version):
+    power = calibrate(house, {"id": version["campaign_id"]}, model="power")
+    frame = field_frame(house, field_campaign(house))
+    asked = {"frame_id": frame["id"], "calibration_id": power["id"]}
+    assert (
+        "proportional" in house.post("/v1/measurements", asked | {"products": ["map"]}, status=422)["detail"]
+    )
+    assert measure(house, frame, calibration_id=power["id"])["mean"]["value"] == pytest.approx(20.0, rel=0.05)
+
+
+@pytest.mark.usefixtures("version")
+def test_what_must_be_there_before_measuring(house):
+    campaign = field_campaign(house, roi=None)
+    unread = house.upload(campaign, house.frame_bytes(seed=5, **SETTINGS), role="field", filename="u.DNG")
+    asked = {"frame_id": unread["id"]}
+    assert house.post("/v1/measurements", asked, status=422)["code"] == "frame_not_read"
+    house.work()
+    assert house.post("/v1/measurements", asked, status=422)["code"] == "region_missing"
+    outside = {"polygon": [[0, 0], [200, 0], [200, 60]]}
+    assert house.post("/v1/measurements", asked | {"roi": outside}, status=422)["code"] == "roi_outside_frame"
+    line = {"corners": [[0, 0], [10, 0], [20, 0], [0, 9]], "rows": 1, "columns": 1}
+    assert house.post("/v1/measurements", asked | {"grid": line}, status=422)["code"] == "grid_invalid"
+    grid = {"corners": CORNERS, "rows": 1, "columns": 1}
+    assert measure(house, unread, grid=grid)["region_origin"] == "grid"
+    assert measure(house, unread, roi=ROI)["region_origin"] == "request"
+
+
+def test_a_frame_without_a_time_needs_a_named_version(house, version):
+    frame = field_frame(house, field_campaign(house), change=forget_time)
+    problem = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=422)
+    assert problem["code"] == "frame_time_missing"
+    assert "calibration_id" in problem["detail"]
+    assert measure(house, frame, calibration_id=version["id"])["calibration"]["id"] == version["id"]
+
+
+@pytest.mark.parametrize(("start", "status"), [("2026-05-01T05:59:00Z", 202), ("2026-05-01T06:01:00Z", 409)])
+def test_a_time_without_a_zone_must_be_covered_wherever_it_was(house, start, status):
+    """20:00 on 1 May somewhere: from 06:00 to 08:00 of the next day in UTC."""
+    made = calibrate(house, upload_campaign(house))
+    validity = {"valid_from": start, "reason": "spring"}
+    house.post(f"/v1/calibrations/{made['id']}/publish", validity, status=200)
+    frame = field_frame(
+        house, field_campaign(house), change=lambda content: forget_time(content, zone_only=True)
+    )
+    house.post("/v1/measurements", {"frame_id": frame["id"]}, status=status)
+
+
+@pytest.mark.usefixtures("version")
+def test_another_organisations_frames_and_measurements_do_not_exist(house):
+    frame = field_frame(house, field_campaign(house))
+    found = measure(house, frame, products=["map"])
+    other = house.post("/v1/organisations", {"name": "others"})
+    stranger = house.with_key(other["key"]["secret"])
+    for path in (f"/v1/measurements/{found['id']}", found["links"]["map_tif"], found["links"]["map_png"]):
+        assert stranger.get(path).status_code == 404
+    assert stranger.post("/v1/measurements", json={"frame_id": frame["id"]}).status_code == 404
+    assert stranger.get("/v1/measurements").json()["items"] == []
+    for suffix in ("", ".csv", ".geojson"):
+        path = f"/v1/campaigns/{frame['campaign_id']}/measurements{suffix}"
+        answer = stranger.get(path) if suffix else stranger.post(path, json={})
+        assert answer.status_code == 404
+
+
+@pytest.mark.usefixtures("version")
+def test_a_whole_night_in_one_go(house):
+    campaign = field_campaign(house)
+    assert house.post(f"/v1/campaigns/{campaign['id']}/measurements", {}, status=422)
+
+    def place(content):
+        return place_frame(content, latitude_deg=-33.5, longitude_deg=-70.25, altitude_m=512.5)
+
+    frames = [
+        field_frame(house, campaign, 20.0, name="a.DNG", change=place),
+        field_frame(house, campaign, 10.0, name="b.DNG", seed=2),
+        field_frame(house, campaign, 10.0, name="c.DNG", seed=3, iso=100),
+    ]
+    house.upload(campaign, house.frame_bytes(seed=9), role="light", scene="x", filename="light.DNG")
+    started = house.post(f"/v1/campaigns/{campaign['id']}/measurements", {"reflectance": 0.1}, status=202)
+    assert [job["subject_id"] for job in started["jobs"]] == [frame["id"] for frame in frames[:2]]
+    (left,) = started["not_measured"]
+    assert (left["frame_id"], left["code"]) == (frames[2]["id"], "iso_not_calibrated")
+    house.work()
+    answer = house.http.get(f"/v1/campaigns/{campaign['id']}/measurements.csv")
+    rows = list(csv.DictReader(io.StringIO(answer.text)))
+    assert [row["filename"] for row in rows] == ["a.DNG", "b.DNG"]
+    assert float(rows[0]["mean_cd_m2"]) == pytest.approx(20.0, rel=0.03)
+    assert float(rows[0]["latitude_deg"]) == pytest.approx(-33.5)
+    assert rows[1]["latitude_deg"] == ""
+    assert float(rows[1]["illuminance_lx"]) == pytest.approx(np.pi * float(rows[1]["mean_cd_m2"]) / 0.1)
+    answer = house.http.get(f"/v1/campaigns/{campaign['id']}/measurements.geojson")
+    assert answer.headers["Content-Type"] == "application/geo+json"
+    first, second = answer.json()["features"]
+    assert first["geometry"] == {"type": "Point", "coordinates": [-70.25, -33.5, 512.5]}
+    assert second["geometry"] is None
+    assert second["properties"]["calibration_version"] == 1
+    none = house.http.get(
+        f"/v1/campaigns/{campaign['id']}/measurements.geojson", params={"calibration_id": "other"}
+    )
+    assert none.json() == {"type": "FeatureCollection", "features": []}
+
+
+@pytest.mark.usefixtures("version")
+def test_twice_the_time_with_the_same_pixels_is_half_the_luminance(house):
+    campaign = field_campaign(house)
+    short, long = (
+        measure(
+            house,
+            field_frame(
+                house, campaign, name=f"{time_s}.DNG", signal_dn=10.0 / PER_DN, exposure_time_s=time_s
+            ),
+        )
+        for time_s in (0.01, 0.02)
+    )
+    assert short["mean"]["value"] == pytest.approx(2 * long["mean"]["value"], rel=1e-12)

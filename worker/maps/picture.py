@@ -1,0 +1,134 @@
+"""The map's picture: false colours on a logarithmic scale, with a bar, its ticks and the unit."""
+
+import io
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from worker.maps.colours import COLOURS, make_colours
+
+WIDEST_PX: Final = 1600
+_BAR_PX: Final = 200  # of the width: the bar and its labels
+_MARGIN_PX: Final = 16
+_FONT_PX: Final = 18
+_LOW_PERCENTILE, _HIGH_PERCENTILE = 0.5, 99.9
+_SATURATED: Final = (0, 200, 255)  # no colour of the scale
+_INK: Final = (20, 20, 20)
+_PAPER: Final = (255, 255, 255)
+_LEAST_DECADES: Final = 0.3
+
+Plane = NDArray[np.float32]
+
+
+class Reduction:
+    """Means over squares of a map, gathered band by band; a square with an unknown pixel is unknown.
+
+    What is left at the right and the lower border, less than a square, is not shown.
+    """
+
+    def __init__(self, height_px: int, width_px: int) -> None:
+        self.factor = max(1, math.ceil(width_px / (WIDEST_PX - _BAR_PX)))
+        self._shape = max(1, height_px // self.factor), max(1, width_px // self.factor)
+        self._sums = np.zeros(self._shape, np.float64)
+        self._top = 0
+
+    def watch(self, bands: Iterable[Plane]) -> Iterator[Plane]:
+        """The bands, unchanged, each taken into account as it passes."""
+        for band in bands:
+            self._add(band)
+            yield band
+
+    def _add(self, band: Plane) -> None:
+        rows, cols = self._shape
+        used = band[: rows * self.factor - self._top, : cols * self.factor]
+        lines = used.reshape(len(used), cols, -1).sum(axis=2)
+        targets = (self._top + np.arange(len(used))) // self.factor
+        if len(used):
+            starts = np.flatnonzero(np.diff(targets, prepend=-1))
+            self._sums[targets[starts]] += np.add.reduceat(lines, starts, axis=0)
+        self._top += len(band)
+
+    def means(self) -> NDArray[np.float64]:
+        """(row, col) [cd/m2], NaN where unknown."""
+        return self._sums / self.factor**2
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The luminances at the two ends of the colours [cd/m2], > 0."""
+
+    low: float
+    high: float
+
+    def place(self, luminance: NDArray[np.float64]) -> NDArray[np.intp]:
+        """The index of each luminance's colour; beyond the ends that of the end."""
+        decades = math.log10(self.high / self.low)
+        share = np.log10(np.maximum(luminance, self.low) / self.low) / decades
+        return np.minimum((share * COLOURS).astype(np.intp), COLOURS - 1)
+
+    def ticks(self) -> list[float]:
+        """Round numbers within: 1, 2, 5, 10, ..., or decades only where those are many."""
+        decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
+        steps = (1, 2, 5) if self.high / self.low < 1e4 else (1,)
+        numbers = [step * 10.0**decade for decade in decades for step in steps]
+        return [number for number in numbers if self.low * 0.999 <= number <= self.high * 1.001]
+
+
+def choose_scale(means: NDArray[np.float64]) -> Scale:
+    """From the 0.5th to the 99.9th percentile of what is above zero: lamps are not all of it."""
+    lit = means[np.isfinite(means) & (means > 0.0)]
+    if not lit.size:
+        return Scale(0.1, 1.0)
+    low, high = np.percentile(lit, [_LOW_PERCENTILE, _HIGH_PERCENTILE]).tolist()
+    missing = _LEAST_DECADES - math.log10(high / low)
+    if missing > 0.0:
+        low, high = low / 10 ** (missing / 2), high * 10 ** (missing / 2)
+    return Scale(low, high)
+
+
+def draw_picture(means: NDArray[np.float64], caption: str) -> bytes:
+    """PNG: the map, to its right the bar from the lowest to the highest luminance, below the caption."""
+    height, width = means.shape
+    scale, table = choose_scale(means), make_colours()
+    unknown = np.isnan(means)
+    pixels = table[scale.place(np.where(unknown, scale.low, means))]
+    pixels[unknown] = _SATURATED
+    tall = max(height, 240)
+    image = Image.new("RGB", (width + _BAR_PX, tall + 3 * _FONT_PX), _PAPER)
+    image.paste(Image.fromarray(pixels), (0, 0))
+    draw = ImageDraw.Draw(image)
+    font = ImageFont.load_default(_FONT_PX)
+    _draw_bar(image, draw, font, scale, left=width + _MARGIN_PX, height=tall, table=table)
+    note = f"{caption}{'; blue: saturated' if unknown.any() else ''}"
+    draw.text((_MARGIN_PX, tall + _FONT_PX), note, fill=_INK, font=font)
+    out = io.BytesIO()
+    image.save(out, "PNG", compress_level=6)
+    return out.getvalue()
+
+
+def _draw_bar(
+    image: Image.Image,
+    draw: ImageDraw.ImageDraw,
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+    scale: Scale,
+    *,
+    left: int,
+    height: int,
+    table: NDArray[np.uint8],
+) -> None:
+    top, bottom = 3 * _FONT_PX, height - _FONT_PX
+    rows = np.arange(bottom - top)
+    shown = table[(COLOURS - 1) - rows * COLOURS // len(rows)]
+    image.paste(Image.fromarray(np.repeat(shown[:, None], 2 * _MARGIN_PX, axis=1)), (left, top))
+    draw.rectangle((left, top, left + 2 * _MARGIN_PX, bottom), outline=_INK)
+    draw.text((left, _FONT_PX), "cd/m²", fill=_INK, font=font)
+    for tick in scale.ticks():
+        share = math.log10(tick / scale.low) / math.log10(scale.high / scale.low)
+        y = bottom - share * (bottom - top)
+        draw.line((left + 2 * _MARGIN_PX, y, left + 2 * _MARGIN_PX + 6, y), fill=_INK)
+        draw.text((left + 2 * _MARGIN_PX + 10, y), f"{tick:g}", fill=_INK, font=font, anchor="lm")

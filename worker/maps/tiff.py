@@ -1,0 +1,95 @@
+"""The map's TIFF: float32 in tiles, compressed in threads, with everything that is known of the frame."""
+
+import json
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import imagecodecs
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from radiometry.exposure import Exposure
+from radiometry.frame import FrameHeader
+from worker.decode import tags
+from worker.maps.directory import append_directories
+
+TILE_PX: Final = 256
+_DEFLATE: Final = 8
+_FLOATING_POINT: Final = 3
+_LEVEL: Final = 1  # of a predicted float's bytes, higher levels save less than 1 %
+_THREADS: Final = 2
+_ASCII, _LONG = 2, 4
+
+Plane = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapFacts:
+    """What a map says of itself beside its pixels; ``description`` is kept as JSON in ImageDescription."""
+
+    header: FrameHeader
+    exposure: Exposure
+    software: str
+    description: dict[str, Any]
+
+
+def write_tiff(path: Path, bands: Iterable[Plane], facts: MapFacts) -> None:
+    """Write bands of TILE_PX rows, the last one as high as is left, as one image."""
+    header = facts.header
+    with tifffile.TiffWriter(path, byteorder="<") as file, ThreadPoolExecutor(_THREADS) as threads:
+        file.write(
+            _encode(bands, threads),
+            shape=(header.height_px, header.width_px),
+            dtype=np.float32,
+            tile=(TILE_PX, TILE_PX),
+            compression=_DEFLATE,
+            predictor=_FLOATING_POINT,
+            photometric="minisblack",
+            description=json.dumps(facts.description, sort_keys=True),
+            software=facts.software,
+            metadata=None,
+            extratags=_tags(header),
+        )
+    append_directories(path, header, facts.exposure)
+
+
+def _tags(header: FrameHeader) -> list[tuple[int | str, int, int, Any, bool]]:
+    texts = {tags.MAKE: header.make, tags.MODEL: header.model, tags.CAMERA_SERIAL: header.serial}
+    named: list[tuple[int | str, int, int, Any, bool]] = [
+        (tag, _ASCII, 0, text.encode("utf-8"), True) for tag, text in texts.items() if text
+    ]
+    # by their names: by number tifffile would refuse them; the values follow in append_directories
+    named.append(("ExifTag", _LONG, 1, 0, True))
+    if header.latitude_deg is not None:
+        named.append(("GPSTag", _LONG, 1, 0, True))
+    return named
+
+
+def _encode(bands: Iterable[Plane], threads: ThreadPoolExecutor) -> Iterator[bytes]:
+    """Compressed tiles in order; one band is compressed while the next is computed."""
+    waiting: deque[list[Future[bytes]]] = deque()
+    for band in bands:
+        waiting.append([threads.submit(_encode_tile, tile) for tile in _cut_tiles(band)])
+        if len(waiting) > 1:
+            yield from (tile.result() for tile in waiting.popleft())
+    for tiles in waiting:
+        yield from (tile.result() for tile in tiles)
+
+
+def _cut_tiles(band: Plane) -> Iterator[Plane]:
+    """Tiles are stored whole: the last ones repeat the border, which a reader cuts off."""
+    rows, cols = band.shape
+    padded = np.pad(band, ((0, -rows % TILE_PX), (0, -cols % TILE_PX)), mode="edge")
+    for left in range(0, cols, TILE_PX):
+        yield padded[:, left : left + TILE_PX]
+
+
+def _encode_tile(tile: Plane) -> bytes:
+    """As TIFF technical note 3 lays floats out: the bytes of equal weight together, then differences."""
+    predicted = imagecodecs.floatpred_encode(np.ascontiguousarray(tile), axis=-1)
+    return bytes(imagecodecs.deflate_encode(predicted.tobytes(), _LEVEL))
