@@ -94,6 +94,14 @@ def test_how_far_a_region_is_wholly_clipped_follows_from_its_scene():
     assert "Give it 1 stop less light" in found.detail
 
 
+def test_of_two_estimates_of_clipping_the_larger_counts():
+    """By its own median two thirds of a stop as above, by its scene one; and the other way round."""
+    own = {"saturated_share": 0.01, "median_dn": WHITE - 232.63}
+    for f_number, stops in ((2.8, "1 stop"), (4.0, "2/3 stop")):
+        frame = light("middle", f_number, name="odd", signal_dn=3700.0, **own)
+        assert f"Give it {stops} less light" in verdicts((*ROWS, frame))["odd"].reasons[0].detail
+
+
 def test_nobody_knows_how_far_a_lone_region_is_clipped():
     frame = light("middle", 2.8, name="odd", signal_dn=SPAN, saturated_share=1.0, median_dn=WHITE)
     assert "Give it at least 2 stops less light" in verdicts((*DARKS, frame))["odd"].reasons[0].detail
@@ -197,6 +205,26 @@ def test_spread_beyond_photon_noise():
     assert "varies over the region by at least 6% beyond noise" in found.detail
 
 
+@pytest.mark.parametrize(("errors", "found"), [(2.9, False), (3.7, True)])
+def test_scatter_of_a_small_region_is_not_unevenness(errors, found):
+    """A variance of 100 pixels errs by sqrt(2 / 100): the weak frame's is too low, the other's too high."""
+
+    def scattered(row, sign):
+        only = row.statistics[0]
+        error = math.sqrt(2 / only.n) * only.std_dn**2
+        changed = dataclasses.replace(only, std_dn=math.sqrt(only.std_dn**2 + sign * errors * error))
+        return dataclasses.replace(row, statistics=(changed,))
+
+    weak, strong = (
+        photon("middle", f_number, gain=40.0, name=name, n=100)
+        for f_number, name in ((16.0, "weak"), (8.0, "strong"))
+    )
+    quiet = tuple(dark(f"quiet-{n}", std_dn=0.1) for n in range(3))
+    rows = (*quiet, scattered(weak, -1), scattered(strong, 1))
+    # 2.9: 42 * 0.590 * 1.424 is more than 40.5 * 1.410 * 0.576; 3.7: 42 * 0.477 * 1.424 is less by 6.9
+    assert ("uneven" in codes(rows, "strong")) is found
+
+
 def test_photon_noise_alone_is_never_uneven():
     """Whatever the gain, and with a single frame, of which the noise is not known."""
     for gain in (0.1, 10.0, 40.0):
@@ -276,6 +304,14 @@ def test_a_frame_of_another_scene_is_told_which():
     assert (found.code, found.outcome) == ("scene_doubtful", "warn")
     assert "0.10 times as bright as the frames of scene bright" in found.detail
     assert "It would fit scene middle." in found.detail
+
+
+@pytest.mark.parametrize(("factor", "named"), [(1.09, True), (0.91, True), (1.11, False), (0.89, False)])
+def test_a_scene_is_named_where_it_fits_to_what_markings_err(factor, named):
+    frame = light("bright", 4.0, name="odd", luminance=5.0 * factor, time_s=0.03)
+    found = only((*ROWS, frame), "odd")
+    assert found.code == "scene_doubtful"
+    assert ("It would fit scene middle." in found.detail) is named
 
 
 def test_of_two_that_disagree_both_are_named():

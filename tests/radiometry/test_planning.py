@@ -158,6 +158,12 @@ def test_one_reading_per_scene():
     )
 
 
+def test_readings_of_a_scene_without_frames_show_nothing():
+    once = [r for index, r in enumerate(READ) if index % 2 == 0]
+    elsewhere = [dataclasses.replace(r, scene="elsewhere") for r in READ[:4]]
+    assert advice(readings=[*once, *elsewhere]) == advice(readings=once)
+
+
 def test_a_lamp_that_drifts():
     drifted = [dataclasses.replace(r, value=r.value * 1.03) if r is READ[3] else r for r in READ]
     assert advice(readings=drifted) == ("the lamp drifted in scene a: repeat its frames and readings",)
