@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
 
 from sqlalchemy import select
@@ -92,7 +91,7 @@ def gather_dossier(session: Session, calibration: Calibration) -> Dossier:
         revocation=session.get(Revocation, calibration.id),
         acts=_acts(session, calibration),
         readings=readings,
-        meters=_meters_used(session, readings, at=calibration.created_at),
+        meters=_meters_used(session, readings, calibration),
         frames=_frames_used(session, calibration),
         checklist=read_checklist(session, campaign),
         signature=read_signature(session, campaign),
@@ -136,29 +135,20 @@ def _readings_used(session: Session, calibration: Calibration) -> list[Reading |
     return [waiting[key].pop() if waiting[key] else None for key in keys]
 
 
-def _meters_used(session: Session, readings: list[Reading | None], *, at: datetime) -> dict[str, MeterAsUsed]:
+def _meters_used(
+    session: Session, readings: list[Reading | None], calibration: Calibration
+) -> dict[str, MeterAsUsed]:
     ids = {reading.meter_id for reading in readings if reading and reading.meter_id}
     meters = session.scalars(select(Meter).where(Meter.id.in_(ids)).order_by(Meter.id))
-    return {
-        meter.id: MeterAsUsed(row=meter, certificate=_certificate(session, meter, at)) for meter in meters
+    certificates = {
+        (used["kind"], used["make"], used["model"], used["serial"]): used.get("certificate", {})
+        for used in calibration.inputs["meters"]
     }
-
-
-def _certificate(session: Session, meter: Meter, at: datetime) -> dict[str, Any]:
-    """The certificate that the audit trail knows at a time: a meter's row keeps only its newest."""
-    told: dict[str, Any] = {}
-    entries = session.scalars(
-        select(AuditEntry)
-        .where(AuditEntry.subject_type == "meter", AuditEntry.subject_id == meter.id, AuditEntry.at <= at)
-        .order_by(AuditEntry.seq)
-    )
-    for entry in entries:
-        told.update(entry.after)
-    prefix = "certificate_"
     return {
-        name.removeprefix(prefix): value
-        for name, value in told.items()
-        if name.startswith(prefix) and value is not None
+        meter.id: MeterAsUsed(
+            row=meter, certificate=certificates[meter.kind, meter.make, meter.model, meter.serial]
+        )
+        for meter in meters
     }
 
 

@@ -124,6 +124,8 @@ def test_a_changed_number_in_the_certificate_is_found(capsys, exported, place):
     code, said = run(capsys, exported)
     assert code == 1
     assert "quantities differ." in said
+    if place[0] == "meters":
+        assert "meter certificates: [0].expanded_uncertainty_rel" in said
 
 
 def test_a_certificate_is_held_against_the_one_that_came_with_the_data(capsys, exported, tmp_path):
