@@ -10,6 +10,9 @@ from radiometry.errors import InputRejected
 from radiometry.flags import Flag
 from radiometry.roi import Polygon, bounding_window
 
+Format = tuple[int, int, str]
+"""Width and height [px], and the colour filter array."""
+
 Outcome = Literal["pass", "warn", "fail", "pending"]
 
 # What is certain to be lost outranks what is not known yet, and that what is doubtful.
@@ -76,7 +79,7 @@ class Taken:
     ``frame`` : its name, unique in the campaign; ``role`` : "light", "dark", ...
     ``state`` : received | read | extracted | refused; ``refusal`` : the sentence of a refused frame, else ""
     ``flags`` : those raised when it was accepted
-    ``format`` : (width, height [px], CFA) of a frame that has been read, else None
+    ``format`` : of a frame that has been read, else None
     ``region`` : the polygon that holds for it now, None where nobody has drawn one
     """
 
@@ -86,7 +89,7 @@ class Taken:
     state: str
     refusal: str
     flags: tuple[str, ...]
-    format: tuple[int, int, str] | None
+    format: Format | None
     region: Polygon | None
 
 
@@ -96,32 +99,39 @@ def conclude(reasons: Iterable[Reason]) -> Verdict:
     return Verdict(outcome=ordered[0].outcome if ordered else "pass", reasons=ordered)
 
 
-def find_usual_format(frames: Sequence[Taken]) -> tuple[int, int, str] | None:
+def find_usual_format(frames: Sequence[Taken]) -> Format | None:
     """Give the format that most frames of a campaign have; of equally many, the smallest by its numbers."""
     counts = Counter(frame.format for frame in frames if frame.format is not None and not frame.refusal)
     return min(counts, key=lambda form: (-counts[form], form), default=None)
 
 
-def inspect_frame(frame: Taken, *, usual_format: tuple[int, int, str] | None) -> list[Reason]:
-    """Say what can be said of a frame of any role and method before its statistics are looked at.
+def inspect_frames(frames: Sequence[Taken]) -> dict[str, list[Reason]]:
+    """Say what can be said of frames of any role and method before their statistics are looked at.
 
     Reasons
-      refused, roi_unfit, format_differs : fail; exposure_not_manual, rendered : warn;
-      not_read, no_region, not_extracted : pending
+      refused, roi_unfit : fail; exposure_not_manual, rendered : warn;
+      not_read, no_region, not_extracted : pending;
+      format_differs : fail where frames of another format share the frame's region, else warn
     """
+    sharing: dict[Polygon | None, list[Taken]] = {}
+    for frame in frames:
+        sharing.setdefault(frame.region, []).append(frame)
+    usual = find_usual_format(frames)
+    by_region = {region: find_usual_format(group) for region, group in sharing.items()}
+    return {
+        frame.frame: [*inspect_frame(frame), *_inspect_format(frame, by_region[frame.region], usual)]
+        for frame in frames
+    }
+
+
+def inspect_frame(frame: Taken) -> list[Reason]:
+    """Say what can be said of one frame by itself: all that `inspect_frames` says, but for format_differs."""
     if frame.state == "refused":
         return [Reason(code=ReasonCode.REFUSED, outcome="fail", detail=frame.refusal)]
     if frame.format is None:
         detail = "This frame waits to be read: ask again in a few seconds."
         return [Reason(code=ReasonCode.NOT_READ, outcome="pending", detail=detail)]
     reasons = _inspect_region(frame, *frame.format[:2])
-    if usual_format is not None and frame.format != usual_format:
-        detail = (
-            f"This frame is {_show_format(frame.format)}, others of the campaign are "
-            f"{_show_format(usual_format)}: another picture size, crop or sensor mode. "
-            "Set the camera as for the others and take it again."
-        )
-        reasons.append(Reason(code=ReasonCode.FORMAT_DIFFERS, outcome="fail", detail=detail))
     if Flag.EXPOSURE_NOT_MANUAL in frame.flags:
         detail = (
             "The camera chose the exposure itself. Set the exposure mode to manual and automatic ISO off, "
@@ -135,6 +145,23 @@ def inspect_frame(frame: Taken, *, usual_format: tuple[int, int, str] | None) ->
         )
         reasons.append(Reason(code=ReasonCode.RENDERED, outcome="warn", detail=detail))
     return reasons
+
+
+def _inspect_format(frame: Taken, of_region: Format | None, usual: Format | None) -> list[Reason]:
+    outcome: Outcome
+    if frame.format is None or frame.state == "refused" or of_region is None or usual is None:
+        return []
+    if frame.format != of_region:
+        outcome, other = "fail", of_region
+    elif frame.format != usual:
+        outcome, other = "warn", usual
+    else:
+        return []
+    detail = (
+        f"This frame is {_show_format(frame.format)}, others of the campaign are {_show_format(other)}: "
+        "another picture size, crop or sensor mode. Set the camera as for the others and take it again."
+    )
+    return [Reason(code=ReasonCode.FORMAT_DIFFERS, outcome=outcome, detail=detail)]
 
 
 def _inspect_region(frame: Taken, width_px: int, height_px: int) -> list[Reason]:
@@ -152,5 +179,5 @@ def _inspect_region(frame: Taken, width_px: int, height_px: int) -> list[Reason]
     return [Reason(code=ReasonCode.NOT_EXTRACTED, outcome="pending", detail=detail)]
 
 
-def _show_format(form: tuple[int, int, str]) -> str:
+def _show_format(form: Format) -> str:
     return f"{form[0]} x {form[1]} pixels, {form[2]}"

@@ -54,7 +54,7 @@ def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdic
     """The verdict on a frame that is about to be read: nothing of it can be held against others yet."""
     roi = current_roi(session, frame, campaign)
     region = Polygon.from_points(roi.points) if roi else None
-    return conclude(inspect_frame(_take(frame, frame.id, region), usual_format=None))
+    return conclude(inspect_frame(_take(frame, frame.id, region)))
 
 
 def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None, Polygon]:

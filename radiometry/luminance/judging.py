@@ -17,7 +17,7 @@ from radiometry.luminance.exposing import inspect_exposure
 from radiometry.luminance.points import IsoSeries, collect_series
 from radiometry.luminance.rows import Exclusion, FrameRow, Params, Reading
 from radiometry.statistics import ChannelStatistics, select_rows
-from radiometry.verdicts import Reason, Taken, Verdict, conclude, find_usual_format, inspect_frame
+from radiometry.verdicts import Reason, Taken, Verdict, conclude, inspect_frames
 
 
 def judge(
@@ -31,8 +31,7 @@ def judge(
       frames : all frames of the campaign; rows : those of them that a fit would see
 
     """
-    usual = find_usual_format(frames)
-    reasons = {frame.frame: inspect_frame(frame, usual_format=usual) for frame in frames}
+    reasons = inspect_frames(frames)
     darks = inspect_darks(rows, params)
     unusable = frozenset(name_unusable(rows, darks))
     _add(reasons, darks, inspect_scenes(rows, readings, params), find_repeats(rows, params))

@@ -8,7 +8,7 @@ import pytest
 
 from radiometry.flags import Flag
 from radiometry.roi import Polygon
-from radiometry.verdicts import Reason, ReasonCode, conclude, find_usual_format, inspect_frame
+from radiometry.verdicts import Reason, ReasonCode, conclude, find_usual_format, inspect_frame, inspect_frames
 from tests.radiometry.evidence import FORMAT, LIGHTS, taken
 
 FRAME = taken(LIGHTS[0])
@@ -16,9 +16,16 @@ ON_SITE = Path(__file__).parents[2] / "docs" / "on-site.md"
 
 
 def inspect(**changes):
+    return [(reason.code, reason.outcome) for reason in inspect_frame(dataclasses.replace(FRAME, **changes))]
+
+
+def formats(*frames):
+    """The outcome of format_differs for each frame, "" where there is none."""
+    named = [dataclasses.replace(frame, frame=str(number)) for number, frame in enumerate(frames)]
+    found = inspect_frames(named)
     return [
-        (reason.code, reason.outcome)
-        for reason in inspect_frame(dataclasses.replace(FRAME, **changes), usual_format=FORMAT)
+        next((r.outcome for r in found[frame.frame] if r.code is ReasonCode.FORMAT_DIFFERS), "")
+        for frame in named
     ]
 
 
@@ -58,8 +65,6 @@ def test_equals_keep_their_order():
         ({"state": "received", "format": None}, [("not_read", "pending")]),
         ({"state": "read"}, [("not_extracted", "pending")]),
         ({"state": "read", "region": None}, [("no_region", "pending")]),
-        ({"format": (480, 640, "RGGB")}, [("format_differs", "fail")]),
-        ({"format": (640, 480, "GRBG")}, [("format_differs", "fail")]),
         ({"flags": (Flag.EXPOSURE_NOT_MANUAL.value,)}, [("exposure_not_manual", "warn")]),
         ({"flags": (Flag.RENDERED.value,)}, [("rendered", "warn")]),
         ({"flags": (Flag.SERIAL_UNKNOWN.value,)}, []),
@@ -71,7 +76,7 @@ def test_a_frame_by_itself(changes, found):
 
 def test_a_refused_frame_fails_with_the_sentence_of_its_refusal():
     frame = dataclasses.replace(FRAME, state="refused", refusal="The file ends too early.", format=None)
-    (found,) = inspect_frame(frame, usual_format=FORMAT)
+    (found,) = inspect_frame(frame)
     assert (found.code, found.outcome, found.detail) == ("refused", "fail", "The file ends too early.")
 
 
@@ -84,7 +89,7 @@ def test_a_refused_frame_fails_with_the_sentence_of_its_refusal():
 )
 def test_a_region_that_does_not_fit_the_frame(points, sentence):
     frame = dataclasses.replace(FRAME, state="read", region=Polygon.from_points(points))
-    (found,) = inspect_frame(frame, usual_format=FORMAT)
+    (found,) = inspect_frame(frame)
     assert (found.code, found.outcome) == ("roi_unfit", "fail")
     assert sentence in found.detail
 
@@ -102,6 +107,28 @@ def test_the_usual_format_is_that_of_most_frames():
     assert find_usual_format([FRAME, other]) == find_usual_format([other, FRAME])
     assert find_usual_format([unread]) is None
     assert find_usual_format([dataclasses.replace(other, refusal="no"), unread]) is None
+
+
+@pytest.mark.parametrize("form", [(480, 640, "RGGB"), (640, 480, "GRBG"), (640, 478, "RGGB")])
+def test_another_format_in_the_same_region_fails(form):
+    other = dataclasses.replace(FRAME, format=form)
+    assert formats(FRAME, other, FRAME) == ["", "fail", ""]
+    unread, refused = (dataclasses.replace(other, format=None), dataclasses.replace(other, state="refused"))
+    assert formats(FRAME, unread, FRAME, refused) == ["", "", "", ""]
+
+
+def test_another_format_with_a_region_of_its_own_is_looked_at():
+    """Somebody said where the surface lies in it; another sensor mode would still have another K."""
+    region = Polygon.from_points([(1, 1), (9, 1), (9, 9)])
+    other = dataclasses.replace(FRAME, format=(5280, 3956, "RGGB"), region=region)
+    assert formats(FRAME, other, FRAME) == ["", "warn", ""]
+    assert formats(other, FRAME, other) == ["", "warn", ""]
+    assert formats(
+        FRAME, other, dataclasses.replace(other, format=(5280, 3000, "RGGB")), other, FRAME, FRAME
+    ) == [
+        *("", "warn", "fail"),
+        *("warn", "", ""),
+    ]
 
 
 def test_every_reason_has_a_word_and_a_sentence():
