@@ -43,12 +43,14 @@ def include_routes(app: FastAPI) -> None:
         checklist,
         coefficients,
         frames,
+        history,
         jobs,
         keys,
         measurements,
         meters,
         organisation,
         pages,
+        purges,
         readings,
         system,
     )
@@ -70,6 +72,8 @@ def include_routes(app: FastAPI) -> None:
         certificates,
         organisation,
         audit,
+        history,
+        purges,
     ):
         app.include_router(module.router, dependencies=[Depends(_refuse_unknown_parameters)])
 

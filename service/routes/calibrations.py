@@ -24,12 +24,14 @@ from service.schemas.calibrations import (
     NewRevocation,
     State,
 )
+from service.schemas.history import RevocationAnswer
 from service.schemas.jobs import JobAnswer
 from service.tabular import write_csv
 from service.writing import Reply, Writes
 from store import jobs, publications
 from store.codec import encode
 from store.fitting import list_missing, with_campaign
+from store.impact import list_touched
 from store.queries.calibrations import coefficients_of, history, standings
 from store.queries.evidence import Evidence, gather
 from store.software import EXTRACTOR
@@ -185,18 +187,22 @@ def publish_calibration(
 
 @router.post(
     "/calibrations/{calibration_id}/revoke",
-    response_model=CalibrationAnswer,
+    response_model=RevocationAnswer,
     responses=problems(404),
 )
 def revoke_calibration(
     calibration_id: Id, body: NewRevocation, caller: Publisher, writing: Writes
 ) -> Response:
-    """Take a version back for good. It stays readable; nothing takes its place by itself."""
+    """Take a version back for good. It stays readable; nothing takes its place by itself.
+
+    `measurements` are those made with it: they stay, flagged, with what another version would make of each.
+    """
 
     def change(session: Session) -> Reply:
         calibration = owned(session, Calibration, calibration_id, caller)
         publications.revoke(session, calibration, reason=body.reason, by=caller.key_id)
-        return Reply(status=200, body=_answer(session, calibration))
+        touched = list_touched(session, calibration)
+        return Reply(status=200, body=RevocationAnswer.revoked(_answer(session, calibration), touched))
 
     return writing.run(caller, change)
 

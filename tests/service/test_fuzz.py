@@ -31,18 +31,23 @@ def known(house):
         {"valid_from": "2026-05-01T00:00:00Z", "reason": "first"},
         status=200,
     )
+    frame_id = version["points"][0]["frame_id"]
+    house.post("/v1/measurements", {"frame_id": frame_id, "calibration_id": version["id"]}, status=202)
+    house.work()
     spare = house.post("/v1/keys", {"name": "spare", "scopes": ["read"]})
     return {
         "campaign_id": campaign["id"],
         "camera_id": campaign["camera_id"],
         "calibration_id": version["id"],
-        "frame_id": version["points"][0]["frame_id"],
+        "frame_id": frame_id,
+        "measurement_id": house.get("/v1/measurements")["items"][0]["id"],
         "job_id": house.get("/v1/jobs")["items"][0]["id"],
         "reading_id": house.get(f"/v1/campaigns/{campaign['id']}/readings")["items"][0]["id"],
         "meter_id": house.post(
             "/v1/meters", {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
         )["id"],
         "key_id": spare["id"],
+        "purge_id": house.post("/v1/purges", {"cause": {"recorder": "A. Meier"}, "reason": "r"})["id"],
     }
 
 

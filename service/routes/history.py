@@ -1,0 +1,46 @@
+"""What publishing a version would change."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+
+from service.auth import Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.routes import problems
+from service.schemas.base import Instant
+from service.schemas.history import ImpactAnswer
+from store.columns import utc_now
+from store.impact import assess, find_in_force
+from store.tables import Calibration
+
+router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
+
+
+@router.get("/{calibration_id}/impact", response_model=ImpactAnswer, responses=problems(404))
+def get_impact(
+    calibration_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    at: Annotated[Instant | None, Query(description="Compared with what is in force then; now.")] = None,
+) -> Response:
+    """What a version changes against the one in force: coefficients, flags, measurements."""
+    instant = at or utc_now()
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, caller)
+        against = find_in_force(session, calibration, instant)
+        if against is None:
+            said = (
+                f"Nothing is in force then: version {calibration.version} would be the first for that time."
+            )
+            return ImpactAnswer.of(calibration, instant, said, None).respond()
+        if against.calibration.id == calibration.id:
+            said = (
+                f"Version {calibration.version} itself is in force then: publishing it changes nothing there."
+            )
+        else:
+            said = (
+                f"Version {against.calibration.version} is in force then: "
+                f"publishing version {calibration.version} would take its place."
+            )
+        return ImpactAnswer.of(calibration, instant, said, assess(session, calibration, against)).respond()

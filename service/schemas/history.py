@@ -1,0 +1,240 @@
+"""What a decision about a version changes."""
+
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from radiometry.comparison import Comparison, LuminanceChange
+from service.schemas.base import Answer, Instant, Quantity
+from service.schemas.calibrations import CalibrationAnswer
+from store.impact import CoefficientChange, Impact, Touched
+from store.publications import InForce
+from store.tables import Calibration
+
+_CHANGE = {"value": -3.1, "standard_uncertainty": 0.9, "unit": "%"}
+_TOUCHED: dict[str, Any] = {
+    "measurement_id": "msr_1",
+    "frame_id": "frm_1",
+    "filename": "DJI_0100.DNG",
+    "taken_at": "2026-05-02T21:14:00Z",
+    "iso": 3200,
+    "successor": {"calibration_id": "cal_2", "version": 2},
+    "change": _CHANGE,
+    "basis": "signal",
+}
+
+
+class VersionNamed(Answer):
+    calibration_id: str
+    version: int
+
+    @classmethod
+    def of(cls, row: Calibration) -> "VersionNamed":
+        return cls(calibration_id=row.id, version=row.version)
+
+
+class VersionInForce(VersionNamed):
+    valid_from: Instant
+    valid_to: Instant | None = None
+
+    @classmethod
+    def held(cls, held: InForce) -> "VersionInForce":
+        return cls(
+            calibration_id=held.calibration.id,
+            version=held.calibration.version,
+            valid_from=held.publication.valid_from,
+            valid_to=held.publication.valid_to,
+        )
+
+
+class TouchedMeasurement(Answer):
+    """A measurement that was made with the version, and what its successor would make of it."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_TOUCHED]})
+
+    measurement_id: str
+    frame_id: str
+    filename: str
+    taken_at: str | None = Field(default=None, description="As the frame says it.")
+    iso: float | None = None
+    successor: VersionNamed | None = Field(
+        default=None, description="In force when the frame was taken. Absent where none is."
+    )
+    change: Quantity | None = Field(default=None, description="L_new / L_old - 1, in %.")
+    basis: Literal["signal", "k_ratio"] | None = Field(
+        default=None,
+        description="`signal`: both applied to the measured signal; `k_ratio`: K_old / K_new - 1.",
+    )
+    why: str | None = Field(default=None, description="Why there is no change to tell.")
+
+    @classmethod
+    def of(cls, row: Touched) -> "TouchedMeasurement":
+        return cls(
+            measurement_id=row.measurement.id,
+            frame_id=row.frame.id,
+            filename=row.frame.filename,
+            taken_at=(row.frame.header or {}).get("taken_at"),
+            iso=row.frame.iso,
+            successor=VersionNamed.of(row.successor) if row.successor else None,
+            why=row.why,
+            **_change(row.change),
+        )
+
+
+class RevocationAnswer(CalibrationAnswer):
+    """The version as it stands now, and the measurements that were made with it."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "cal_1",
+                    "camera_id": "cam_1",
+                    "campaign_id": "cmp_1",
+                    "method": "luminance",
+                    "version": 1,
+                    "state": "revoked",
+                    "revoked_reason": "the meter was out of calibration",
+                    "configuration": {},
+                    "coefficients": [],
+                    "parameters": {},
+                    "software": {"stilb": "0.1.0"},
+                    "content_sha256": "0" * 64,
+                    "created_at": "2026-05-01T08:00:00Z",
+                    "created_by": "key_1",
+                    "measurements": [_TOUCHED],
+                }
+            ]
+        }
+    )
+
+    measurements: list[TouchedMeasurement]
+
+    @classmethod
+    def revoked(cls, answer: CalibrationAnswer, touched: list[Touched]) -> "RevocationAnswer":
+        return cls(**dict(answer), measurements=[TouchedMeasurement.of(row) for row in touched])
+
+
+class CoefficientChanged(Answer):
+    name: str
+    iso: float | None = None
+    f_number: float | None = None
+    band: str | None = None
+    old: Quantity
+    new: Quantity
+    difference: Quantity | None = Field(default=None, description="new - old. Absent where the units differ.")
+    change: Quantity | None = Field(default=None, description="new / old - 1, in %.")
+    in_standard_uncertainties: float | None = Field(
+        default=None, description="|difference| over its own combined standard uncertainty."
+    )
+
+    @classmethod
+    def of(cls, row: CoefficientChange) -> "CoefficientChanged":
+        return cls(
+            **{name: getattr(row.new, name) for name in ("name", "iso", "f_number", "band")},
+            old=Quantity.model_validate(row.old),
+            new=Quantity.model_validate(row.new),
+            **_compared(row.comparison),
+        )
+
+
+class FlagAt(Answer):
+    flag: str
+    where: str = Field(description='"" for the whole.')
+
+
+class ImpactAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "calibration_id": "cal_2",
+                    "version": 2,
+                    "at": "2026-06-01T00:00:00Z",
+                    "said": "Version 1 is in force: publishing version 2 would take its place.",
+                    "against": {
+                        "calibration_id": "cal_1",
+                        "version": 1,
+                        "valid_from": "2026-05-01T00:00:00Z",
+                    },
+                    "meter_calibration": "common",
+                    "coefficients": [
+                        {
+                            "name": "luminance_k",
+                            "iso": 3200,
+                            "old": {"value": 30.0, "standard_uncertainty": 0.4, "unit": "DN*m2/(cd*s)"},
+                            "new": {"value": 30.96, "standard_uncertainty": 0.4, "unit": "DN*m2/(cd*s)"},
+                            "difference": {
+                                "value": 0.96,
+                                "standard_uncertainty": 0.37,
+                                "unit": "DN*m2/(cd*s)",
+                            },
+                            "change": {"value": 3.2, "standard_uncertainty": 1.2, "unit": "%"},
+                            "in_standard_uncertainties": 2.6,
+                        }
+                    ],
+                    "isos_gained": [],
+                    "isos_lost": [12800],
+                    "flags_gained": [{"flag": "lamp_drift", "where": "scene level-2"}],
+                    "flags_lost": [],
+                    "measurements": [_TOUCHED],
+                }
+            ]
+        }
+    )
+
+    calibration_id: str
+    version: int
+    at: Instant
+    said: str
+    against: VersionInForce | None = Field(
+        default=None, description="What is in force at that time. Absent where nothing is."
+    )
+    meter_calibration: Literal["common", "separate", "unknown"] | None = Field(
+        default=None,
+        description="`common`: both versions hang on the same meter certificates, whose error cancels in the "
+        "comparison and is left out of its uncertainty; `separate`: they do not, and it counts in both; "
+        "`unknown`: a reading has no certificate, and nothing is left out.",
+    )
+    coefficients: list[CoefficientChanged]
+    isos_gained: list[float]
+    isos_lost: list[float]
+    flags_gained: list[FlagAt]
+    flags_lost: list[FlagAt]
+    measurements: list[TouchedMeasurement] = Field(
+        description="Made with the version in force; what this one would make of each."
+    )
+
+    @classmethod
+    def of(cls, row: Calibration, at: Any, said: str, impact: Impact | None) -> "ImpactAnswer":  # noqa: ANN401
+        named = {"calibration_id": row.id, "version": row.version, "at": at, "said": said}
+        if impact is None:
+            lists = ("coefficients", "isos_gained", "isos_lost", "flags_gained", "flags_lost", "measurements")
+            return cls.model_validate({**named, **{name: [] for name in lists}})
+        return cls(
+            **named,
+            against=VersionInForce.held(impact.against),
+            meter_calibration=impact.meter_calibration,
+            coefficients=[CoefficientChanged.of(each) for each in impact.coefficients],
+            isos_gained=impact.isos_gained,
+            isos_lost=impact.isos_lost,
+            flags_gained=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_gained],
+            flags_lost=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_lost],
+            measurements=[TouchedMeasurement.of(each) for each in impact.measurements],
+        )
+
+
+def _change(change: LuminanceChange | None) -> dict[str, Any]:
+    if change is None or change.change is None:
+        return {}
+    return {"change": Quantity.model_validate(change.change), "basis": change.basis}
+
+
+def _compared(comparison: Comparison | None) -> dict[str, Any]:
+    if comparison is None:
+        return {}
+    return {
+        "difference": Quantity.model_validate(comparison.difference),
+        "change": Quantity.model_validate(comparison.change) if comparison.change else None,
+        "in_standard_uncertainties": comparison.in_standard_uncertainties,
+    }

@@ -1,0 +1,121 @@
+"""Purges: everything made with something that turned out wrong."""
+
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from service.schemas.base import Answer, Form, Instant, LongText, Text
+from service.schemas.calibrations import State
+from service.schemas.history import TouchedMeasurement
+from store.purging import Condemned
+from store.tables import Purge
+
+_CAUSES = ("meter_id", "meter_certificate_number", "software", "recorder")
+
+
+class NewCause(Form):
+    """Exactly one of them."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in _CAUSES]})
+
+    meter_id: Text | None = None
+    meter_certificate_number: Text | None = Field(
+        default=None, description="As it was when a version was made."
+    )
+    software: Text | None = Field(default=None, description="The version of stilb that fitted.")
+    recorder: Text | None = Field(default=None, description="Of the campaign, now or before.")
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> "NewCause":
+        if len(self.named()) != 1:
+            raise ValueError(f"give exactly one of {', '.join(_CAUSES)}")
+        return self
+
+    def named(self) -> dict[str, str]:
+        """The one cause, as it is kept."""
+        return self.model_dump(exclude_none=True)
+
+
+class NewPurge(Form):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "cause": {"meter_certificate_number": "D-K-15070-2026-04"},
+                    "reason": "the laboratory has withdrawn the certificate",
+                }
+            ]
+        }
+    )
+
+    cause: NewCause
+    reason: LongText
+
+
+class CondemnedVersion(Answer):
+    calibration_id: str
+    camera_id: str
+    camera: str = Field(description="Make, model and serial number.")
+    method: str
+    version: int
+    state: State
+    in_force: bool = Field(description="Whether it holds any time as known now; from when to when beside it.")
+    valid_from: Instant | None = None
+    valid_to: Instant | None = None
+    measurements: list[TouchedMeasurement] = Field(
+        description="Made with it; the successor of each is one that the purge leaves standing."
+    )
+
+    @classmethod
+    def of(cls, row: Condemned) -> "CondemnedVersion":
+        camera, standing = row.camera, row.standing
+        return cls(
+            calibration_id=row.calibration.id,
+            camera_id=camera.id,
+            camera=f"{camera.make} {camera.model} {camera.serial}",
+            method=row.calibration.method,
+            version=row.calibration.version,
+            state=standing.state,
+            in_force=standing.valid_from is not None,
+            valid_from=standing.valid_from,
+            valid_to=standing.valid_to,
+            measurements=[TouchedMeasurement.of(each) for each in row.measurements],
+        )
+
+
+class PurgeAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "prg_1",
+                    "state": "proposed",
+                    "cause": {"meter_certificate_number": "D-K-15070-2026-04"},
+                    "reason": "the laboratory has withdrawn the certificate",
+                    "calibration_ids": ["cal_1"],
+                    "created_by": "key_1",
+                    "created_at": "2026-06-01T08:00:00Z",
+                }
+            ]
+        }
+    )
+
+    id: str
+    state: Literal["proposed", "confirmed"]
+    cause: dict[str, str]
+    reason: str
+    calibration_ids: list[str] = Field(description="What the review saw, and what confirming revokes.")
+    created_by: str
+    created_at: Instant
+    confirmed_by: str | None = None
+    confirmed_at: Instant | None = None
+    versions: list[CondemnedVersion] | None = Field(
+        default=None, description="Each as it stands now; a list leaves them out."
+    )
+
+    @classmethod
+    def of(cls, row: Purge, condemned: list[Condemned] | None = None) -> "PurgeAnswer":
+        fields: dict[str, Any] = {n: getattr(row, n) for n in cls.model_fields if hasattr(row, n)}
+        versions = None if condemned is None else [CondemnedVersion.of(each) for each in condemned]
+        state: Literal["proposed", "confirmed"] = "confirmed" if row.confirmed_at else "proposed"
+        return cls(state=state, versions=versions, **fields)

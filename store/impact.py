@@ -1,0 +1,219 @@
+"""What a decision about a version changes: coefficients, flags, and the measurements made with it."""
+
+import json
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Literal
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.comparison import Comparison, LuminanceChange, change_luminance, compare_quantities
+from radiometry.luminance.results import Quantity
+from store.codec import decode_exposure
+from store.measuring import read_coefficients, read_time
+from store.publications import InForce
+from store.queries.calibrations import coefficients_of
+from store.tables import Calibration, CoefficientRow, FrameRow, Measurement, Publication, Slot
+
+MeterCalibration = Literal["common", "separate", "unknown"]
+
+_METHOD_OF_CHANGE = "luminance"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Touched:
+    """A measurement made with a version, and what another would make of it.
+
+    ``successor`` : the version that is in force when its frame was taken, None where there is none
+    ``change`` : None where there is no figure; ``why`` then says the reason
+    """
+
+    measurement: Measurement
+    frame: FrameRow
+    successor: Calibration | None
+    change: LuminanceChange | None
+    why: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoefficientChange:
+    """A coefficient of two versions. ``comparison`` : None where their units differ."""
+
+    old: CoefficientRow
+    new: CoefficientRow
+    comparison: Comparison | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Impact:
+    """A version against the one in force.
+
+    ``meter_calibration`` : whether the luminance meters' calibration error is the same in both
+    ``flags_gained``, ``flags_lost`` : (flag, where)
+    """
+
+    against: InForce
+    meter_calibration: MeterCalibration
+    coefficients: list[CoefficientChange]
+    isos_gained: list[float]
+    isos_lost: list[float]
+    flags_gained: list[tuple[str, str]]
+    flags_lost: list[tuple[str, str]]
+    measurements: list[Touched]
+
+
+def find_in_force(session: Session, calibration: Calibration, at: datetime) -> InForce | None:
+    """What holds the version's own slot at a time, as far as is known now."""
+    return next((held for held in _list_open(session, calibration) if _holds(held, at, at)), None)
+
+
+def assess(session: Session, calibration: Calibration, against: InForce) -> Impact:
+    """What publishing a version changes against the one in force."""
+    old = against.calibration
+    shared, common_u_rel = _meter_calibration(old, calibration)
+    rows = coefficients_of(session, [old.id, calibration.id])
+    isos = {key: {row.iso for row in rows[key] if row.iso is not None} for key in (old.id, calibration.id)}
+    flags = {version.id: _flags(version) for version in (old, calibration)}
+    return Impact(
+        against=against,
+        meter_calibration=shared,
+        coefficients=_compare(rows[old.id], rows[calibration.id], common_u_rel),
+        isos_gained=sorted(isos[calibration.id] - isos[old.id]),
+        isos_lost=sorted(isos[old.id] - isos[calibration.id]),
+        flags_gained=sorted(flags[calibration.id] - flags[old.id]),
+        flags_lost=sorted(flags[old.id] - flags[calibration.id]),
+        measurements=[_touch(*row, old, calibration) for row in _measured_with(session, old)],
+    )
+
+
+def list_touched(
+    session: Session, calibration: Calibration, *, without: Collection[str] = ()
+) -> list[Touched]:
+    """The measurements made with a version, each with what would take its place if these versions went.
+
+    ``without`` : versions that are to be revoked; the version itself always is
+    """
+    gone = {calibration.id, *without}
+    others = [held for held in _list_open(session, calibration) if held.calibration.id not in gone]
+    touched = []
+    for measurement, frame in _measured_with(session, calibration):
+        successor, why = _find_successor(frame, others)
+        if successor is None:
+            touched.append(
+                Touched(measurement=measurement, frame=frame, successor=None, change=None, why=why)
+            )
+        else:
+            touched.append(_touch(measurement, frame, calibration, successor))
+    return touched
+
+
+def _find_successor(frame: FrameRow, others: Sequence[InForce]) -> tuple[Calibration | None, str]:
+    if (frame.header or {}).get("taken_at") is None:
+        return None, "The frame does not say when it was taken."
+    earliest, latest = read_time(frame)
+    for held in others:
+        if _holds(held, earliest, latest):
+            return held.calibration, ""
+    return None, "No other version is in force when the frame was taken."
+
+
+def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Calibration) -> Touched:
+    if old.method != _METHOD_OF_CHANGE or frame.exposure is None:
+        why = f"What changes is told for {_METHOD_OF_CHANGE} only."
+        return Touched(measurement=measurement, frame=frame, successor=new, change=None, why=why)
+    change = change_luminance(
+        read_coefficients(old),
+        read_coefficients(new),
+        exposure=decode_exposure(frame.exposure),
+        signal_dn=measurement.result.get("signal_dn"),
+        common_u_rel=_meter_calibration(old, new)[1],
+    )
+    return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)
+
+
+def _measured_with(session: Session, calibration: Calibration) -> list[tuple[Measurement, FrameRow]]:
+    rows = session.execute(
+        select(Measurement, FrameRow)
+        .join(FrameRow, FrameRow.id == Measurement.frame_id)
+        .where(Measurement.calibration_id == calibration.id)
+        .order_by(Measurement.id)
+    )
+    return [(row[0], row[1]) for row in rows]
+
+
+def _list_open(session: Session, calibration: Calibration) -> list[InForce]:
+    """Every validity that stands in the slot of a version, in the order of time."""
+    configuration = json.dumps(calibration.configuration, sort_keys=True)
+    rows = session.execute(
+        select(Calibration, Publication)
+        .join(Publication, Publication.calibration_id == Calibration.id)
+        .join(Slot, Slot.id == Publication.slot_id)
+        .where(Slot.camera_id == calibration.camera_id, Slot.method == calibration.method)
+        .where(Slot.configuration == configuration, Publication.known_to.is_(None))
+        .order_by(Publication.valid_from)
+    )
+    return [InForce(calibration=row[0], publication=row[1]) for row in rows]
+
+
+def _holds(held: InForce, earliest: datetime, latest: datetime) -> bool:
+    start, end = held.publication.valid_from, held.publication.valid_to
+    return start <= earliest and (end is None or latest < end)
+
+
+def _compare(
+    old: list[CoefficientRow], new: list[CoefficientRow], common_u_rel: float
+) -> list[CoefficientChange]:
+    found = {_key(row): row for row in new}
+    pairs = [(row, found[_key(row)]) for row in old if _key(row) in found]
+    return [
+        CoefficientChange(
+            old=before,
+            new=after,
+            comparison=compare_quantities(
+                _quantity(before),
+                _quantity(after),
+                # the meter's error is in K alone, and in no semilogarithmic slope
+                common_u_rel=common_u_rel if before.name == "luminance_k" else 0.0,
+            )
+            if before.unit == after.unit
+            else None,
+        )
+        for before, after in pairs
+    ]
+
+
+def _key(row: CoefficientRow) -> tuple[Any, ...]:
+    return row.name, row.iso, row.f_number, row.band
+
+
+def _quantity(row: CoefficientRow) -> Quantity:
+    return Quantity(value=row.value, standard_uncertainty=row.standard_uncertainty, unit=row.unit)
+
+
+def _flags(calibration: Calibration) -> set[tuple[str, str]]:
+    return {(flag["flag"], flag["where"]) for flag in calibration.result.get("flags", [])}
+
+
+def _meter_calibration(old: Calibration, new: Calibration) -> tuple[MeterCalibration, float]:
+    """Whether both hang on the same certificates, and the error that they then share, relative to K."""
+    if old.method != _METHOD_OF_CHANGE or new.method != _METHOD_OF_CHANGE:
+        return "separate", 0.0
+    before, after = _certificates(old), _certificates(new)
+    if before is None or after is None:
+        return "unknown", 0.0
+    coefficients = (*read_coefficients(old), *read_coefficients(new))
+    if before != after or any(coefficient.model == "semilog" for coefficient in coefficients):
+        return "separate", 0.0
+    return "common", min(coefficient.meter_calibration_u_rel for coefficient in coefficients)
+
+
+def _certificates(calibration: Calibration) -> set[tuple[str, ...]] | None:
+    """The certificates behind a version's luminance readings; None where one has none."""
+    readings = [r for r in calibration.inputs.get("readings", []) if r["quantity"] == "luminance"]
+    meters = [m for m in calibration.inputs.get("meters", []) if m["kind"] == "luminance"]
+    named = {f"{m['make']} {m['model']} {m['serial']}" for m in meters if "certificate" in m}
+    if not readings or not all(reading["meter"] in named for reading in readings):
+        return None
+    return {(m["make"], m["model"], m["serial"], m["certificate"]["number"]) for m in meters}

@@ -1,0 +1,174 @@
+"""What publishing would change, and what revoking touches: figures against a second measurement."""
+
+import pytest
+
+from tests.support.campaigns import K_TRUE, calibrate
+from tests.support.meters import enter_meter, metered_campaign
+
+APRIL, MAY, TAKEN = "2026-04-01T00:00:00Z", "2026-05-10T00:00:00Z", "2026-05-01T20:00:00Z"
+
+
+def publish(house, version, valid_from=APRIL):
+    body = {"valid_from": valid_from, "reason": "r"}
+    house.post(f"/v1/calibrations/{version['id']}/publish", body, status=200)
+
+
+def revoke(house, version):
+    return house.post(f"/v1/calibrations/{version['id']}/revoke", {"reason": "meter"}, status=200)
+
+
+def impact(house, version, **params):
+    return house.get(f"/v1/calibrations/{version['id']}/impact", **params)
+
+
+@pytest.fixture
+def pair(house):
+    """Two versions by one meter; the second's readings were 5 % higher, and it lacks ISO 6400."""
+    meter = enter_meter(house)
+    first = calibrate(house, metered_campaign(house, meter, isos=(3200, 6400)))
+    second = calibrate(house, metered_campaign(house, meter, factor=1.05))
+    return first, second
+
+
+def field_frame(house, campaign_id, *, iso=3200):
+    content = house.frame_bytes(signal_dn=300.0, exposure_time_s=0.01, f_number=4.0, iso=iso, seed=9)
+    frame = house.upload({"id": campaign_id}, content, role="field", filename=f"field-{iso}.DNG")
+    house.work()
+    return frame
+
+
+def measure(house, frame, version):
+    body = {"frame_id": frame["id"], "calibration_id": version["id"]}
+    job = house.post("/v1/measurements", body, status=202)
+    house.work()
+    done = house.get(f"/v1/jobs/{job['id']}")
+    assert done["state"] == "succeeded", done
+    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+
+
+def test_a_revoked_version_lists_its_measurements_with_what_the_next_would_say(house, pair):
+    first, second = pair
+    publish(house, first)
+    frame = field_frame(house, first["campaign_id"])
+    made = measure(house, frame, first)
+    again = measure(house, frame, second)
+    publish(house, second)
+    answer = revoke(house, first)
+    assert answer["state"] == "revoked"
+    (touched,) = answer["measurements"]
+    assert touched["measurement_id"] == made["id"]
+    assert (touched["frame_id"], touched["filename"]) == (frame["id"], "field-3200.DNG")
+    assert touched["taken_at"].startswith("2026-05-01T")
+    assert touched["successor"] == {"calibration_id": second["id"], "version": 2}
+    assert touched["basis"] == "signal"
+    expected = 100 * (again["mean"]["value"] / made["mean"]["value"] - 1)
+    assert touched["change"]["value"] == pytest.approx(expected, rel=1e-9)
+    assert touched["change"]["value"] == pytest.approx(5.0, abs=0.5)
+    assert touched["change"]["unit"] == "%"
+    assert revoke(house, first)["measurements"] == answer["measurements"]
+
+
+def test_a_measurement_of_a_revoked_version_stays_and_says_so(house, pair):
+    first, _ = pair
+    publish(house, first)
+    made = measure(house, field_frame(house, first["campaign_id"]), first)
+    revoke(house, first)
+    read = house.get(f"/v1/measurements/{made['id']}")
+    assert "calibration_revoked" in {flag["flag"] for flag in read["flags"]}
+    assert read["mean"] == made["mean"]
+
+
+def test_where_nothing_else_is_in_force_there_is_no_successor(house, pair):
+    first, second = pair
+    publish(house, first)
+    measure(house, field_frame(house, first["campaign_id"]), first)
+    publish(house, second, MAY)
+    (touched,) = revoke(house, first)["measurements"]
+    assert "successor" not in touched
+    assert "change" not in touched
+    assert touched["why"] == "No other version is in force when the frame was taken."
+
+
+def test_a_successor_without_the_iso_has_no_figure(house, pair):
+    first, second = pair
+    publish(house, first)
+    measure(house, field_frame(house, first["campaign_id"], iso=6400), first)
+    publish(house, second)
+    (touched,) = revoke(house, first)["measurements"]
+    assert touched["successor"]["version"] == 2
+    assert "change" not in touched
+    assert "ISO 6400" in touched["why"]
+
+
+def test_a_version_without_measurements_touches_none(house, pair):
+    assert revoke(house, pair[0])["measurements"] == []
+
+
+def test_nothing_in_force_says_so(house, pair):
+    first, second = pair
+    publish(house, first)
+    before = impact(house, second, at="2026-03-31T23:59:59Z")
+    assert "Nothing is in force then" in before["said"]
+    assert "against" not in before
+    assert before["coefficients"] == before["measurements"] == []
+    assert impact(house, second, at=APRIL)["against"]["version"] == 1
+
+
+def test_the_impact_names_every_change(house, pair):
+    first, second = pair
+    publish(house, first)
+    made = measure(house, field_frame(house, first["campaign_id"]), first)
+    found = impact(house, second, at=TAKEN)
+    assert "Version 1 is in force then" in found["said"]
+    assert found["against"]["calibration_id"] == first["id"]
+    assert found["against"]["valid_from"] == APRIL
+    k = next(row for row in found["coefficients"] if row["name"] == "luminance_k")
+    assert [row["iso"] for row in found["coefficients"]] == [3200, 3200]
+    assert k["old"]["value"] == pytest.approx(K_TRUE, rel=0.02)
+    assert k["new"]["value"] == pytest.approx(k["old"]["value"] / 1.05, rel=1e-9)
+    assert k["change"]["value"] == pytest.approx(100 * (1 / 1.05 - 1), rel=1e-9)
+    assert k["difference"]["value"] == pytest.approx(k["new"]["value"] - k["old"]["value"])
+    # one certificate, 1 % of each K: it cancels
+    old, new, shared = k["old"], k["new"], 0.01
+    assert found["meter_calibration"] == "common"
+    variance = old["standard_uncertainty"] ** 2 + new["standard_uncertainty"] ** 2
+    variance -= 2 * shared**2 * old["value"] * new["value"]
+    assert k["in_standard_uncertainties"] == pytest.approx(
+        abs(k["difference"]["value"]) / variance**0.5, rel=1e-9
+    )
+    assert (found["isos_gained"], found["isos_lost"]) == ([], [6400])
+    assert {"flag": "meter_repeatability_estimated", "where": "iso 6400"} in found["flags_lost"]
+    (touched,) = found["measurements"]
+    assert touched["measurement_id"] == made["id"]
+    assert touched["change"]["value"] == pytest.approx(5.0, abs=0.5)
+    publish(house, second)
+    back = impact(house, first)
+    assert back["isos_gained"] == [6400]
+    assert {"flag": "meter_repeatability_estimated", "where": "iso 6400"} in back["flags_gained"]
+
+
+@pytest.mark.parametrize(
+    ("meter", "said"),
+    [({"number": "D-K-2"}, "separate"), ({"serial": "other"}, "separate"), (None, "unknown")],
+)
+def test_a_meter_that_is_not_the_same_counts_in_both(house, meter, said):
+    first = calibrate(house, metered_campaign(house, enter_meter(house)))
+    publish(house, first)
+    other = enter_meter(house, **meter) if meter else None
+    found = impact(house, calibrate(house, metered_campaign(house, other, factor=1.05)))
+    assert found["meter_calibration"] == said
+    k = next(row for row in found["coefficients"] if row["name"] == "luminance_k")
+    u = (k["old"]["standard_uncertainty"] ** 2 + k["new"]["standard_uncertainty"] ** 2) ** 0.5
+    assert k["difference"]["standard_uncertainty"] == pytest.approx(u)
+
+
+def test_a_version_in_force_changes_nothing_against_itself(house, pair):
+    first, _ = pair
+    publish(house, first)
+    found = impact(house, first)
+    assert "itself is in force" in found["said"]
+    assert {row["difference"]["value"] for row in found["coefficients"]} == {0.0}
+
+
+def test_a_stranger_learns_nothing(stranger, pair):
+    assert stranger.get(f"/v1/calibrations/{pair[0]['id']}/impact").status_code == 404
