@@ -37,9 +37,9 @@ def gather(session: Session, campaign: Campaign, extractor: str) -> Evidence:
             select(FrameRow)
             .where(FrameRow.campaign_id == campaign.id, FrameRow.state != "refused")
             .where(FrameRow.role.in_(("light", "dark")))
-            .order_by(FrameRow.filename, FrameRow.sha256)
         )
     )
+    rows.sort(key=lambda row: (row.filename, row.sha256))
     current = _current_extractions(session, campaign, rows, extractor)
     statistics = channel_rows(session, [extraction.id for extraction in current.values()])
     names = _names(rows)
@@ -106,10 +106,8 @@ def _fit_readings(session: Session, campaign: Campaign) -> list[FitReading]:
         select(Reading, Meter)
         .outerjoin(Meter, Meter.id == Reading.meter_id)
         .where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
-        # by value, not by id: the order of arrival must not reach the last bit of K
-        .order_by(Reading.scene, Reading.quantity, Reading.value, Reading.id)
     )
-    return [
+    readings = [
         FitReading(
             scene=reading.scene,
             quantity=reading.quantity,
@@ -120,6 +118,9 @@ def _fit_readings(session: Session, campaign: Campaign) -> list[FitReading]:
         )
         for reading, meter in rows
     ]
+    # by content, not by arrival, and here, since databases do not agree on the order of texts: neither the
+    # last bit of K nor the content's hash may depend on either
+    return sorted(readings, key=lambda reading: (reading.scene, reading.quantity, reading.value))
 
 
 _ENGRAVED = ("kind", "make", "model", "serial")
