@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.multispectral import Multispectral
+
 
 @dataclass(frozen=True, kw_only=True)
 class Opcode:
@@ -33,7 +35,7 @@ class FrameHeader:
     black_level_dn: tuple[float, ...]
     black_level_origin: str  # "tag" | "default" | "libraw"
     white_level_dn: tuple[float, ...]
-    white_level_origin: str
+    white_level_origin: str  # as for black, or "camera": known of this kind of camera
     exposure_time_s: float | None = None  # nominal: EXIF ExposureTime
     exposure_time_apex_s: float | None = None  # 2**-ShutterSpeedValue
     f_number: float | None = None  # nominal: EXIF FNumber
@@ -55,6 +57,7 @@ class FrameHeader:
     longitude_deg: float | None = None  # east positive
     altitude_m: float | None = None  # above sea level, as the camera says; below it is negative
     opcodes: tuple[Opcode, ...] = field(default=())
+    multispectral: Multispectral | None = None  # of a camera with one band a file and a sunshine sensor
     # A whole frame is read cheapest in bands of so many rows, the first of which may be cut by the border.
     band_rows: int = 1
     first_band_rows: int = 1

@@ -1,6 +1,8 @@
 """The decoding process's answers, believed only as far as they have been checked."""
 
 import math
+from collections.abc import Iterator
+from dataclasses import asdict
 from enum import StrEnum
 from typing import Any, Final
 
@@ -38,7 +40,7 @@ def check_header(answer: dict[str, Any]) -> FrameHeader:
         header = _HEADER.validate_python(answer.get("header"))
     except ValidationError as error:
         raise BrokenMessageError("a header that is none") from error
-    texts = [value for value in vars(header).values() if isinstance(value, str)]
+    texts = list(_texts(asdict(header)))
     plausible = (
         header.cfa in _SITES
         and len(header.black_level_dn) == len(header.white_level_dn) == _SITES[header.cfa]
@@ -54,6 +56,15 @@ def check_header(answer: dict[str, Any]) -> FrameHeader:
     if not plausible:
         raise BrokenMessageError("a header that cannot be")
     return header
+
+
+def _texts(value: object) -> Iterator[str]:
+    """Every text of a header, however deep."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | tuple):
+        for part in value.values() if isinstance(value, dict) else value:
+            yield from _texts(part)
 
 
 def check_frame(answer: dict[str, Any], body: bytearray, window: tuple[int, int, int, int]) -> Frame:

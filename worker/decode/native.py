@@ -13,6 +13,7 @@ from worker.decode.levels import BlackLevels, read_black_levels, read_linearizat
 from worker.decode.libraw import LibRawFile
 from worker.decode.metadata import read_metadata
 from worker.decode.mosaic import Area, read_cfa, read_visible_area
+from worker.decode.multispectral import read_multispectral
 from worker.decode.opcodes import read_opcodes
 from worker.decode.refusals import Refusal, refuse
 from worker.decode.segments import COMPRESSIONS, read_samples
@@ -72,11 +73,14 @@ def _describe(
     table = read_linearization(image) if dng else None
     white, white_origin = read_white_levels(image, samples=layout.samples, bits=layout.bits, table=table)
     cell = 1 if cfa in ("grey", "rgb") else 2
+    band = read_multispectral(main, bits=layout.bits) if cfa == "grey" else None
+    if band is not None and band.full_scale_dn is not None and white_origin == "default":
+        white, white_origin = (band.full_scale_dn,), "camera"
     header = FrameHeader(
         container=container,
         decoder="stilb",
-        # Multispectral cameras write raw samples as TIFF; a black level tells them from a rendered image.
-        rendered=not dng and tags.BLACK_LEVEL not in image,
+        # Multispectral cameras write raw samples as TIFF; their XMP or a black level tells them from others.
+        rendered=not dng and band is None and tags.BLACK_LEVEL not in image,
         compression=COMPRESSIONS[layout.compression],
         bits_per_sample=layout.bits,
         width_px=visible.width,
@@ -87,6 +91,7 @@ def _describe(
         white_level_dn=white * cell**2,
         white_level_origin=white_origin,
         opcodes=read_opcodes(image),
+        multispectral=band,
         band_rows=layout.band_rows,
         first_band_rows=layout.band_rows - visible.top % layout.band_rows,
         **vars(read_metadata(main)),

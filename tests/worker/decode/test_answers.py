@@ -48,6 +48,9 @@ def test_header_survives_the_way(header):
         {"longitude_deg": -180.5},
         {"band_rows": 0},
         {"first_band_rows": 3},
+        {"multispectral": {"system": "sequoia", "band": "x" * 300, "band_name": "NIR"}},
+        {"multispectral": {"system": "sequoia", "band": "nir", "band_name": "a\0b"}},
+        {"multispectral": {"system": "other", "band": "nir", "band_name": "NIR"}},
     ],
 )
 def test_header_that_cannot_be(change, header):

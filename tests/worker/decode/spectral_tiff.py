@@ -1,0 +1,92 @@
+"""Small TIFF files as Sequoia and MicaSense cameras write them, with the XMP that a test wants."""
+
+import base64
+import struct
+
+from tiff_writer import ASCII, BYTE, LONG, RATIONAL, SHORT, TiffWriter
+
+ROWS, COLS = 24, 32
+
+CALIBRATION = "0,600,11,3,1,600,330,84,2,600,3990,1506,3,600,65535,38630"
+SEQUOIA = {
+    "SensorModel": "310316.1,3067.5,4773.6",
+    "BandName": "Green",
+    "CentralWavelength": "550.0",
+    "WavelengthFWHM": "40.0",
+    "VignettingPolynomial2DName": "0,0,1,0,0,1",
+    "VignettingPolynomial2D": "0.9,0.05,-0.1",
+    "SunshineSerialNumber": "PI040379AA6E000358",
+    "CaptureUUID": "BE5AB0AB",
+    "RigCameraIndex": "0",
+    "IrradianceCalibrationMeasurement": CALIBRATION,
+}
+
+
+def pack_records(layout, rows):
+    """``rows`` : all fields of each record, time first."""
+    return base64.b64encode(b"".join(struct.pack(layout, *row) for row in rows)).decode()
+
+
+def write_sequoia_xmp(**changes):
+    """The properties above, changed; None leaves one out."""
+    properties = {key: value for key, value in (SEQUOIA | changes).items() if value is not None}
+    elements = "".join(
+        f"<Camera:{key}><rdf:Seq><rdf:li>{value}</rdf:li></rdf:Seq></Camera:{key}>"
+        if key in ("SensorModel", "BandName")
+        else f"<Camera:{key}>{value}</Camera:{key}>"
+        for key, value in properties.items()
+    )
+    return wrap(f'<rdf:Description xmlns:Camera="http://pix4d.com/camera/1.0/">{elements}</rdf:Description>')
+
+
+def wrap(description):
+    return (
+        '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
+        '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+        f'{description}</rdf:RDF></x:xmpmeta>   <?xpacket end="w"?>'
+    )
+
+
+def write_micasense_xmp(**dls):
+    properties = "".join(f"<DLS:{key}>{value}</DLS:{key}>" for key, value in dls.items())
+    return wrap(
+        '<rdf:Description xmlns:MicaSense="http://micasense.com/MicaSense/1.0/"'
+        ' xmlns:Camera="http://pix4d.com/1.0" xmlns:DLS="http://micasense.com/DLS/1.0/">'
+        "<MicaSense:RadiometricCalibration><rdf:Seq><rdf:li>0.0001</rdf:li><rdf:li>1e-07</rdf:li>"
+        "<rdf:li>1e-06</rdf:li></rdf:Seq></MicaSense:RadiometricCalibration>"
+        f"<Camera:BandName>Red edge</Camera:BandName>{properties}</rdf:Description>"
+    )
+
+
+def make_tiff(xmp, *, make="Parrot", model="Sequoia", software="v1.4.1", black=True):
+    """Sixteen bits, grey, uncompressed."""
+    writer = TiffWriter()
+    strip = writer.append(struct.pack(f"<{ROWS * COLS}H", *range(5000, 5000 + ROWS * COLS)))
+    largest = 2**31 - 1
+    exif = writer.directory(
+        {
+            33434: (RATIONAL, (6442451, largest)),
+            33437: (RATIONAL, (largest, 976128896)),
+            34855: (SHORT, 206),
+            36868: (ASCII, "1970:01:01 00:02:30"),
+            37522: (ASCII, "128607"),
+        }
+    )
+    entries = {
+        256: (SHORT, COLS),
+        257: (SHORT, ROWS),
+        258: (SHORT, 16),
+        259: (SHORT, 1),
+        262: (SHORT, 1),
+        271: (ASCII, make),
+        272: (ASCII, model),
+        273: (LONG, strip),
+        277: (SHORT, 1),
+        279: (LONG, ROWS * COLS * 2),
+        305: (ASCII, software),
+        700: (BYTE, xmp.encode() if isinstance(xmp, str) else xmp),
+        34665: (LONG, exif),
+    }
+    if black:
+        entries |= {50713: (SHORT, [2, 2]), 50714: (LONG, [4953, 4981, 4994, 4965])}
+    return writer.finish(writer.directory(entries))
