@@ -30,11 +30,16 @@ def make_map(
     decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path, *, caption: str
 ) -> bytes:
     """Write the TIFF to ``target``; the picture as PNG."""
+    return draw_picture(write_map(decoders, subject, facts, target).means(), caption)
+
+
+def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path) -> Reduction:
+    """Write the TIFF to ``target``; what its picture is drawn from."""
     header = subject.header
     reduction = Reduction(header.height_px, header.width_px)
     with StripReader(decoders, subject.path, header) as reader:
         write_tiff(target, reduction.watch(_bands(reader, subject)), facts)
-    return draw_picture(reduction.means(), caption)
+    return reduction
 
 
 def _bands(reader: StripReader, subject: Subject) -> Iterator[Plane]:

@@ -21,9 +21,11 @@ from worker.maps.directory import append_directories
 TILE_PX: Final = 256
 _DEFLATE: Final = 8
 _FLOATING_POINT: Final = 3
-_LEVEL: Final = 1  # of a predicted float's bytes, higher levels save less than 1 %
+LEVEL: Final = 1  # of a predicted float's bytes, higher levels save less than 1 %
 _THREADS: Final = 2
 _ASCII, _LONG = 2, 4
+
+_WHOLE: Final = TILE_PX**2
 
 Plane = NDArray[np.float32]
 
@@ -83,13 +85,15 @@ def _encode(bands: Iterable[Plane], threads: ThreadPoolExecutor) -> Iterator[byt
 
 def _cut_tiles(band: Plane) -> Iterator[Plane]:
     """Tiles are stored whole: the last ones repeat the border, which a reader cuts off."""
-    rows, cols = band.shape
-    padded = np.pad(band, ((0, -rows % TILE_PX), (0, -cols % TILE_PX)), mode="edge")
-    for left in range(0, cols, TILE_PX):
-        yield padded[:, left : left + TILE_PX]
+    for left in range(0, band.shape[1], TILE_PX):
+        tile = band[:, left : left + TILE_PX]
+        rows, cols = tile.shape
+        if tile.size < _WHOLE:
+            tile = np.pad(tile, ((0, TILE_PX - rows), (0, TILE_PX - cols)), mode="edge")
+        yield tile
 
 
 def _encode_tile(tile: Plane) -> bytes:
     """As TIFF technical note 3 lays floats out: the bytes of equal weight together, then differences."""
     predicted = imagecodecs.floatpred_encode(np.ascontiguousarray(tile), axis=-1)
-    return bytes(imagecodecs.deflate_encode(predicted.tobytes(), _LEVEL))
+    return bytes(imagecodecs.deflate_encode(predicted.tobytes(), LEVEL))

@@ -1,0 +1,102 @@
+"""From a file on the disk to its luminance map as TIFF: ours, and plain numpy over rawpy's decode."""
+
+import itertools
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import rawpy
+import tifffile
+
+from bench.report import judge, say, show_times
+from bench.subject import CAMERA, Scale, make_mosaic, write_copies
+from bench.timing import compare, take_turns
+from demo.dng import Compression
+from radiometry.exposure import Exposure
+from radiometry.frame import FrameHeader
+from radiometry.luminance.maps import MapScale
+from worker.decode.pool import DecoderPool
+from worker.maps.making import Subject, write_map
+from worker.maps.tiff import LEVEL, TILE_PX, MapFacts
+
+OURS = "ours, as the worker does it, without the picture"
+PLAIN = "plain numpy over rawpy's full decode"
+_SCALE = MapScale(slope_cd_m2_per_dn=0.00123, dark_signal_dn=256.3, channel="green")
+_EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
+_DESCRIPTION = '{"unit": "cd/m2"}'
+_NAMES = 6  # more than the decoding process keeps open
+
+
+def run(scale: Scale) -> list[bool]:
+    """Measure both kinds of file."""
+    verdicts: list[bool] = []
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
+        folder, mosaic = Path(name), make_mosaic(scale)
+        with DecoderPool() as pool:
+            for compression in ("none", "ljpeg"):
+                paths = write_copies(folder, mosaic, compression, names=_NAMES)
+                verdicts.append(_measure(scale, compression, paths, pool))
+                for path in paths:
+                    path.unlink()
+    return verdicts
+
+
+def _measure(scale: Scale, compression: Compression, paths: list[Path], pool: DecoderPool) -> bool:
+    kind = "uncompressed" if compression == "none" else "lossless JPEG in tiles"
+    say(f"\na luminance map of {scale.cols} x {scale.rows} px, {kind}")
+    ours, plain = (paths[0].with_name(f"{name}.tif") for name in ("ours", "plain"))
+    our_paths, plain_paths = itertools.cycle(paths), itertools.cycle(paths)
+    ways: dict[str, Callable[[], object]] = {
+        OURS: lambda: map_ours(pool, next(our_paths), ours),
+        PLAIN: lambda: map_plainly(next(plain_paths), plain),
+    }
+    seconds = take_turns(ways, rounds=scale.rounds)
+    _require_equal(ours, plain)
+    show_times(seconds)
+    say(f"  {'the TIFF':<54} {ours.stat().st_size / 1e6:8.1f} MB")
+    for path in (ours, plain):
+        path.unlink()
+    return judge("times faster than plain numpy", compare(seconds[PLAIN], seconds[OURS]), at_least=2.0)
+
+
+def map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
+    """What the worker does for one frame."""
+    header: FrameHeader = pool.read_header(path)
+    facts = MapFacts(header=header, exposure=_EXPOSURE, software="stilb", description={"unit": "cd/m2"})
+    write_map(pool, Subject(path=path, header=header, scale=_SCALE), facts, target)
+
+
+def map_plainly(path: Path, target: Path) -> None:
+    """What a script does: decode all of it, interpolate green in whole arrays, hand them to tifffile.
+
+    The same tiles, predictor, compression and level; single precision, as a script that cares for time.
+    """
+    with rawpy.imread(str(path)) as raw:
+        mosaic = raw.raw_image_visible.astype(np.float32)
+    padded = np.pad(mosaic, 1, mode="reflect")
+    around = padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]
+    green = np.zeros(mosaic.shape, bool)
+    green[0::2, 1::2] = green[1::2, 0::2] = True
+    signal = np.where(green, mosaic, around / 4)
+    luminance = (signal - np.float32(_SCALE.dark_signal_dn)) * np.float32(_SCALE.slope_cd_m2_per_dn)
+    over = np.pad(mosaic >= CAMERA.white_level_dn, 1, mode="reflect")
+    beside = over[:-2, 1:-1] | over[2:, 1:-1] | over[1:-1, :-2] | over[1:-1, 2:]
+    luminance[np.where(green, over[1:-1, 1:-1], beside)] = np.nan
+    tifffile.imwrite(
+        target,
+        luminance,
+        tile=(TILE_PX, TILE_PX),
+        compression="zlib",
+        compressionargs={"level": LEVEL},
+        predictor=True,
+        description=_DESCRIPTION,
+        metadata=None,
+    )
+
+
+def _require_equal(ours: Path, plain: Path) -> None:
+    """A quick way that gives another map is no way; single precision differs in the last digits."""
+    one, other = tifffile.imread(ours), tifffile.imread(plain)
+    if not np.allclose(one, other, rtol=1e-5, atol=1e-6, equal_nan=True):
+        raise AssertionError("the maps differ")

@@ -1,0 +1,197 @@
+"""A map made strip by strip is the map of the whole frame, and its file says what it is."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import ExifTags, Image
+
+from bench.subject import Scale, make_mosaic
+from demo.dng import Camera, write_dng
+from demo.exif import Exposure as Taken
+from radiometry.exposure import Exposure
+from radiometry.luminance.maps import MapScale, compute_map
+from worker.decode.metadata import read_metadata
+from worker.decode.pool import DecoderPool
+from worker.decode.tiff import read_directories
+from worker.maps import strips
+from worker.maps.making import Subject, make_map
+from worker.maps.tiff import MapFacts
+
+SCALE = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
+EXPOSURE = Exposure(
+    exposure_time_s=1 / 60, f_number=5.6, iso=6400.0, exposure_time_apex_s=1 / 64, f_number_apex=2**2.5
+)
+
+
+@pytest.fixture(scope="module")
+def decoders():
+    with DecoderPool(1) as pool:
+        yield pool
+
+
+def save_frame(path, shape, *, compression="none", top=3000):
+    mosaic = np.random.default_rng(1).integers(200, top, shape).astype(np.uint16)
+    taken = Taken(
+        exposure_time_s=1 / 60,
+        f_number=5.6,
+        iso=6400,
+        taken_at=datetime(2026, 5, 1, 20, 0, tzinfo=UTC),
+        body_serial="S-1",
+        lens_make="DJI",
+        lens_model="15mm",
+        lens_serial="L1",
+        focal_length_mm=15.0,
+    )
+    camera = Camera(black_level_dn=256, white_level_dn=4095, serial="S-1")
+    write_dng(path, mosaic, camera=camera, exposure=taken, compression=compression)
+    return path
+
+
+def make(decoders, path, *, scale=SCALE, **place):
+    header = dataclasses.replace(decoders.read_header(path), **place)
+    facts = MapFacts(header=header, exposure=EXPOSURE, software="stilb test", description={"unit": "cd/m2"})
+    target = path.with_suffix(".tif")
+    picture = make_map(
+        decoders, Subject(path=path, header=header, scale=scale), facts, target, caption="frame"
+    )
+    return target, picture
+
+
+@pytest.mark.parametrize("channel", ["green", "grey"])
+@pytest.mark.parametrize("compression", ["none", "ljpeg"])
+@pytest.mark.parametrize("shape", [(16, 20), (300, 517), (530, 270)])
+def test_strips_and_tiles_make_the_whole(decoders, tmp_path, monkeypatch, shape, compression, channel):
+    monkeypatch.setattr(strips, "_STRIP_PX", 30_000)
+    path = save_frame(tmp_path / "frame.dng", shape, compression=compression, top=4300)
+    scale = dataclasses.replace(SCALE, channel=channel)
+    target, _ = make(decoders, path, scale=scale)
+    whole = compute_map(decoders.read_window(path, (0, 0, *shape)), scale)
+    found = tifffile.imread(target)
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, whole)
+    assert np.isnan(found).any()
+
+
+@pytest.mark.parametrize(
+    ("band", "first", "height", "expected"),
+    [
+        (256, 256, 1000, [(0, 256), (256, 256), (512, 256), (768, 232)]),
+        (256, 100, 600, [(0, 100), (100, 256), (356, 244)]),
+        (2, 2, 600, [(0, 210), (210, 210), (420, 180)]),
+        (4000, 4000, 600, [(0, 600)]),
+    ],
+)
+def test_strips_are_whole_bands_of_the_files_tiles(
+    decoders, tmp_path, monkeypatch, band, first, height, expected
+):
+    monkeypatch.setattr(strips, "_STRIP_PX", 20_000)
+    header = decoders.read_header(save_frame(tmp_path / "frame.dng", (64, 96)))
+    header = dataclasses.replace(header, height_px=height, width_px=95, band_rows=band, first_band_rows=first)
+    assert strips.cut_strips(header) == expected
+
+
+def test_the_file_keeps_what_the_frame_said(decoders, tmp_path):
+    place = {"latitude_deg": -33.456789, "longitude_deg": 0.000001, "altitude_m": -12.25}
+    target, _ = make(decoders, save_frame(tmp_path / "frame.dng", (300, 520)), **place)
+    found = read_metadata(read_directories(target.read_bytes())[0])
+    assert (found.make, found.model, found.serial) == ("DJI", "FC6520", "S-1")
+    assert (found.exposure_time_s, found.f_number, found.iso) == (1 / 60, 5.6, 6400)
+    assert found.exposure_time_apex_s == pytest.approx(1 / 64)
+    assert found.f_number_apex == pytest.approx(2**2.5, rel=1e-6)
+    assert (found.lens_make, found.lens_model, found.lens_serial) == ("DJI", "15mm", "L1")
+    assert found.taken_at == "2026-05-01T20:00:00+00:00"
+    assert (found.latitude_deg, found.longitude_deg) == pytest.approx((-33.456789, 1e-6), abs=3e-10)
+    assert found.altitude_m == -12.25
+    with tifffile.TiffFile(target) as file:
+        page = file.pages[0]
+        assert (page.tile, page.predictor, page.compression.name) == ((256, 256), 3, "ADOBE_DEFLATE")
+        assert (json.loads(page.description), page.software) == ({"unit": "cd/m2"}, "stilb test")
+    with Image.open(target) as image:
+        exif = image.getexif()
+        assert exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FNumber] == 5.6
+        assert exif.get_ifd(ExifTags.IFD.GPSInfo)[ExifTags.GPS.GPSLatitudeRef] == "S"
+
+
+def test_a_frame_that_says_little_makes_a_map_that_says_no_more(decoders, tmp_path):
+    bare = dict.fromkeys(("make", "model", "serial", "lens_make", "lens_model", "lens_serial", "taken_at"))
+    target, _ = make(decoders, save_frame(tmp_path / "frame.dng", (64, 96)), **bare)
+    found = read_metadata(read_directories(target.read_bytes())[0])
+    assert (found.make, found.serial, found.taken_at, found.latitude_deg) == (None,) * 4
+    assert found.exposure_time_s == 1 / 60
+
+
+def test_times_of_every_form(decoders, tmp_path):
+    path = save_frame(tmp_path / "frame.dng", (64, 96))
+    for stamp in ("2026-05-01T20:00:00", "2026-05-01T20:00:00.125", "2026-05-01T20:00:00.5-07:30"):
+        target, _ = make(decoders, path, taken_at=stamp)
+        assert read_metadata(read_directories(target.read_bytes())[0]).taken_at == stamp
+
+
+def test_the_same_frame_makes_the_same_bytes(decoders, tmp_path):
+    path = save_frame(tmp_path / "frame.dng", (300, 520))
+    first, again = (make(decoders, path)[0].read_bytes() for _ in range(2))
+    assert first == again
+
+
+PEAK = """
+import resource, sys
+from pathlib import Path
+import worker.__main__
+from radiometry.exposure import Exposure
+from radiometry.luminance.maps import MapScale
+from radiometry.measurement import Request, find_window, measure
+from radiometry.roi import Polygon
+from tests.radiometry.coefficients import COEFFICIENT
+from worker.decode.pool import DecoderPool
+from worker.maps.making import Subject, make_map
+from worker.maps.tiff import MapFacts
+
+path = Path(sys.argv[1])
+exposure = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
+with DecoderPool(1) as decoders:
+    header = decoders.read_header(path)
+    wide, high = header.width_px, header.height_px
+    whole = Polygon.from_points([(0, 0), (wide, 0), (wide, high), (0, high)])
+    frame = decoders.read_window(path, (0, 0, high, wide))
+    measure("luminance", frame, Request(polygon=whole), exposure=exposure, coefficients=(COEFFICIENT,),
+            calibrated=(whole,))
+    del frame
+    scale = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
+    facts = MapFacts(header=header, exposure=exposure, software="stilb", description={})
+    make_map(decoders, Subject(path=path, header=header, scale=scale), facts, path.with_suffix(".tif"),
+             caption="whole")
+print(wide * high, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss is in kB on Linux")
+def test_a_whole_frame_of_20_megapixels_stays_below_600_mb(tmp_path):
+    """The whole frame as region and as map, in a process that has imported all that a worker does."""
+    path = tmp_path / "frame.dng"
+    camera = Camera(black_level_dn=256, white_level_dn=4095, serial="S-1")
+    taken = Taken(
+        exposure_time_s=0.01,
+        f_number=4.0,
+        iso=3200,
+        taken_at=datetime(2026, 5, 1, tzinfo=UTC),
+        body_serial="S-1",
+        lens_make="DJI",
+        lens_model="15mm",
+        lens_serial="L1",
+        focal_length_mm=15.0,
+    )
+    write_dng(path, make_mosaic(Scale()), camera=camera, exposure=taken)
+    root = Path(__file__).parents[3]
+    done = subprocess.run(
+        [sys.executable, "-c", PEAK, str(path)], check=True, cwd=root, capture_output=True, text=True
+    )
+    pixels, peak_kb = map(int, done.stdout.split())
+    assert pixels > 20_000_000
+    assert peak_kb * 1024 < 600e6
