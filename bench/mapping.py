@@ -70,7 +70,7 @@ def map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
 def map_plainly(path: Path, target: Path) -> None:
     """What a script does: decode all of it, interpolate green in whole arrays, hand them to tifffile.
 
-    The same tiles, predictor, compression and level; single precision, as a script that cares for time.
+    The same tiles, compression and level; single precision, as a script that cares for time.
     """
     with rawpy.imread(str(path)) as raw:
         mosaic = raw.raw_image_visible.astype(np.float32)
@@ -89,7 +89,6 @@ def map_plainly(path: Path, target: Path) -> None:
         tile=(TILE_PX, TILE_PX),
         compression="zlib",
         compressionargs={"level": LEVEL},
-        predictor=True,
         description=_DESCRIPTION,
         metadata=None,
     )

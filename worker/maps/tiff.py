@@ -20,8 +20,7 @@ from worker.maps.directory import append_directories
 
 TILE_PX: Final = 256
 _DEFLATE: Final = 8
-_FLOATING_POINT: Final = 3
-LEVEL: Final = 1  # of a predicted float's bytes, higher levels save less than 1 %
+LEVEL: Final = 1
 _THREADS: Final = 2
 _ASCII, _LONG = 2, 4
 
@@ -50,7 +49,6 @@ def write_tiff(path: Path, bands: Iterable[Plane], facts: MapFacts) -> None:
             dtype=np.float32,
             tile=(TILE_PX, TILE_PX),
             compression=_DEFLATE,
-            predictor=_FLOATING_POINT,
             photometric="minisblack",
             description=json.dumps(facts.description, sort_keys=True),
             software=facts.software,
@@ -94,6 +92,9 @@ def _cut_tiles(band: Plane) -> Iterator[Plane]:
 
 
 def _encode_tile(tile: Plane) -> bytes:
-    """As TIFF technical note 3 lays floats out: the bytes of equal weight together, then differences."""
-    predicted = imagecodecs.floatpred_encode(np.ascontiguousarray(tile), axis=-1)
-    return bytes(imagecodecs.deflate_encode(predicted.tobytes(), LEVEL))
+    """Without a predictor: few numbers occur, each many times, and differences would hide that they do.
+
+    Measured on a frame of 12 bits with the noise of photons: 42 % of the size in half the time, with TIFF's
+    floating point predictor 67 %; of 14 bits 50 and 67 %. Higher levels save less than 2 %.
+    """
+    return bytes(imagecodecs.deflate_encode(tile.tobytes(), LEVEL))
