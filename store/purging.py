@@ -6,9 +6,9 @@ has been replaced since does not hide it.
 
 import json
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-from sqlalchemy import Select, and_, or_, select
+from sqlalchemy import Select, or_, select
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
@@ -17,8 +17,6 @@ from store.impact import Touched, list_touched
 from store.publications import revoke
 from store.queries.calibrations import Standing, standings
 from store.tables import AuditEntry, Calibration, Camera, Campaign, Meter, Purge, Reading
-
-Cause = Literal["meter_id", "meter_certificate_number", "software", "recorder"]
 
 _ENGRAVED = ("kind", "make", "model", "serial")
 
@@ -136,12 +134,6 @@ def _by_certificate(session: Session, mine: Select[Any], number: str) -> list[st
 def _recorded_by(recorder: str) -> Select[Any]:
     """Campaigns that name this recorder, or once did."""
     once = select(AuditEntry.subject_id).where(
-        and_(
-            AuditEntry.subject_type == "campaign",
-            or_(
-                AuditEntry.before["recorder"].as_string() == recorder,
-                AuditEntry.after["recorder"].as_string() == recorder,
-            ),
-        )
+        AuditEntry.subject_type == "campaign", AuditEntry.after["recorder"].as_string() == recorder
     )
     return select(Campaign.id).where(or_(Campaign.recorder == recorder, Campaign.id.in_(once)))

@@ -3,13 +3,14 @@
 import pytest
 
 from tests.support.campaigns import K_TRUE, calibrate
+from tests.support.measuring import field_frame, measure
 from tests.support.meters import enter_meter, metered_campaign
 
 APRIL, MAY, TAKEN = "2026-04-01T00:00:00Z", "2026-05-10T00:00:00Z", "2026-05-01T20:00:00Z"
 
 
-def publish(house, version, valid_from=APRIL):
-    body = {"valid_from": valid_from, "reason": "r"}
+def publish(house, version, valid_from=APRIL, valid_to=None):
+    body = {"valid_from": valid_from, "reason": "r"} | ({"valid_to": valid_to} if valid_to else {})
     house.post(f"/v1/calibrations/{version['id']}/publish", body, status=200)
 
 
@@ -28,22 +29,6 @@ def pair(house):
     first = calibrate(house, metered_campaign(house, meter, isos=(3200, 6400)))
     second = calibrate(house, metered_campaign(house, meter, factor=1.05))
     return first, second
-
-
-def field_frame(house, campaign_id, *, iso=3200):
-    content = house.frame_bytes(signal_dn=300.0, exposure_time_s=0.01, f_number=4.0, iso=iso, seed=9)
-    frame = house.upload({"id": campaign_id}, content, role="field", filename=f"field-{iso}.DNG")
-    house.work()
-    return frame
-
-
-def measure(house, frame, version):
-    body = {"frame_id": frame["id"], "calibration_id": version["id"]}
-    job = house.post("/v1/measurements", body, status=202)
-    house.work()
-    done = house.get(f"/v1/jobs/{job['id']}")
-    assert done["state"] == "succeeded", done
-    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
 
 
 def test_a_revoked_version_lists_its_measurements_with_what_the_next_would_say(house, pair):
@@ -65,6 +50,12 @@ def test_a_revoked_version_lists_its_measurements_with_what_the_next_would_say(h
     assert touched["change"]["value"] == pytest.approx(expected, rel=1e-9)
     assert touched["change"]["value"] == pytest.approx(5.0, abs=0.5)
     assert touched["change"]["unit"] == "%"
+    # both hang on one certificate of 1 %, which scales them alike
+    k = [v["coefficients"][0] for v in (first, second)]
+    squares = sum((c["standard_uncertainty"] / c["value"]) ** 2 for c in k) - 2 * 0.01**2
+    assert touched["change"]["standard_uncertainty"] == pytest.approx(
+        (100 + touched["change"]["value"]) * squares**0.5, rel=1e-9
+    )
     assert revoke(house, first)["measurements"] == answer["measurements"]
 
 
@@ -78,11 +69,12 @@ def test_a_measurement_of_a_revoked_version_stays_and_says_so(house, pair):
     assert read["mean"] == made["mean"]
 
 
-def test_where_nothing_else_is_in_force_there_is_no_successor(house, pair):
+@pytest.mark.parametrize(("valid_from", "valid_to"), [(MAY, None), (APRIL, TAKEN)])
+def test_where_nothing_else_is_in_force_there_is_no_successor(house, pair, valid_from, valid_to):
     first, second = pair
     publish(house, first)
     measure(house, field_frame(house, first["campaign_id"]), first)
-    publish(house, second, MAY)
+    publish(house, second, valid_from, valid_to)
     (touched,) = revoke(house, first)["measurements"]
     assert "successor" not in touched
     assert "change" not in touched

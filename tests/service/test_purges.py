@@ -5,6 +5,7 @@ import pytest
 from store import purging
 from store.software import CODE_VERSION
 from tests.support.campaigns import calibrate
+from tests.support.measuring import field_frame, measure
 from tests.support.meters import add_readings, enter_meter, metered_campaign
 
 APRIL = {"valid_from": "2026-04-01T00:00:00Z", "reason": "r"}
@@ -60,6 +61,21 @@ def test_a_purge_shows_first_and_revokes_when_another_confirms(house, made):
     assert house.get(f"/v1/purges/{purge['id']}") == confirmed
     (listed,) = house.get("/v1/purges")["items"]
     assert listed == {name: value for name, value in confirmed.items() if name != "versions"}
+
+
+def test_what_goes_with_it_is_no_successor(house, made):
+    frame = field_frame(house, made["campaign"]["id"])
+    measured = measure(house, frame, {"id": made["by_bad"][1]})
+    purge = propose(house, {"meter_id": made["bad"]})
+    assert purge["versions"][0]["measurements"] == []
+    (touched,) = purge["versions"][1]["measurements"]
+    assert touched["measurement_id"] == measured["id"]
+    assert "successor" not in touched
+    # between the two of the purge, a version that stays takes the frame's day
+    day = {"valid_from": "2026-05-01T00:00:00Z", "valid_to": "2026-05-02T00:00:00Z", "reason": "r"}
+    house.post(f"/v1/calibrations/{made['by_good']}/publish", day, status=200)
+    (touched,) = house.get(f"/v1/purges/{purge['id']}")["versions"][1]["measurements"]
+    assert touched["successor"]["calibration_id"] == made["by_good"]
 
 
 def test_confirming_again_changes_nothing(house, made):

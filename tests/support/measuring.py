@@ -1,0 +1,17 @@
+"""A frame of the field, measured with a version that the test names."""
+
+
+def field_frame(house, campaign_id, *, iso=3200):
+    content = house.frame_bytes(signal_dn=300.0, exposure_time_s=0.01, f_number=4.0, iso=iso, seed=9)
+    frame = house.upload({"id": campaign_id}, content, role="field", filename=f"field-{iso}.DNG")
+    house.work()
+    return frame
+
+
+def measure(house, frame, version):
+    body = {"frame_id": frame["id"], "calibration_id": version["id"]}
+    job = house.post("/v1/measurements", body, status=202)
+    house.work()
+    done = house.get(f"/v1/jobs/{job['id']}")
+    assert done["state"] == "succeeded", done
+    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
