@@ -25,6 +25,7 @@ PLAIN = "plain numpy over rawpy's full decode"
 _SCALE = MapScale(slope_cd_m2_per_dn=0.00123, dark_signal_dn=256.3, channel="green")
 _EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
 _DESCRIPTION = '{"unit": "cd/m2"}'
+_DECODERS = 2  # as many as a worker has unless it is told otherwise
 _NAMES = 6  # more than the decoding process keeps open
 
 
@@ -33,7 +34,7 @@ def run(scale: Scale) -> list[bool]:
     verdicts: list[bool] = []
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
         folder, mosaic = Path(name), make_mosaic(scale)
-        with DecoderPool() as pool:
+        with DecoderPool(_DECODERS) as pool:
             for compression in ("none", "ljpeg"):
                 paths = write_copies(folder, mosaic, compression, names=_NAMES)
                 verdicts.append(_measure(scale, compression, paths, pool))

@@ -1,20 +1,20 @@
 """A frame's map in one pass: read, computed, written and reduced band by band."""
 
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from radiometry.frame import FrameHeader
+from radiometry.frame import Frame, FrameHeader
 from radiometry.luminance.maps import RIM_PX, MapScale, compute_map
 from worker.decode.pool import DecoderPool
-from worker.maps.picture import Reduction, draw_picture
+from worker.maps.picture import Part, Reduction, draw_picture
 from worker.maps.strips import StripReader, cut_bands
-from worker.maps.tiff import TILE_PX, MapFacts, write_tiff
+from worker.maps.tiff import TILE_PX, MapFacts, encode_band, write_tiff
 
-Plane = NDArray[np.float32]
+_THREADS: Final = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,14 +37,35 @@ def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: 
     """Write the TIFF to ``target``; what its picture is drawn from."""
     header = subject.header
     reduction = Reduction(header.height_px, header.width_px)
-    with StripReader(decoders, subject.path, header) as reader:
-        write_tiff(target, reduction.watch(_bands(reader, subject)), facts)
+    with (
+        StripReader(decoders, subject.path, header) as reader,
+        ThreadPoolExecutor(_THREADS, thread_name_prefix="bands") as threads,
+    ):
+        write_tiff(target, _make_tiles(reader, subject, reduction, threads), facts)
     return reduction
 
 
-def _bands(reader: StripReader, subject: Subject) -> Iterator[Plane]:
+def _make_tiles(
+    reader: StripReader, subject: Subject, reduction: Reduction, threads: ThreadPoolExecutor
+) -> Iterator[bytes]:
+    """Compressed tiles in order, a few bands at once: numpy and the compressor leave Python's lock alone."""
     height = subject.header.height_px
+
+    def work(frame: Frame, top: int, bottom: int) -> tuple[list[bytes], Part]:
+        band = compute_map(frame, subject.scale)[top - frame.row0 : bottom - frame.row0]
+        return encode_band(band), reduction.reduce(band, top=top)
+
+    waiting: deque[Future[tuple[list[bytes], Part]]] = deque()
     for top, bottom in cut_bands(height, TILE_PX):
-        first, last = max(0, top - RIM_PX), min(height, bottom + RIM_PX)
-        luminance = compute_map(reader.rows(first, last), subject.scale)
-        yield luminance[top - first : bottom - first]
+        frame = reader.rows(max(0, top - RIM_PX), min(height, bottom + RIM_PX))
+        waiting.append(threads.submit(work, frame, top, bottom))
+        if len(waiting) > _THREADS:
+            yield from _collect(waiting.popleft(), reduction)
+    for future in waiting:
+        yield from _collect(future, reduction)
+
+
+def _collect(future: "Future[tuple[list[bytes], Part]]", reduction: Reduction) -> list[bytes]:
+    tiles, part = future.result()
+    reduction.add(part)
+    return tiles

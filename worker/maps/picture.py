@@ -2,7 +2,6 @@
 
 import io
 import math
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,6 +24,14 @@ _LEAST_DECADES: Final = 0.3
 Plane = NDArray[np.float32]
 
 
+@dataclass(frozen=True)
+class Part:
+    """What a band adds to the squares of the lines [first, first + len(sums))."""
+
+    first: int
+    sums: NDArray[np.float32]
+
+
 class Reduction:
     """Means over squares of a map, gathered band by band; a square with an unknown pixel is unknown.
 
@@ -33,26 +40,25 @@ class Reduction:
 
     def __init__(self, height_px: int, width_px: int) -> None:
         self.factor = max(1, math.ceil(width_px / (WIDEST_PX - _BAR_PX)))
-        self._shape = max(1, height_px // self.factor), max(1, width_px // self.factor)
-        self._sums = np.zeros(self._shape, np.float64)
-        self._top = 0
+        self.shape = max(1, height_px // self.factor), max(1, width_px // self.factor)
+        self._sums = np.zeros(self.shape, np.float64)
 
-    def watch(self, bands: Iterable[Plane]) -> Iterator[Plane]:
-        """The bands, unchanged, each taken into account as it passes."""
-        for band in bands:
-            self._add(band)
-            yield band
+    def reduce(self, band: Plane, *, top: int) -> Part:
+        """A band's own part; changes nothing, so that several threads may do it."""
+        rows, cols = self.shape
+        used = band[: max(0, rows * self.factor - top), : cols * self.factor]
+        if not len(used):
+            return Part(rows, np.empty((0, cols), np.float32))
+        targets = (top + np.arange(len(used))) // self.factor
+        # lines first: whole lines add up faster than the few pixels of a square
+        lines = np.add.reduceat(used, np.flatnonzero(np.diff(targets, prepend=-1)), axis=0)
+        sums = lines[:, :: self.factor].copy()
+        for offset in range(1, self.factor):
+            sums += lines[:, offset :: self.factor]
+        return Part(int(targets[0]), sums)
 
-    def _add(self, band: Plane) -> None:
-        rows, cols = self._shape
-        used = band[: rows * self.factor - self._top, : cols * self.factor]
-        if len(used):
-            targets = (self._top + np.arange(len(used))) // self.factor
-            starts = np.flatnonzero(np.diff(targets, prepend=-1))
-            # lines first: whole lines add up faster than the few pixels of a square
-            lines = np.add.reduceat(used, starts, axis=0)
-            self._sums[targets[starts]] += lines.reshape(len(lines), cols, -1).sum(axis=2)
-        self._top += len(band)
+    def add(self, part: Part) -> None:
+        self._sums[part.first : part.first + len(part.sums)] += part.sums
 
     def means(self) -> NDArray[np.float64]:
         """(row, col) [cd/m2], NaN where unknown."""

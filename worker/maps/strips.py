@@ -1,6 +1,7 @@
-"""A whole frame's rows in order, read strip by strip, the next one while the last is worked on."""
+"""A whole frame's rows in order, read strip by strip, the next ones while the last is worked on."""
 
 import itertools
+from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -14,6 +15,7 @@ from radiometry.frame import Frame, FrameHeader
 from worker.decode.pool import DecoderPool
 
 _STRIP_PX = 1 << 21
+_AHEAD = 2
 
 
 def cut_strips(header: FrameHeader) -> list[tuple[int, int]]:
@@ -29,19 +31,23 @@ def cut_strips(header: FrameHeader) -> list[tuple[int, int]]:
 
 
 class StripReader:
-    """Gives any rows of a frame, as long as they are asked for from the top downwards."""
+    """Gives any rows of a frame, as long as they are asked for from the top downwards.
+
+    The next two strips are read meanwhile, by two processes where the pool has them.
+    """
 
     def __init__(self, decoders: DecoderPool, path: Path, header: FrameHeader) -> None:
         self._decoders = decoders
         self._path = path
         self._width = header.width_px
-        self._ahead = ThreadPoolExecutor(1, thread_name_prefix="strips")
-        self._coming = iter(cut_strips(header))
-        self._next: Future[Frame] | None = None
+        self._ahead = ThreadPoolExecutor(_AHEAD, thread_name_prefix="strips")
+        self._left = iter(cut_strips(header))
+        self._coming: deque[Future[Frame]] = deque()
         self._held: list[Frame] = []
 
     def __enter__(self) -> Self:
-        self._fetch()
+        for _ in range(_AHEAD):
+            self._fetch()
         return self
 
     def __exit__(
@@ -63,18 +69,15 @@ class StripReader:
         return replace(self._held[0], samples_dn=samples, row0=first)
 
     def _take(self) -> Frame:
-        if self._next is None:
-            raise AssertionError("rows beyond the frame's last")
-        frame = self._next.result()
+        frame = self._coming.popleft().result()
         self._fetch()
         return frame
 
     def _fetch(self) -> None:
-        strip = next(self._coming, None)
-        self._next = None
+        strip = next(self._left, None)
         if strip is not None:
             window = (strip[0], 0, strip[1], self._width)
-            self._next = self._ahead.submit(self._decoders.read_window, self._path, window)
+            self._coming.append(self._ahead.submit(self._decoders.read_window, self._path, window))
 
 
 def _end(frame: Frame) -> int:
