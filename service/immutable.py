@@ -1,6 +1,9 @@
 """Answers with a strong ETag: those that never change, and those that change with what is decided."""
 
 from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+
+from store.blobs import Blobs
 
 
 def immutable_headers(tag: str) -> dict[str, str]:
@@ -11,6 +14,17 @@ def immutable_headers(tag: str) -> dict[str, str]:
 def standing_headers(tag: str) -> dict[str, str]:
     """Kept, and asked for again each time: 304 while nothing was decided since."""
     return {"ETag": f'"{tag}"', "Cache-Control": "private, no-cache"}
+
+
+def send_blob(
+    request: Request, blobs: Blobs, sha256: str, media_type: str, headers: dict[str, str]
+) -> Response:
+    """The bytes under a hash, which is their tag."""
+    return not_modified(request, sha256) or StreamingResponse(
+        blobs.open(sha256),
+        headers={**immutable_headers(sha256), "Content-Length": str(blobs.size(sha256)), **headers},
+        media_type=media_type,
+    )
 
 
 def not_modified(request: Request, tag: str, headers: dict[str, str] | None = None) -> Response | None:

@@ -32,6 +32,15 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
+UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it already."}}
+
+
+def sends_file(media_type: str) -> dict[int | str, dict[str, Any]]:
+    """Document a route that sends a file with an ETag."""
+    schema = {"type": "string"} if media_type.startswith("text/") else {"type": "string", "format": "binary"}
+    return {200: {"content": {media_type: {"schema": schema}}}, **UNCHANGED, **problems(404)}
+
+
 def include_routes(app: FastAPI) -> None:
     """Hang every resource into the application."""
     from service.routes import (  # noqa: PLC0415  the routes import this module's problems()

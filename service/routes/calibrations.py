@@ -16,7 +16,7 @@ from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
 from service.plot import draw_calibration
 from service.problems import HttpCode, Problem
-from service.routes import problems
+from service.routes import problems, sends_file
 from service.schemas.calibrations import (
     CalibrationAnswer,
     NewCalibration,
@@ -122,11 +122,7 @@ def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) ->
 @router.get(
     "/calibrations/{calibration_id}/points.csv",
     response_class=Response,
-    responses={
-        200: {"content": {"text/csv": {}}},
-        304: {"description": "You have it already."},
-        **problems(404),
-    },
+    responses=sends_file("text/csv"),
 )
 def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """Every point of the fit, used or left out, a line each."""
@@ -141,11 +137,7 @@ def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context
 @router.get(
     "/calibrations/{calibration_id}/plot.svg",
     response_class=Response,
-    responses={
-        200: {"content": {"image/svg+xml": {}}},
-        304: {"description": "You have it already."},
-        **problems(404),
-    },
+    responses=sends_file("image/svg+xml"),
 )
 def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """Signal against X with the fit, and the residuals in % of L, a row of panels per ISO."""

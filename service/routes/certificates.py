@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from typing import Any
 
 from fastapi import APIRouter, Request, Response
 from sqlalchemy.orm import Session
@@ -12,7 +11,7 @@ from service.certificate import build_certificate, draw_region, render_pdf
 from service.context import UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
-from service.routes import problems
+from service.routes import UNCHANGED, problems, sends_file
 from service.schemas.certificates import CertificateAnswer
 from store.blobs import Blobs
 from store.queries.dossier import Dossier, gather_dossier
@@ -20,10 +19,8 @@ from store.tables import Calibration
 
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
 
-_UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it already."}}
 
-
-@router.get("/certificate.json", response_model=CertificateAnswer, responses={**_UNCHANGED, **problems(404)})
+@router.get("/certificate.json", response_model=CertificateAnswer, responses={**UNCHANGED, **problems(404)})
 def get_certificate(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """Everything that a laboratory hands out with a calibration, and what is needed to compute it anew.
 
@@ -35,15 +32,7 @@ def get_certificate(calibration_id: Id, request: Request, caller: Reader, contex
     return _answer(request, content, "application/json")
 
 
-@router.get(
-    "/certificate.pdf",
-    response_class=Response,
-    responses={
-        200: {"content": {"application/pdf": {"schema": {"type": "string", "format": "binary"}}}},
-        **_UNCHANGED,
-        **problems(404),
-    },
-)
+@router.get("/certificate.pdf", response_class=Response, responses=sends_file("application/pdf"))
 def get_certificate_pdf(
     calibration_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:

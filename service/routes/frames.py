@@ -6,7 +6,6 @@ from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import StreamingResponse
 from pydantic import Field, ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -15,13 +14,13 @@ from starlette.concurrency import run_in_threadpool
 from radiometry.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
 from service.context import Context, UsesContext
-from service.immutable import immutable_headers, not_modified
+from service.immutable import send_blob
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page
 from service.paging import page as page_of
 from service.problems import HttpCode, Problem, invalid, located
 from service.receive import receive
-from service.routes import problems
+from service.routes import problems, sends_file
 from service.routes.campaigns import read_roi
 from service.schemas.base import Form, LongText, Text
 from service.schemas.campaigns import NewRoi, Role
@@ -187,40 +186,20 @@ def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Write
 
 
 @router.get(
-    "/frames/{frame_id}/content",
-    response_class=Response,
-    responses={
-        200: {"content": {"application/octet-stream": _BINARY}},
-        304: {"description": "You have it already."},
-        **problems(404),
-    },
+    "/frames/{frame_id}/content", response_class=Response, responses=sends_file("application/octet-stream")
 )
 def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """The very bytes that were uploaded."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
-        size = session.get_one(Blob, frame.sha256).size_bytes
-    disposition = f"attachment; filename*=UTF-8''{quote(frame.filename, safe='')}"
     headers = {
-        **immutable_headers(frame.sha256),
-        "Content-Length": str(size),
-        "Content-Disposition": disposition,
+        "Content-Disposition": f"attachment; filename*=UTF-8''{quote(frame.filename, safe='')}",
         "X-Content-Type-Options": "nosniff",
     }
-    return not_modified(request, frame.sha256) or StreamingResponse(
-        context.blobs.open(frame.sha256), headers=headers, media_type="application/octet-stream"
-    )
+    return send_blob(request, context.blobs, frame.sha256, "application/octet-stream", headers)
 
 
-@router.get(
-    "/frames/{frame_id}/preview.png",
-    response_class=Response,
-    responses={
-        200: {"content": {"image/png": _BINARY}},
-        304: {"description": "You have it already."},
-        **problems(404),
-    },
-)
+@router.get("/frames/{frame_id}/preview.png", response_class=Response, responses=sends_file("image/png"))
 def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """A picture to draw the region on; its width against `width_px` is the scale."""
     with context.database.reading() as session:
@@ -232,11 +211,7 @@ def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: U
             "This frame has no preview: it has not been read yet, or it was refused.",
             retryable=frame.state == "received",
         )
-    return not_modified(request, frame.preview_sha256) or StreamingResponse(
-        context.blobs.open(frame.preview_sha256),
-        headers=immutable_headers(frame.preview_sha256),
-        media_type="image/png",
-    )
+    return send_blob(request, context.blobs, frame.preview_sha256, "image/png", {})
 
 
 def _check_campaign(context: Context, campaign_id: str, caller: Caller) -> None:

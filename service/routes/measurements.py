@@ -1,9 +1,9 @@
 """Measurements with a calibrated camera: one frame, or every field frame of a campaign."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import JSONResponse
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -11,12 +11,12 @@ from radiometry.errors import InputRejected
 from radiometry.surface import Grid
 from service.auth import Caller, Reader, Uploader
 from service.context import Context, UsesContext
-from service.immutable import immutable_headers, not_modified
+from service.immutable import not_modified, send_blob
 from service.lookup import Id, owned
 from service.measurement_rows import COLUMNS, flatten, make_feature
 from service.paging import Cursor, Limit, Page, page
 from service.problems import HttpCode, Problem
-from service.routes import problems
+from service.routes import UNCHANGED, problems, sends_file
 from service.routes.campaigns import read_roi
 from service.schemas.base import Text
 from service.schemas.jobs import JobAnswer
@@ -37,7 +37,6 @@ from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
 
-_NOT_MODIFIED: dict[int | str, dict[str, Any]] = {304: {"description": "You have it already."}}
 _FEATURES = {
     "type": "object",
     "required": ["type", "features"],
@@ -138,7 +137,7 @@ def list_measurements(
 @router.get(
     "/measurements/{measurement_id}",
     response_model=MeasurementAnswer,
-    responses={**_NOT_MODIFIED, **problems(404)},
+    responses={**UNCHANGED, **problems(404)},
 )
 def get_measurement(measurement_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """One measurement, with the calibration that it was made with and what has become of that since."""
@@ -155,11 +154,7 @@ def get_measurement(measurement_id: Id, request: Request, caller: Reader, contex
 @router.get(
     "/measurements/{measurement_id}/map.tif",
     response_class=Response,
-    responses={
-        200: {"content": {"image/tiff": {"schema": {"type": "string", "format": "binary"}}}},
-        **_NOT_MODIFIED,
-        **problems(404),
-    },
+    responses=sends_file("image/tiff"),
 )
 def get_measurement_map(
     measurement_id: Id, request: Request, caller: Reader, context: UsesContext
@@ -172,11 +167,7 @@ def get_measurement_map(
 @router.get(
     "/measurements/{measurement_id}/map.png",
     response_class=Response,
-    responses={
-        200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}},
-        **_NOT_MODIFIED,
-        **problems(404),
-    },
+    responses=sends_file("image/png"),
 )
 def get_measurement_picture(
     measurement_id: Id, request: Request, caller: Reader, context: UsesContext
@@ -287,11 +278,5 @@ def _blob(request: Request, context: Context, sha256: str | None, media_type: st
     if sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
         raise Problem(404, HttpCode.NOT_FOUND, detail)
-    headers = {
-        **immutable_headers(sha256),
-        "Content-Length": str(context.blobs.size(sha256)),
-        "Content-Disposition": f'inline; filename="{filename}"',
-    }
-    return not_modified(request, sha256) or StreamingResponse(
-        context.blobs.open(sha256), headers=headers, media_type=media_type
-    )
+    headers = {"Content-Disposition": f'inline; filename="{filename}"'}
+    return send_blob(request, context.blobs, sha256, media_type, headers)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -44,7 +45,7 @@ PARTS = {
 }
 
 
-class Deployment:
+class Deployment(ABC):
     """What runs, wherever it does: `url`, `key`, `database`, `broker`, `logs`, and its processes by name."""
 
     url: str
@@ -54,8 +55,8 @@ class Deployment:
     broker: redis.Redis
     logs: Path
 
-    def pid(self, name: str) -> int:
-        raise NotImplementedError
+    @abstractmethod
+    def pid(self, name: str) -> int: ...
 
     def look_after(self) -> None:
         """Start again what has died, where nobody else does."""
