@@ -58,6 +58,7 @@ class Deployment(ABC):
     @abstractmethod
     def pid(self, name: str) -> int: ...
 
+    @abstractmethod
     def look_after(self) -> None:
         """Start again what has died, where nobody else does."""
 
@@ -137,6 +138,9 @@ class Embedded(Deployment):
         self.broker_url = f"redis+socket://{self.data / 'valkey.sock'}"
         self.broker = redis.Redis(unix_socket_path=str(self.data / "valkey.sock"))
         self.database = Database(f"sqlite:///{self.data / 'stilb.sqlite'}")
+
+    def look_after(self) -> None:
+        """The launcher does."""
 
     def pid(self, name: str) -> int:
         found: list[int] = []
