@@ -20,6 +20,13 @@ class Code(StrEnum):
     REGION_MISSING = "region_missing"
     FRAME_NOT_READ = "frame_not_read"
     FRAME_TIME_MISSING = "frame_time_missing"
+    SENSOR_MODEL_UNUSABLE = "sensor_model_unusable"
+    SUNSHINE_MISSING = "sunshine_missing"
+    WRONG_SUNSHINE_SENSOR = "wrong_sunshine_sensor"
+    PANEL_ANGLE_TOO_LARGE = "panel_angle_too_large"
+    BAND_NOT_CALIBRATED = "band_not_calibrated"
+    BANDS_NOT_ALIGNED = "bands_not_aligned"
+    TILT_NOT_CORRECTABLE = "tilt_not_correctable"
 
 
 class InputRejected(Exception):  # noqa: N818  the name says whose fault it is

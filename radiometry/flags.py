@@ -83,6 +83,74 @@ class Flag(StrEnum):
         "apex_missing",
         "APEX values were asked for, a frame has none: its nominal values were used.",
     )
+    # of a multispectral frame and its sunshine readings
+    SUNSHINE_READINGS_LEFT_OUT = (
+        "sunshine_readings_left_out",
+        "Sunshine readings are saturated, dark or of unknown gain: the others were used.",
+    )
+    SUNSHINE_GAIN_ASSUMED = (
+        "sunshine_gain_assumed",
+        "The sunshine records state no gain and no integration time: index 1 and 100 ms were assumed.",
+    )
+    SUNSHINE_GAIN_TABLE_MISSING = (
+        "sunshine_gain_table_missing",
+        "The file has no usable gain table: only readings at gain index 1 can be used.",
+    )
+    SUNSHINE_SINGLE_READING = (
+        "sunshine_single_reading",
+        "There is one sunshine reading: how much it scatters is not known, and not in the uncertainty.",
+    )
+    SUNSHINE_TIME_UNKNOWN = (
+        "sunshine_time_unknown",
+        "The reading nearest to the exposure was asked for, and its time is not known: the last was used.",
+    )
+    SUNSHINE_SCALE_ASSUMED = (
+        "sunshine_scale_assumed",
+        "The file does not state the unit of its irradiance: it was told by the light sensor's generation.",
+    )
+    SENSOR_MODEL_SCALE = (
+        "sensor_model_scale",
+        "SensorModel is on the newer scale, about a thousand times larger: K cannot be compared with others.",
+    )
+    BLACK_LEVEL_DISAGREES = (
+        "black_level_disagrees",
+        "SensorModel's black differs from the file's black level by more than 1 % of full scale.",
+    )
+    # of a reflectance fit
+    PANEL_UNEVEN = "panel_uneven", "The signal changes by more than 3 % across the panel's region."
+    PANEL_SATURATED = "panel_saturated", "A panel frame is saturated in its region and was left out."
+    PANEL_UNCERTAINTY_MISSING = (
+        "panel_uncertainty_missing",
+        "The uncertainty of the panel's reflectance is not given: u(K) lacks it.",
+    )
+    PANEL_FROM_FILE = (
+        "panel_from_file",
+        "The panel's reflectance is the one that the camera itself read off the panel's code.",
+    )
+    PANEL_DRIFT = "panel_drift", "K differs by more than 3 % between the first and the last panel capture."
+    PANEL_ONCE = "panel_once", "The panel was taken at one time only: a drift during the flight is not known."
+    PANEL_ONLY = (
+        "panel_only",
+        "The sunshine sensor was left out: K holds for the light of the panel's capture alone.",
+    )
+    BAND_MISSING = "band_missing", "A panel capture lacks a band that other captures have."
+    SUNSHINE_SERIAL_UNKNOWN = (
+        "sunshine_serial_unknown",
+        "A file names no sunshine sensor: that it is the calibration's is taken on trust.",
+    )
+    # of a measured reflectance
+    OUTSIDE_PANEL_TIMES = (
+        "outside_panel_times",
+        "The frame was taken before the first or after the last panel capture: K of the nearest was used.",
+    )
+    REFLECTANCE_OUT_OF_RANGE = (
+        "reflectance_out_of_range",
+        "A reflectance is below 0 or above 1: noise, glint, a wrong panel value, or other light.",
+    )
+    SENSOR_MODEL_DIFFERS = (
+        "sensor_model_differs",
+        "The file's sensor model is not the calibration's: other firmware, or another camera.",
+    )
     # of a measurement
     OUTSIDE_EXPOSURE_TIMES = "outside_exposure_times", "The exposure time was not among those calibrated."
     OUTSIDE_F_NUMBERS = "outside_f_numbers", "The f-number is outside the calibrated range."

@@ -1,0 +1,161 @@
+"""Reflectance: per band the coefficient K that turns irradiance at the sensor into a surface's reflectance.
+
+    R cos(theta) = K I_sq / I_ss          K = R cos(theta) I_ss / I_sq   of a panel of known R
+
+I_sq the band's signal after black and vignetting, I_ss the sunshine sensor's reading of the same moment.
+One K per band, camera and sunshine sensor, for one flight.
+Source: "How to convert Sequoia images to reflectance?" 1.1; its divisions by the gain index and of black by
+the vignetting, in public scripts, are not followed.
+"""
+
+from collections.abc import Sequence
+
+from radiometry.errors import Code, InputRejected
+from radiometry.flags import Flag, Raised
+from radiometry.reflectance.application import (
+    ReflectanceMap,
+    Scale,
+    compute_map,
+    find_scale_of_frame,
+)
+from radiometry.reflectance.application import apply_features as apply
+from radiometry.reflectance.caveats import check_candidates, check_fit, check_frame
+from radiometry.reflectance.features import Features
+from radiometry.reflectance.features import extract_features as extract
+from radiometry.reflectance.fitting import describe_point, fit_band
+from radiometry.reflectance.indices import INDICES, BandMap, Index, IndexMap, compute_index, name_bands
+from radiometry.reflectance.points import (
+    Candidate,
+    collect_candidates,
+    list_bands_without_reflectance,
+    list_missing,
+    require_flat_angle,
+)
+from radiometry.reflectance.results import (
+    AppliedReflectance,
+    BandFit,
+    Coefficient,
+    Effect,
+    Fit,
+    Knot,
+    Point,
+)
+from radiometry.reflectance.rows import FrameRow, Params, Reading
+from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
+from radiometry.reflectance.tilt import TiltParams
+
+__all__ = [
+    "INDICES",
+    "SCHEMA_VERSION",
+    "AppliedReflectance",
+    "BandFit",
+    "BandMap",
+    "Coefficient",
+    "Effect",
+    "Features",
+    "Fit",
+    "FrameRow",
+    "Index",
+    "IndexMap",
+    "Knot",
+    "Params",
+    "Point",
+    "Reading",
+    "ReflectanceMap",
+    "Scale",
+    "Sunshine",
+    "TiltParams",
+    "apply",
+    "check_frame",
+    "compute_index",
+    "compute_map",
+    "extract",
+    "find_scale_of_frame",
+    "fit",
+    "measure_sunshine",
+    "missing",
+    "name_bands",
+]
+
+SCHEMA_VERSION = 1
+
+
+def missing(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Say, by name, what the fit still lacks; empty when it can start with every band.
+
+    A band without a panel reflectance is named although the other bands may be enough: `fit` leaves it out.
+    """
+    lacking = list_missing(rows, readings, params, unread=unread)
+    return (*lacking, *list_bands_without_reflectance(rows, readings, params))
+
+
+def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
+    """Fit K for every band of a campaign's panel frames.
+
+    Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
+
+    Flags
+      per band: panel_uneven, panel_uncertainty_missing, panel_from_file, panel_drift, panel_once, panel_only;
+      per frame: panel_saturated, sunshine_* of `measure_sunshine`, sensor_model_scale, black_level_disagrees,
+      serial_unknown, sunshine_serial_unknown; per capture: band_missing
+    Raises InputRejected
+      fit_incomplete if no band has a usable panel frame, or frames are not extracted yet;
+      sunshine_missing if that is what keeps every frame out; panel_angle_too_large;
+      wrong_camera, wrong_sunshine_sensor if the panel frames are of several; tilt_not_correctable
+    """
+    require_flat_angle(params.incidence_angle_deg)
+    lacking = list_missing(rows, readings, params)
+    if lacking:
+        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    candidates = collect_candidates(rows, readings, params)
+    used = [candidate for candidate in candidates if not candidate.left_out]
+    if not used:
+        raise _explain(candidates)
+    _require_one_pair(used, params)
+    fits = {
+        band: fit_band([each for each in used if each.band.band == band], params)
+        for band in sorted({each.band.band for each in used})
+    }
+    flags: list[Raised] = [*check_candidates(candidates)]
+    for band, band_fit in fits.items():
+        flags += check_fit(band_fit, [each for each in used if each.band.band == band])
+    if params.normalisation == "panel_only":
+        flags.append(
+            Raised(flag=Flag.PANEL_ONLY.value, where="", detail="Chosen by the parameters of this fit.")
+        )
+    return Fit(
+        band_fits=tuple(fits.values()),
+        points=tuple(describe_point(each, params, fits.get(each.band.band)) for each in candidates),
+        flags=tuple(flags),
+    )
+
+
+def _explain(candidates: Sequence[Candidate]) -> InputRejected:
+    """Name what keeps every panel frame out: by its own code where there is one for all."""
+    codes = {candidate.left_out_code for candidate in candidates}
+    reasons = sorted({f"{each.band.band}: {each.left_out}" for each in candidates})
+    code = codes.pop() if len(codes) == 1 else None
+    what = "; ".join(reasons) or "none of the panel frames is a multispectral camera's"
+    return InputRejected(code or Code.FIT_INCOMPLETE, f"No panel frame can be used. {what}")
+
+
+def _require_one_pair(used: Sequence[Candidate], params: Params) -> None:
+    """Refuse panel frames of several cameras or sunshine sensors: K belongs to one pair."""
+    cameras = {each.row.header.serial for each in used if each.row.header.serial}
+    sensors = {each.band.sunshine_serial for each in used if each.band.sunshine_serial}
+    for what, found, code in (
+        ("cameras", cameras, Code.WRONG_CAMERA),
+        (
+            "sunshine sensors",
+            sensors if params.normalisation == "sunshine" else set(),
+            Code.WRONG_SUNSHINE_SENSOR,
+        ),
+    ):
+        if len(found) > 1:
+            raise InputRejected(
+                code,
+                f"The panel frames are of several {what}: {', '.join(sorted(found))}. K belongs to one "
+                "camera and one sunshine sensor: leave the others' frames out.",
+            )

@@ -1,0 +1,1 @@
+"""The parts of the reflectance calibration; `radiometry.methods.reflectance` is its door."""

@@ -1,0 +1,226 @@
+"""A reflectance calibration applied to a new frame: a region, or every pixel of a window."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.exposure import Exposure
+from radiometry.flags import Flag, Raised
+from radiometry.frame import Frame, FrameHeader
+from radiometry.luminance.results import Quantity
+from radiometry.multispectral import Multispectral
+from radiometry.reflectance.clock import find_tilt, read_clock_s
+from radiometry.reflectance.evaluation import KAtTime, evaluate_k
+from radiometry.reflectance.features import Features
+from radiometry.reflectance.fitting import find_scale
+from radiometry.reflectance.imaging import compute_signal, require_band
+from radiometry.reflectance.points import MOST_SATURATED_SHARE, require_flat_angle
+from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
+from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
+
+_SAME_SCALE_REL = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """How a frame's signal becomes reflectance: R = I_sq factor, factor = K / (I_ss cos(theta)).
+
+    ``u_rel`` : of the factor, the same for every pixel; ``sources`` : its parts
+    """
+
+    band: str
+    factor: float
+    u_rel: float
+    sources: tuple[tuple[str, float], ...]
+    reflectance_k: float
+    i_ss: float | None
+    flags: tuple[Raised, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReflectanceMap:
+    """A window's reflectance, (row, col) float32 [1], NaN where saturated, and how many leave [0, 1]."""
+
+    reflectance: NDArray[np.float32]
+    below_zero: int
+    above_one: int
+    saturated: int
+
+
+def find_scale_of_frame(
+    header: FrameHeader, *, coefficients: Sequence[Coefficient], incidence_angle_deg: float = 0.0
+) -> Scale:
+    """Give the factor from a frame's signal to reflectance.
+
+    R = K I_sq / (I_ss cos(theta)), K at the frame's time; I_ss is left out with a panel-only K
+    u_rel^2 = u_K^2 + sunshine^2 + gain^2. A gain's error is in K and in I_ss alike: with one and the same
+    gain index in both it cancels, else both count.
+
+    Takes
+      incidence_angle_deg : between the light and the surface's normal; 0: as the sunshine sensor
+    Flags
+      of `measure_sunshine`; panel_only, outside_panel_times, sensor_model_differs, serial_unknown,
+      sunshine_serial_unknown
+    Raises InputRejected
+      band_not_calibrated, wrong_camera, wrong_sunshine_sensor, sunshine_missing, panel_angle_too_large,
+      tilt_not_correctable, sensor_model_unusable
+    """
+    band = require_band(header)
+    require_flat_angle(incidence_angle_deg)
+    coefficient = choose_coefficient(coefficients, band=band.band)
+    flags = _check_identity(header, band, coefficient)
+    sunshine = None
+    if coefficient.normalisation == "sunshine":
+        tilt = find_tilt(header, coefficient.tilt)
+        sunshine = measure_sunshine(band, choice=coefficient.sunshine_choice, tilt=tilt)
+        flags += sunshine.flags
+    else:
+        detail = "Its light was not compared with this frame's."
+        flags.append(Raised(flag=Flag.PANEL_ONLY.value, where="", detail=detail))
+    k = evaluate_k(coefficient, at_s=read_clock_s(header))
+    if k.outside:
+        detail = "The frame's time is not between two panel captures."
+        flags.append(Raised(flag=Flag.OUTSIDE_PANEL_TIMES.value, where="", detail=detail))
+    sources = _list_sources(coefficient, k, sunshine)
+    cosine = math.cos(math.radians(incidence_angle_deg))
+    i_ss = sunshine.i_ss if sunshine else None
+    return Scale(
+        band=band.band,
+        factor=k.value / ((1.0 if i_ss is None else i_ss) * cosine),
+        u_rel=math.hypot(*(u for _, u in sources)),
+        sources=sources,
+        reflectance_k=k.value,
+        i_ss=i_ss,
+        flags=tuple(flags),
+    )
+
+
+def choose_coefficient(coefficients: Sequence[Coefficient], *, band: str) -> Coefficient:
+    """Give the coefficient of a band.
+
+    Raises InputRejected(band_not_calibrated)
+    """
+    for coefficient in coefficients:
+        if coefficient.band == band:
+            return coefficient
+    known = ", ".join(sorted(coefficient.band for coefficient in coefficients))
+    raise InputRejected(
+        Code.BAND_NOT_CALIBRATED,
+        f"The frame shows band {band}; this calibration holds {known}. Every band needs a panel frame of "
+        "its own and the panel's reflectance in it.",
+    )
+
+
+def apply_features(
+    features: Features,
+    *,
+    header: FrameHeader,
+    coefficients: Sequence[Coefficient],
+    incidence_angle_deg: float = 0.0,
+) -> AppliedReflectance:
+    """Give the reflectance of a region, with its uncertainty; nothing is clipped to [0, 1].
+
+    Flags  of `find_scale_of_frame`; saturated, below_detection, reflectance_out_of_range
+    Raises InputRejected as `find_scale_of_frame`
+    """
+    scale = find_scale_of_frame(header, coefficients=coefficients, incidence_angle_deg=incidence_angle_deg)
+    value = features.i_sq * scale.factor
+    noise = features.i_sq_standard_uncertainty * abs(scale.factor)
+    effects = (
+        *(Effect(source=source, shared=True, effect=value * u_rel) for source, u_rel in scale.sources),
+        Effect(source="pixel noise", shared=False, effect=noise),
+    )
+    return AppliedReflectance(
+        band=features.band,
+        reflectance=Quantity(
+            value=value,
+            standard_uncertainty=math.hypot(*(effect.effect for effect in effects)),
+            unit=REFLECTANCE_UNIT,
+        ),
+        i_sq=features.i_sq,
+        i_ss=scale.i_ss,
+        reflectance_k=scale.reflectance_k,
+        effects=effects,
+        flags=(*scale.flags, *_check_features(features, value, noise)),
+    )
+
+
+def compute_map(frame: Frame, *, header: FrameHeader, exposure: Exposure, scale: Scale) -> ReflectanceMap:
+    """Give the reflectance of every pixel of a window; a window gives what the whole frame gives there.
+
+    Raises InputRejected(sensor_model_unusable)
+    """
+    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    reflectance: NDArray[np.float32] = (signal * scale.factor).astype(np.float32)
+    saturated = frame.samples_dn >= min(frame.white_level_dn)
+    reflectance[saturated] = np.nan
+    return ReflectanceMap(
+        reflectance=reflectance,
+        below_zero=int(np.count_nonzero(reflectance < 0.0)),
+        above_one=int(np.count_nonzero(reflectance > 1.0)),
+        saturated=int(np.count_nonzero(saturated)),
+    )
+
+
+def _list_sources(
+    coefficient: Coefficient, k: KAtTime, sunshine: Sunshine | None
+) -> tuple[tuple[str, float], ...]:
+    if sunshine is None:
+        return (("K", k.u_rel),)
+    same_gain = len(coefficient.gain_indices) <= 1 and coefficient.gain_indices == sunshine.gain_indices
+    gain = 0.0 if same_gain else math.hypot(coefficient.gain_u_rel, sunshine.gain_u_rel)
+    return (
+        ("K", k.u_rel),
+        ("sunshine readings", sunshine.standard_uncertainty / sunshine.i_ss),
+        ("sunshine gain", gain),
+    )
+
+
+def _check_identity(header: FrameHeader, band: Multispectral, coefficient: Coefficient) -> list[Raised]:
+    """Refuse another camera or sunshine sensor; flag what cannot be compared."""
+    flags = []
+    if coefficient.normalisation == "sunshine":
+        known = _compare(
+            band.sunshine_serial, coefficient.sunshine_serial, "sunshine sensor", Code.WRONG_SUNSHINE_SENSOR
+        )
+        if not known:
+            flags.append(
+                Raised(flag=Flag.SUNSHINE_SERIAL_UNKNOWN.value, where="", detail="No serial number.")
+            )
+    if not _compare(header.serial, coefficient.camera_serial, "camera", Code.WRONG_CAMERA):
+        flags.append(Raised(flag=Flag.SERIAL_UNKNOWN.value, where="", detail="No serial number."))
+    scale = find_scale(band)
+    if not math.isclose(scale, coefficient.sensor_model_scale, rel_tol=_SAME_SCALE_REL):
+        detail = f"{scale:g}; calibrated with {coefficient.sensor_model_scale:g}."
+        flags.append(Raised(flag=Flag.SENSOR_MODEL_DIFFERS.value, where="", detail=detail))
+    return flags
+
+
+def _compare(stated: str | None, calibrated: str | None, what: str, code: Code) -> bool:
+    """Say whether both serial numbers are known; refuse two that differ."""
+    if not stated or not calibrated:
+        return False
+    if stated.casefold() != calibrated.casefold():
+        raise InputRejected(
+            code,
+            f"The frame's {what} is {stated}, this calibration was made with {calibrated}. K belongs to one "
+            "camera and one sunshine sensor: take a panel capture with this pair.",
+        )
+    return True
+
+
+def _check_features(features: Features, value: float, noise: float) -> list[Raised]:
+    raised = []
+    share = features.statistics.saturated_share
+    if share > MOST_SATURATED_SHARE:
+        raised.append(Raised(flag=Flag.SATURATED.value, where="", detail=f"{share:.2%} of the samples."))
+    if value < 3.0 * noise:
+        detail = f"Reflectance {value:.3g}, pixel noise {noise:.3g}."
+        raised.append(Raised(flag=Flag.BELOW_DETECTION.value, where="", detail=detail))
+    if not 0.0 <= value <= 1.0:
+        raised.append(Raised(flag=Flag.REFLECTANCE_OUT_OF_RANGE.value, where="", detail=f"{value:.4g}."))
+    return raised

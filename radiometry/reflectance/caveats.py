@@ -1,0 +1,97 @@
+"""What to know about panel frames, their sunshine readings and a fitted band."""
+
+from collections.abc import Sequence
+
+from radiometry.flags import Flag, Raised
+from radiometry.frame import FrameHeader
+from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
+from radiometry.reflectance.results import BandFit
+
+STEEPEST_GRADIENT_REL = 0.03
+LARGEST_DRIFT_REL = 0.03
+# Between the largest A of the older scale, 4e5, and the smallest of the newer, some 1e8.
+_NEWER_SCALE = 1e7
+_BLACK_TOLERANCE_REL = 0.01
+
+
+def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
+    """Say what to know about a multispectral file by its header alone.
+
+    Flags  sensor_model_scale, black_level_disagrees
+    """
+    band = header.multispectral
+    if band is None or band.sensor_model is None:
+        return []
+    raised = []
+    if band.sensor_model.a > _NEWER_SCALE:
+        detail = f"A = {band.sensor_model.a:g}."
+        raised.append(Raised(flag=Flag.SENSOR_MODEL_SCALE.value, where=where, detail=detail))
+    black_dn = sum(header.black_level_dn) / len(header.black_level_dn)
+    full_dn = min(header.white_level_dn)
+    if (
+        header.black_level_origin == "tag"
+        and abs(band.sensor_model.b - black_dn) > _BLACK_TOLERANCE_REL * full_dn
+    ):
+        detail = f"SensorModel {band.sensor_model.b:g} DN, black level {black_dn:g} DN; the former was used."
+        raised.append(Raised(flag=Flag.BLACK_LEVEL_DISAGREES.value, where=where, detail=detail))
+    return raised
+
+
+def check_candidates(candidates: Sequence[Candidate]) -> list[Raised]:
+    """Look at the panel frames that went in, and at those that did not."""
+    raised: list[Raised] = []
+    for each in candidates:
+        where = f"frame {each.row.frame}"
+        features = each.row.features
+        if features is not None and features.statistics.saturated_share > MOST_SATURATED_SHARE:
+            detail = f"{features.statistics.saturated_share:.1%} of the region. Shorten the exposure."
+            raised.append(Raised(flag=Flag.PANEL_SATURATED.value, where=where, detail=detail))
+        if not each.left_out:
+            raised += check_frame(each.row.header, where=where)
+            if not each.row.header.serial:
+                detail = "No serial number."
+                raised.append(Raised(flag=Flag.SERIAL_UNKNOWN.value, where=where, detail=detail))
+            if each.sunshine and not each.band.sunshine_serial:
+                detail = "No serial number."
+                raised.append(Raised(flag=Flag.SUNSHINE_SERIAL_UNKNOWN.value, where=where, detail=detail))
+    return [*raised, *sunshine_flags(candidates), *_find_missing_bands(candidates)]
+
+
+def _find_missing_bands(candidates: Sequence[Candidate]) -> list[Raised]:
+    """Compare the bands of each panel capture with those of all together."""
+    captures: dict[str, set[str]] = {}
+    for each in candidates:
+        if each.band.capture_id:
+            captures.setdefault(each.band.capture_id, set()).add(each.band.band)
+    usual = set().union(*captures.values()) if captures else set()
+    return [
+        Raised(
+            flag=Flag.BAND_MISSING.value,
+            where=f"capture {capture}",
+            detail=f"Not there: {', '.join(sorted(usual - bands))}.",
+        )
+        for capture, bands in sorted(captures.items())
+        if usual - bands
+    ]
+
+
+def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
+    """Look at what came out of one band."""
+    where = f"band {fit.coefficient.band}"
+    steepest = max(each.features.gradient_rel for each in used)
+    raised = []
+    if steepest > STEEPEST_GRADIENT_REL:
+        detail = f"{steepest:.1%} across the region: a shadow, a reflection, or the panel's rim."
+        raised.append(Raised(flag=Flag.PANEL_UNEVEN.value, where=where, detail=detail))
+    if any(each.from_file for each in used):
+        detail = f"Reflectance {fit.coefficient.panel_reflectance:g}."
+        raised.append(Raised(flag=Flag.PANEL_FROM_FILE.value, where=where, detail=detail))
+    if all(each.panel is None or each.panel.standard_uncertainty is None for each in used):
+        detail = "State it with the panel."
+        raised.append(Raised(flag=Flag.PANEL_UNCERTAINTY_MISSING.value, where=where, detail=detail))
+    if fit.drift_rel is None:
+        raised.append(Raised(flag=Flag.PANEL_ONCE.value, where=where, detail="Visits to the panel: 1."))
+    elif abs(fit.drift_rel) > LARGEST_DRIFT_REL:
+        detail = f"{fit.drift_rel:+.1%} from the first to the last of {fit.visits} visits."
+        raised.append(Raised(flag=Flag.PANEL_DRIFT.value, where=where, detail=detail))
+    return raised

@@ -1,0 +1,242 @@
+"""K of one band from its panel frames, with its budget, before and after the flight."""
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from radiometry.fit import coverage_factor
+from radiometry.luminance.results import BudgetEntry
+from radiometry.multispectral import Multispectral
+from radiometry.reflectance.evaluation import evaluate_k
+from radiometry.reflectance.points import Candidate
+from radiometry.reflectance.results import BandFit, Coefficient, Knot, Point
+from radiometry.reflectance.rows import Normalisation, Params
+
+# A difference that may lie anywhere between two visits, as a rectangular distribution.
+_RECTANGLE = 1.0 / math.sqrt(12.0)
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """K of one panel frame, and what it shares with no other."""
+
+    candidate: Candidate
+    k: float
+    noise_u_rel: float
+    sunshine_u_rel: float
+
+
+@dataclass(frozen=True)
+class _Own:
+    """What visits do not share, as relative variances of their K, and the degrees of freedom behind them."""
+
+    noise: float
+    sunshine: float
+    repeat: float
+    dof: float
+
+    @property
+    def total(self) -> float:
+        return self.noise + self.sunshine + self.repeat
+
+
+def compute_k(*, reflectance: float, incidence_angle_deg: float, i_sq: float, i_ss: float | None) -> float:
+    """Give K = R cos(theta) I_ss / I_sq; without a sunshine reading I_ss is left out.
+
+    Source: "How to convert Sequoia images to reflectance?" 1.1, section 4c
+    """
+    lit = reflectance * math.cos(math.radians(incidence_angle_deg))
+    return lit * (1.0 if i_ss is None else i_ss) / i_sq
+
+
+def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
+    """Fit one band; ``used`` in the order of time, at least one.
+
+    Model: K of a visit is the mean over its frames; K of the flight the mean over the visits, or K(t) on
+    straight lines between them.
+    u_rel(K)^2 = panel^2 + angle^2 + evenness^2 + gain^2 + drift^2 + (noise^2 + sunshine^2 + repeat^2)
+        panel     u(R)/R
+        angle     tan(theta) u_theta and u_theta^2 / 2: the cosine's first and second order
+        evenness  gradient across the region / sqrt(12)
+        gain      of the sunshine sensor's gain indices, which all frames share
+        drift     |K_last - K_first| / (K sqrt(12)) of a constant K; K(t) follows it
+        repeat    by how much the frames of a visit scatter beyond their noise
+    """
+    frames = [_measure(candidate, params) for candidate in used]
+    visits = [
+        [frame for frame in frames if frame.candidate.visit == number]
+        for number in sorted({frame.candidate.visit for frame in frames})
+    ]
+    owns = [_judge_visit(visit) for visit in visits]
+    knots = tuple(_knot(visit, own) for visit, own in zip(visits, owns, strict=True))
+    k = statistics.fmean(knot.reflectance_k for knot in knots)
+    drift_rel = (knots[-1].reflectance_k - knots[0].reflectance_k) / k if len(knots) > 1 else None
+    count = len(owns) ** 2
+    sources = {
+        "panel reflectance": ("B", _panel_u_rel(used)),
+        "panel angle": ("B", _angle_u_rel(params)),
+        "panel evenness": (
+            "B",
+            _RECTANGLE * statistics.fmean(f.candidate.features.gradient_rel for f in frames),
+        ),
+        "sunshine gain": ("B", max((c.sunshine.gain_u_rel for c in used if c.sunshine), default=0.0)),
+        "drift": ("B", _RECTANGLE * abs(drift_rel or 0.0) if params.interpolation == "constant" else 0.0),
+        "pixel noise": ("A", math.sqrt(sum(own.noise for own in owns) / count)),
+        "sunshine readings": ("A", math.sqrt(sum(own.sunshine for own in owns) / count)),
+        "repeat of the panel": ("A", math.sqrt(sum(own.repeat for own in owns) / count)),
+    }
+    coefficient = _build(
+        used, params, knots, k=k, sources={name: u for name, (_, u) in sources.items()}, owns=owns
+    )
+    total = math.fsum(u**2 for _, u in sources.values())
+    return BandFit(
+        coefficient=coefficient,
+        budget=tuple(
+            BudgetEntry(source=name, kind=kind, u_rel=u, variance_share=u**2 / total if total else 0.0)
+            for name, (kind, u) in sources.items()
+        ),
+        visits=len(visits),
+        drift_rel=drift_rel,
+    )
+
+
+def _measure(candidate: Candidate, params: Params) -> _Frame:
+    features, sunshine, panel = candidate.features, candidate.sunshine, candidate.panel
+    assert panel is not None  # noqa: S101  frames without one are left out
+    k = compute_k(
+        reflectance=panel.reflectance,
+        incidence_angle_deg=params.incidence_angle_deg,
+        i_sq=features.i_sq,
+        i_ss=sunshine.i_ss if sunshine else None,
+    )
+    return _Frame(
+        candidate=candidate,
+        k=k,
+        noise_u_rel=features.i_sq_standard_uncertainty / features.i_sq,
+        sunshine_u_rel=sunshine.standard_uncertainty / sunshine.i_ss if sunshine else 0.0,
+    )
+
+
+def _judge_visit(visit: Sequence[_Frame]) -> _Own:
+    """Compare what the frames predict with how they scatter; the larger of the two counts."""
+    n = len(visit)
+    noise = sum(frame.noise_u_rel**2 for frame in visit) / n**2
+    sunshine = sum(frame.sunshine_u_rel**2 for frame in visit) / n**2
+    scatter = 0.0
+    if n > 1:
+        values = [frame.k for frame in visit]
+        scatter = (statistics.stdev(values) / statistics.fmean(values)) ** 2 / n
+    repeat = max(0.0, scatter - noise - sunshine)
+    return _Own(noise=noise, sunshine=sunshine, repeat=repeat, dof=n - 1.0 if repeat > 0.0 else math.inf)
+
+
+def _knot(visit: Sequence[_Frame], own: _Own) -> Knot:
+    times = [frame.candidate.at_s for frame in visit if frame.candidate.at_s is not None]
+    return Knot(
+        at_s=statistics.fmean(times) if times else None,
+        reflectance_k=statistics.fmean(frame.k for frame in visit),
+        u_rel=math.sqrt(own.total),
+    )
+
+
+def _panel_u_rel(used: Sequence[Candidate]) -> float:
+    panel = used[0].panel
+    return (panel.standard_uncertainty or 0.0) / panel.reflectance if panel else 0.0
+
+
+def _angle_u_rel(params: Params) -> float:
+    u = math.radians(params.incidence_angle_u_deg)
+    return math.hypot(math.tan(math.radians(params.incidence_angle_deg)) * u, u**2 / 2.0)
+
+
+def _build(
+    used: Sequence[Candidate],
+    params: Params,
+    knots: tuple[Knot, ...],
+    *,
+    k: float,
+    sources: dict[str, float],
+    owns: Sequence[_Own],
+) -> Coefficient:
+    first, panel = used[0], used[0].panel
+    assert panel is not None  # noqa: S101  frames without one are left out
+    u_rel = math.hypot(*sources.values())
+    # Welch and Satterthwaite: what is not a visit's scatter has no end of freedom
+    restless = math.fsum((own.total / len(owns) ** 2) ** 2 / own.dof for own in owns)
+    factor = coverage_factor(u_rel**4 / restless if restless > 0.0 else math.inf)
+    sunshine = [candidate.sunshine for candidate in used if candidate.sunshine]
+    return Coefficient(
+        band=first.band.band,
+        reflectance_k=k,
+        reflectance_k_standard_uncertainty=k * u_rel,
+        reflectance_k_unit=unit_of_k(first.band, params.normalisation),
+        expanded_uncertainty=factor * k * u_rel,
+        coverage_factor=factor,
+        normalisation=params.normalisation,
+        sunshine_choice=params.sunshine_choice,
+        interpolation=params.interpolation,
+        tilt=params.tilt,
+        camera_serial=first.row.header.serial,
+        sunshine_serial=first.band.sunshine_serial if sunshine else None,
+        wavelength_nm=first.band.wavelength_nm,
+        incidence_angle_deg=params.incidence_angle_deg,
+        panel=panel.panel,
+        panel_reflectance=panel.reflectance,
+        knots=knots,
+        shared_u_rel=math.hypot(
+            *(sources[name] for name in ("panel reflectance", "panel angle", "panel evenness"))
+        ),
+        gain_u_rel=sources["sunshine gain"],
+        drift_u_rel=sources["drift"],
+        gain_indices=tuple(sorted({index for each in sunshine for index in each.gain_indices})),
+        sensor_model_scale=find_scale(first.band),
+        i_sq_range=_range([candidate.features.i_sq for candidate in used]),
+        i_ss_range=_range([each.i_ss for each in sunshine]) if sunshine else None,
+    )
+
+
+def find_scale(band: Multispectral) -> float:
+    """Give the number that sets the scale of a band's signal: A, or a1."""
+    if band.sensor_model is not None:
+        return band.sensor_model.a
+    return band.radiance_model.a1 if band.radiance_model is not None else 0.0
+
+
+def unit_of_k(band: Multispectral, normalisation: Normalisation) -> str:
+    """Give the unit of R I_ss / I_sq."""
+    if band.system == "sequoia":
+        return "1/s" if normalisation == "sunshine" else "1"
+    return "sr" if normalisation == "sunshine" else "m2*sr*nm/W"
+
+
+def _range(values: Sequence[float]) -> tuple[float, float]:
+    return min(values), max(values)
+
+
+def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) -> Point:
+    """Give a panel frame as the record keeps it, used or not."""
+    features, sunshine, panel = candidate.row.features, candidate.sunshine, candidate.panel
+    k = residual = None
+    if not candidate.left_out and fit is not None:
+        k = _measure(candidate, params).k
+        residual = k / evaluate_k(fit.coefficient, at_s=candidate.at_s).value - 1.0
+    return Point(
+        frame=candidate.row.frame,
+        band=candidate.band.band,
+        capture_id=candidate.band.capture_id,
+        visit=candidate.visit,
+        at_s=candidate.at_s,
+        used=not candidate.left_out,
+        left_out=candidate.left_out,
+        i_sq=features.i_sq if features else None,
+        i_sq_standard_uncertainty=features.i_sq_standard_uncertainty if features else None,
+        gradient_rel=features.gradient_rel if features else None,
+        saturated_share=features.statistics.saturated_share if features else None,
+        i_ss=sunshine.i_ss if sunshine else None,
+        sunshine_readings=sunshine.readings if sunshine else None,
+        sunshine_spread_rel=sunshine.spread_rel if sunshine else None,
+        panel_reflectance=panel.reflectance if panel else None,
+        reflectance_k=k,
+        residual_rel=residual,
+    )

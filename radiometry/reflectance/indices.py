@@ -1,0 +1,94 @@
+"""Vegetation indices of the bands of one capture."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.frame import FrameHeader
+from radiometry.reflectance.alignment import align
+from radiometry.reflectance.imaging import require_band
+
+Index = Literal["ndvi", "ndre", "gndvi"]
+INDICES: tuple[Index, ...] = get_args(Index)
+
+NIR = "nir"
+_SECOND: Mapping[Index, str] = {"ndvi": "red", "ndre": "red_edge", "gndvi": "green"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandMap:
+    """The reflectance of one band's whole frame, (row, col) float32, and its file's header."""
+
+    header: FrameHeader
+    reflectance: NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndexMap:
+    """An index on the pixels of the near infrared band, NaN where it does not exist."""
+
+    index: Index
+    values: NDArray[np.float32]
+    undefined: int
+
+
+def name_bands(index: Index) -> tuple[str, str]:
+    """Give the two bands that an index compares."""
+    return NIR, _SECOND[index]
+
+
+def compute_index(index: Index, bands: Mapping[str, BandMap]) -> IndexMap:
+    """Give (NIR - X) / (NIR + X): X red for NDVI [1], red edge for NDRE, green for GNDVI [2].
+
+    The second band is aligned onto the near infrared first. Where the two add up to nothing or less the index
+    does not exist: NaN, as where a band is saturated or did not look.
+
+    Takes
+      bands : by name; both must be whole frames of one capture of one camera
+    Raises InputRejected
+      bands_not_aligned if they are not one capture's, or a file does not say how its band is turned;
+      band_not_calibrated if one is not there
+    References
+      [1] J. W. Rouse et al., Third ERTS Symposium, NASA SP-351, 309, 1974
+      [2] A. A. Gitelson, M. N. Merzlyak, Adv. Space Res. 22, 689, 1998, doi:10.1016/S0273-1177(97)01133-2
+
+    """
+    nir_name, other_name = name_bands(index)
+    lacking = [name for name in (nir_name, other_name) if name not in bands]
+    if lacking:
+        raise InputRejected(
+            Code.BAND_NOT_CALIBRATED,
+            f"{index.upper()} needs the bands {nir_name} and {other_name} of one capture; "
+            f"{' and '.join(lacking)} is not there. Upload the capture's other files.",
+        )
+    nir, other = bands[nir_name], bands[other_name]
+    _require_one_capture(nir, other)
+    aligned = align(
+        other.reflectance,
+        of=require_band(other.header).geometry,
+        onto=require_band(nir.header).geometry,
+    )
+    total = nir.reflectance + aligned
+    exists = total > 0.0  # false for NaN
+    values = np.full(total.shape, np.nan, np.float32)
+    np.divide(nir.reflectance - aligned, total, out=values, where=exists)
+    return IndexMap(index=index, values=values, undefined=int(np.count_nonzero(~exists)))
+
+
+def _require_one_capture(one: BandMap, other: BandMap) -> None:
+    captures = [require_band(each.header).capture_id for each in (one, other)]
+    same = captures[0] is not None and captures[0] == captures[1]
+    if (
+        not same
+        or one.header.serial != other.header.serial
+        or one.reflectance.shape != other.reflectance.shape
+    ):
+        raise InputRejected(
+            Code.BANDS_NOT_ALIGNED,
+            "The two files are not bands of one capture (their capture ids, cameras or sizes differ): the "
+            "camera had moved between them.",
+        )

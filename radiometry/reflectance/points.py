@@ -1,0 +1,198 @@
+"""The points of a reflectance fit: which panel frames count, which are left out and why, what is missing."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from radiometry.errors import Code, InputRejected
+from radiometry.flags import Raised
+from radiometry.multispectral import Multispectral
+from radiometry.reflectance.clock import find_tilt, read_clock_s
+from radiometry.reflectance.features import Features
+from radiometry.reflectance.rows import FrameRow, Params, Reading
+from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
+
+PANEL = "panel"
+MOST_SATURATED_SHARE = 0.001
+DETECTION_ERRORS = 3.0
+# Panel frames further apart than this belong to two visits to the panel.
+VISIT_GAP_S = 300.0
+STEEPEST_ANGLE_DEG = 60.0
+
+NO_REFLECTANCE = "no reflectance of the panel in this band"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A panel frame with all that its point needs; ``left_out`` is "" when it counts.
+
+    ``left_out_code`` : of an InputRejected that it would be, None for other reasons
+    """
+
+    row: FrameRow
+    band: Multispectral
+    at_s: float | None
+    visit: int
+    panel: Reading | None
+    from_file: bool
+    sunshine: Sunshine | None
+    left_out: str
+    left_out_code: Code | None = None
+
+    @property
+    def features(self) -> Features:
+        """Those of the row; a candidate has them."""
+        if self.row.features is None:
+            raise ValueError(f"{self.row.frame} has no features")
+        return self.row.features
+
+
+def list_missing(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
+) -> list[str]:
+    """Say by name what keeps a fit from starting, in fragments that can be joined by "; "."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    found = [
+        f"frame {name} is to be left out, but the campaign has no such frame"
+        for name in sorted(excluded - {row.frame for row in rows} - set(unread))
+    ]
+    found += [f"frame {name} has not been read yet" for name in sorted({*unread} - excluded)]
+    panels = [row for row in rows if row.role == PANEL and row.frame not in excluded]
+    for row in sorted(panels, key=lambda each: each.frame):
+        if not row.has_region:
+            found.append(f"frame {row.frame} has no region: draw it on the panel")
+        elif row.features is None:
+            found.append(f"frame {row.frame} waits for its region to be computed")
+    if not panels and not unread:
+        found.append("the campaign has no panel frame")
+    return [*found, *_list_contradictions(readings)]
+
+
+def list_bands_without_reflectance(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> list[str]:
+    """Say which bands have panel frames but no reflectance: a fit can start, but leaves them out."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    shown = {
+        row.header.multispectral.band
+        for row in rows
+        if row.role == PANEL
+        and row.frame not in excluded
+        and row.header.multispectral is not None
+        and row.header.multispectral.panel_albedo is None
+    }
+    return [
+        f"the panel has no reflectance for band {band}" for band in sorted(shown - {r.band for r in readings})
+    ]
+
+
+def _list_contradictions(readings: Sequence[Reading]) -> list[str]:
+    found = []
+    for band in sorted({reading.band for reading in readings}):
+        stated = {(r.reflectance, r.standard_uncertainty) for r in readings if r.band == band}
+        if len(stated) > 1:
+            found.append(
+                f"band {band} has {len(stated)} different panel reflectances: give the one panel used"
+            )
+    return found
+
+
+def require_flat_angle(angle_deg: float) -> None:
+    """Refuse an angle at which neither the cosine nor the panel's reflectance can be trusted.
+
+    Raises InputRejected(panel_angle_too_large) above 60 degrees
+    """
+    if angle_deg > STEEPEST_ANGLE_DEG:
+        raise InputRejected(
+            Code.PANEL_ANGLE_TOO_LARGE,
+            f"The angle of incidence is {angle_deg:g} degrees; above {STEEPEST_ANGLE_DEG:g} a panel is no "
+            "longer diffuse and a degree changes the result by more than 3 %. Level the panel, or wait for "
+            "a higher sun.",
+        )
+
+
+def collect_candidates(
+    rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> tuple[Candidate, ...]:
+    """Gather the panel frames in the order band, time, name: the order of the input changes nothing."""
+    reasons = {exclusion.frame: f"{exclusion.reason} ({exclusion.by})" for exclusion in params.exclude}
+    panels = [row for row in rows if row.role == PANEL and row.header.multispectral is not None]
+    visits = _count_visits(panels)
+    found = [
+        _judge(row, readings, params, visit=visits[row.frame], excluded=reasons.get(row.frame, ""))
+        for row in panels
+    ]
+    return tuple(sorted(found, key=lambda each: (each.band.band, each.at_s or 0.0, each.row.frame)))
+
+
+def _count_visits(panels: Sequence[FrameRow]) -> dict[str, int]:
+    """Number the visits to the panel; frames without a time belong to the first."""
+    times = {row.frame: read_clock_s(row.header) for row in panels}
+    known = sorted(at for at in times.values() if at is not None)
+    starts = [after for before, after in itertools.pairwise(known) if after - before > VISIT_GAP_S]
+    return {
+        frame: 1 + (sum(at >= start for start in starts) if at is not None else 0)
+        for frame, at in times.items()
+    }
+
+
+def _judge(
+    row: FrameRow, readings: Sequence[Reading], params: Params, *, visit: int, excluded: str
+) -> Candidate:
+    band = row.header.multispectral
+    assert band is not None  # noqa: S101  the caller chose rows with one
+    panel, from_file = _find_reflectance(band, readings)
+    sunshine, left_out, code = None, excluded or _inspect(row), None
+    if not left_out and panel is None:
+        left_out = NO_REFLECTANCE
+    if not left_out and params.normalisation == "sunshine":
+        try:
+            tilt = find_tilt(row.header, params.tilt)
+            sunshine = measure_sunshine(
+                band, choice=params.sunshine_choice, tilt=tilt, where=f"frame {row.frame}"
+            )
+        except InputRejected as rejected:
+            left_out, code = rejected.message, Code(rejected.code)
+    return Candidate(
+        row=row,
+        band=band,
+        at_s=read_clock_s(row.header),
+        visit=visit,
+        panel=panel,
+        from_file=from_file,
+        sunshine=sunshine,
+        left_out=left_out,
+        left_out_code=code,
+    )
+
+
+def _find_reflectance(band: Multispectral, readings: Sequence[Reading]) -> tuple[Reading | None, bool]:
+    """Find the certificate's reflectance of a band; else what the camera read off the panel's code."""
+    for reading in readings:
+        if reading.band == band.band:
+            return reading, False
+    if band.panel_albedo is not None and 0.0 < band.panel_albedo <= 1.0:
+        return Reading(panel=band.panel_serial or "", band=band.band, reflectance=band.panel_albedo), True
+    return None, False
+
+
+def _inspect(row: FrameRow) -> str:
+    features = row.features
+    if features is None:
+        return "not extracted"
+    if features.statistics.saturated_share > MOST_SATURATED_SHARE:
+        return f"saturated: {features.statistics.saturated_share:.1%} of the region"
+    numbers = (features.i_sq, features.i_sq_standard_uncertainty, features.gradient_rel)
+    if not all(math.isfinite(number) for number in numbers):
+        return "its signal is no number"
+    if features.i_sq <= DETECTION_ERRORS * features.i_sq_standard_uncertainty:
+        return "less than three standard errors above black"
+    return ""
+
+
+def sunshine_flags(candidates: Sequence[Candidate]) -> list[Raised]:
+    """Gather what the used frames' sunshine readings raise."""
+    return [
+        raised for each in candidates if each.sunshine and not each.left_out for raised in each.sunshine.flags
+    ]

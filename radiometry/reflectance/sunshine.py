@@ -1,0 +1,244 @@
+"""The light that fell on the scene while a band was exposed, as the sunshine sensor saw it."""
+
+import itertools
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from radiometry.errors import Code, InputRejected
+from radiometry.flags import Flag, Raised
+from radiometry.multispectral import Multispectral, SunshineCounts, SunshineIrradiance, SunshineRecord
+from radiometry.reflectance.gains import REFERENCE_INDEX, ROUNDING, SATURATED_COUNT, Gain, measure_gains
+from radiometry.reflectance.tilt import FURTHEST_FROM_SUN_DEG, Tilt, level_factor, sun_angle_deg
+
+Choice = Literal["mean", "last", "nearest"]
+
+COUNTS_UNIT = "1/s"
+IRRADIANCE_UNIT = "W/(m2*nm)"
+# What records without the two fields are taken for: what later firmware wrote by day.
+ASSUMED_INTEGRATION_TIME_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunshineReading:
+    """One reading: ``i_ss`` [counts/s at gain index 1], or None with the reason in ``left_out``."""
+
+    time_us: int
+    count: int
+    gain_index: int
+    i_ss: float | None
+    left_out: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sunshine:
+    """I_ss of one band of one capture.
+
+    ``standard_uncertainty`` : of the readings' scatter and of counting in whole numbers; not of the gain
+    ``gain_u_rel`` : of the relative gain; it cancels between captures at the same ``gain_indices``
+    ``readings`` : valid ones; ``left_out`` : the others' reasons; ``spread_rel`` : None for a single one
+    """
+
+    i_ss: float
+    standard_uncertainty: float
+    gain_u_rel: float
+    gain_indices: tuple[int, ...]
+    unit: str
+    choice: Choice
+    readings: int
+    left_out: tuple[str, ...]
+    spread_rel: float | None
+    flags: tuple[Raised, ...]
+
+
+def measure_sunshine(
+    band: Multispectral, *, choice: Choice = "mean", tilt: Tilt | None = None, where: str = ""
+) -> Sunshine:
+    """Give I_ss from a file's own readings.
+
+    I_ss = CH0 / (g_rel tau)   tau the sunshine sensor's own integration time, not the image's exposure
+    choice : the mean of the valid readings, the last, or the one nearest in time to the exposure
+    A mean of n has u^2 = s^2/n + (1/12) exp(-4 pi^2 s_c^2), s_c the noise in counts: rounding to whole
+    counts does not average out unless noise carries the counts across the steps, and a band may count 5.
+
+    Takes
+      tilt : corrects each reading to a level sensor by its own attitude; None: as the sensor hung
+      where : what the flags name
+    Flags
+      sunshine_readings_left_out, sunshine_gain_assumed, sunshine_gain_table_missing,
+      sunshine_single_reading, sunshine_time_unknown, sunshine_scale_assumed
+    Raises InputRejected
+      sunshine_missing if there is no valid reading; tilt_not_correctable if readings have no attitude
+    Source: "How to convert Sequoia images to reflectance?" 1.1, section 4b
+    """
+    if band.irradiance is not None:
+        return _take_irradiance(band.irradiance, choice=choice, tilt=tilt, where=where)
+    if band.counts is None:
+        raise InputRejected(
+            Code.SUNSHINE_MISSING, _advise(f"There is no sunshine reading: {band.sunshine_missing}.")
+        )
+    readings = list_readings(band.counts, tilt=tilt)
+    valid = [reading for reading in readings if reading.i_ss is not None]
+    left_out = tuple(reading.left_out for reading in readings if reading.i_ss is None)
+    if not valid:
+        reasons = ", ".join(sorted(set(left_out))) or "the list is empty"
+        raise InputRejected(
+            Code.SUNSHINE_MISSING, _advise(f"None of {len(readings)} sunshine readings is valid: {reasons}.")
+        )
+    flags = _flag_counts(band.counts, left_out, len(readings), where)
+    chosen = valid
+    if choice != "mean":
+        chosen = [valid[-1] if choice == "last" else _find_nearest(valid, band.exposed_at_us)]
+        if choice == "nearest" and band.exposed_at_us is None:
+            flags.append(
+                Raised(flag=Flag.SUNSHINE_TIME_UNKNOWN.value, where=where, detail="No exposure time.")
+            )
+    if len(valid) == 1:
+        flags.append(Raised(flag=Flag.SUNSHINE_SINGLE_READING.value, where=where, detail="Readings: 1."))
+    gains = measure_gains(band.counts.gains)
+    return _summarise(valid, chosen, gains, choice=choice, left_out=left_out, flags=tuple(flags))
+
+
+def list_readings(counts: SunshineCounts, *, tilt: Tilt | None = None) -> tuple[SunshineReading, ...]:
+    """Give every reading with its I_ss, or the reason why it has none.
+
+    Not valid: a saturated count (65535), a count or integration time of zero, a gain index without a gain.
+    """
+    gains = measure_gains(counts.gains)
+    return tuple(_read(record, gains, tilt) for record in counts.records)
+
+
+def _read(record: SunshineRecord, gains: dict[int, Gain], tilt: Tilt | None) -> SunshineReading:
+    index = REFERENCE_INDEX if record.gain_index is None else record.gain_index
+    time_s = record.integration_time_s
+    if time_s is None:
+        time_s = ASSUMED_INTEGRATION_TIME_S
+    left_out, factor = "", 1.0
+    if record.ch0 >= SATURATED_COUNT:
+        left_out = "saturated count"
+    elif record.ch0 == 0:
+        left_out = "no light"
+    elif not time_s > 0.0:
+        left_out = "no integration time"
+    elif index not in gains:
+        left_out = "unknown gain"
+    elif tilt is not None:
+        angle_deg = _angle_to_sun(record, tilt)
+        if angle_deg > FURTHEST_FROM_SUN_DEG:
+            left_out = "turned away from the sun"
+        else:
+            factor = level_factor(angle_deg, tilt)
+    i_ss = None if left_out else record.ch0 / (gains[index].value * time_s) * factor
+    return SunshineReading(
+        time_us=record.time_us, count=record.ch0, gain_index=index, i_ss=i_ss, left_out=left_out
+    )
+
+
+def _angle_to_sun(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> float:
+    if record.yaw_deg is None or record.pitch_deg is None or record.roll_deg is None:
+        raise InputRejected(
+            Code.TILT_NOT_CORRECTABLE,
+            "The sunshine readings do not state how the sensor hung. Fit without the tilt correction.",
+        )
+    return sun_angle_deg(
+        tilt.sun, yaw_deg=record.yaw_deg, pitch_deg=record.pitch_deg, roll_deg=record.roll_deg
+    )
+
+
+def _find_nearest(valid: Sequence[SunshineReading], exposed_at_us: int | None) -> SunshineReading:
+    if exposed_at_us is None:
+        return valid[-1]
+    return min(valid, key=lambda reading: abs(reading.time_us - exposed_at_us))
+
+
+def _summarise(
+    valid: Sequence[SunshineReading],
+    chosen: Sequence[SunshineReading],
+    gains: dict[int, Gain],
+    *,
+    choice: Choice,
+    left_out: tuple[str, ...],
+    flags: tuple[Raised, ...],
+) -> Sunshine:
+    values = [reading.i_ss for reading in valid if reading.i_ss is not None]
+    mean = statistics.fmean(reading.i_ss for reading in chosen if reading.i_ss is not None)
+    spread_rel = statistics.stdev(values) / statistics.fmean(values) if len(values) > 1 else None
+    scatter_rel = (spread_rel or 0.0) / math.sqrt(len(chosen))
+    return Sunshine(
+        i_ss=mean,
+        standard_uncertainty=mean * math.hypot(scatter_rel, _rounding_rel(chosen)),
+        gain_u_rel=max(gains[reading.gain_index].u_rel for reading in chosen),
+        gain_indices=tuple(sorted({reading.gain_index for reading in chosen})),
+        unit=COUNTS_UNIT,
+        choice=choice,
+        readings=len(valid),
+        left_out=left_out,
+        spread_rel=spread_rel,
+        flags=flags,
+    )
+
+
+def _rounding_rel(chosen: Sequence[SunshineReading]) -> float:
+    """Give the relative error of whole counts that the mean keeps, each gain's readings by themselves."""
+    ordered = sorted(chosen, key=lambda reading: reading.gain_index)
+    variance = 0.0
+    for _, group in itertools.groupby(ordered, key=lambda reading: reading.gain_index):
+        counts = [reading.count for reading in group]
+        noise_variance = max(0.0, statistics.variance(counts) - 1 / 12) if len(counts) > 1 else 0.0
+        kept = math.exp(-4.0 * math.pi**2 * noise_variance) * (ROUNDING / statistics.fmean(counts)) ** 2
+        variance += kept * (len(counts) / len(chosen)) ** 2
+    return math.sqrt(variance)
+
+
+def _flag_counts(counts: SunshineCounts, left_out: tuple[str, ...], total: int, where: str) -> list[Raised]:
+    raised = []
+    if left_out:
+        detail = f"{len(left_out)} of {total}: {', '.join(sorted(set(left_out)))}."
+        raised.append(Raised(flag=Flag.SUNSHINE_READINGS_LEFT_OUT.value, where=where, detail=detail))
+    if any(record.gain_index is None for record in counts.records):
+        detail = f"Records of {counts.record_bytes} bytes."
+        raised.append(Raised(flag=Flag.SUNSHINE_GAIN_ASSUMED.value, where=where, detail=detail))
+    elif len(measure_gains(counts.gains)) == 1:
+        detail = f"Rows in the table: {len(counts.gains)}."
+        raised.append(Raised(flag=Flag.SUNSHINE_GAIN_TABLE_MISSING.value, where=where, detail=detail))
+    return raised
+
+
+def _take_irradiance(
+    reading: SunshineIrradiance, *, choice: Choice, tilt: Tilt | None, where: str
+) -> Sunshine:
+    """Take a MicaSense light sensor's one reading; one that the camera made level is not levelled again."""
+    factor = 1.0
+    if tilt is not None and reading.quantity != "horizontal":
+        angle_deg = _angle_to_sun(reading, tilt)
+        if angle_deg > FURTHEST_FROM_SUN_DEG:
+            raise InputRejected(
+                Code.SUNSHINE_MISSING, _advise("The only reading was turned away from the sun.")
+            )
+        factor = level_factor(angle_deg, tilt)
+    flags = [Raised(flag=Flag.SUNSHINE_SINGLE_READING.value, where=where, detail="Readings: 1.")]
+    if reading.unit_origin != "tag":
+        unit = "W/m2/nm" if reading.unit_origin == "dls1" else "uW/cm2/nm"
+        detail = f"Taken for {unit} by its generation, {reading.unit_origin}."
+        flags.append(Raised(flag=Flag.SUNSHINE_SCALE_ASSUMED.value, where=where, detail=detail))
+    return Sunshine(
+        i_ss=reading.irradiance_w_m2_nm * factor,
+        standard_uncertainty=0.0,
+        gain_u_rel=0.0,
+        gain_indices=(),
+        unit=IRRADIANCE_UNIT,
+        choice=choice,
+        readings=1,
+        left_out=(),
+        spread_rel=None,
+        flags=tuple(flags),
+    )
+
+
+def _advise(what: str) -> str:
+    return (
+        f"{what} Without it a reflectance holds only for the panel's own light: fit with normalisation "
+        "panel_only, or take the frame again with the sunshine sensor connected."
+    )

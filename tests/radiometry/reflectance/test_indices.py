@@ -1,0 +1,200 @@
+"""Vegetation indices: their formula, one capture only, and bands brought onto one another."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from captures import CAMERA, make_header, seeded
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radiometry.errors import InputRejected
+from radiometry.methods import reflectance
+from radiometry.multispectral import Multispectral, RigGeometry
+from radiometry.reflectance.alignment import _rotation, align, find_directions, project
+from radiometry.reflectance.simulation import SimulatedSequoia, simulate_sequoia_capture
+
+FISHEYE = RigGeometry(
+    model="fisheye",
+    principal_point_px=(621.7, 481.3),
+    fisheye_affine=(1657.9, 0.3, -0.2, 1656.1),
+    fisheye_polynomial=(0.0, 1.0, 0.00736, -0.1375),
+    rotation_deg=(0.0, 0.0, 0.0),
+)
+PERSPECTIVE = RigGeometry(
+    model="perspective",
+    principal_point_px=(627.6, 479.9),
+    focal_length_px=1449.4,
+    distortion=(-0.0968, 0.1404, -0.023, 0.00028, 0.00066),
+    rotation_deg=(0.0, 0.0, 0.0),
+)
+
+
+def turn(lens, omega=0.0, phi=0.0, kappa=0.0):
+    return dataclasses.replace(lens, rotation_deg=(omega, phi, kappa))
+
+
+def capture(surface, rotate=None):
+    """Maps of known reflectance in all bands; ``rotate`` of the rig's bands."""
+    size = SimulatedSequoia(height_px=60, width_px=80)
+    shots = simulate_sequoia_capture(size, seeded(), reflectance=dict.fromkeys(CAMERA.bands, 0.1))
+    return {
+        name: reflectance.BandMap(
+            header=_turned(shot.header, rotate),
+            reflectance=np.full((60, 80), surface[name], np.float32),
+        )
+        for name, shot in shots.items()
+    }
+
+
+def _turned(header, rotate):
+    if rotate is None:
+        return header
+    band = header.multispectral
+    lens = dataclasses.replace(band.geometry, rotation_deg=rotate)
+    return dataclasses.replace(header, multispectral=dataclasses.replace(band, geometry=lens))
+
+
+SURFACE = {"green": 0.08, "red": 0.05, "red_edge": 0.25, "nir": 0.45}
+STRAIGHT = capture(SURFACE, rotate=(0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("index", "expected"), [("ndvi", 0.40 / 0.50), ("ndre", 0.20 / 0.70), ("gndvi", 0.37 / 0.53)]
+)
+def test_indices_by_hand(index, expected):
+    found = reflectance.compute_index(index, STRAIGHT)
+    inner = found.values[2:-2, 2:-2]
+    assert inner == pytest.approx(np.full(inner.shape, expected), rel=1e-6)
+    assert found.values.dtype == np.float32
+
+
+def test_an_index_does_not_exist_where_there_is_no_light_or_no_number():
+    bands = capture({**SURFACE, "nir": 0.0, "red": 0.0}, rotate=(0.0, 0.0, 0.0))
+    nir = bands["nir"].reflectance.copy()
+    nir[10, 10] = np.nan
+    nir[20, 20] = 0.3
+    bands["nir"] = dataclasses.replace(bands["nir"], reflectance=nir)
+    found = reflectance.compute_index("ndvi", bands)
+    assert np.argwhere(np.isfinite(found.values)).tolist() == [[20, 20]]
+    assert found.undefined == 60 * 80 - 1
+
+
+def test_a_missing_band_is_named():
+    bands = {name: band for name, band in STRAIGHT.items() if name != "red_edge"}
+    with pytest.raises(InputRejected, match="red_edge is not there") as refusal:
+        reflectance.compute_index("ndre", bands)
+    assert refusal.value.code == "band_not_calibrated"
+    assert reflectance.name_bands("ndre") == ("nir", "red_edge")
+
+
+def change(bands, name, band=None, plane=None, **header):
+    told = bands[name]
+    changed = dataclasses.replace(
+        told.header, multispectral=dataclasses.replace(told.header.multispectral, **(band or {})), **header
+    )
+    surface = told.reflectance if plane is None else plane
+    return {**bands, name: dataclasses.replace(told, header=changed, reflectance=surface)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"band": {"capture_id": "another"}}, "not bands of one capture"),
+        ({"serial": "another"}, "not bands of one capture"),
+        ({"plane": np.zeros((30, 40), np.float32)}, "not bands of one capture"),
+        ({"band": {"geometry": None}}, "RigRelatives"),
+        ({"band": {"geometry": dataclasses.replace(FISHEYE, rotation_deg=None)}}, "RigRelatives"),
+        ({"band": {"geometry": dataclasses.replace(FISHEYE, fisheye_affine=())}}, "RigRelatives"),
+        (
+            {"band": {"geometry": dataclasses.replace(FISHEYE, fisheye_affine=(1.0, 1.0, 1.0, 1.0))}},
+            "RigRelatives",
+        ),
+        (
+            {"band": {"geometry": dataclasses.replace(FISHEYE, fisheye_polynomial=(0.0, 1.0, -5.0))}},
+            "RigRelatives",
+        ),
+        ({"band": {"geometry": dataclasses.replace(PERSPECTIVE, focal_length_px=None)}}, "RigRelatives"),
+        ({"band": {"geometry": dataclasses.replace(PERSPECTIVE, distortion=(0.1,))}}, "RigRelatives"),
+    ],
+)
+def test_bands_that_cannot_be_aligned_are_refused(changes, match):
+    with pytest.raises(InputRejected, match=match) as refusal:
+        reflectance.compute_index("ndvi", change(STRAIGHT, "red", **changes))
+    assert refusal.value.code == "bands_not_aligned"
+
+
+def test_no_capture_id_is_no_capture():
+    bands = change(change(STRAIGHT, "red", band={"capture_id": None}), "nir", band={"capture_id": None})
+    with pytest.raises(InputRejected, match="one capture"):
+        reflectance.compute_index("ndvi", bands)
+
+
+@given(st.sampled_from([FISHEYE, PERSPECTIVE]), st.floats(0, 1280), st.floats(0, 960))
+def test_a_pixel_s_direction_leads_back_to_it(lens, x, y):
+    direction = find_directions(lens, x=np.array([x]), y=np.array([y]))
+    assert np.linalg.norm(direction) == pytest.approx(1.0)
+    found_x, found_y = project(lens, direction)
+    # 4096 steps of the angle: an interpolation error of some 1e-4 pixels
+    assert (found_x[0], found_y[0]) == (pytest.approx(x, abs=1e-2), pytest.approx(y, abs=1e-2))
+
+
+def test_the_optical_axis_is_the_principal_point():
+    for lens in (FISHEYE, PERSPECTIVE):
+        direction = find_directions(
+            lens, x=np.array([lens.principal_point_px[0]]), y=np.array([lens.principal_point_px[1]])
+        )
+        assert direction[0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+
+
+def draw_spot(row, col, shape=(960, 1280)):
+    rows, cols = np.mgrid[: shape[0], : shape[1]]
+    return np.exp(-((rows - row) ** 2 + (cols - col) ** 2) / 50.0).astype(np.float32)
+
+
+@pytest.mark.parametrize("lens", [FISHEYE, PERSPECTIVE], ids=["fisheye", "perspective"])
+def test_aligning_undoes_the_turning(lens):
+    """A point far away, seen by two bands turned against each other, comes to lie on itself."""
+    turned = turn(lens, -0.43, -0.32, 0.5)
+    direction = find_directions(lens, x=np.array([700.0]), y=np.array([300.0]))
+    # where the turned band sees it: d_of = R^T d_onto
+    x, y = project(turned, direction @ _rotation(turned))
+    assert np.hypot(x[0] - 700.0, y[0] - 300.0) > 8.0
+    found = align(draw_spot(y[0], x[0]), of=turned, onto=lens)
+    row, col = np.unravel_index(np.nanargmax(found), found.shape)
+    assert (row, col) == (300, 700)
+
+
+def test_turning_about_x_moves_the_image_along_y():
+    """omega = +1 degree turns the band's axis upwards: what lies straight ahead is lower in its image."""
+    lens = PERSPECTIVE
+    direction = np.array([[0.0, 0.0, 1.0]])
+    x, y = project(lens, direction @ _rotation(turn(lens, omega=1.0)))
+    assert x[0] == pytest.approx(lens.principal_point_px[0], abs=0.1)
+    assert y[0] - lens.principal_point_px[1] == pytest.approx(1449.4 * np.tan(np.radians(1.0)), rel=0.01)
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
+def test_equal_bands_stay_as_they_are(omega, phi, kappa):
+    lens = turn(dataclasses.replace(FISHEYE, principal_point_px=(40.0, 30.0)), omega, phi, kappa)
+    plane = seeded(4).random((60, 80)).astype(np.float32)
+    found = align(plane, of=lens, onto=lens)
+    np.testing.assert_allclose(found[1:-1, 1:-1], plane[1:-1, 1:-1], atol=2e-3)
+
+
+def test_where_the_other_band_did_not_look_there_is_nothing():
+    found = align(np.ones((960, 1280), np.float32), of=turn(PERSPECTIVE, phi=5.0), onto=PERSPECTIVE)
+    assert np.isnan(found).any(axis=0).sum() > 80
+    assert np.nanmin(found) == pytest.approx(1.0)
+
+
+def test_a_band_of_a_radiance_camera_needs_its_relatives_too():
+    band = Multispectral(system="micasense", band="red", band_name="Red", capture_id="c", geometry=None)
+    maps = {
+        name: reflectance.BandMap(
+            header=make_header(dataclasses.replace(band, band=name)), reflectance=np.ones((2, 2), np.float32)
+        )
+        for name in ("nir", "red")
+    }
+    with pytest.raises(InputRejected, match="RigRelatives"):
+        reflectance.compute_index("ndvi", maps)

@@ -1,0 +1,258 @@
+"""From raw numbers to irradiance or radiance, a stage at a time, against figures worked out by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from captures import CAMERA, make_header, seeded
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radiometry.errors import InputRejected
+from radiometry.exposure import Exposure, Settings
+from radiometry.frame import Frame
+from radiometry.multispectral import (
+    Multispectral,
+    RadialVignetting,
+    RadianceModel,
+    SensorModel,
+    VignettingPolynomial,
+)
+from radiometry.reflectance import micasense, sequoia
+from radiometry.reflectance.features import extract_features, measure_gradient
+from radiometry.reflectance.imaging import compute_signal
+from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial, evaluate_radial
+from radiometry.reflectance.simulation import LENS, simulate_sequoia_capture
+from radiometry.roi import Polygon, Window
+
+SETTINGS = Settings(exposure_time_s=0.003, f_number=2.2, iso=206.0)
+MODEL = SensorModel(a=310316.1, b=3067.5, c=4773.6)
+# Published for rows y = 0, .25, .. 1 and columns x = 0, .25, .. 1.
+GRID = [
+    [0.71, 0.89, 0.94, 0.91, 0.75],
+    [0.79, 0.94, 0.98, 0.95, 0.83],
+    [0.81, 0.95, 0.98, 0.96, 0.85],
+    [0.77, 0.92, 0.96, 0.93, 0.80],
+    [0.66, 0.85, 0.90, 0.85, 0.69],
+]
+
+
+def whole(height, width):
+    return Window(row0=0, col0=0, height=height, width=width)
+
+
+def cut(frame, window):
+    """The same frame, of which only a window was read."""
+    rows = slice(window.row0, window.row0 + window.height)
+    cols = slice(window.col0, window.col0 + window.width)
+    return dataclasses.replace(
+        frame, samples_dn=frame.samples_dn[rows, cols], row0=window.row0, col0=window.col0
+    )
+
+
+def test_vignetting_grid_is_the_published_one():
+    share = evaluate_polynomial(LENS, whole(5, 5), size=FrameSize(height_px=4, width_px=4))
+    np.testing.assert_array_equal(share.round(2), GRID)
+
+
+def test_transposing_the_lens_transposes_its_share():
+    turned = VignettingPolynomial(
+        exponents=tuple((y, x) for x, y in LENS.exponents), coefficients=LENS.coefficients
+    )
+    share = evaluate_polynomial(LENS, whole(30, 40), size=FrameSize(height_px=30, width_px=40))
+    other = evaluate_polynomial(turned, whole(40, 30), size=FrameSize(height_px=40, width_px=30))
+    np.testing.assert_allclose(other.T, share, rtol=1e-14)
+
+
+def test_each_stage_of_a_sequoia_by_hand():
+    light = sequoia.subtract_black(np.array([[24125, 3000]], np.uint16), black_dn=3067.5)
+    assert light.tolist() == [[21057.5, -67.5]]
+    even = correct_vignetting(light, np.array([[0.5, 2.0]]))
+    assert even.tolist() == [[42115.0, -33.75]]
+    # 4.84 / (310316.1 * 0.003 * 206 + 4773.6) = 2.4624909e-05
+    irradiance = sequoia.scale_to_irradiance(even, model=MODEL, settings=SETTINGS)
+    assert irradiance == pytest.approx(even * 2.4624909e-05, rel=1e-6)
+
+
+def test_each_stage_of_a_micasense_camera_by_hand():
+    light = micasense.subtract_black(np.array([[4800, 37568]], np.uint16), black_dn=4800.0, bits=16)
+    assert light.tolist() == [[0.0, 0.5]]
+    model = RadianceModel(a1=2e-4, a2=1e-6, a3=1e-3)
+    settings = Settings(exposure_time_s=0.001, f_number=2.8, iso=200.0)
+    found = micasense.scale_to_radiance(np.full((1, 2), 0.5), model=model, settings=settings, row0=100)
+    # L = (2e-4 / 2) 0.5 / (0.001 + 1e-6 * 100 - 1e-3 * 0.001 * 100)
+    assert found == pytest.approx(np.full((1, 2), 5e-5 / 0.001), rel=1e-12)
+    lens = RadialVignetting(centre_x_px=3.0, centre_y_px=4.0, coefficients=(-0.01, 0.001))
+    share = evaluate_radial(lens, whole(5, 1))
+    assert share[0, 0] == pytest.approx(1.0 - 0.01 * 5.0 + 0.001 * 25.0)  # r = 5
+    assert micasense.panel_irradiance(0.17028382, albedo=0.67) == pytest.approx(0.79845, abs=5e-6)
+
+
+def test_a_row_s_exposure_grows_along_the_rows():
+    model = RadianceModel(a1=1.0, a2=1e-6, a3=0.0)
+    settings = Settings(exposure_time_s=0.001, f_number=2.8, iso=100.0)
+    found = micasense.scale_to_radiance(np.ones((3, 2)), model=model, settings=settings, row0=10)
+    assert found[:, 0] == pytest.approx([1 / 0.00101, 1 / 0.001011, 1 / 0.001012], rel=1e-12)
+
+
+def test_a_miswritten_exposure_is_put_right():
+    model = RadianceModel(a1=1.0, a2=0.0, a3=0.0)
+    settings = Settings(exposure_time_s=1 / 6329, f_number=2.8, iso=100.0)
+    found = micasense.scale_to_radiance(np.ones((1, 1)), model=model, settings=settings, row0=0)
+    assert found[0, 0] == pytest.approx(1 / 0.000274)
+
+
+@pytest.mark.parametrize("c", [-1e9, -310316.1 * 0.003 * 206.0])
+def test_a_sensor_without_response_is_refused(c):
+    model = dataclasses.replace(MODEL, c=c)
+    with pytest.raises(InputRejected, match="no positive response"):
+        sequoia.scale_to_irradiance(np.ones((1, 1)), model=model, settings=SETTINGS)
+
+
+@pytest.mark.parametrize("constant", [0.0, 0.04, 2.1, -1.0])
+def test_a_polynomial_that_is_no_lens_is_refused(constant):
+    lens = VignettingPolynomial(exponents=((0, 0),), coefficients=(constant,))
+    with pytest.raises(InputRejected, match="not a lens"):
+        evaluate_polynomial(lens, whole(2, 2), size=FrameSize(height_px=2, width_px=2))
+    radial = RadialVignetting(centre_x_px=-1.0, centre_y_px=0.0, coefficients=(constant - 1.0,))
+    with pytest.raises(InputRejected, match="not a lens"):
+        evaluate_radial(radial, whole(1, 1))
+
+
+@given(st.integers(0, 100), st.integers(0, 130), st.integers(1, 20), st.integers(1, 30), st.booleans())
+def test_a_window_gives_what_the_whole_frame_gives(row0, col0, height, width, radial):
+    header, frame, exposure = MICASENSE if radial else SEQUOIA
+    full = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    window = Window(row0=row0, col0=col0, height=height, width=width)
+    part = compute_signal(cut(frame, window), header=header, settings=exposure.on_basis("nominal"))
+    np.testing.assert_array_equal(part, full[row0 : row0 + height, col0 : col0 + width])
+
+
+def make_sequoia():
+    shot = simulate_sequoia_capture(CAMERA, seeded(), reflectance={"red": 0.2})["red"]
+    return shot.header, shot.frame, shot.exposure
+
+
+def make_micasense():
+    samples = (seeded(2).integers(300, 4095, (120, 160)) * 16).astype(np.uint16)
+    band = Multispectral(
+        system="micasense",
+        band="blue",
+        band_name="Blue",
+        full_scale_dn=65520.0,
+        radiance_model=RadianceModel(a1=1.5e-4, a2=1.2e-7, a3=1.4e-6),
+        radial_vignetting=RadialVignetting(centre_x_px=82.0, centre_y_px=55.0, coefficients=(-1e-4, 1e-6)),
+    )
+    frame = Frame(
+        samples_dn=samples,
+        row0=0,
+        col0=0,
+        height_px=120,
+        width_px=160,
+        cfa="grey",
+        black_level_dn=(4800.0,),
+        white_level_dn=(65520.0,),
+    )
+    return make_header(band), frame, Exposure(exposure_time_s=0.001, f_number=2.8, iso=100.0)
+
+
+SEQUOIA, MICASENSE = make_sequoia(), make_micasense()
+
+
+def test_vignetting_before_black_is_the_public_scripts_mistake():
+    """p / V - B instead of (p - B) / V: too much by B (1/V - 1), here 17 % of the corner's signal."""
+    samples, black_dn, share = np.array([[15000]], np.uint16), 5000.0, np.array([[0.71]])
+    right = correct_vignetting(sequoia.subtract_black(samples, black_dn=black_dn), share)
+    wrong = samples / share - black_dn
+    assert right[0, 0] == pytest.approx(10000 / 0.71)
+    assert (wrong - right)[0, 0] == pytest.approx(5000 * (1 / 0.71 - 1))
+    assert (wrong / right)[0, 0] == pytest.approx(1.145)
+
+
+def test_an_even_surface_is_even_after_black_then_vignetting():
+    """The order decides: dividing by the lens before black leaves the corners of an even surface brighter."""
+    quiet = dataclasses.replace(CAMERA, read_noise_dn=0.0, electrons_at_full_scale=1e12)
+    shot = simulate_sequoia_capture(quiet, seeded(), reflectance={"nir": 0.2})["nir"]
+    signal = compute_signal(shot.frame, header=shot.header, settings=shot.exposure.on_basis("nominal"))
+    # only steps of 64 numbers are left, in the darkest corner 32 / (0.66 * 23000)
+    assert np.ptp(signal) / signal.mean() < 2 * 32 / (0.66 * 15000)
+    size = FrameSize(height_px=120, width_px=160)
+    share = evaluate_polynomial(LENS, whole(120, 160), size=size)
+    wrong = shot.frame.samples_dn / share - shot.header.multispectral.sensor_model.b
+    assert wrong[-1, 0] / wrong[60, 80] > 1.10
+
+
+def test_a_file_of_another_camera_is_refused():
+    _, frame, exposure = SEQUOIA
+    with pytest.raises(InputRejected, match="does not say which band") as refusal:
+        compute_signal(frame, header=make_header(None), settings=exposure.on_basis("nominal"))
+    assert refusal.value.code == "sensor_model_unusable"
+
+
+@pytest.mark.parametrize(
+    ("made", "lost"),
+    [
+        (SEQUOIA, "sensor_model"),
+        (SEQUOIA, "vignetting_polynomial"),
+        (MICASENSE, "radiance_model"),
+        (MICASENSE, "radial_vignetting"),
+    ],
+)
+def test_a_band_without_its_model_is_refused(made, lost):
+    header, frame, exposure = made
+    band = dataclasses.replace(header.multispectral, **{lost: None})
+    with pytest.raises(InputRejected, match="no readable"):
+        compute_signal(
+            frame,
+            header=dataclasses.replace(header, multispectral=band),
+            settings=exposure.on_basis("nominal"),
+        )
+
+
+def test_features_are_those_of_the_region():
+    header, frame, exposure = SEQUOIA
+    region = Polygon.from_points([(20, 30), (60, 30), (60, 50), (20, 50)])
+    found = extract_features(frame, region, header=header, exposure=exposure)
+    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))[30:50, 20:60]
+    assert found.i_sq == pytest.approx(signal.mean(), rel=1e-12)
+    assert found.i_sq_std == pytest.approx(signal.std(ddof=1), rel=1e-12)
+    # noise far above the steps of 64: rounding averages out
+    assert found.i_sq_standard_uncertainty == pytest.approx(signal.std(ddof=1) / np.sqrt(800), rel=1e-6)
+    assert (found.band, found.statistics.channel, found.statistics.n) == ("red", "red", 800)
+    assert found.i_sq_unit == "1"
+    assert extract_features(MICASENSE[1], region, header=MICASENSE[0], exposure=MICASENSE[2]).i_sq_unit == (
+        "W/(m2*sr*nm)"
+    )
+
+
+def test_rounding_in_steps_does_not_average_out_without_noise():
+    header, frame, exposure = SEQUOIA
+    flat = dataclasses.replace(frame, samples_dn=np.full_like(frame.samples_dn, 64 * 300))
+    lens = VignettingPolynomial(exponents=((0, 0),), coefficients=(1.0,))
+    band = dataclasses.replace(header.multispectral, vignetting_polynomial=lens)
+    header = dataclasses.replace(header, multispectral=band)
+    region = Polygon.from_points([(20, 30), (60, 30), (60, 50), (20, 50)])
+    found = extract_features(flat, region, header=header, exposure=exposure)
+    expected = 64 / np.sqrt(12) / (64 * 300 - band.sensor_model.b)
+    assert found.i_sq_standard_uncertainty / found.i_sq == pytest.approx(expected, rel=1e-9)
+
+
+@given(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
+def test_gradient_is_the_range_of_the_plane(across, down):
+    rows, cols = np.mgrid[:21, :31]
+    plane = 1.0 + across * (cols - 15) / 30 + down * (rows - 10) / 20
+    inside = np.ones(plane.shape, bool)
+    assert measure_gradient(plane, inside) == pytest.approx(abs(across) + abs(down), abs=1e-12)
+    assert measure_gradient(plane.T, inside.T) == pytest.approx(abs(across) + abs(down), abs=1e-12)
+
+
+def test_noise_is_no_gradient():
+    signal = 1.0 + 0.03 * seeded().standard_normal((40, 60))
+    expected = 2 * np.sqrt(12) * 0.03 / np.sqrt(2400)
+    assert measure_gradient(signal, np.ones(signal.shape, bool)) < 2 * expected
+
+
+def test_a_line_has_no_gradient():
+    inside = np.zeros((5, 5), bool)
+    inside[2] = True
+    assert measure_gradient(np.arange(25.0).reshape(5, 5), inside) == 0.0

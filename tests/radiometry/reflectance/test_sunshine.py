@@ -1,0 +1,218 @@
+"""The sunshine sensor's readings: gains, validity, choice, spread, and the mistakes not to make."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from captures import TABLE, flags_of, make_band, make_record
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radiometry.errors import InputRejected
+from radiometry.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineIrradiance
+from radiometry.reflectance.gains import measure_gains
+from radiometry.reflectance.sunshine import list_readings, measure_sunshine
+
+
+def test_relative_gains_of_the_procedure_s_table():
+    gains = measure_gains(TABLE)
+    assert sorted(gains) == [0, 1, 2]  # index 3 is saturated in CH0
+    assert gains[0].value == pytest.approx(0.03333, abs=5e-6)
+    assert gains[1].value == 1.0
+    assert gains[2].value == pytest.approx(12.0909, abs=5e-5)
+
+
+def test_a_gain_saturated_in_one_channel_is_usable_in_the_other():
+    gains = measure_gains(TABLE, channel="ch1")
+    assert sorted(gains) == [0, 1, 2, 3]
+    assert gains[3].value == pytest.approx(38630 / 84)
+    assert gains[3].value / gains[2].value == pytest.approx(25.65, abs=5e-3)
+
+
+def test_gains_carry_the_rounding_of_their_counts():
+    gains = measure_gains(TABLE)
+    assert gains[0].u_rel == pytest.approx(math.sqrt(1 / 12) * math.hypot(1 / 11, 1 / 330))
+    assert gains[0].u_rel == pytest.approx(0.0263, abs=5e-5)
+    assert gains[1].u_rel == 0.0
+
+
+def test_the_table_s_integration_times_count():
+    slow = tuple(
+        dataclasses.replace(row, integration_time_s=0.3) if row.gain_index == 2 else row for row in TABLE
+    )
+    assert measure_gains(slow)[2].value == pytest.approx(2 * 3990 / 330)
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        (),
+        (GainMeasurement(gain_index=1, integration_time_s=0.6, ch0=0, ch1=0),),
+        (GainMeasurement(gain_index=1, integration_time_s=0.6, ch0=65535, ch1=0),),
+        (GainMeasurement(gain_index=1, integration_time_s=0.0, ch0=330, ch1=84),),
+    ],
+)
+def test_without_a_reference_only_the_reference_has_a_gain(reference):
+    gains = measure_gains((*TABLE[:1], *TABLE[2:], *reference))
+    assert {index: gain.value for index, gain in gains.items()} == {1: 1.0}
+
+
+def test_a_reading_at_index_two_is_brought_to_index_one():
+    """5200 counts at index 2 are 430.08 at index 1."""
+    one, two = list_readings(make_band(make_record(ch0=430), make_record(ch0=5200, gain_index=2)).counts)
+    assert two.i_ss * 0.1 == pytest.approx(430.08, abs=5e-3)
+    assert one.i_ss == pytest.approx(4300.0)
+
+
+def test_dividing_by_the_gain_index_is_the_public_scripts_mistake():
+    """It calls 5200 counts at index 2 six times as bright as they are, and index 0 has no answer at all."""
+    (right,) = list_readings(make_band(make_record(ch0=5200, gain_index=2)).counts)
+    wrong = 5200 / (2 * 0.1)
+    assert wrong / right.i_ss == pytest.approx(6.045, abs=5e-4)
+    (dark,) = list_readings(make_band(make_record(ch0=14, gain_index=0)).counts)
+    assert dark.i_ss == pytest.approx(14 / (11 / 330 * 0.1))
+    with pytest.raises(ZeroDivisionError):
+        14 / (0 * 0.1)
+
+
+INVALID = {
+    "saturated count": make_record(ch0=65535),
+    "unknown gain": make_record(gain_index=3),
+    "no light": make_record(ch0=0),
+    "no integration time": make_record(integration_time_s=0.0),
+}
+
+
+@pytest.mark.parametrize("reason", INVALID)
+def test_an_invalid_reading_is_left_out_by_name(reason):
+    found = measure_sunshine(make_band(make_record(), INVALID[reason], make_record()))
+    assert (found.readings, found.left_out) == (2, (reason,))
+    assert found.i_ss == pytest.approx(4300.0)
+    assert flags_of(found.flags) == {"sunshine_readings_left_out"}
+
+
+@pytest.mark.parametrize("reason", INVALID)
+def test_no_valid_reading_is_an_error_by_name(reason):
+    with pytest.raises(InputRejected, match=reason) as refusal:
+        measure_sunshine(make_band(INVALID[reason], INVALID[reason]))
+    assert refusal.value.code == "sunshine_missing"
+    assert "panel_only" in refusal.value.message
+
+
+def test_no_readings_at_all_are_told_with_the_file_s_reason():
+    band = Multispectral(
+        system="sequoia", band="nir", band_name="NIR", sunshine_missing="the file has no IrradianceList"
+    )
+    with pytest.raises(InputRejected, match="has no IrradianceList"):
+        measure_sunshine(band)
+
+
+SERIES = tuple(make_record(time_us=200_000 * n, ch0=400 + 10 * n) for n in range(5))
+
+
+@pytest.mark.parametrize(("choice", "expected"), [("mean", 4200.0), ("last", 4400.0), ("nearest", 4300.0)])
+def test_which_reading_is_taken(choice, expected):
+    found = measure_sunshine(make_band(*SERIES, exposed_at_us=690_000), choice=choice)
+    assert found.i_ss == pytest.approx(expected)
+    assert found.spread_rel == pytest.approx(np.std([40, 41, 42, 43, 44], ddof=1) / 42)
+    assert (found.readings, found.choice) == (5, choice)
+    assert found.flags == ()
+
+
+def test_nearest_without_a_time_is_the_last_and_flagged():
+    found = measure_sunshine(make_band(*SERIES), choice="nearest")
+    assert found.i_ss == pytest.approx(4400.0)
+    assert flags_of(found.flags) == {"sunshine_time_unknown"}
+
+
+def test_a_single_reading_says_that_its_scatter_is_unknown():
+    found = measure_sunshine(make_band(make_record()))
+    assert found.spread_rel is None
+    assert flags_of(found.flags) == {"sunshine_single_reading"}
+    assert found.standard_uncertainty / found.i_ss == pytest.approx(math.sqrt(1 / 12) / 430)
+
+
+def test_equal_counts_keep_the_whole_rounding_error():
+    """Ten times 14 counts are no better known than once: 2.06 %."""
+    found = measure_sunshine(make_band(*[make_record(ch0=14)] * 10))
+    assert found.spread_rel == 0.0
+    assert found.standard_uncertainty / found.i_ss == pytest.approx(0.02062, abs=1e-5)
+
+
+def test_noise_across_the_steps_averages_the_rounding_out():
+    counts = [430 + step for step in (-3, 2, 0, 3, -1, 1, -2, 0, 2, -2)]
+    found = measure_sunshine(make_band(*[make_record(ch0=count) for count in counts]))
+    expected = np.std(counts, ddof=1) / np.mean(counts) / math.sqrt(10)
+    assert found.standard_uncertainty / found.i_ss == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_stated_uncertainty_is_the_scatter_of_the_mean():
+    """A thousand captures of ten readings of 5.3 counts, whose noise is a third of a count."""
+    random = np.random.default_rng(3)
+    errors, stated = [], []
+    for _ in range(1000):
+        counts = np.rint(5.3 + 0.35 * random.standard_normal(10)).astype(int)
+        found = measure_sunshine(make_band(*[make_record(ch0=int(count)) for count in counts]))
+        errors.append(found.i_ss / 53.0 - 1.0)
+        stated.append(found.standard_uncertainty / 53.0)
+    actual = math.sqrt(np.mean(np.square(errors)))
+    assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(actual, rel=0.25)
+
+
+def test_old_records_take_the_usual_gain_and_time_and_say_so():
+    old = dataclasses.replace(make_record(ch0=620), gain_index=None, integration_time_s=None)
+    band = make_band(old, old)
+    band = dataclasses.replace(band, counts=dataclasses.replace(band.counts, record_bytes=24))
+    found = measure_sunshine(band)
+    assert found.i_ss == pytest.approx(6200.0)
+    assert flags_of(found.flags) == {"sunshine_gain_assumed"}
+    assert "24 bytes" in found.flags[0].detail
+
+
+def test_without_a_table_readings_at_the_reference_are_used_and_others_not():
+    found = measure_sunshine(make_band(make_record(), make_record(gain_index=2, ch0=5200), gains=()))
+    assert (found.i_ss, found.readings) == (pytest.approx(4300.0), 1)
+    assert found.left_out == ("unknown gain",)
+    assert "sunshine_gain_table_missing" in flags_of(found.flags)
+
+
+def test_readings_at_several_gains_are_one_light():
+    found = measure_sunshine(make_band(make_record(ch0=430), make_record(ch0=5200, gain_index=2)))
+    assert found.gain_indices == (1, 2)
+    assert found.gain_u_rel == measure_gains(TABLE)[2].u_rel
+    assert found.spread_rel < 0.001
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 60000), st.sampled_from([0, 1, 2])), min_size=1, max_size=20),
+    st.sampled_from(["mean", "last", "nearest"]),
+)
+def test_twice_the_time_for_the_same_counts_is_half_the_light(readings, choice):
+    def measure(time_s):
+        records = [make_record(ch0=ch0, gain_index=i, integration_time_s=time_s) for ch0, i in readings]
+        return measure_sunshine(make_band(*records, exposed_at_us=0), choice=choice)
+
+    short, long = measure(0.1), measure(0.2)
+    assert long.i_ss == pytest.approx(short.i_ss / 2, rel=1e-12)
+    assert long.standard_uncertainty / long.i_ss == pytest.approx(
+        short.standard_uncertainty / short.i_ss, rel=1e-9
+    )
+    assert short.standard_uncertainty > 0.0
+
+
+def test_counts_of_no_records_are_no_reading():
+    band = make_band()
+    assert isinstance(band.counts, SunshineCounts)
+    with pytest.raises(InputRejected, match="the list is empty"):
+        measure_sunshine(band)
+
+
+@pytest.mark.parametrize(("origin", "flags"), [("tag", set()), ("dls1", {"sunshine_scale_assumed"})])
+def test_a_light_sensor_s_irradiance_is_taken_as_it_is(origin, flags):
+    light = SunshineIrradiance(irradiance_w_m2_nm=1.08, quantity="spectral", unit_origin=origin)
+    band = Multispectral(system="micasense", band="blue", band_name="Blue", irradiance=light)
+    found = measure_sunshine(band, where="frame 1")
+    assert (found.i_ss, found.unit, found.spread_rel) == (1.08, "W/(m2*nm)", None)
+    assert flags_of(found.flags) == flags | {"sunshine_single_reading"}
+    assert {raised.where for raised in found.flags} == {"frame 1"}

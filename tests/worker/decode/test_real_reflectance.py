@@ -1,0 +1,186 @@
+"""Real captures of a Sequoia and a RedEdge, from the file to irradiance, radiance and reflectance."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from radiometry.exposure import Exposure
+from radiometry.methods import reflectance
+from radiometry.reflectance.alignment import align
+from radiometry.reflectance.caveats import check_frame
+from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial
+from radiometry.reflectance.micasense import panel_irradiance
+from radiometry.reflectance.sequoia import subtract_black
+from radiometry.roi import Polygon, Window
+from worker.decode import reading
+
+# Rows 440 to 519, columns 600 to 679.
+CENTRE = Polygon.from_points([(600, 440), (680, 440), (680, 520), (600, 520)])
+SUFFIXES = {"green": "GRE", "red": "RED", "red_edge": "REG", "nir": "NIR"}
+I_SQ = {"green": 0.531310, "red": 0.231775, "red_edge": 0.259554, "nir": 0.224353}
+
+# The panel in band 1; the other bands see it moved, by so many pixels (x, y), as their edges correlate.
+PANEL = ((809, 613), (648, 615), (646, 454), (808, 452))
+SHIFTS = ((0, 0), (-35, 10), (-35, 38), (20, 43), (0, 20))
+RADIANCE = (0.17028382, 0.17940027, 0.16221727, 0.10647021, 0.13081078)
+ALBEDO = (0.67, 0.69, 0.68, 0.61, 0.67)
+IRRADIANCE = (0.79845, 0.81682, 0.74944, 0.54834, 0.61336)
+
+
+def open_sequoia(folder, band):
+    path = folder / "sequoia" / f"IMG_180413_080658_0000_{SUFFIXES[band]}.TIF"
+    return path, reading.read_header(path)
+
+
+def exposure_of(header):
+    return Exposure(exposure_time_s=header.exposure_time_s, f_number=header.f_number, iso=header.iso)
+
+
+def extract(path, header, polygon):
+    frame = reading.read_window(path, 0, 0, header.height_px, header.width_px)
+    return reflectance.extract(frame, polygon, header=header, exposure=exposure_of(header))
+
+
+@pytest.mark.parametrize("band", I_SQ)
+def test_sequoia_irradiance_of_the_centre(real_files, band):
+    path, header = open_sequoia(real_files, band)
+    found = extract(path, header, CENTRE)
+    assert found.i_sq == pytest.approx(I_SQ[band], abs=1e-6)
+    assert found.statistics.n == 6400
+
+
+def test_sequoia_mean_raw_number_of_the_centre(real_files):
+    assert extract(*open_sequoia(real_files, "green"), CENTRE).statistics.mean_dn == pytest.approx(24125.28)
+
+
+@pytest.mark.parametrize(
+    ("band", "counts"), [("green", 34.0), ("red", 28.0), ("red_edge", 5.2), ("nir", 14.0)]
+)
+def test_sequoia_sunshine(real_files, band, counts):
+    """Ten readings at gain index 1 and 100 ms each."""
+    _, header = open_sequoia(real_files, band)
+    found = reflectance.measure_sunshine(header.multispectral)
+    assert found.i_ss == pytest.approx(counts / 0.1)
+    assert (found.readings, found.gain_indices, found.flags) == (10, (1,), ())
+    nearest = reflectance.measure_sunshine(header.multispectral, choice="nearest")
+    last = reflectance.measure_sunshine(header.multispectral, choice="last")
+    assert nearest.i_ss == last.i_ss
+
+
+@pytest.mark.parametrize(
+    ("band", "error"), [("green", 0.0372), ("red", 0.0467), ("nir", 0.0667), ("red_edge", 0.1944)]
+)
+def test_vignetting_before_black_errs_by_4_to_19_per_cent_in_a_real_corner(real_files, band, error):
+    """The public scripts' order, p / V - B, in the 40 x 40 pixels of the top left corner."""
+    path, header = open_sequoia(real_files, band)
+    told = header.multispectral
+    samples = reading.read_window(path, 0, 0, 40, 40).samples_dn
+    size = FrameSize(height_px=header.height_px, width_px=header.width_px)
+    window = Window(row0=0, col0=0, height=40, width=40)
+    share = evaluate_polynomial(told.vignetting_polynomial, window, size=size)
+    right = correct_vignetting(subtract_black(samples, black_dn=told.sensor_model.b), share)
+    wrong = samples / share - told.sensor_model.b
+    assert wrong.mean() / right.mean() - 1 == pytest.approx(error, abs=5e-4)
+
+
+def test_the_green_band_s_two_blacks_disagree(real_files):
+    """SensorModel says 3067.5, the black level 4973.25: 9 % of this panel's signal. The others agree."""
+    raised = {band: check_frame(open_sequoia(real_files, band)[1]) for band in SUFFIXES}
+    assert {band: [each.flag for each in flags] for band, flags in raised.items()} == {
+        "green": ["black_level_disagrees"],
+        "red": [],
+        "red_edge": [],
+        "nir": [],
+    }
+
+
+def test_a_real_capture_calibrates_and_gives_its_own_reflectance_back(real_files):
+    """K by hand for green: 0.2 * 340 / 0.531310 = 127.986."""
+    rows, readings = [], []
+    for band in SUFFIXES:
+        path, header = open_sequoia(real_files, band)
+        features = extract(path, header, CENTRE)
+        rows.append(
+            reflectance.FrameRow(
+                frame=path.name, role="panel", header=header, exposure=exposure_of(header), features=features
+            )
+        )
+        readings.append(
+            reflectance.Reading(panel="P", band=band, reflectance=0.2, standard_uncertainty=0.004)
+        )
+    fit = reflectance.fit(rows, readings, reflectance.Params())
+    ks = {each.coefficient.band: each.coefficient.reflectance_k for each in fit.band_fits}
+    assert ks["green"] == pytest.approx(0.2 * 340.0 / 0.531310, rel=1e-5)
+    assert ks["red_edge"] == pytest.approx(0.2 * 52.0 / 0.259554, rel=1e-5)
+    coefficients = [each.coefficient for each in fit.band_fits]
+    for row in rows:
+        found = reflectance.apply(row.features, header=row.header, coefficients=coefficients)
+        assert found.reflectance.value == pytest.approx(0.2, rel=1e-12)
+
+
+@pytest.mark.parametrize("number", range(1, 6))
+def test_rededge_panel_radiance_and_irradiance(real_files, number):
+    """The maker's own library gives these, of undistorted images and corners it detects itself."""
+    path = real_files / "rededge" / f"0000SET_000_IMG_0000_{number}.tif"
+    header = reading.read_header(path)
+    dx, dy = SHIFTS[number - 1]
+    found = extract(path, header, Polygon.from_points([(x + dx, y + dy) for x, y in PANEL]))
+    assert found.i_sq_unit == "W/(m2*sr*nm)"
+    assert found.i_sq == pytest.approx(RADIANCE[number - 1], rel=1e-3)
+    irradiance = panel_irradiance(found.i_sq, albedo=ALBEDO[number - 1])
+    assert irradiance == pytest.approx(IRRADIANCE[number - 1], rel=1e-3)
+    assert found.statistics.saturated_share == 0.0
+
+
+def test_rededge_light_sensor_and_panel_tell_of_one_sky(real_files):
+    """DLS 1.085 W/m2/nm hung 11 degrees off level; the panel saw 0.798: the same unit, not 100 times more."""
+    header = reading.read_header(real_files / "rededge" / "0000SET_000_IMG_0000_1.tif")
+    found = reflectance.measure_sunshine(header.multispectral)
+    assert found.i_ss == pytest.approx(1.084825, abs=1e-6)
+    assert 0.7 < found.i_ss / IRRADIANCE[0] < 1.5
+
+
+def test_saturated_pixels_of_a_real_flight_capture_are_counted(real_files):
+    """The brightest number is 65520: with 65535 none of these 1829 would count."""
+    path = real_files / "rededge" / "0000SET_000_IMG_0001_1.tif"
+    header = reading.read_header(path)
+    whole = Polygon.from_points([(0, 0), (1280, 0), (1280, 960), (0, 960)])
+    share = extract(path, header, whole).statistics.saturated_share
+    assert share == pytest.approx(1829 / (1280 * 960))
+
+
+def _edges(plane):
+    smooth = ndimage.gaussian_filter(np.nan_to_num(plane.astype(float), nan=3000.0), 1.5)
+    return np.hypot(*np.gradient(np.log(np.maximum(smooth, 3000.0) - 2500.0)))
+
+
+def _shift(one, other):
+    """By how many pixels (down, right) the second shows what the first does: their edges' correlation."""
+    weight = np.outer(np.hanning(one.shape[0]), np.hanning(one.shape[1]))
+    spectra = [np.fft.fft2((part - part.mean()) * weight) for part in (one, other)]
+    found = np.fft.ifft2(np.conj(spectra[0]) * spectra[1]).real
+    row, col = np.unravel_index(found.argmax(), found.shape)
+    half = one.shape[0] // 2
+    return np.array([(row + half) % one.shape[0] - half, (col + half) % one.shape[1] - half])
+
+
+def test_alignment_leaves_the_parallax_of_a_square_rig(real_files):
+    """The sense of the rotations, found on a scene close by.
+
+    The four lenses of a Sequoia sit on a square, so once the turning is undone the near scene must be moved
+    straight down in red, straight left in red edge, and by the sum of both in near infrared. No other sense
+    or order of the rotations gives that: the raw images are moved by (30, 24), (19, -46) and (62, -10).
+    """
+    part = np.s_[350:606, 920:1176]
+    _, onto = open_sequoia(real_files, "green")
+    frames = {}
+    for band in SUFFIXES:
+        path, header = open_sequoia(real_files, band)
+        plane = reading.read_window(path, 0, 0, 960, 1280).samples_dn.astype(np.float32)
+        frames[band] = align(plane, of=header.multispectral.geometry, onto=onto.multispectral.geometry)
+    edges = {band: _edges(plane)[part] for band, plane in frames.items()}
+    red, red_edge, nir = (_shift(edges["green"], edges[band]) for band in ("red", "red_edge", "nir"))
+    assert abs(red[1]) <= 2
+    assert abs(red_edge[0]) <= 2
+    assert abs(abs(red[0]) - abs(red_edge[1])) <= 3
+    assert np.abs(nir - red - red_edge).max() <= 2
