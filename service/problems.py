@@ -40,7 +40,6 @@ class HttpCode(StrEnum):
     PURGE_OUTDATED = "purge_outdated"
     NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"
     PREVIEW_NOT_READY = "preview_not_ready"
-    NOT_ACCEPTABLE = "not_acceptable"
     METHOD_MISMATCH = "method_mismatch"
     INTERNAL_ERROR = "internal_error"
 
