@@ -12,6 +12,7 @@ from radiometry.multispectral import RigGeometry
 Grid = NDArray[np.float64]
 
 _WIDEST_RAD = 1.4
+_NOWHERE_PX = -10.0
 _UNDISTORT_STEPS = 20
 
 
@@ -32,15 +33,26 @@ def align(
     Source: Pix4D, "How are the internal and external camera parameters defined?" (lens models); the sense of
     R was found on a real Sequoia capture, see the tests
     """
-    onto, of = _require(onto), _require(of)
-    rows, cols = (np.arange(size, dtype=np.float64) for size in plane.shape)
-    directions = find_directions(
-        onto, x=np.broadcast_to(cols, plane.shape), y=np.broadcast_to(rows[:, None], plane.shape)
-    )
-    turned = directions @ (_rotation(of).T @ _rotation(onto)).T
-    x, y = project(of, turned)
+    x, y = _find_positions(plane.shape, of=_require(of), onto=_require(onto))
     found = ndimage.map_coordinates(plane, [y, x], order=1, mode="constant", cval=np.nan, output=np.float32)
     return np.asarray(found, np.float32)
+
+
+def _find_positions(shape: tuple[int, ...], *, of: RigGeometry, onto: RigGeometry) -> tuple[Grid, Grid]:
+    """Give where (x, y) [px] the band ``of`` sees what each pixel of ``onto`` does; if nowhere, beside it.
+
+    A file's numbers may be any, and resampling at a position that is no number reads beside the memory: what
+    is not finite, or behind the lens, is put beside the image.
+    """
+    rows, cols = (np.arange(size, dtype=np.float64) for size in shape)
+    with np.errstate(all="ignore"):
+        directions = find_directions(
+            onto, x=np.broadcast_to(cols, shape), y=np.broadcast_to(rows[:, None], shape)
+        )
+        turned = directions @ (_rotation(of).T @ _rotation(onto)).T
+        x, y = project(of, turned)
+        seen = np.isfinite(x) & np.isfinite(y) & (turned[..., 2] > 0.0)
+    return np.where(seen, x, _NOWHERE_PX), np.where(seen, y, _NOWHERE_PX)
 
 
 def find_directions(lens: RigGeometry, *, x: Grid, y: Grid) -> Grid:

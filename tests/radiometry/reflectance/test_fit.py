@@ -317,6 +317,17 @@ def test_a_third_visit_bends_the_line():
     assert evaluate_k(coefficient, at_s=1500.0).value == pytest.approx(1000.0)
 
 
+def test_noise_averages_over_the_visits():
+    first, second = (k_of(reflectance.fit(panel(seed), READINGS, PARAMS)) for seed in (1, 2))
+    both = k_of(reflectance.fit([*panel(), *panel(2, minutes=20.0)], READINGS, PARAMS))
+    for source in ("pixel noise", "sunshine readings"):
+        one, two, mean = (
+            next(entry.u_rel for entry in fit.budget if entry.source == source)
+            for fit in (first, second, both)
+        )
+        assert mean == pytest.approx(math.hypot(one, two) / 2)
+
+
 def test_frames_minutes_apart_are_one_visit():
     rows = [*panel(), *panel(2, minutes=4.0), *panel(3, minutes=30.0)]
     found = reflectance.fit(rows, READINGS, PARAMS)

@@ -188,6 +188,23 @@ def test_where_the_other_band_did_not_look_there_is_nothing():
     assert np.nanmin(found) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("which", ["of", "onto"])
+@pytest.mark.parametrize(
+    "wild",
+    [
+        {"focal_length_px": 1e-300},
+        {"distortion": (1e14, -1e14, 1e14, 1e14, 1e14)},
+        {"principal_point_px": (1e14, -1e14)},
+        {"rotation_deg": (0.0, 170.0, 0.0)},
+    ],
+)
+def test_a_lens_that_cannot_be_sees_nothing(wild, which):
+    """Positions that are no numbers must not reach the resampling: it would read beside the memory."""
+    lenses = {"of": PERSPECTIVE, "onto": PERSPECTIVE} | {which: dataclasses.replace(PERSPECTIVE, **wild)}
+    found = align(np.ones((60, 80), np.float32), **lenses)
+    assert np.isnan(found).mean() > 0.99
+
+
 def test_a_band_of_a_radiance_camera_needs_its_relatives_too():
     band = Multispectral(system="micasense", band="red", band_name="Red", capture_id="c", geometry=None)
     maps = {

@@ -1,5 +1,6 @@
 """From raw numbers to irradiance or radiance, a stage at a time, against figures worked out by hand."""
 
+import contextlib
 import dataclasses
 
 import numpy as np
@@ -256,3 +257,30 @@ def test_a_line_has_no_gradient():
     inside = np.zeros((5, 5), bool)
     inside[2] = True
     assert measure_gradient(np.arange(25.0).reshape(5, 5), inside) == 0.0
+
+
+REAL = st.floats(-1e15, 1e15)
+
+
+@given(
+    a=REAL,
+    b=REAL,
+    c=REAL,
+    exponents=st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, max_size=6),
+    data=st.data(),
+)
+def test_whatever_a_file_states_is_a_finite_signal_or_a_refusal(a, b, c, exponents, data):
+    header, frame, exposure = SEQUOIA
+    coefficients = data.draw(st.lists(REAL, min_size=len(exponents), max_size=len(exponents)))
+    band = dataclasses.replace(
+        header.multispectral,
+        sensor_model=SensorModel(a=a, b=b, c=c),
+        vignetting_polynomial=VignettingPolynomial(
+            exponents=tuple(exponents),
+            coefficients=(data.draw(st.sampled_from([0.9, coefficients[0]])), *coefficients[1:]),
+        ),
+    )
+    told = dataclasses.replace(header, multispectral=band)
+    with contextlib.suppress(InputRejected):
+        signal = compute_signal(frame, header=told, settings=exposure.on_basis("nominal"))
+        assert np.isfinite(signal).all()
