@@ -1,11 +1,14 @@
 """Who may: keys, scopes, and organisations that do not see each other."""
 
+from collections import defaultdict
+
 import pytest
 from sqlalchemy import select
 
 from store.queries.keys import find_key
 from store.tables import IdempotentAnswer
 from tests.support.campaigns import calibrate, upload_campaign
+from tests.support.measuring import measure
 
 
 def every_operation(house):
@@ -16,7 +19,7 @@ def every_operation(house):
 
 
 def fill(path: str, ids: dict) -> str:
-    return path.format_map({name: ids[name] for name in ids if f"{{{name}}}" in path})
+    return path.format_map(ids)
 
 
 def smallest_body(operation):
@@ -24,19 +27,7 @@ def smallest_body(operation):
 
 
 def test_every_route_refuses_no_key_and_a_wrong_key(house):
-    ids = dict.fromkeys(
-        (
-            "camera_id",
-            "campaign_id",
-            "calibration_id",
-            "frame_id",
-            "job_id",
-            "key_id",
-            "meter_id",
-            "reading_id",
-        ),
-        "x",
-    )
+    ids = defaultdict(lambda: "x")
     with house.with_key("no such key") as wrong:
         for method, path, operation in every_operation(house):
             body = smallest_body(operation)
@@ -120,6 +111,8 @@ def owned(house):
         "reading_id": house.get(f"/v1/campaigns/{campaign['id']}/readings")["items"][0]["id"],
         "meter_id": house.post("/v1/meters", meter)["id"],
         "key_id": house.get("/v1/keys")["items"][0]["id"],
+        "measurement_id": measure(house, {"id": version["points"][0]["frame_id"]}, version)["id"],
+        "purge_id": house.post("/v1/purges", {"cause": {"software": "0.1.0"}, "reason": "r"})["id"],
     }
 
 

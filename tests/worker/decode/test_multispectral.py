@@ -102,11 +102,7 @@ def test_old_dump_of_24_byte_records(real_files):
     assert (first.yaw_deg, first.pitch_deg, first.roll_deg) == pytest.approx(
         (-75.928, -3.768, -2.574), abs=5e-4
     )
-    assert (second.time_us, second.ch0, second.ch1) == (
-        173012072 - 68,
-        620,
-        315,
-    ) or second.time_us == 173012072
+    assert (second.time_us, second.ch0, second.ch1) == (173012072, 620, 315)
     assert first.gain_index is first.integration_time_s is None
 
 
@@ -139,7 +135,8 @@ def test_records_are_told_apart_by_length_and_times(size, start, steps, counts, 
     assert [r.time_us for r in found.records] == [row[0] for row in rows]
     assert {(r.ch0, r.ch1, r.yaw_deg) for r in found.records} == {(*counts, angle)}
     assert {r.gain_index for r in found.records} == {gain if size == 28 else None}
-    if cut and len(rows) > 2:
+    # a handful of cut records can look like another layout's; a list as cameras write it cannot
+    if cut and len(rows) > 8:
         short = read_counts(text[: -4 * ((cut + 2) // 3)], ())
         assert short.record_bytes == size
         assert [r.time_us for r in short.records] == [row[0] for row in rows[: len(short.records)]]
