@@ -17,7 +17,7 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
 test: $(VENV)/dev  ## every test, on SQLite and on PostgreSQL
-	@pytest -q -n auto --maxprocesses 8 --dist worksteal
+	@pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal
 
 audit: $(VENV)/run  ## is the audit trail whole? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)

@@ -1,6 +1,7 @@
 """Between the science's dataclasses and what the tables keep."""
 
 from dataclasses import asdict
+from functools import cache
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -15,9 +16,15 @@ _EXPOSURE = TypeAdapter(Exposure)
 _STATISTICS = tuple(ChannelStatistics.__dataclass_fields__)
 
 
+@cache
+def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
+    """Built once a type: building costs far more than using."""
+    return TypeAdapter(kind)
+
+
 def encode(value: Any) -> Any:  # noqa: ANN401
     """A dataclass as plain JSON values; tuples become lists, so that what is stored equals what is read."""
-    return TypeAdapter(type(value)).dump_python(value, mode="json")
+    return _adapter(type(value)).dump_python(value, mode="json")
 
 
 def decode_header(stored: dict[str, Any]) -> FrameHeader:

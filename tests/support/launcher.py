@@ -30,6 +30,8 @@ def launched(data: Path, *, parts=("serve", "wait"), before=(), **settings):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # under nohup the launcher would rightly outlive a hang-up, which a test of hang-ups must not
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # noqa: PLW1509
     ) as process:
         process.mark = mark
         try:
