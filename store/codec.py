@@ -1,5 +1,6 @@
 """Between the science's dataclasses and what the tables keep."""
 
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
 from typing import Any
@@ -13,13 +14,9 @@ from store.tables import ChannelRow
 
 _HEADER = TypeAdapter(FrameHeader)
 _EXPOSURE = TypeAdapter(Exposure)
+# one a type, built once: building an adapter costs far more than using it
+_adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 _STATISTICS = tuple(ChannelStatistics.__dataclass_fields__)
-
-
-@cache
-def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
-    """Built once a type: building costs far more than using."""
-    return TypeAdapter(kind)
 
 
 def encode(value: Any) -> Any:  # noqa: ANN401
