@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from radiometry import models
+from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure
-from radiometry.luminance.results import Coefficient, Quantity
+from radiometry.luminance.results import Coefficient
 
 PERCENT = "%"
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from radiometry.evidence import Quantity
 from radiometry.flags import Raised
-from radiometry.luminance.results import Quantity
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,13 +9,14 @@ import numpy as np
 
 from radiometry import methods
 from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure
 from radiometry.flags import Raised
 from radiometry.frame import Frame
 from radiometry.luminance.application import apply_to_signal, choose_coefficient
 from radiometry.luminance.caveats import find_caveats, summarise_cells
 from radiometry.luminance.pixels import PERCENTILES, PixelSignal, order_pixels
-from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect, Quantity
+from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
 from radiometry.measured import Measured, Percentile, Share, Surface
 from radiometry.roi import Polygon, Window, bounding_window
 from radiometry.statistics import ChannelStatistics, Signal, measure_signal

@@ -10,7 +10,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.comparison import Comparison, LuminanceChange, change_luminance, compare_quantities
-from radiometry.luminance.results import Quantity
+from radiometry.evidence import Quantity
 from store.codec import decode_exposure
 from store.measuring import read_coefficients, read_time
 from store.publications import InForce

@@ -7,10 +7,11 @@ import numpy as np
 
 from radiometry import models
 from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure, Settings, require_plausible
 from radiometry.flags import Flag, Raised
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
-from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect, Quantity
+from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
 from radiometry.statistics import ChannelStatistics, Signal, measure_signal
 
 NOISE = "pixel noise"

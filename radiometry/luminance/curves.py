@@ -7,11 +7,12 @@ import numpy as np
 
 from radiometry import models
 from radiometry.errors import Code, InputRejected
+from radiometry.evidence import BudgetEntry
 from radiometry.exposure import expect_luminance_k
 from radiometry.fit import Curve, CurveFit, coverage_factor, fit_curve
 from radiometry.gls import Vector
 from radiometry.luminance.points import Candidate, IsoSeries
-from radiometry.luminance.results import BudgetEntry, Coefficient, IsoFit, ModelFit, Point
+from radiometry.luminance.results import Coefficient, IsoFit, ModelFit, Point
 from radiometry.luminance.rows import MODELS, Params
 
 

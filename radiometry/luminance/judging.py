@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from radiometry.evidence import Exclusion
 from radiometry.luminance.agreement import (
     expect_signals,
     find_repeats,
@@ -15,7 +16,7 @@ from radiometry.luminance.darkness import inspect_darks, name_unusable
 from radiometry.luminance.evenness import inspect_evenness
 from radiometry.luminance.exposing import inspect_exposure
 from radiometry.luminance.points import IsoSeries, collect_series
-from radiometry.luminance.rows import Exclusion, FrameRow, Params, Reading
+from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.statistics import ChannelStatistics, select_rows
 from radiometry.verdicts import Reason, Taken, Verdict, conclude, inspect_frames
 

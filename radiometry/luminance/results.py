@@ -2,18 +2,10 @@
 
 from dataclasses import dataclass
 
+from radiometry.evidence import BudgetEntry, Quantity
 from radiometry.flags import Raised
 
 K_UNIT = "DN*m2/(cd*s)"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quantity:
-    """A reported quantity."""
-
-    value: float
-    standard_uncertainty: float
-    unit: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,16 +66,6 @@ class ModelFit:
     meter_repeatability_rel: float | None
     left_out_max_rel: float | None
     left_out_rms_rel: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class BudgetEntry:
-    """One source's share of u(K): ``kind`` A (from scatter) or B (from elsewhere), relative to K."""
-
-    source: str
-    kind: str
-    u_rel: float
-    variance_share: float
 
 
 @dataclass(frozen=True, kw_only=True)

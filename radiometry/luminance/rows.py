@@ -3,21 +3,13 @@
 import math
 from dataclasses import dataclass
 
+from radiometry.evidence import Exclusion
 from radiometry.exposure import Exposure
 from radiometry.statistics import ChannelStatistics
 
 MODELS = ("proportional", "affine", "power", "semilog")
 CHANNELS = ("green", "grey")
 BASES = ("nominal", "apex")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Exclusion:
-    """A frame that somebody leaves out of the fit: which, why, and who says so."""
-
-    frame: str
-    reason: str
-    by: str
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,16 +29,14 @@ from radiometry.luminance.points import (
 )
 from radiometry.luminance.results import (
     AppliedLuminance,
-    BudgetEntry,
     Coefficient,
     Fit,
     IsoFit,
     ModelFit,
     Point,
-    Quantity,
     SceneSummary,
 )
-from radiometry.luminance.rows import Exclusion, FrameRow, Params, Reading
+from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes
 from radiometry.roi import Polygon, Window, mask
 from radiometry.statistics import ChannelStatistics, compute_statistics
@@ -46,16 +44,13 @@ from radiometry.statistics import ChannelStatistics, compute_statistics
 __all__ = [
     "SCHEMA_VERSION",
     "AppliedLuminance",
-    "BudgetEntry",
     "Coefficient",
-    "Exclusion",
     "Fit",
     "FrameRow",
     "IsoFit",
     "ModelFit",
     "Params",
     "Point",
-    "Quantity",
     "Reading",
     "SceneSummary",
     "apply",

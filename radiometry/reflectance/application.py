@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure
 from radiometry.flags import Flag, Raised
 from radiometry.frame import Frame, FrameHeader
-from radiometry.luminance.results import Quantity
 from radiometry.multispectral import Multispectral
 from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.evaluation import KAtTime, evaluate_k

@@ -5,8 +5,8 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from radiometry.evidence import BudgetEntry
 from radiometry.fit import coverage_factor
-from radiometry.luminance.results import BudgetEntry
 from radiometry.multispectral import Multispectral
 from radiometry.reflectance.evaluation import evaluate_k
 from radiometry.reflectance.points import Candidate

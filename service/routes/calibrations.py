@@ -7,7 +7,8 @@ from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.luminance.rows import Exclusion, Params
+from radiometry.evidence import Exclusion
+from radiometry.luminance.rows import Params
 from service.auth import Calibrator, Caller, Publisher, Reader
 from service.certificate import warn_of_gaps
 from service.context import UsesContext

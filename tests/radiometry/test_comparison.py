@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radiometry.comparison import change_luminance, compare_quantities
+from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure
-from radiometry.luminance.results import Quantity
 from tests.radiometry.coefficients import COEFFICIENT
 
 EXPOSURE = Exposure(

@@ -5,11 +5,12 @@ import math
 
 import pytest
 
+from radiometry.evidence import Exclusion
 from radiometry.flags import Flag
 from radiometry.luminance.agreement import DOUBTFUL_REL
 from radiometry.luminance.dark import estimate_dark
 from radiometry.luminance.judging import judge
-from radiometry.luminance.rows import Exclusion, Params
+from radiometry.luminance.rows import Params
 from radiometry.luminance.wording import show_stops, show_time
 from radiometry.statistics import measure_signal
 from tests.radiometry.evidence import (

@@ -10,11 +10,12 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Exclusion
 from radiometry.exposure import Exposure
 from radiometry.flags import Flag
 from radiometry.luminance.dark import estimate_dark
 from radiometry.methods import luminance
-from radiometry.methods.luminance import Exclusion, FrameRow, Params, Reading
+from radiometry.methods.luminance import FrameRow, Params, Reading
 from radiometry.roi import Polygon
 from radiometry.simulate import Sensor, Shot, render_frame
 from radiometry.statistics import ChannelStatistics, Signal

@@ -21,7 +21,7 @@ from captures import (
 from pydantic import TypeAdapter
 
 from radiometry.errors import InputRejected
-from radiometry.luminance.rows import Exclusion
+from radiometry.evidence import Exclusion
 from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral
 from radiometry.reflectance.evaluation import evaluate_k
