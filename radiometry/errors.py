@@ -27,6 +27,8 @@ class Code(StrEnum):
     BAND_NOT_CALIBRATED = "band_not_calibrated"
     BANDS_NOT_ALIGNED = "bands_not_aligned"
     TILT_NOT_CORRECTABLE = "tilt_not_correctable"
+    FLAT_UNUSABLE = "flat_unusable"
+    VIGNETTING_NOT_CALIBRATED = "vignetting_not_calibrated"
 
 
 class InputRejected(Exception):  # noqa: N818  the name says whose fault it is

@@ -51,6 +51,8 @@ class ReasonCode(StrEnum):
     SCENE_DOUBTFUL = "scene_doubtful", "It disagrees with the other frames of its scene."
     LAMP_DRIFT = "lamp_drift", "The illuminance readings of its scene spread over more than 2 %."
     REDUNDANT = "redundant", "Another frame has the same scene, ISO, time and f-number."
+    # of a flat frame
+    DUST = "dust", "Dust, a mark or a reflection stands in the flat field."
     # of a dark frame
     DARK_NOT_DARK = "dark_not_dark", "It is brighter than other dark frames, or than black, by too much."
 
