@@ -153,7 +153,7 @@ class Flag(StrEnum):
     )
     # of a vignetting fit
     FLAT_LEFT_OUT = "flat_left_out", "A flat frame was left out of the fit: clipped, uneven, weak or unlike."
-    UNEVEN_LIGHT = "uneven_light", "The flat's light changes across the frame by more than 2 %: it was fitted."
+    UNEVEN_LIGHT = "uneven_light", "The light changes by more than 2 % across the frame: it was fitted."
     CENTRE_UNCERTAIN = (
         "centre_uncertain",
         "The fitted centre cannot be told from an uneven light, or the falloff is too small to have one.",
@@ -161,7 +161,7 @@ class Flag(StrEnum):
     DUST = "dust", "Parts of a flat are darker or brighter than around them: they were left out of the fit."
     WEAK_FLAT = "weak_flat", "A flat's signal is less than a tenth of the span from black to white."
     FALLOFF_NOT_MONOTONIC = "falloff_not_monotonic", "Somewhere the fitted light grows towards the corner."
-    FALLOFF_GROWS = "falloff_grows", "The falloff is larger at a higher f-number: no lens's light does so alone."
+    FALLOFF_GROWS = "falloff_grows", "The falloff is larger at a higher f-number than at a lower one."
     VIGNETTING_MISFIT = (
         "vignetting_misfit",
         "The flat departs from the fitted curve by more than 0.5 %: the uncertainty holds it.",
