@@ -7,6 +7,8 @@ from radiometry.exposure import PLAUSIBLE, Exposure, is_plausible
 from radiometry.flags import Flag
 from radiometry.frame import FrameHeader
 
+# What a camera or a converter has made for the eye: 8 bits, a tone curve, and nothing of the sensor's numbers.
+_PICTURES = {"jpeg": "JPEG", "png": "PNG"}
 # A chart is measured for its geometry and sharpness: its exposure enters no equation.
 ROLES_WITH_EXPOSURE = frozenset({"light", "dark", "flat", "panel", "field"})
 ROLES = ROLES_WITH_EXPOSURE | {"chart"}
@@ -51,20 +53,31 @@ class _Value:
     origin: str
 
 
-def accept_frame(header: FrameHeader, *, role: str, supplied: SuppliedExposure, camera: Camera) -> Acceptance:
+def accept_frame(
+    header: FrameHeader,
+    *,
+    role: str,
+    supplied: SuppliedExposure,
+    camera: Camera,
+    manual_exposure: bool = True,
+) -> Acceptance:
     """Accept a frame for a role in a campaign, or say why not.
 
     Each of the three exposure values is the first plausible one of: the file's nominal value, the file's APEX
     value, the value typed in. Zero in a file means "not written". What was typed in never overrules the file.
 
+    ``manual_exposure`` : False for a method whose cameras choose their exposure as they should
+
     Flags  rendered, exposure_not_manual, serial_unknown, exposure_from_apex, exposure_supplied,
            supplied_exposure_ignored
     Raises InputRejected
+      not_a_raw_file if it is a JPEG or PNG picture, unless it shows a chart;
       wrong_camera if the file names another make, model or serial number;
       exposure_missing, exposure_implausible if a value is needed and not to be had; a chart needs none
     """
+    _refuse_pictures(header, role)
     _refuse_other_camera(header, camera)
-    flags = _header_flags(header, manual_required=role in ROLES_WITH_EXPOSURE)
+    flags = _header_flags(header, manual_required=manual_exposure and role in ROLES_WITH_EXPOSURE)
     try:
         found = _find_exposure(header, supplied)
     except InputRejected:
@@ -83,6 +96,17 @@ def accept_frame(header: FrameHeader, *, role: str, supplied: SuppliedExposure, 
         iso_origin=found["iso"].origin,
     )
     return Acceptance(exposure=exposure, flags=tuple(flags))
+
+
+def _refuse_pictures(header: FrameHeader, role: str) -> None:
+    """Refuse a picture wherever light is measured; of a chart it shows the shapes."""
+    picture = _PICTURES.get(header.container)
+    if picture is not None and role != "chart":
+        raise InputRejected(
+            Code.NOT_A_RAW_FILE,
+            f"The file is a {picture} picture, in which the sensor's numbers are lost; only frames of the "
+            f"role chart may be pictures, this one's is {role}. Send the camera's raw file (DNG), or a TIFF.",
+        )
 
 
 def _refuse_other_camera(header: FrameHeader, camera: Camera) -> None:

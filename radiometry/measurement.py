@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry import methods
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure
@@ -18,6 +17,7 @@ from radiometry.luminance.caveats import find_caveats, summarise_cells
 from radiometry.luminance.pixels import PERCENTILES, PixelSignal, order_pixels
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
 from radiometry.measured import Measured, Percentile, Share, Surface
+from radiometry.methods import luminance as method
 from radiometry.roi import Polygon, Window, bounding_window
 from radiometry.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.surface import Cells, Figure, Grid, judge_uniformity, lay_grid
@@ -57,7 +57,6 @@ def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
 
 
 def measure(
-    method: methods.Method,
     frame: Frame,
     request: Request,
     *,
@@ -68,18 +67,18 @@ def measure(
 ) -> Measured:
     """Measure a frame; ``frame`` holds `find_window`'s window, ``calibrated`` the calibration's regions.
 
-    The region's mean and each cell's are `methods.apply` of their statistics: what was calibrated is what is
+    The region's mean and each cell's are `methods.luminance.apply` of their statistics: what was calibrated is what is
     measured. E = pi L / rho holds for a diffuse surface; rho is taken as exact.
 
-    Flags  of `methods.apply`; no_vignetting_correction, roi_elsewhere, observer_differs, rendered
+    Flags  of `methods.luminance.apply`; no_vignetting_correction, roi_elsewhere, observer_differs, rendered
     Raises InputRejected
       iso_not_calibrated, exposure_implausible, fit_failed, roi_empty, grid_invalid
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
-    statistics = methods.extract(method, frame, request.polygon)
-    region = methods.apply(method, statistics, exposure=exposure, coefficients=coefficients)
+    statistics = method.extract(frame, request.polygon)
+    region = method.apply(statistics, exposure=exposure, coefficients=coefficients)
     pixels = order_pixels(frame, request.polygon, channel=coefficient.channel)
-    surface, cell_flags = _measure_surface(method, frame, request, exposure, coefficients)
+    surface, cell_flags = _measure_surface(frame, request, exposure, coefficients)
     measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
     caveats = find_caveats(frame, measured, calibrated, rendered=rendered)
 
@@ -120,7 +119,6 @@ def measure(
 
 
 def _measure_surface(
-    method: methods.Method,
     frame: Frame,
     request: Request,
     exposure: Exposure,
@@ -131,9 +129,8 @@ def _measure_surface(
         return None, ()
     applied = [
         [
-            methods.apply(
-                method,
-                _require_green(methods.extract(method, frame, cell), frame),
+            method.apply(
+                _require_green(method.extract(frame, cell), frame),
                 exposure=exposure,
                 coefficients=coefficients,
             )

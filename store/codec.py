@@ -24,6 +24,11 @@ def encode(value: Any) -> Any:  # noqa: ANN401
     return _adapter(type(value)).dump_python(value, mode="json")
 
 
+def decode(kind: type[Any], stored: Any) -> Any:  # noqa: ANN401
+    """A dataclass from plain JSON values."""
+    return _adapter(kind).validate_python(stored)
+
+
 def decode_header(stored: dict[str, Any]) -> FrameHeader:
     return _HEADER.validate_python(stored)
 

@@ -9,7 +9,7 @@ from sqlalchemy import DateTime, Dialect
 from sqlalchemy.types import TypeDecorator
 
 Prefix = Literal[
-    "org", "key", "cam", "met", "cmp", "roi", "rdg", "frm", "ext", "job", "cal", "pub", "msr", "prg"
+    "org", "key", "cam", "met", "pnl", "cmp", "roi", "rdg", "frm", "ext", "job", "cal", "pub", "msr", "prg"
 ]
 
 

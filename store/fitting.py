@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from dataclasses import replace
 from importlib.metadata import version as package_version
 from typing import Any
 
@@ -10,33 +9,44 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.luminance.results import Fit
-from radiometry.luminance.rows import Params
-from store.codec import encode
+from store.codec import decode, encode
 from store.columns import new_id
 from store.queries.calibrations import next_version
 from store.queries.evidence import Evidence
-from store.software import CODE_VERSION, EXTRACTOR
+from store.queries.frames import extractor_of
+from store.software import CODE_VERSION
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 
 
-def list_missing(campaign: Campaign, evidence: Evidence, params: Params) -> list[str]:
+def make_params(campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the method's own)
+    """A fit's parameters: what somebody says, what the campaign says, and the method's defaults."""
+    if campaign.method == "luminance":
+        said["panel_rho"] = campaign.surface_reflectance
+    return methods.describe(campaign.method).params(**said)
+
+
+def read_params(campaign: Campaign, stored: dict[str, Any]) -> Any:  # noqa: ANN401 (the method's own)
+    return decode(methods.describe(campaign.method).params, stored)
+
+
+def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[str]:  # noqa: ANN401
     """What a fit still needs, by name; empty when it can start."""
     return list(
         methods.missing(campaign.method, evidence.frames, evidence.readings, params, unread=evidence.unread)
     )
 
 
-def with_campaign(params: Params, campaign: Campaign) -> Params:
-    """What the campaign says of the target goes into every fit of it."""
-    return replace(params, panel_rho=campaign.surface_reflectance)
-
-
 def write_version(
-    session: Session, campaign: Campaign, evidence: Evidence, params: Params, fit: Fit, *, by: str
+    session: Session,
+    campaign: Campaign,
+    evidence: Evidence,
+    params: Any,  # noqa: ANN401 (the method's own)
+    fit: Any,  # noqa: ANN401 (the method's own)
+    *,
+    by: str,
 ) -> Calibration:
     """Write the next version of the camera; the same content again is the version that exists."""
-    inputs = _inputs(session, evidence)
+    inputs = _inputs(session, campaign, evidence)
     parameters = encode(params)
     content_sha256 = hash_content(inputs, parameters)
     found = session.scalar(
@@ -53,18 +63,23 @@ def write_version(
         campaign_id=campaign.id,
         method=campaign.method,
         version=next_version(session, campaign.camera_id, campaign.method),
-        configuration=_configuration(session.get_one(Camera, campaign.camera_id)),
+        configuration={
+            **_configuration(session.get_one(Camera, campaign.camera_id)),
+            **methods.configure(campaign.method, fit),
+        },
         parameters=parameters,
         inputs=inputs,
         result=_result(fit, evidence),
-        result_schema=methods.schema_version(campaign.method),
-        software=_software(),
+        result_schema=methods.describe(campaign.method).schema_version,
+        software=_software(extractor_of(campaign)),
         content_sha256=content_sha256,
         created_by=by,
     )
     session.add(calibration)
     session.flush()
-    session.add_all(_coefficients(calibration.id, fit))
+    for position, figure in enumerate(methods.list_figures(campaign.method, fit)):
+        columns = encode(figure) | {"flags": list(figure.flags)}
+        session.add(CoefficientRow(calibration_id=calibration.id, position=position, **columns))
     session.flush()
     return calibration
 
@@ -75,7 +90,7 @@ def hash_content(inputs: dict[str, Any], parameters: dict[str, Any]) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def _inputs(session: Session, evidence: Evidence) -> dict[str, Any]:
+def _inputs(session: Session, campaign: Campaign, evidence: Evidence) -> dict[str, Any]:
     """Everything that the result follows from, by content: no id, no time of arrival."""
     regions = {
         roi.id: roi for roi in session.scalars(select(Roi).where(Roi.id.in_(set(evidence.rois.values()))))
@@ -88,68 +103,27 @@ def _inputs(session: Session, evidence: Evidence) -> dict[str, Any]:
                 "frame": frame.frame,
                 "sha256": evidence.hashes[frame.frame],
                 "role": frame.role,
-                **({"scene": frame.scene} if frame.scene else {}),
-                "exposure": encode(frame.exposure),
+                **({"scene": frame.scene} if getattr(frame, "scene", None) else {}),
+                **({"exposure": encode(frame.exposure)} if frame.exposure else {}),
                 "roi_sha256": region.sha256,
             }
         )
     return {
         "frames": frames,
         "readings": [encode(reading) for reading in evidence.readings],
-        "meters": evidence.meters,
+        **evidence.references,
+        **({"target": campaign.target} if campaign.target else {}),
         "rois": {roi.sha256: roi.points for roi in sorted(regions.values(), key=lambda roi: roi.sha256)},
-        "extractor": EXTRACTOR,
+        "extractor": extractor_of(campaign),
     }
 
 
-def _result(fit: Fit, evidence: Evidence) -> dict[str, Any]:
+def _result(fit: Any, evidence: Evidence) -> dict[str, Any]:  # noqa: ANN401
     ids = {name: frame_id for frame_id, name in evidence.names.items()}
     result: dict[str, Any] = encode(fit)
     for point in result["points"]:
         point["frame_id"] = ids[point["frame"]]
     return result
-
-
-def _coefficients(calibration_id: str, fit: Fit) -> list[CoefficientRow]:
-    rows: list[CoefficientRow] = []
-    flags = {flag.where: [] for flag in fit.flags}  # type: dict[str, list[str]]
-    for flag in fit.flags:
-        flags[flag.where].append(flag.flag)
-    for iso_fit in fit.iso_fits:
-        coefficient = iso_fit.coefficient
-        raised = sorted({*flags.get("", []), *flags.get(f"iso {coefficient.iso:g}", [])})
-        figures = (
-            (
-                "luminance_k",
-                coefficient.luminance_k,
-                coefficient.luminance_k_standard_uncertainty,
-                coefficient.luminance_k_unit,
-            ),
-            (
-                "dark_signal_dn",
-                coefficient.dark_signal_dn,
-                coefficient.dark_signal_standard_uncertainty_dn,
-                "DN",
-            ),
-        )
-        for name, value, uncertainty, unit in figures:
-            rows.append(
-                CoefficientRow(
-                    calibration_id=calibration_id,
-                    name=name,
-                    value=value,
-                    standard_uncertainty=uncertainty,
-                    unit=unit,
-                    iso=coefficient.iso,
-                    channel=coefficient.channel,
-                    model=coefficient.model,
-                    flags=raised,
-                )
-            )
-    rows.sort(key=lambda row: (row.name != "luminance_k", row.iso))
-    for position, row in enumerate(rows):
-        row.position = position
-    return rows
 
 
 def _configuration(camera: Camera) -> dict[str, Any]:
@@ -158,7 +132,7 @@ def _configuration(camera: Camera) -> dict[str, Any]:
     return {"lens": {name: value for name, value in lens.items() if value}} if camera.lens_model else {}
 
 
-def _software() -> dict[str, Any]:
-    return {"stilb": CODE_VERSION, "extractor": EXTRACTOR} | {
+def _software(extractor: str) -> dict[str, Any]:
+    return {"stilb": CODE_VERSION, "extractor": extractor} | {
         name: package_version(name) for name in ("numpy", "scipy", "rawpy")
     }

@@ -7,13 +7,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.luminance.rows import Params
 from radiometry.roi import Polygon
 from radiometry.verdicts import Taken, Verdict, conclude, inspect_frame
-from store.fitting import list_missing, with_campaign
+from store.fitting import list_missing, make_params
 from store.queries.evidence import gather
-from store.queries.frames import current_roi
-from store.software import EXTRACTOR
+from store.queries.frames import current_roi, region_ids, whole_frame_of
 from store.tables import Campaign, FrameRow, Roi
 
 
@@ -26,8 +24,8 @@ class Stock:
 
 
 def take_stock(session: Session, campaign: Campaign) -> Stock:
-    evidence = gather(session, campaign, EXTRACTOR)
-    params = with_campaign(Params(), campaign)
+    evidence = gather(session, campaign)
+    params = make_params(campaign)
     return Stock(
         missing=list_missing(campaign, evidence, params),
         advice=list(methods.plan(campaign.method, evidence.frames, evidence.readings, params)),
@@ -39,13 +37,14 @@ def judge_frames(session: Session, campaign: Campaign) -> dict[str, Verdict]:
     rows = session.scalars(
         select(FrameRow).where(FrameRow.campaign_id == campaign.id).order_by(FrameRow.id)
     ).all()
-    evidence = gather(session, campaign, EXTRACTOR)
-    regions = _read_regions(session, {row.roi_id or campaign.roi_id for row in rows})
+    evidence = gather(session, campaign)
+    of_frame = region_ids(session, campaign, rows)
+    regions = _read_regions(session, set(of_frame.values()))
     # what no fit sees needs no name, only one that no other frame has
     names = {row.id: evidence.names.get(row.id, row.id) for row in rows}
-    taken = [_take(row, names[row.id], regions.get(row.roi_id or campaign.roi_id)) for row in rows]
+    taken = [_take(row, names[row.id], _region(row, campaign, regions.get(of_frame[row.id]))) for row in rows]
     verdicts = methods.judge(
-        campaign.method, taken, evidence.frames, evidence.readings, with_campaign(Params(), campaign)
+        campaign.method, taken, evidence.frames, evidence.readings, make_params(campaign)
     )
     return {row.id: verdicts[names[row.id]] for row in rows}
 
@@ -54,7 +53,14 @@ def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdic
     """The verdict on a frame that is about to be read: nothing of it can be held against others yet."""
     roi = current_roi(session, frame, campaign)
     region = Polygon.from_points(roi.points) if roi else None
-    return conclude(inspect_frame(_take(frame, frame.id, region)))
+    return conclude(inspect_frame(_take(frame, frame.id, _region(frame, campaign, region))))
+
+
+def _region(row: FrameRow, campaign: Campaign, drawn: Polygon | None) -> Polygon | None:
+    """What is drawn, or the whole of a frame that needs no drawing."""
+    if drawn is None and row.header is not None and methods.describe(campaign.method).whole_frame:
+        return whole_frame_of(row)
+    return drawn
 
 
 def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None, Polygon]:

@@ -18,6 +18,7 @@ class Settings(BaseSettings):
     host: str = "127.0.0.1"
     port: int = Field(default=8000, ge=0, le=65535)
     key: SecretStr = SecretStr("")
+    session_secret: SecretStr = SecretStr("")
     database_url: str = ""
     broker_url: str = ""
     blobs_url: str = ""

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 from pydantic import TypeAdapter
 
-from radiometry import methods
 from radiometry.acceptance import Camera, SuppliedExposure, accept_frame
 from radiometry.errors import InputRejected
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
 from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.methods import luminance
 from radiometry.roi import Polygon, bounding_window
 from radiometry.statistics import ChannelStatistics, measure_signal
 from stilb.export import hash_file
@@ -20,7 +20,6 @@ from worker.decode.pool import DecoderCrashed, DecoderPool
 
 _PARAMS = TypeAdapter(Params)
 _READING = TypeAdapter(Reading)
-_METHOD = TypeAdapter(methods.Method)
 
 OnFrame = Callable[[int, int], None]
 
@@ -43,13 +42,12 @@ class Recomputed:
     params: Params
     frames: list[FoundFrame]
     readings: list[Reading]
-    fit: methods.Fit | None
+    fit: luminance.Fit | None
     trouble: str
 
 
 def recompute(certificate: Node, data: Data, decoders: DecoderPool, on_frame: OnFrame) -> Recomputed:
     """Decode, measure and fit again, with the certificate's parameters and the data's frames and readings."""
-    method = _METHOD.validate_python(certificate["method"])
     params = _PARAMS.validate_python(certificate["parameters"])
     regions = {region["sha256"]: Polygon.from_points(region["points"]) for region in data.regions}
     frames = []
@@ -58,7 +56,7 @@ def recompute(certificate: Node, data: Data, decoders: DecoderPool, on_frame: On
         on_frame(number, len(certificate["frames"]))
     readings = _readings(data.readings)
     try:
-        fit = methods.fit(method, [frame.row for frame in frames if frame.row], readings, params)
+        fit = luminance.fit([frame.row for frame in frames if frame.row], readings, params)
     except InputRejected as refusal:
         return Recomputed(params=params, frames=frames, readings=readings, fit=None, trouble=refusal.message)
     return Recomputed(params=params, frames=frames, readings=readings, fit=fit, trouble="")
@@ -84,7 +82,7 @@ def _read(
         header = decoders.read_header(path)
         window = bounding_window(region, height_px=header.height_px, width_px=header.width_px)
         pixels = decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
-        statistics = methods.extract(certificate["method"], pixels, region)
+        statistics = luminance.extract(pixels, region)
         exposure = _expose(stated, header, certificate["item"])
     except (InputRejected, DecoderCrashed) as refusal:
         return FoundFrame(stated=stated, sha256=sha256, trouble=refusal.message, row=None, signal={})

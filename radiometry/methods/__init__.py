@@ -1,52 +1,100 @@
 """THE list of methods. A method is one file here, one name in `Method`, one case in each `match` below.
 
-`Method` and the unions are closed: a case that is missing fails the type check at `assert_never`.
+`Method` is closed: a case that is missing fails the type check at `assert_never`. What a method's rows,
+readings, parameters and fit are is its own affair; those who carry them from one function to the next
+need not know.
 """
 
-from collections.abc import Sequence
-from typing import Literal, assert_never, get_args
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, assert_never, get_args
 
+from radiometry.evidence import Extracted, Figure, FrameEvidence, Region
 from radiometry.exposure import Exposure
-from radiometry.frame import Frame
-from radiometry.methods import luminance
-from radiometry.roi import Polygon
-from radiometry.statistics import ChannelStatistics
+from radiometry.frame import Frame, FrameHeader
+from radiometry.methods import luminance, reflectance
 from radiometry.verdicts import Taken, Verdict
 
-Method = Literal["luminance"]
-Params = luminance.Params
-FrameRow = luminance.FrameRow
-Reading = luminance.Reading
-Fit = luminance.Fit
-Coefficient = luminance.Coefficient
-Applied = luminance.AppliedLuminance
+Method = Literal["luminance", "reflectance"]
 
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
-def schema_version(method: Method) -> int:
-    """Give the version of the form in which a method's parameters and results are stored."""
+@dataclass(frozen=True, kw_only=True)
+class Room:
+    """What others must know of a method to carry its things.
+
+    ``schema_version`` : of the form in which its parameters and results are stored
+    ``roles`` : of the frames that its fit sees; ``applied_roles`` : of those that only `apply` sees
+    ``features`` : its figures of one frame, None where statistics are all; ``target`` : what is photographed,
+        None where nobody need say
+    ``whole_frame`` : it looks at the whole frame where nobody has drawn a region
+    ``manual_exposure`` : a camera that chooses its exposure is something to know
+    """
+
+    schema_version: int
+    roles: frozenset[str]
+    params: type[Any]
+    features: type[Any] | None = None
+    target: type[Any] | None = None
+    whole_frame: bool = False
+    manual_exposure: bool = True
+
+
+def describe(method: Method) -> Room:
+    """Give what others must know of a method."""
     match method:
         case "luminance":
-            return luminance.SCHEMA_VERSION
+            return Room(
+                schema_version=luminance.SCHEMA_VERSION, roles=luminance.ROLES, params=luminance.Params
+            )
+        case "reflectance":
+            return Room(
+                schema_version=reflectance.SCHEMA_VERSION,
+                roles=reflectance.ROLES,
+                params=reflectance.Params,
+                features=reflectance.Features,
+                manual_exposure=False,
+            )
         case _:
             assert_never(method)
 
 
-def extract(method: Method, frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
-    """Give a frame's row of features in a region."""
+def extract(
+    method: Method,
+    frame: Frame,
+    regions: Sequence[Region],
+    *,
+    header: FrameHeader,
+    exposure: Exposure | None,
+    target: Any = None,  # noqa: ANN401, ARG001 (the method's own)
+) -> Extracted[Any]:
+    """Give what one frame says in its regions; ``exposure`` is None only for a chart that states none."""
     match method:
         case "luminance":
-            return luminance.extract(frame, polygon)
+            return Extracted(statistics=luminance.extract(frame, regions[0].polygon), features=None)
+        case "reflectance":
+            return reflectance.extract(frame, regions, header=header, exposure=exposure)
+        case _:
+            assert_never(method)
+
+
+def make_row(method: Method, evidence: FrameEvidence[Any]) -> Any:  # noqa: ANN401 (the method's own)
+    """Give a frame as the method's fit wants it."""
+    match method:
+        case "luminance":
+            return luminance.make_row(evidence)
+        case "reflectance":
+            return reflectance.make_row(evidence)
         case _:
             assert_never(method)
 
 
 def missing(
     method: Method,
-    rows: Sequence[FrameRow],
-    readings: Sequence[Reading],
-    params: Params,
+    rows: Sequence[Any],
+    readings: Sequence[Any],
+    params: Any,  # noqa: ANN401 (the method's own)
     *,
     unread: Sequence[str] = (),
 ) -> tuple[str, ...]:
@@ -54,6 +102,8 @@ def missing(
     match method:
         case "luminance":
             return luminance.missing(rows, readings, params, unread=unread)
+        case "reflectance":
+            return reflectance.missing(rows, readings, params, unread=unread)
         case _:
             assert_never(method)
 
@@ -61,48 +111,69 @@ def missing(
 def judge(
     method: Method,
     frames: Sequence[Taken],
-    rows: Sequence[FrameRow],
-    readings: Sequence[Reading],
-    params: Params,
+    rows: Sequence[Any],
+    readings: Sequence[Any],
+    params: Any,  # noqa: ANN401 (the method's own)
 ) -> dict[str, Verdict]:
     """Give the verdict on each frame of a campaign, by name; ``rows`` are those that a fit would see."""
     match method:
         case "luminance":
             return luminance.judge(frames, rows, readings, params)
+        case "reflectance":
+            return reflectance.judge(frames, rows, readings, params)
         case _:
             assert_never(method)
 
 
 def plan(
-    method: Method, rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+    method: Method,
+    rows: Sequence[Any],
+    readings: Sequence[Any],
+    params: Any,  # noqa: ANN401 (the method's own)
 ) -> tuple[str, ...]:
     """Say, by name, what would make a fit good."""
     match method:
         case "luminance":
             return luminance.plan(rows, readings, params)
+        case "reflectance":
+            return reflectance.plan(rows, readings, params)
         case _:
             assert_never(method)
 
 
-def fit(method: Method, rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
-    """Fit a campaign."""
+def fit(
+    method: Method,
+    rows: Sequence[Any],
+    readings: Sequence[Any],
+    params: Any,  # noqa: ANN401 (the method's own)
+) -> Any:  # noqa: ANN401 (the method's own)
+    """Fit a campaign: a dataclass with `points`, each with its `frame`, and `flags`."""
     match method:
         case "luminance":
             return luminance.fit(rows, readings, params)
+        case "reflectance":
+            return reflectance.fit(rows, readings, params)
         case _:
             assert_never(method)
 
 
-def apply(
-    method: Method,
-    statistics: Sequence[ChannelStatistics],
-    *,
-    exposure: Exposure,
-    coefficients: Sequence[Coefficient],
-) -> Applied:
-    """Apply a calibration to a new frame."""
+def list_figures(method: Method, fitted: Any) -> tuple[Figure, ...]:  # noqa: ANN401 (the method's own)
+    """Give a fit's coefficients as dashboards see them, the most looked-for first."""
     match method:
         case "luminance":
-            return luminance.apply(statistics, exposure=exposure, coefficients=coefficients)
+            return luminance.list_figures(fitted)
+        case "reflectance":
+            return reflectance.list_figures(fitted)
+        case _:
+            assert_never(method)
+
+
+def configure(method: Method, fitted: Any) -> Mapping[str, Any]:  # noqa: ANN401 (the method's own)
+    """Give what a fit holds for beside the camera and its lens, ready for JSON."""
+    match method:
+        case "luminance":
+            return {}
+        case "reflectance":
+            return reflectance.configure(fitted)
         case _:
             assert_never(method)

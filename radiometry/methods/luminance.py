@@ -12,6 +12,7 @@ import itertools
 from collections.abc import Sequence
 
 from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Figure, FrameEvidence
 from radiometry.flags import Flag, Raised
 from radiometry.frame import Frame
 from radiometry.luminance.application import apply_coefficient as apply
@@ -42,6 +43,7 @@ from radiometry.roi import Polygon, Window, mask
 from radiometry.statistics import ChannelStatistics, compute_statistics
 
 __all__ = [
+    "ROLES",
     "SCHEMA_VERSION",
     "AppliedLuminance",
     "Coefficient",
@@ -57,12 +59,15 @@ __all__ = [
     "extract",
     "fit",
     "judge",
+    "list_figures",
     "luminance_per_dn",
+    "make_row",
     "missing",
     "plan",
 ]
 
 SCHEMA_VERSION = 1
+ROLES = frozenset({"light", "dark"})
 
 _NONLINEARITY = 0.02
 _IMPLAUSIBLE_RATIO = 4.0
@@ -78,6 +83,23 @@ def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
     if not inside.any():
         raise InputRejected(Code.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
     return compute_statistics(frame, inside)
+
+
+def make_row(evidence: FrameEvidence[None]) -> FrameRow:
+    """Give a frame as the fit wants it."""
+    if evidence.exposure is None:
+        raise ValueError(f"a light or dark frame without its exposure: {evidence.frame}")
+    maps = (opcode.sha256 for opcode in evidence.header.opcodes if opcode.name == "GainMap")
+    return FrameRow(
+        frame=evidence.frame,
+        role=evidence.role,
+        scene=evidence.scene,
+        exposure=evidence.exposure,
+        statistics=evidence.statistics,
+        has_region=evidence.has_region,
+        rendered=evidence.header.rendered,
+        gain_maps=tuple(maps),
+    )
 
 
 def missing(
@@ -129,6 +151,41 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         tolerance_rel=params.tolerance_rel,
         passed=all(iso_fit.passed for iso_fit in iso_fits),
     )
+
+
+def list_figures(fitted: Fit) -> tuple[Figure, ...]:
+    """Give K of every ISO value, then the dark signals, by rising ISO."""
+    where = {raised.where: [] for raised in fitted.flags}  # type: dict[str, list[str]]
+    for raised in fitted.flags:
+        where[raised.where].append(raised.flag)
+    ks, darks = [], []
+    for coefficient in sorted((each.coefficient for each in fitted.iso_fits), key=lambda each: each.iso):
+        flags = sorted({*where.get("", []), *where.get(f"iso {coefficient.iso:g}", [])})
+        held = {
+            "iso": coefficient.iso,
+            "channel": coefficient.channel,
+            "model": coefficient.model,
+            "flags": tuple(flags),
+        }  # type: dict[str, Any]
+        ks.append(
+            Figure(
+                name="luminance_k",
+                value=coefficient.luminance_k,
+                standard_uncertainty=coefficient.luminance_k_standard_uncertainty,
+                unit=coefficient.luminance_k_unit,
+                **held,
+            )
+        )
+        darks.append(
+            Figure(
+                name="dark_signal_dn",
+                value=coefficient.dark_signal_dn,
+                standard_uncertainty=coefficient.dark_signal_standard_uncertainty_dn,
+                unit="DN",
+                **held,
+            )
+        )
+    return (*ks, *darks)
 
 
 def _raise(flag: Flag, where: str, detail: str) -> Raised:

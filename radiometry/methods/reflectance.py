@@ -9,9 +9,13 @@ the vignetting, in public scripts, are not followed.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Extracted, Figure, FrameEvidence, Region
+from radiometry.exposure import Exposure
 from radiometry.flags import Flag, Raised
+from radiometry.frame import Frame, FrameHeader
 from radiometry.reflectance.application import (
     ReflectanceMap,
     Scale,
@@ -20,8 +24,7 @@ from radiometry.reflectance.application import (
 )
 from radiometry.reflectance.application import apply_features as apply
 from radiometry.reflectance.caveats import check_candidates, check_fit, check_frame
-from radiometry.reflectance.features import Features
-from radiometry.reflectance.features import extract_features as extract
+from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.fitting import describe_point, fit_band
 from radiometry.reflectance.indices import INDICES, BandMap, Index, IndexMap, compute_index, name_bands
 from radiometry.reflectance.points import (
@@ -43,9 +46,11 @@ from radiometry.reflectance.results import (
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import TiltParams
+from radiometry.verdicts import Taken, Verdict, conclude, inspect_frames
 
 __all__ = [
     "INDICES",
+    "ROLES",
     "SCHEMA_VERSION",
     "AppliedReflectance",
     "BandFit",
@@ -69,15 +74,60 @@ __all__ = [
     "check_frame",
     "compute_index",
     "compute_map",
+    "configure",
     "extract",
     "find_scale_of_frame",
     "fit",
+    "judge",
+    "list_figures",
+    "make_row",
     "measure_sunshine",
     "missing",
     "name_bands",
+    "plan",
 ]
 
 SCHEMA_VERSION = 1
+ROLES = frozenset({"panel", "field"})
+
+
+def extract(
+    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
+) -> Extracted[Features]:
+    """Give the statistics and the signal of a region of one band."""
+    if exposure is None:
+        raise ValueError("a panel or field frame without its exposure")
+    features = extract_features(frame, regions[0].polygon, header=header, exposure=exposure)
+    return Extracted(statistics=(features.statistics,), features=features)
+
+
+def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
+    """Give a frame as the fit wants it."""
+    if evidence.exposure is None:
+        raise ValueError(f"a panel or field frame without its exposure: {evidence.frame}")
+    return FrameRow(
+        frame=evidence.frame,
+        role=evidence.role,
+        header=evidence.header,
+        exposure=evidence.exposure,
+        features=evidence.features,
+        has_region=evidence.has_region,
+    )
+
+
+def judge(
+    frames: Sequence[Taken],
+    rows: Sequence[FrameRow],  # noqa: ARG001
+    readings: Sequence[Reading],  # noqa: ARG001
+    params: Params,  # noqa: ARG001
+) -> dict[str, Verdict]:
+    """Give the verdict on each frame, by name."""
+    return {frame: conclude(reasons) for frame, reasons in inspect_frames(frames).items()}
+
+
+def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:  # noqa: ARG001
+    """Say, by name, what would make the fit good."""
+    return ()
 
 
 def missing(
@@ -130,6 +180,31 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         points=tuple(describe_point(each, params, fits.get(each.band.band)) for each in candidates),
         flags=tuple(flags),
     )
+
+
+def list_figures(fitted: Fit) -> tuple[Figure, ...]:
+    """Give K of every band, by rising wavelength where the files say it."""
+    coefficients = (each.coefficient for each in fitted.band_fits)
+    return tuple(
+        Figure(
+            name="reflectance_k",
+            value=coefficient.reflectance_k,
+            standard_uncertainty=coefficient.reflectance_k_standard_uncertainty,
+            unit=coefficient.reflectance_k_unit,
+            band=coefficient.band,
+            model=coefficient.normalisation,
+            flags=tuple(
+                sorted({raised.flag for raised in fitted.flags if raised.where in ("", coefficient.band)})
+            ),
+        )
+        for coefficient in sorted(coefficients, key=lambda each: (each.wavelength_nm or 0.0, each.band))
+    )
+
+
+def configure(fitted: Fit) -> dict[str, Any]:
+    """Give the sunshine sensor that the fit holds with: K belongs to the pair."""
+    serials = sorted({each.coefficient.sunshine_serial or "" for each in fitted.band_fits} - {""})
+    return {"sunshine_sensor": {"serial": serials[0]}} if serials else {}
 
 
 def _explain(candidates: Sequence[Candidate]) -> InputRejected:

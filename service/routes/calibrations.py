@@ -1,14 +1,14 @@
 """Fits, versions and what is decided of them."""
 
-from dataclasses import replace
+from dataclasses import fields
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry import methods
 from radiometry.evidence import Exclusion
-from radiometry.luminance.rows import Params
 from service.auth import Calibrator, Caller, Publisher, Reader
 from service.certificate import warn_of_gaps
 from service.context import UsesContext
@@ -16,7 +16,7 @@ from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
 from service.plot import draw_calibration
-from service.problems import HttpCode, Problem
+from service.problems import HttpCode, Problem, invalid
 from service.routes import problems, sends_file
 from service.schemas.calibrations import (
     CalibrationAnswer,
@@ -31,12 +31,11 @@ from service.tabular import write_csv
 from service.writing import Reply, Writes
 from store import jobs, publications
 from store.codec import encode
-from store.fitting import list_missing, with_campaign
+from store.fitting import list_missing, make_params
 from store.impact import list_touched
 from store.queries.calibrations import coefficients_of, history, standings
 from store.queries.evidence import Evidence, gather
-from store.software import EXTRACTOR
-from store.tables import Calibration, Camera, Campaign
+from store.tables import Calibration, Camera, Campaign, Panel
 
 router = APIRouter(prefix="/v1", tags=["calibrations"])
 
@@ -52,8 +51,10 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
-        evidence = gather(session, campaign, EXTRACTOR)
-        params = with_campaign(_read_params(body, evidence, caller), campaign)
+        if body.panel_id is not None:
+            campaign.panel_id = owned(session, Panel, body.panel_id, caller).id
+        evidence = gather(session, campaign)
+        params = _read_params(body, campaign, evidence, caller)
         missing = list_missing(campaign, evidence, params)
         if missing:
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
@@ -200,10 +201,13 @@ def revoke_calibration(
     return writing.run(caller, change)
 
 
-def _read_params(body: NewCalibration, evidence: Evidence, caller: Caller) -> Params:
-    said = body.model_dump(exclude_none=True, exclude={"exclude", "tolerance"})
-    if body.tolerance is not None:
-        said["tolerance_rel"] = body.tolerance
+def _read_params(body: NewCalibration, campaign: Campaign, evidence: Evidence, caller: Caller) -> Any:  # noqa: ANN401
+    said = body.parameters()
+    known = {field.name for field in fields(methods.describe(campaign.method).params)}
+    foreign = sorted(said.keys() - known)
+    if foreign:
+        message = f"is no parameter of a {campaign.method} fit"
+        raise invalid([{"type": "parameter", "loc": ("body", name), "msg": message} for name in foreign])
     exclusions = []
     for index, exclusion in enumerate(body.exclude or []):
         if exclusion.frame_id not in evidence.names:
@@ -214,7 +218,7 @@ def _read_params(body: NewCalibration, evidence: Evidence, caller: Caller) -> Pa
             )
         name = evidence.names[exclusion.frame_id]
         exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_id))
-    return replace(Params(), **said, exclude=tuple(sorted(exclusions, key=lambda e: e.frame)))
+    return make_params(campaign, **said, exclude=tuple(sorted(exclusions, key=lambda e: e.frame)))
 
 
 def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> Response:  # noqa: ANN401

@@ -40,7 +40,15 @@ class NewCalibration(Form):
     meter_repeatability_rel: Annotated[Number | None, Field(gt=0, lt=1)] = None
     f_number_u_rel: Annotated[Number | None, Field(ge=0, lt=1)] = None
     exposure_time_u_rel: Annotated[Number | None, Field(ge=0, lt=1)] = None
+    panel_id: Annotated[
+        Text | None, Field(description="Of a reflectance campaign: its panel from now on.")
+    ] = None
     exclude: Annotated[list[Exclusion] | None, Field(max_length=10_000)] = None
+
+    def parameters(self) -> dict[str, Any]:
+        """What is said of the fit itself, as the method's parameters name it."""
+        said = self.model_dump(exclude_none=True, exclude={"exclude", "tolerance", "panel_id"})
+        return said if self.tolerance is None else said | {"tolerance_rel": self.tolerance}
 
 
 class NewPublication(Form):

@@ -13,7 +13,6 @@ from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, It
 from radiometry.flags import Flag
 from store.columns import utc_now
 from store.queries.evidence import Evidence, gather
-from store.software import EXTRACTOR
 from store.tables import (
     AuditEntry,
     Calibration,
@@ -110,7 +109,7 @@ def _stand(
 
 
 def _gather_facts(session: Session, campaign: Campaign) -> Facts:
-    evidence = gather(session, campaign, EXTRACTOR)
+    evidence = gather(session, campaign)
     readings: dict[str, list[float]] = defaultdict(list)
     for reading in evidence.readings:
         if reading.quantity == "luminance":

@@ -1,14 +1,20 @@
 """Frames and the statistics that were computed of them."""
 
+import hashlib
+import json
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry import methods
+from radiometry.roi import Polygon
 from store import jobs
 from store.columns import new_id
+from store.software import EXTRACTOR
 from store.tables import Blob, Campaign, ChannelRow, Extraction, FrameRow, Roi
 
 
@@ -66,10 +72,44 @@ def describe_anew(frame: FrameRow, values: dict[str, Any]) -> bool:
     return bool(changed)
 
 
+def extractor_of(campaign: Campaign) -> str:
+    """What makes this campaign's extractions: the code, its method, and what it was told to look for."""
+    if methods.describe(campaign.method).features is None:
+        return EXTRACTOR
+    target = json.dumps(campaign.target, sort_keys=True) if campaign.target else ""
+    told = f"+{hashlib.sha256(target.encode()).hexdigest()[:16]}" if target else ""
+    return f"{EXTRACTOR}+{campaign.method}{told}"
+
+
 def current_roi(session: Session, frame: FrameRow, campaign: Campaign) -> Roi | None:
-    """The region that holds for a frame now: its own, else the campaign's."""
-    roi_id = frame.roi_id or campaign.roi_id
+    """The region that holds for a frame now: its own, else the campaign's, else perhaps the whole frame."""
+    roi_id = region_ids(session, campaign, [frame])[frame.id]
     return session.get_one(Roi, roi_id) if roi_id else None
+
+
+def region_ids(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> dict[str, str | None]:
+    """The region that holds for each frame now, by the frame's id; None where there is none yet."""
+    ids = {frame.id: frame.roi_id or campaign.roi_id for frame in frames}
+    if campaign.roi_id is not None or not methods.describe(campaign.method).whole_frame:
+        return ids
+    keys = {frame.id: whole_frame_of(frame).sha256 for frame in frames if frame.header is not None}
+    rois = session.execute(
+        select(Roi.sha256, Roi.id).where(
+            Roi.organisation_id == campaign.organisation_id, Roi.sha256.in_(set(keys.values()))
+        )
+    )
+    found: dict[str, str] = {row[0]: row[1] for row in rois}
+    return {frame_id: roi_id or found.get(keys.get(frame_id, "")) for frame_id, roi_id in ids.items()}
+
+
+def whole_frame_of(frame: FrameRow) -> Polygon:
+    """The region that is all of a frame that has been read."""
+    header = frame.header or {}
+    return whole_frame(header["width_px"], header["height_px"])
+
+
+def whole_frame(width_px: int, height_px: int) -> Polygon:
+    return Polygon.from_points([(0, 0), (width_px, 0), (width_px, height_px), (0, height_px)])
 
 
 def find_extraction(session: Session, frame: FrameRow, roi: Roi, extractor: str) -> Extraction | None:
@@ -80,24 +120,29 @@ def find_extraction(session: Session, frame: FrameRow, roi: Roi, extractor: str)
     )
 
 
-def find_equal_statistics(
-    session: Session, frame: FrameRow, roi: Roi, extractor: str
-) -> list[ChannelRow] | None:
-    """The rows that the same code has already computed from the same bytes in the same region."""
-    extraction = session.scalar(
+def find_equal_extraction(session: Session, frame: FrameRow, roi: Roi, extractor: str) -> Extraction | None:
+    """What the same code has already computed from the same bytes in the same region."""
+    return session.scalar(
         select(Extraction)
         .join(FrameRow, FrameRow.id == Extraction.frame_id)
         .where(FrameRow.sha256 == frame.sha256, Extraction.roi_id == roi.id)
         .where(Extraction.extractor == extractor)
         .limit(1)
     )
-    return channel_rows(session, [extraction.id])[extraction.id] if extraction else None
 
 
 def add_extraction(
-    session: Session, frame: FrameRow, roi: Roi, extractor: str, rows: list[dict[str, Any]]
+    session: Session,
+    frame: FrameRow,
+    roi: Roi,
+    extractor: str,
+    *,
+    rows: list[dict[str, Any]],
+    features: dict[str, Any] | None,
 ) -> None:
-    extraction = Extraction(id=new_id("ext"), frame_id=frame.id, roi_id=roi.id, extractor=extractor)
+    extraction = Extraction(
+        id=new_id("ext"), frame_id=frame.id, roi_id=roi.id, extractor=extractor, features=features
+    )
     session.add(extraction)
     session.flush()
     session.add_all([ChannelRow(extraction_id=extraction.id, **row) for row in rows])

@@ -3,7 +3,7 @@
 import hashlib
 import secrets
 
-from sqlalchemy import select
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
 from store.tables import ApiKey, Organisation
@@ -24,12 +24,12 @@ def create_key(
 
 def find_key(session: Session, secret: str) -> tuple[ApiKey, Organisation] | None:
     """The key that has not been revoked, and whose it is."""
-    row = session.execute(
-        select(ApiKey, Organisation)
-        .join(Organisation, Organisation.id == ApiKey.organisation_id)
-        .where(ApiKey.sha256 == _hash(secret), ApiKey.revoked_at.is_(None))
-    ).first()
-    return (row[0], row[1]) if row else None
+    return _find(session, ApiKey.sha256 == _hash(secret))
+
+
+def find_key_by_id(session: Session, key_id: str) -> tuple[ApiKey, Organisation] | None:
+    """The same, for a session that was opened with the key."""
+    return _find(session, ApiKey.id == key_id)
 
 
 def ensure_operator(session: Session, secret: str, scopes: list[str]) -> None:
@@ -41,6 +41,15 @@ def ensure_operator(session: Session, secret: str, scopes: list[str]) -> None:
         session.flush()
     if session.scalar(select(ApiKey).where(ApiKey.sha256 == _hash(secret))) is None:
         create_key(session, organisation_id=operator.id, name="bootstrap", scopes=scopes, secret=secret)
+
+
+def _find(session: Session, named: ColumnElement[bool]) -> tuple[ApiKey, Organisation] | None:
+    row = session.execute(
+        select(ApiKey, Organisation)
+        .join(Organisation, Organisation.id == ApiKey.organisation_id)
+        .where(named, ApiKey.revoked_at.is_(None))
+    ).first()
+    return (row[0], row[1]) if row else None
 
 
 def _hash(secret: str) -> str:

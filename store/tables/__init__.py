@@ -4,7 +4,7 @@ from store.tables.audit import AuditEntry, AuditHead
 from store.tables.base import Audited, Base
 from store.tables.calibration import Calibration, CoefficientRow, Publication, Revocation, Slot
 from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameRow, Reading, Roi
-from store.tables.equipment import Camera, Meter
+from store.tables.equipment import Camera, Meter, Panel
 from store.tables.identity import ApiKey, IdempotentAnswer, Organisation
 from store.tables.job import Job
 from store.tables.measurement import Measurement
@@ -31,6 +31,7 @@ __all__ = [
     "Measurement",
     "Meter",
     "Organisation",
+    "Panel",
     "Publication",
     "Purge",
     "Reading",

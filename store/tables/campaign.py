@@ -32,6 +32,10 @@ class Campaign(Audited, Base):
     surface_reflectance: Mapped[float | None]
     """rho of the taped rectangle, where known: lets illuminance readings check luminance readings."""
     roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))
+    panel_id: Mapped[str | None] = mapped_column(ForeignKey("panel.id"))
+    """Of a reflectance campaign; None leaves the choice to what the files and the records say."""
+    target: Mapped[Json | None] = mapped_column(default=None)
+    """What is photographed, where the method must know it to read a frame: a board, an edge."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
@@ -45,6 +49,9 @@ class Roi(Audited, Base):
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
     sha256: Mapped[str] = mapped_column(String(64))
     points: Mapped[list[Any]]
+    """Corners; of several parts together those of the rectangle around them."""
+    parts: Mapped[list[Any] | None] = mapped_column(default=None)
+    """Name and points of each part, where there are several."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
@@ -129,6 +136,8 @@ class Extraction(Base):
     frame_id: Mapped[str] = mapped_column(ForeignKey("frame.id"))
     roi_id: Mapped[str] = mapped_column(ForeignKey("roi.id"))
     extractor: Mapped[str]
+    features: Mapped[Json | None] = mapped_column(default=None)
+    """The method's own figures beside the statistics."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 

@@ -1,6 +1,7 @@
 """What is calibrated and what it is calibrated against."""
 
 from datetime import date, datetime
+from typing import Any
 
 from sqlalchemy import CheckConstraint, ForeignKey, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
@@ -56,4 +57,19 @@ class Meter(Audited, Base):
     certificate_due_on: Mapped[date | None]
     certificate_expanded_uncertainty_rel: Mapped[float | None]
     certificate_coverage_factor: Mapped[float | None]
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class Panel(Audited, Base):
+    """A reflectance panel as measured on a day; measured again, it is another row (triggers hold it)."""
+
+    __tablename__ = "panel"
+    __table_args__ = (UniqueConstraint("organisation_id", "serial", "measured_on"),)
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("pnl"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
+    serial: Mapped[str]
+    measured_on: Mapped[date]
+    bands: Mapped[list[Any]]
+    """Of each band its name, its reflectance and, where stated, the standard uncertainty of that."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)

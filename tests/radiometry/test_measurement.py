@@ -44,7 +44,6 @@ def measured(
     frame, *, exposure=EXPOSURE, coefficient=COEFFICIENT, calibrated=(ROI,), rendered=False, **asked
 ):
     return measure(
-        "luminance",
         frame,
         Request(**({"polygon": ROI} | asked)),
         exposure=exposure,

@@ -1,17 +1,27 @@
 """The list of methods forwards, and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from radiometry import methods
-from radiometry.frame import Frame
+from radiometry.evidence import Extracted, FrameEvidence, Region
+from radiometry.frame import Frame, Opcode
 from radiometry.methods import luminance
 from radiometry.roi import Polygon
 from tests.radiometry.evidence import taken
+from tests.radiometry.test_acceptance import HEADER
+
+POLYGON = Polygon.from_points([(0, 0), (4, 0), (4, 4), (0, 4)])
 
 
-def test_every_method_has_a_schema_version():
-    assert methods.METHODS == ("luminance",)
-    assert all(methods.schema_version(method) >= 1 for method in methods.METHODS)
+@pytest.mark.parametrize("method", methods.METHODS)
+def test_every_method_is_described(method):
+    room = methods.describe(method)
+    assert room.schema_version >= 1
+    assert room.roles
+    assert room.params() == room.params(exclude=())
 
 
 def test_luminance_is_forwarded(drawn):
@@ -26,11 +36,8 @@ def test_luminance_is_forwarded(drawn):
     )
     fit = methods.fit("luminance", drawn.rows, drawn.readings, params)
     assert fit == luminance.fit(drawn.rows, drawn.readings, params)
-    row = drawn.rows[0]
-    coefficients = [iso_fit.coefficient for iso_fit in fit.iso_fits]
-    assert methods.apply(
-        "luminance", row.statistics, exposure=row.exposure, coefficients=coefficients
-    ) == luminance.apply(row.statistics, exposure=row.exposure, coefficients=coefficients)
+    assert methods.list_figures("luminance", fit) == luminance.list_figures(fit)
+    assert methods.configure("luminance", fit) == {}
 
 
 def test_extraction_is_forwarded():
@@ -44,5 +51,43 @@ def test_extraction_is_forwarded():
         black_level_dn=(0.0,),
         white_level_dn=(4095.0,),
     )
-    polygon = Polygon.from_points([(0, 0), (4, 0), (4, 4), (0, 4)])
-    assert methods.extract("luminance", frame, polygon) == luminance.extract(frame, polygon)
+    extracted = methods.extract(
+        "luminance", frame, [Region(name="", polygon=POLYGON)], header=HEADER, exposure=None
+    )
+    assert extracted == Extracted(statistics=luminance.extract(frame, POLYGON), features=None)
+
+
+def test_a_row_of_luminance_names_its_gain_maps_alone(drawn):
+    row = drawn.rows[0]
+    opcodes = (
+        Opcode(stage=2, name="GainMap", sha256="a" * 64),
+        Opcode(stage=3, name="WarpRectilinear", sha256="b" * 64),
+    )
+    evidence = FrameEvidence(
+        frame=row.frame,
+        role=row.role,
+        scene=row.scene,
+        header=replace(HEADER, rendered=True, opcodes=opcodes),
+        exposure=row.exposure,
+        statistics=row.statistics,
+        features=None,
+        has_region=False,
+    )
+    made = methods.make_row("luminance", evidence)
+    assert made == replace(row, rendered=True, gain_maps=("a" * 64,), has_region=False)
+
+
+def test_the_figures_of_luminance_are_k_and_dark_by_rising_iso(drawn):
+    fit = luminance.fit(drawn.rows, drawn.readings, luminance.Params())
+    figures = luminance.list_figures(fit)
+    count = len(fit.iso_fits)
+    assert [figure.name for figure in figures] == ["luminance_k"] * count + ["dark_signal_dn"] * count
+    coefficient = min((each.coefficient for each in fit.iso_fits), key=lambda each: each.iso)
+    assert (figures[0].value, figures[0].standard_uncertainty, figures[0].iso) == (
+        coefficient.luminance_k,
+        coefficient.luminance_k_standard_uncertainty,
+        coefficient.iso,
+    )
+    assert figures[count].value == coefficient.dark_signal_dn
+    raised = {flag.flag for flag in fit.flags if flag.where in ("", f"iso {coefficient.iso:g}")}
+    assert set(figures[0].flags) == raised

@@ -9,14 +9,25 @@ from sqlalchemy.orm import Session
 from radiometry import methods
 from radiometry.acceptance import Acceptance, Camera, SuppliedExposure, accept_frame
 from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Region
+from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
 from radiometry.roi import Polygon, bounding_window
 from store import tables
-from store.codec import decode_header, decode_statistics, encode, encode_statistics
+from store.codec import decode, decode_header, decode_statistics, encode, encode_statistics
 from store.jobs import Claim
-from store.queries.frames import add_extraction, current_roi, find_equal_statistics, find_extraction
-from store.software import EXTRACTOR
-from store.tables import Blob, Campaign, FrameRow, Roi
+from store.queries.campaigns import find_or_add_roi
+from store.queries.frames import (
+    add_extraction,
+    channel_rows,
+    current_roi,
+    extractor_of,
+    find_equal_extraction,
+    find_extraction,
+    whole_frame,
+    whole_frame_of,
+)
+from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
 from worker.decode.refusals import Refusal
@@ -26,12 +37,20 @@ from worker.tasks.outcome import Outcome
 @dataclass(frozen=True, kw_only=True)
 class _Subject:
     frame: FrameRow
-    method: methods.Method
+    campaign: Campaign
     camera: Camera
     roi: Roi | None
-    """The region to be computed; None where there is none, or where it has been computed."""
-    equal_rows: list[dict[str, Any]] | None
-    """Statistics of the same bytes in the same region, computed for another campaign."""
+    """The region that holds; None where nobody has drawn one and none has been computed."""
+    done: bool
+    """Whether it has been computed."""
+    equal: "_Extracted | None"
+    """What was computed of the same bytes in the same region for another campaign."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Extracted:
+    rows: list[dict[str, Any]]
+    features: dict[str, Any] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +58,7 @@ class _Found:
     header: FrameHeader
     acceptance: Acceptance
     preview: Blob | None
-    rows: list[dict[str, Any]] | None
+    extracted: _Extracted | None
     region_refused: InputRejected | None
 
 
@@ -61,29 +80,41 @@ def _load(session: Session, frame_id: str) -> _Subject:
     frame = session.get_one(FrameRow, frame_id)
     campaign = session.get_one(Campaign, frame.campaign_id)
     camera = session.get_one(tables.Camera, campaign.camera_id)
-    roi = current_roi(session, frame, campaign)
-    if roi is not None and find_extraction(session, frame, roi, EXTRACTOR) is not None:
-        roi = None
-    equal = find_equal_statistics(session, frame, roi, EXTRACTOR) if roi is not None else None
+    extractor, roi = extractor_of(campaign), current_roi(session, frame, campaign)
+    done = roi is not None and find_extraction(session, frame, roi, extractor) is not None
+    equal = find_equal_extraction(session, frame, roi, extractor) if roi and not done else None
     return _Subject(
         frame=frame,
-        method=campaign.method,
+        campaign=campaign,
         camera=Camera(make=camera.make, model=camera.model, serial=camera.serial),
         roi=roi,
-        equal_rows=[encode_statistics(decode_statistics(row)) for row in equal] if equal else None,
+        done=done,
+        equal=_copy(session, equal) if equal else None,
+    )
+
+
+def _copy(session: Session, extraction: Extraction) -> _Extracted:
+    rows = channel_rows(session, [extraction.id])[extraction.id]
+    return _Extracted(
+        rows=[encode_statistics(decode_statistics(row)) for row in rows], features=extraction.features
     )
 
 
 def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Found:
-    frame = subject.frame
+    frame, room = subject.frame, methods.describe(subject.campaign.method)
     header = decode_header(frame.header) if frame.header else context.decoders.read_header(path)
     acceptance = accept_frame(
-        header, role=frame.role, supplied=SuppliedExposure(**frame.supplied), camera=subject.camera
+        header,
+        role=frame.role,
+        supplied=SuppliedExposure(**frame.supplied),
+        camera=subject.camera,
+        manual_exposure=room.manual_exposure,
     )
-    rows, region_refused = subject.equal_rows, None
-    if subject.roi is not None and rows is None:
+    extracted, region_refused = subject.equal, None
+    wanted = subject.roi is not None or (room.whole_frame and frame.role in room.roles)
+    if wanted and not subject.done and extracted is None:
         try:
-            rows = _measure(context, subject.method, header, subject.roi, path)
+            extracted = _measure(context, subject, header, acceptance.exposure, path)
         except InputRejected as refusal:
             # the region is wrong for this frame, not the frame for its campaign
             if refusal.code not in (Code.ROI_OUTSIDE_FRAME, Code.ROI_EMPTY):
@@ -92,17 +123,42 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
     context.leases.report(claim, 0.5)
     preview = None if frame.preview_sha256 else _store_preview(context, path)
     return _Found(
-        header=header, acceptance=acceptance, preview=preview, rows=rows, region_refused=region_refused
+        header=header,
+        acceptance=acceptance,
+        preview=preview,
+        extracted=extracted,
+        region_refused=region_refused,
     )
 
 
 def _measure(
-    context: Context, method: methods.Method, header: FrameHeader, roi: Roi, path: Path
-) -> list[dict[str, Any]]:
-    polygon = Polygon.from_points(roi.points)
-    window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
+    context: Context, subject: _Subject, header: FrameHeader, exposure: Exposure | None, path: Path
+) -> _Extracted:
+    regions, room = _regions(subject.roi, header), methods.describe(subject.campaign.method)
+    around = Polygon.from_points(subject.roi.points) if subject.roi else regions[0].polygon
+    window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
     pixels = context.decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
-    return [encode_statistics(row) for row in methods.extract(method, pixels, polygon)]
+    target = subject.campaign.target
+    extracted = methods.extract(
+        subject.campaign.method,
+        pixels,
+        regions,
+        header=header,
+        exposure=exposure,
+        target=decode(room.target, target) if room.target and target else None,
+    )
+    return _Extracted(
+        rows=[encode_statistics(row) for row in extracted.statistics],
+        features=encode(extracted.features) if extracted.features is not None else None,
+    )
+
+
+def _regions(roi: Roi | None, header: FrameHeader) -> list[Region]:
+    if roi is None:
+        return [Region(name="", polygon=whole_frame(header.width_px, header.height_px))]
+    if roi.parts is None:
+        return [Region(name="", polygon=Polygon.from_points(roi.points))]
+    return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in roi.parts]
 
 
 def _store_preview(context: Context, path: Path) -> Blob:
@@ -121,13 +177,22 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
         frame.preview_sha256 = found.preview.sha256
     frame.header = encode(found.header)
     _store_acceptance(frame, found)
-    roi = subject.roi
-    if roi is not None and found.rows is not None and not find_extraction(session, frame, roi, EXTRACTOR):
-        add_extraction(session, frame, roi, EXTRACTOR, found.rows)
+    if found.extracted is not None:
+        _store_extraction(session, subject, frame, found.extracted)
     now = current_roi(session, frame, campaign)
-    done = now is not None and find_extraction(session, frame, now, EXTRACTOR) is not None
+    # what the campaign is told to look for may have changed meanwhile: then another job is on its way
+    done = now is not None and find_extraction(session, frame, now, extractor_of(campaign)) is not None
     frame.state = "extracted" if done else "read"
     return {"frame_id": frame.id}
+
+
+def _store_extraction(session: Session, subject: _Subject, frame: FrameRow, extracted: _Extracted) -> None:
+    extractor, roi = extractor_of(subject.campaign), subject.roi
+    if roi is None:
+        whole = whole_frame_of(frame)
+        roi = find_or_add_roi(session, subject.campaign.organisation_id, whole, whole.points)
+    if find_extraction(session, frame, roi, extractor) is None:
+        add_extraction(session, frame, roi, extractor, rows=extracted.rows, features=extracted.features)
 
 
 def _store_acceptance(frame: FrameRow, found: _Found) -> None:

@@ -2,28 +2,23 @@
 
 from typing import Any
 
-from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.luminance.rows import Params
-from store.fitting import write_version
+from store.fitting import read_params, write_version
 from store.jobs import Claim
 from store.queries.evidence import gather
-from store.software import EXTRACTOR
 from store.tables import Campaign
 from worker.context import Context
 from worker.tasks.outcome import Outcome
 
-_PARAMS = TypeAdapter(Params)
-
 
 def fit(context: Context, claim: Claim) -> Outcome:
     """Fit from stored rows; nothing is decoded here."""
-    params = _PARAMS.validate_python(claim.parameters)
     with context.database.reading() as session:
         campaign = session.get_one(Campaign, claim.subject_id)
-        evidence = gather(session, campaign, EXTRACTOR)
+        evidence = gather(session, campaign)
+    params = read_params(campaign, claim.parameters)
     fitted = methods.fit(campaign.method, evidence.frames, evidence.readings, params)
 
     def store(session: Session) -> dict[str, Any]:

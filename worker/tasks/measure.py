@@ -83,7 +83,6 @@ def _measure(context: Context, task: _Task, path: Path) -> Measured:
     window = measurement.find_window(request, height_px=header.height_px, width_px=header.width_px)
     pixels = context.decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
     return measurement.measure(
-        "luminance",
         pixels,
         request,
         exposure=decode_exposure(task.frame.exposure or {}),

@@ -160,7 +160,7 @@ with DecoderPool(1) as decoders:
     wide, high = header.width_px, header.height_px
     whole = Polygon.from_points([(0, 0), (wide, 0), (wide, high), (0, high)])
     frame = decoders.read_window(path, (0, 0, high, wide))
-    measure("luminance", frame, Request(polygon=whole), exposure=exposure, coefficients=(COEFFICIENT,),
+    measure(frame, Request(polygon=whole), exposure=exposure, coefficients=(COEFFICIENT,),
             calibrated=(whole,))
     del frame
     scale = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")

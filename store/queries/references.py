@@ -1,0 +1,116 @@
+"""What a campaign is measured against: a meter's readings of its scenes, or a panel's reflectances."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.luminance.rows import Reading as LuminanceReading
+from radiometry.reflectance.rows import Reading as PanelReading
+from store.tables import Campaign, FrameRow, Meter, Panel, Reading
+
+_ENGRAVED = ("kind", "make", "model", "serial")
+_CERTIFICATE = ("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """``readings``: as the method's fit wants them; ``sources``: by kind, each as engraved and certified."""
+
+    readings: list[Any]
+    sources: dict[str, list[dict[str, Any]]]
+
+
+def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> Reference:
+    """What the campaign's method measures against; most measure against nothing."""
+    match campaign.method:
+        case "luminance":
+            return Reference(
+                readings=_read_meters(session, campaign), sources={"meters": _meters(session, campaign)}
+            )
+        case "reflectance":
+            panel = find_panel(session, campaign, frames)
+            if panel is None:
+                return Reference(readings=[], sources={"panels": []})
+            return Reference(readings=_read_panel(panel), sources={"panels": [_describe_panel(panel)]})
+
+
+def find_panel(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> Panel | None:
+    """The campaign's panel: the one it names, else the one that its files name, else the only one there is.
+
+    Of a panel that was measured several times, the latest measurement.
+    """
+    if campaign.panel_id is not None:
+        return session.get_one(Panel, campaign.panel_id)
+    panels = session.scalars(
+        select(Panel)
+        .where(Panel.organisation_id == campaign.organisation_id)
+        .order_by(Panel.measured_on.desc(), Panel.id.desc())
+    ).all()
+    named = {serial for frame in frames if (serial := _panel_named_in(frame))}
+    matching = [panel for panel in panels if panel.serial in named] if named else list(panels)
+    return matching[0] if len({panel.serial for panel in matching}) == 1 else None
+
+
+def _panel_named_in(frame: FrameRow) -> str | None:
+    multispectral = (frame.header or {}).get("multispectral") or {}
+    serial: str | None = multispectral.get("panel_serial")
+    return serial
+
+
+def _read_panel(panel: Panel) -> list[PanelReading]:
+    return [
+        PanelReading(
+            panel=panel.serial,
+            band=band["band"],
+            reflectance=band["reflectance"],
+            standard_uncertainty=band.get("standard_uncertainty"),
+        )
+        for band in sorted(panel.bands, key=lambda band: str(band["band"]))
+    ]
+
+
+def _describe_panel(panel: Panel) -> dict[str, Any]:
+    return {"serial": panel.serial, "measured_on": panel.measured_on.isoformat(), "bands": panel.bands}
+
+
+def _read_meters(session: Session, campaign: Campaign) -> list[LuminanceReading]:
+    rows = session.execute(
+        select(Reading, Meter)
+        .outerjoin(Meter, Meter.id == Reading.meter_id)
+        .where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
+    )
+    readings = [
+        LuminanceReading(
+            scene=reading.scene,
+            quantity=reading.quantity,
+            value=reading.value,
+            meter=f"{meter.make} {meter.model} {meter.serial}" if meter else None,
+            expanded_uncertainty_rel=meter.certificate_expanded_uncertainty_rel if meter else None,
+            coverage_factor=meter.certificate_coverage_factor if meter else None,
+        )
+        for reading, meter in rows
+    ]
+    # by content, not by arrival, and here, since databases do not agree on the order of texts: neither the
+    # last bit of K nor the content's hash may depend on either
+    return sorted(readings, key=lambda reading: (reading.scene, reading.quantity, reading.value))
+
+
+def _meters(session: Session, campaign: Campaign) -> list[dict[str, Any]]:
+    used = select(Reading.meter_id).where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
+    rows = session.scalars(select(Meter).where(Meter.id.in_(used)))
+    return sorted(map(_describe_meter, rows), key=lambda meter: [meter[name] for name in _ENGRAVED])
+
+
+def _describe_meter(meter: Meter) -> dict[str, Any]:
+    said = {name: getattr(meter, f"certificate_{name}") for name in _CERTIFICATE}
+    certificate = {
+        name: value.isoformat() if isinstance(value, date) else value
+        for name, value in said.items()
+        if value is not None
+    }
+    engraved = {name: getattr(meter, name) for name in _ENGRAVED}
+    return {**engraved, **({"certificate": certificate} if certificate else {})}
