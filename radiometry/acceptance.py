@@ -7,7 +7,7 @@ from radiometry.exposure import PLAUSIBLE, Exposure, is_plausible
 from radiometry.flags import Flag
 from radiometry.frame import FrameHeader
 
-# What a camera or a converter has made for the eye: 8 bits, a tone curve, and nothing of the sensor's numbers.
+# Made for the eye by a camera or a converter: a tone curve, and nothing of the sensor's numbers.
 _PICTURES = {"jpeg": "JPEG", "png": "PNG"}
 # A chart is measured for its geometry and sharpness: its exposure enters no equation.
 ROLES_WITH_EXPOSURE = frozenset({"light", "dark", "flat", "panel", "field"})

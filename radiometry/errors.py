@@ -10,6 +10,7 @@ class Code(StrEnum):
     ROI_SELF_INTERSECTING = "roi_self_intersecting"
     ROI_EMPTY = "roi_empty"
     ROI_OUTSIDE_FRAME = "roi_outside_frame"
+    NOT_A_RAW_FILE = "not_a_raw_file"
     EXPOSURE_MISSING = "exposure_missing"
     EXPOSURE_IMPLAUSIBLE = "exposure_implausible"
     WRONG_CAMERA = "wrong_camera"

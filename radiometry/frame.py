@@ -24,9 +24,9 @@ class FrameHeader:
     Levels are per site of the CFA pattern in row-major order, in DN after linearisation.
     """
 
-    container: str  # "dng" | "tiff" | "raw" (readable by LibRaw only)
-    decoder: str  # "stilb" | "libraw"
-    rendered: bool  # True: a TIFF that carries somebody's tone curve
+    container: str  # "dng" | "tiff" | "raw" (readable by LibRaw only) | "jpeg" | "png"
+    decoder: str  # "stilb" | "libraw" | "imagecodecs"
+    rendered: bool  # True: a picture that carries somebody's tone curve
     compression: str  # "none" | "ljpeg" | ...
     bits_per_sample: int
     width_px: int  # of the visible (active) area

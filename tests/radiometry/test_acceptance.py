@@ -143,3 +143,17 @@ def test_automatic_exposure_is_flagged(mode, program, flagged):
 
 def test_a_rendered_image_is_flagged():
     assert accept(rendered=True).flags == ("rendered",)
+
+
+@pytest.mark.parametrize("container", ["jpeg", "png"])
+@pytest.mark.parametrize("role", sorted(ROLES - {"chart"}))
+def test_a_picture_is_refused_wherever_light_is_measured(container, role):
+    refusal = refuse(role, container=container, rendered=True)
+    assert refusal.code is Code.NOT_A_RAW_FILE
+    assert f"{container.upper()} picture" in refusal.message
+    assert refusal.message.endswith("Send the camera's raw file (DNG), or a TIFF.")
+
+
+@pytest.mark.parametrize("container", ["jpeg", "png"])
+def test_a_picture_of_a_chart_is_accepted_and_said_to_be_one(container):
+    assert accept("chart", container=container, rendered=True).flags == ("rendered",)

@@ -14,12 +14,11 @@ from worker.decode.layout import read_layout
 from worker.decode.libraw import LibRawFile
 from worker.decode.metadata import Metadata, read_metadata
 from worker.decode.native import NativeFile, describe_dng, describe_tiff
+from worker.decode.pictures import PictureFile, is_picture
 from worker.decode.refusals import Refusal, refuse
 from worker.decode.tiff import Directory, is_tiff, read_directories
 
 _KNOWN_OTHERS: Final = (
-    (b"\xff\xd8\xff", "a JPEG picture"),
-    (b"\x89PNG", "a PNG picture"),
     (b"%PDF", "a PDF document"),
     (b"PK\x03\x04", "a ZIP archive"),
     (b"GIF8", "a GIF picture"),
@@ -47,7 +46,7 @@ class OtherRawFile:
         return self.header.black_level_dn
 
 
-OpenedFile = NativeFile | OtherRawFile
+OpenedFile = NativeFile | OtherRawFile | PictureFile
 
 
 def open_file(path: Path) -> OpenedFile:
@@ -59,6 +58,8 @@ def open_file(path: Path) -> OpenedFile:
     head = buffer[:16]
     if is_tiff(head):
         return _open_tiff(buffer, path)
+    if is_picture(head):
+        return PictureFile(buffer)
     if head.startswith(_RAW_MAGIC) or head[4:12] == b"ftypcrx ":
         return OtherRawFile(LibRawFile(path), None)
     known = next((name for magic, name in _KNOWN_OTHERS if head.startswith(magic)), "no raw image")

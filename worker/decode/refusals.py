@@ -2,14 +2,15 @@
 
 from enum import StrEnum
 
-from radiometry.errors import InputRejected
+from radiometry.errors import Code, InputRejected
 
 
 class Refusal(StrEnum):
     """Stable: clients match on it."""
 
     EMPTY_FILE = "empty_file"
-    NOT_A_RAW_FILE = "not_a_raw_file"
+    # also of a picture that is a file of another role: see radiometry.acceptance
+    NOT_A_RAW_FILE = Code.NOT_A_RAW_FILE.value
     TRUNCATED = "truncated"
     SIZE_MISMATCH = "size_mismatch"
     FRAME_TOO_LARGE = "frame_too_large"
@@ -23,7 +24,7 @@ class Refusal(StrEnum):
 
 _WHAT_TO_DO = {
     Refusal.EMPTY_FILE: "Copy it from the camera's card again.",
-    Refusal.NOT_A_RAW_FILE: "Send the camera's raw file (DNG), or a TIFF.",
+    Refusal.NOT_A_RAW_FILE: "Send the camera's raw file (DNG), or a TIFF; of a chart also JPEG or PNG.",
     Refusal.TRUNCATED: "Copy it from the camera's card again and compare the file sizes.",
     Refusal.SIZE_MISMATCH: "The file is damaged: copy it from the camera's card again.",
     Refusal.FRAME_TOO_LARGE: "Send a single frame as the camera wrote it.",
