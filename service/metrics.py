@@ -6,11 +6,19 @@ from typing import get_args
 from service.schemas.frames import State as FrameState
 from service.schemas.jobs import State as JobState
 from store.queries.census import Census
+from store.software import CODE_VERSION
 
 
-def render(census: Census) -> str:
+def render(census: Census, *, free_bytes: int) -> str:
     """Every state has its line, also where it counts none: a graph then falls to zero, not to nothing."""
-    return "".join(f"{line}\n" for line in _lines(census))
+    return "".join(f"{line}\n" for line in (*_lines(census), *_of_this_process(free_bytes)))
+
+
+def _of_this_process(free_bytes: int) -> Iterator[str]:
+    yield from _head("stilb_info", "The version that serves.")
+    yield f'stilb_info{{version="{CODE_VERSION}"}} 1'
+    yield from _head("stilb_data_free_bytes", "Room left on the disk of the data folder.")
+    yield f"stilb_data_free_bytes {free_bytes}"
 
 
 def _lines(census: Census) -> Iterator[str]:

@@ -1,16 +1,18 @@
 """Organisations and keys."""
 
-from fastapi import APIRouter, Request, Response
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.auth import SCOPES, Admin
+from service.auth import SCOPES, Admin, Caller, get_caller
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
 from service.problems import HttpCode, Problem
 from service.routes import problems
-from service.schemas.equipment import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer
+from service.schemas.equipment import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
 from service.writing import Reply, Writes
 from store.columns import utc_now
 from store.queries.keys import create_key, new_secret
@@ -61,6 +63,15 @@ def list_keys(
             cursor=cursor,
             shape=lambda found: [KeyAnswer.of(row) for row in found],
         )
+
+
+@router.get("/keys/own", response_model=OwnKeyAnswer, responses=problems())
+def get_own_key(caller: Annotated[Caller, Depends(get_caller)], context: UsesContext) -> Response:
+    """The key that you ask with: whose it is and what it may do. Any key may ask."""
+    with context.database.reading() as session:
+        key = session.get_one(ApiKey, caller.key_id)
+        organisation = session.get_one(Organisation, caller.organisation_id)
+        return OwnKeyAnswer.own(key, organisation).respond()
 
 
 @router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404))

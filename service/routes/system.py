@@ -1,9 +1,11 @@
 """Whether the service lives and can serve."""
 
+import shutil
+
 from fastapi import APIRouter, Response
 from fastapi.responses import PlainTextResponse
 from pydantic import ConfigDict
-from sqlalchemy import text
+from sqlalchemy import text as sql
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.context import UsesContext
@@ -34,7 +36,7 @@ def get_readyz(context: UsesContext) -> Response:
     """The database and the file store answer too: requests can be served."""
     try:
         with context.database.reading() as session:
-            session.execute(text("SELECT 1"))
+            session.execute(sql("SELECT 1"))
         context.blobs.check()
     except SQLAlchemyError as error:
         raise Problem(
@@ -54,6 +56,8 @@ def get_readyz(context: UsesContext) -> Response:
     },
 )
 def get_metrics(context: UsesContext) -> PlainTextResponse:
-    """Jobs, frames and versions, counted from the database for Prometheus."""
+    """Jobs, frames and versions, counted for Prometheus; the version; the room on the disk."""
+    free_bytes = shutil.disk_usage(context.settings.data).free
     with context.database.reading() as session:
-        return PlainTextResponse(render(take_census(session)), media_type="text/plain; version=0.0.4")
+        text = render(take_census(session), free_bytes=free_bytes)
+    return PlainTextResponse(text, media_type="text/plain; version=0.0.4")

@@ -47,6 +47,40 @@ class KeyAnswer(Answer):
         return self.model_copy(update={"secret": None}).dump()
 
 
+class OrganisationNamed(Answer):
+    id: str
+    name: str
+
+
+class OwnKeyAnswer(Answer):
+    """The key of the one who asks, and the organisation that it belongs to."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "key_1",
+                    "name": "field laptop",
+                    "scopes": ["read", "upload", "calibrate"],
+                    "organisation": {"id": "org_1", "name": "City of Lansing"},
+                    "created_at": "2026-05-01T08:00:00Z",
+                }
+            ]
+        }
+    )
+
+    id: str
+    name: str
+    scopes: list[Scope]
+    organisation: OrganisationNamed
+    created_at: Instant
+
+    @classmethod
+    def own(cls, key: ApiKey, organisation: Organisation) -> "OwnKeyAnswer":
+        named = OrganisationNamed.model_validate(organisation)
+        return cls.model_validate({**KeyAnswer.of(key).dump(), "organisation": named})
+
+
 class NewOrganisation(Form):
     model_config = ConfigDict(json_schema_extra={"examples": [{"name": "City of Lansing"}]})
 

@@ -1,5 +1,11 @@
 """What the service tells those who watch it."""
 
+import shutil
+
+import pytest
+
+from store.software import CODE_VERSION
+
 
 def test_metrics_count_what_the_database_holds(house):
     campaign = house.campaign()
@@ -15,3 +21,10 @@ def test_metrics_count_what_the_database_holds(house):
     assert 'stilb_frames{state="refused"} 1' in lines
     assert "stilb_oldest_queued_job_age_seconds 0.000" in lines
     assert "stilb_versions_published 0" in lines
+
+
+def test_metrics_tell_the_version_and_the_room_on_the_disk(house):
+    lines = house.http.get("/metrics").text.splitlines()
+    assert f'stilb_info{{version="{CODE_VERSION}"}} 1' in lines
+    (free,) = [line for line in lines if line.startswith("stilb_data_free_bytes ")]
+    assert int(free.split()[1]) == pytest.approx(shutil.disk_usage(house.folder).free, rel=0.2)

@@ -1,0 +1,70 @@
+"""Which files need not be sent: asked by hash before an upload."""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+
+from pydantic import ConfigDict, Field
+
+from service.schemas.base import Answer, Form, Sha256
+from service.schemas.campaigns import Role
+from service.schemas.frames import State
+from store.tables import FrameRow
+
+MOST_HASHES = 1000
+
+_ONE, _OTHER = "a" * 64, "b" * 64
+
+
+class HashesAsked(Form):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"sha256": [_ONE, _OTHER]}]})
+
+    sha256: Annotated[list[Sha256], Field(min_length=1, max_length=MOST_HASHES)]
+
+
+class KnownFrame(Answer):
+    """What the campaign has, and what was said of it: a sender sees whether it means the same."""
+
+    sha256: str
+    frame_id: str
+    filename: str
+    role: Role
+    scene: str | None = None
+    state: State = Field(description="A refused one may be sent again: it is then read again.")
+
+    @classmethod
+    def of(cls, row: FrameRow) -> "KnownFrame":
+        said = {name: getattr(row, name) for name in ("sha256", "filename", "role", "scene", "state")}
+        return cls(frame_id=row.id, **said)
+
+
+class KnownAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "known": [
+                        {
+                            "sha256": _ONE,
+                            "frame_id": "frm_1",
+                            "filename": "DJI_0001.DNG",
+                            "role": "light",
+                            "scene": "level-1",
+                            "state": "extracted",
+                        }
+                    ],
+                    "unknown": [_OTHER],
+                }
+            ]
+        }
+    )
+
+    known: list[KnownFrame]
+    unknown: list[str] = Field(description="To be sent. In the order asked, each once.")
+
+    @classmethod
+    def of(cls, asked: Sequence[str], found: Mapping[str, FrameRow]) -> "KnownAnswer":
+        hashes = list(dict.fromkeys(asked))
+        return cls(
+            known=[KnownFrame.of(found[each]) for each in hashes if each in found],
+            unknown=[each for each in hashes if each not in found],
+        )
