@@ -22,6 +22,7 @@ class Code(StrEnum):
     FRAME_NOT_READ = "frame_not_read"
     FRAME_TIME_MISSING = "frame_time_missing"
     SENSOR_MODEL_UNUSABLE = "sensor_model_unusable"
+    ATTITUDE_MISSING = "attitude_missing"
     SUNSHINE_MISSING = "sunshine_missing"
     WRONG_SUNSHINE_SENSOR = "wrong_sunshine_sensor"
     PANEL_ANGLE_TOO_LARGE = "panel_angle_too_large"

@@ -4,16 +4,10 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from service.svg import Panel, Scale, span
+from service.svg import Panel, Scale, document, span
 
 _WIDTH, _ROW_PX = 1140, 300
 _LEFT_PX, _PANEL_PX, _GAP_PX, _TOP_PX, _BOTTOM_PX = 64, 290, 82, 44, 52
-_STYLE = (
-    "text{font:12px system-ui,sans-serif;fill:#222}.title{font-weight:600}.mid{text-anchor:middle}"
-    ".end{text-anchor:end}.box{fill:none;stroke:#555}.tick{stroke:#ddd}.fit{fill:none;stroke:#b03a2e;stroke-width:1.5}"
-    ".used{fill:#1f5fa8}.out{fill:none;stroke:#999}.limit{fill:none;stroke:#888;stroke-dasharray:4 3}"
-    "svg{background:#fff}"
-)
 
 
 def draw_calibration(result: dict[str, Any]) -> str:
@@ -21,11 +15,7 @@ def draw_calibration(result: dict[str, Any]) -> str:
     fits = result["iso_fits"]
     parts = [part for row, fit in enumerate(fits) for part in _row(result, fit, row * _ROW_PX)]
     height = _ROW_PX * len(fits)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" width="{_WIDTH}" '
-        f'height="{height}" role="img" aria-label="Luminance calibration"><style>{_STYLE}</style>'
-        f"{''.join(parts)}</svg>"
-    )
+    return document(parts, width_px=_WIDTH, height_px=height, label="Luminance calibration")
 
 
 def _row(result: dict[str, Any], fit: dict[str, Any], top: float) -> Iterator[str]:

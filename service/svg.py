@@ -6,6 +6,21 @@ from dataclasses import dataclass
 from html import escape
 
 _STEPS = (1.0, 2.0, 5.0, 10.0)
+_STYLE = (
+    "text{font:12px system-ui,sans-serif;fill:#222}.title{font-weight:600}.mid{text-anchor:middle}"
+    ".end{text-anchor:end}.box{fill:none;stroke:#555}.tick{stroke:#ddd}.fit{fill:none;stroke:#b03a2e;stroke-width:1.5}"
+    ".used{fill:#1f5fa8}.out{fill:none;stroke:#999}.limit{fill:none;stroke:#888;stroke-dasharray:4 3}"
+    "svg{background:#fff}"
+)
+
+
+def document(parts: Iterable[str], *, width_px: int, height_px: int, label: str, style: str = "") -> str:
+    """The whole picture; ``style`` : of classes that only this one has."""
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width_px} {height_px}" width="{width_px}" '
+        f'height="{height_px}" role="img" aria-label="{escape(label)}"><style>{_STYLE}{style}</style>'
+        f"{''.join(parts)}</svg>"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -64,6 +64,7 @@ def include_routes(app: FastAPI) -> None:
         purges,
         readings,
         system,
+        tools,
     )
 
     for module in (system, pages):
@@ -87,6 +88,7 @@ def include_routes(app: FastAPI) -> None:
         audit,
         history,
         purges,
+        tools,
     ):
         app.include_router(module.router, dependencies=[Depends(_refuse_unknown_parameters)])
 

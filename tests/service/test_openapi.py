@@ -11,10 +11,10 @@ JSON, PROBLEM = "application/json", "application/problem+json"
 NUMBERS_WITHOUT_UNIT = {
     *("value", "standard_uncertainty", "entered_value"),  # their unit stands beside them
     *("iso", "f_number", "coverage_factor", "progress", "tolerance", "surface_reflectance"),
-    "in_standard_uncertainties",
+    *("in_standard_uncertainties", "horizontal", "vertical"),  # the last two in fov_deg
     *("saturated_share", "zero_share", "variance_share", "reflectance"),
 }
-UNIT = re.compile(r"_(s|um|mm|px|dn|rel|deg|m|cd_m2|bytes)$")
+UNIT = re.compile(r"_(s|km_h|um|mm|px|dn|rel|deg|m|cd_m2|bytes)$")
 
 
 @pytest.fixture(scope="module")

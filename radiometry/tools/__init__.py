@@ -1,0 +1,1 @@
+"""Calculators for planning and checking a flight: motion, coverage, exposure series, blur from attitudes."""

@@ -1,0 +1,155 @@
+"""Blur of frames whose file records the aircraft's attitude: rates from one record to the next."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from scipy.spatial.transform import Rotation
+
+from radiometry.errors import Code, InputRejected
+from radiometry.multispectral import Multispectral
+
+Basis = Literal["during", "nearest", "largest"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attitude:
+    """A record of yaw, pitch and roll [deg] at a time [s]: north-east-down to the body, in that order."""
+
+    time_s: float
+    yaw_deg: float
+    pitch_deg: float
+    roll_deg: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turn:
+    """How the body turned from one record to the next, about its own axes: forward, right, down."""
+
+    start_s: float
+    end_s: float
+    roll_rate_deg_s: float
+    pitch_rate_deg_s: float
+    yaw_rate_deg_s: float
+
+    @property
+    def tilt_rate_deg_s(self) -> float:
+        """Of the line of sight of a camera that looks along the body's down axis."""
+        return math.hypot(self.roll_rate_deg_s, self.pitch_rate_deg_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    """A frame: when its exposure began on the records' clock (None: not known), and how long it took."""
+
+    at_s: float | None
+    exposure_time_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optics:
+    """What turns an angle into pixels; ``corner_px`` : from the centre of the picture to its corner."""
+
+    pixel_pitch_um: float
+    focal_length_mm: float
+    corner_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameBlur:
+    """The theoretical motion of one frame from rotation alone.
+
+    ``basis`` : during: the records enclose the exposure; nearest: they do not, the nearest two were taken;
+        largest: the exposure's time is not known, the fastest two were taken
+    ``centre_blur_px`` : from the line of sight's turning; ``corner_blur_px`` : with the yaw, which moves the
+        corners and not the centre, in the worst of the four
+    """
+
+    turn: Turn
+    basis: Basis
+    centre_blur_px: float
+    corner_blur_px: float
+
+
+def read_attitudes(multispectral: Multispectral | None) -> tuple[Attitude, ...]:
+    """Give the attitudes of a file's sunshine records, in the order of time; empty where it has none."""
+    if multispectral is None or multispectral.counts is None:
+        return ()
+    found = {
+        record.time_us: Attitude(
+            time_s=record.time_us * 1e-6,
+            yaw_deg=record.yaw_deg,
+            pitch_deg=record.pitch_deg,
+            roll_deg=record.roll_deg,
+        )
+        for record in multispectral.counts.records
+        if record.yaw_deg is not None and record.pitch_deg is not None and record.roll_deg is not None
+    }
+    return tuple(found[time] for time in sorted(found))
+
+
+def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
+    """Give the rates between successive records, which must be in order of time.
+
+    rate = log(R_i^T R_{i+1}) / (t_{i+1} - t_i)   in the body's axes, R = Rz(yaw) Ry(pitch) Rx(roll)
+    Differences of the angles themselves would jump at 360 degrees, and are no rates of a tilted body.
+    """
+    turns = []
+    for first, second in itertools.pairwise(attitudes):
+        step = _rotate(first).inv() * _rotate(second)
+        elapsed_s = second.time_s - first.time_s
+        roll, pitch, yaw = (math.degrees(angle) / elapsed_s for angle in step.as_rotvec())
+        turns.append(
+            Turn(
+                start_s=first.time_s,
+                end_s=second.time_s,
+                roll_rate_deg_s=roll,
+                pitch_rate_deg_s=pitch,
+                yaw_rate_deg_s=yaw,
+            )
+        )
+    return tuple(turns)
+
+
+def blur_of_frames(
+    shots: Sequence[Shot], attitudes: Sequence[Attitude], *, optics: Optics
+) -> tuple[FrameBlur, ...]:
+    """Give the blur of frames whose camera is fixed to the body and looks along its down axis.
+
+        centre = (c / s_p) hypot(roll, pitch) t,    corner = centre + r_corner |yaw| t
+    Both are theoretical motions (the practical one is half), to first order in the picture's angles. Records
+    some tenths of a second apart show the slow part of the turning only: vibration is not in them.
+
+    Raises InputRejected(attitude_missing) if there are fewer than two records
+    """
+    turns = compute_turns(attitudes)
+    if not turns:
+        raise InputRejected(
+            Code.ATTITUDE_MISSING,
+            "The file carries no two records of yaw, pitch and roll with their times: how fast the camera "
+            "turned is not known. Type the rotation rate into POST /v1/tools/motion instead.",
+        )
+    return tuple(_blur(shot, turns, optics) for shot in shots)
+
+
+def _blur(shot: Shot, turns: Sequence[Turn], optics: Optics) -> FrameBlur:
+    turn, basis = _choose(shot, turns)
+    per_rad = optics.focal_length_mm * 1e3 / optics.pixel_pitch_um
+    centre = per_rad * math.radians(turn.tilt_rate_deg_s) * shot.exposure_time_s
+    twist = optics.corner_px * math.radians(abs(turn.yaw_rate_deg_s)) * shot.exposure_time_s
+    return FrameBlur(turn=turn, basis=basis, centre_blur_px=centre, corner_blur_px=centre + twist)
+
+
+def _choose(shot: Shot, turns: Sequence[Turn]) -> tuple[Turn, Basis]:
+    """Pick the turn that tells most of a shot; of equals the first."""
+    if shot.at_s is None:
+        return max(turns, key=lambda turn: turn.tilt_rate_deg_s), "largest"
+    middle_s = shot.at_s + shot.exposure_time_s / 2
+    nearest = min(turns, key=lambda turn: max(turn.start_s - middle_s, middle_s - turn.end_s, 0.0))
+    return nearest, "during" if nearest.start_s <= middle_s <= nearest.end_s else "nearest"
+
+
+def _rotate(attitude: Attitude) -> Rotation:
+    return Rotation.from_euler("ZYX", [attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg], degrees=True)

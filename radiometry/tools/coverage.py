@@ -1,0 +1,133 @@
+"""What a camera above level ground sees: near and far, how finely, and its footprint."""
+
+import math
+from dataclasses import dataclass
+
+# a ray this close to the horizon (as the sine of its angle below) meets no ground worth a number
+_HORIZON = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A camera above level ground, its rows level.
+
+    ``tilt_deg`` : of the line of sight from straight down, [0, 90); ``azimuth_deg`` : where the tilt points,
+        clockwise from y of the footprint
+    ``sensor_width_mm`` : along the rows; ``sensor_height_mm`` : along the tilt
+    """
+
+    height_m: float
+    tilt_deg: float
+    focal_length_mm: float
+    sensor_width_mm: float
+    sensor_height_mm: float
+    pixel_pitch_um: float
+    azimuth_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Hold what every caller must have checked at its edge."""
+        lengths = (self.height_m, self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm)
+        if not (
+            all(math.isfinite(each) and each > 0.0 for each in (*lengths, self.pixel_pitch_um))
+            and 0.0 <= self.tilt_deg < 90.0
+            and math.isfinite(self.azimuth_deg)
+        ):
+            raise ValueError(f"a view that cannot be: {self}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coverage:
+    """What a view covers; None for what lies above the horizon.
+
+    ``near_m``, ``far_m`` : where the middle of the picture's lower and upper edge meet the ground, from the
+        point below the camera along the tilt; ``near_m`` is negative behind that point
+    ``gsd_*_m`` : of a pixel across the line of sight, along the rows; ``gsd_*_along_m`` : along the tilt
+    ``footprint`` : (x, y) [m] of near left, near right, far right, far left, from the point below the camera
+    ``horizon_in_view`` : the upper edge looks above the ground
+    """
+
+    horizontal_fov_deg: float
+    vertical_fov_deg: float
+    near_m: float
+    far_m: float | None
+    gsd_near_m: float
+    gsd_centre_m: float
+    gsd_far_m: float | None
+    gsd_near_along_m: float
+    gsd_centre_along_m: float
+    gsd_far_along_m: float | None
+    footprint: tuple[tuple[float, float], ...] | None
+    horizon_in_view: bool
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One row of the picture on the ground: where it lies, and metres on it a millimetre of sensor."""
+
+    ahead_m: float
+    across_per_mm: float
+    along_per_mm: float
+
+
+def compute_coverage(view: View) -> Coverage:
+    """Give what a tilted or nadir camera sees of level ground.
+
+    A row at v on the sensor (up, away from the ground's near side), with tilt a, height h, focal length c:
+        ahead = h (c sin a + v cos a) / (c cos a - v sin a)
+        across, per length on the sensor = h / (c cos a - v sin a)        exact in every point of a row
+        along = h c / (c cos a - v sin a)^2                               d ahead / d v
+        fov = 2 atan(size / 2 c)
+    A GSD is that times the pixel pitch. For a nadir camera both are h s_p / c in the whole picture. Where
+    c cos a <= v sin a the row looks at the horizon or above it: nothing is given for it.
+
+    Source Grenzdoerffer, Niemeyer, Schmidt, ISPRS 2012, section 2; the equations are those of a central
+    projection (Kraus, Photogrammetry, section 5)
+    """
+    half = view.sensor_height_mm / 2
+    near, centre, far = _find_row(view, -half), _find_row(view, 0.0), _find_row(view, half)
+    if near is None or centre is None:
+        raise AssertionError("a camera tilted by less than 90 degrees sees the ground")
+    pitch_mm = view.pixel_pitch_um * 1e-3
+    return Coverage(
+        horizontal_fov_deg=_fov_deg(view.sensor_width_mm, view.focal_length_mm),
+        vertical_fov_deg=_fov_deg(view.sensor_height_mm, view.focal_length_mm),
+        near_m=near.ahead_m,
+        far_m=far.ahead_m if far else None,
+        gsd_near_m=near.across_per_mm * pitch_mm,
+        gsd_centre_m=centre.across_per_mm * pitch_mm,
+        gsd_far_m=far.across_per_mm * pitch_mm if far else None,
+        gsd_near_along_m=near.along_per_mm * pitch_mm,
+        gsd_centre_along_m=centre.along_per_mm * pitch_mm,
+        gsd_far_along_m=far.along_per_mm * pitch_mm if far else None,
+        footprint=(*_ends(view, near), *reversed(_ends(view, far))) if far else None,
+        horizon_in_view=far is None,
+    )
+
+
+def _find_row(view: View, v_mm: float) -> _Row | None:
+    tilt = math.radians(view.tilt_deg)
+    c, sine, cosine = view.focal_length_mm, math.sin(tilt), math.cos(tilt)
+    down = c * cosine - v_mm * sine
+    if down <= _HORIZON * math.hypot(c, v_mm):
+        return None
+    return _Row(
+        ahead_m=view.height_m * (c * sine + v_mm * cosine) / down,
+        across_per_mm=view.height_m / down,
+        along_per_mm=view.height_m * c / down**2,
+    )
+
+
+def _ends(view: View, row: _Row) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Give the left and the right end of a row on the ground, turned by the azimuth."""
+    turn = math.radians(view.azimuth_deg)
+    sine, cosine = math.sin(turn), math.cos(turn)
+    reach = row.across_per_mm * view.sensor_width_mm / 2
+    left, right = (
+        (across * cosine + row.ahead_m * sine, row.ahead_m * cosine - across * sine)
+        for across in (-reach, reach)
+    )
+    return left, right
+
+
+def _fov_deg(size_mm: float, focal_length_mm: float) -> float:
+    return math.degrees(2 * math.atan2(size_mm / 2, focal_length_mm))

@@ -1,0 +1,148 @@
+"""How the signal follows exposure time, f-number and ISO: exponents from a table of mean signals."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Quantity
+
+SETTINGS = ("exposure_time_s", "f_number", "iso")
+
+LOWEST_SHARE = 2.0**-8
+"""Eight stops below white. Dark signals are stated in whole DN and drift by some: of the 64 DN that this is
+in 14 bits one DN is 1.6 %, and it bends a logarithm the more the lower it stands."""
+
+HIGHEST_SHARE = 0.95
+"""Above it single pixels clip before the mean does, and many sensors bend."""
+
+_LARGEST_CONDITION = 1e4
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeriesRow:
+    """One frame's settings and mean signal [DN], dark included; ``dark_dn`` : its own, if it has one."""
+
+    exposure_time_s: float
+    f_number: float
+    iso: float
+    signal_dn: float
+    dark_dn: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """A row that was not used; ``row`` : its number from 0."""
+
+    row: int
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExponentFit:
+    """Exponents by setting, of those that vary; ``scatter_rel`` : of the signal about the fit."""
+
+    exponents: dict[str, Quantity]
+    used: int
+    left_out: tuple[LeftOut, ...]
+    scatter_rel: float
+
+
+def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: float) -> ExponentFit:
+    """Fit signal = A t^a N^b S^s by ordinary least squares of logarithms.
+
+        ln(signal - dark) = ln A + a ln t + b ln N + s ln S,    u from the residuals' scatter, n - p dof
+    A linear sensor behind an ideal lens has a = 1, b = -2, s = 1. Only settings that vary get an exponent.
+    Rows below 1/256 or above 95 % of the way from dark to white are left out, and said.
+
+    Takes
+      dark_dn : of rows that have none of their own
+    Raises InputRejected(fit_incomplete)
+      if no setting varies among the rows that are left, two vary only together, or too few rows are left
+    """
+    kept, left_out = _cut(rows, dark_dn=dark_dn, white_level_dn=white_level_dn)
+    if not kept:
+        raise InputRejected(Code.FIT_INCOMPLETE, f"No row can be used. {_explain(left_out)}")
+    logs = {name: np.log([getattr(row, name) for row, _ in kept]) for name in SETTINGS}
+    varied = [name for name in SETTINGS if np.ptp(logs[name]) > 0.0]
+    _require_enough(len(kept), varied, left_out)
+    columns = np.column_stack([logs[name] - logs[name].mean() for name in varied])
+    _require_independent(columns, varied)
+    design = np.column_stack([np.ones(len(kept)), columns])
+    response = np.log([above for _, above in kept])
+    theta, *_ = np.linalg.lstsq(design, response, rcond=None)
+    residual = response - design @ theta
+    variance = float(residual @ residual) / (len(kept) - design.shape[1])
+    covariance = variance * np.linalg.inv(design.T @ design)
+    return ExponentFit(
+        exponents={
+            name: Quantity(
+                value=float(theta[index]),
+                standard_uncertainty=math.sqrt(float(covariance[index, index])),
+                unit="1",
+            )
+            for index, name in enumerate(varied, start=1)
+        },
+        used=len(kept),
+        left_out=tuple(left_out),
+        scatter_rel=math.sqrt(variance),
+    )
+
+
+def _cut(
+    rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: float
+) -> tuple[list[tuple[SeriesRow, float]], list[LeftOut]]:
+    """Give the usable rows with their signal above dark, and the others with the reason."""
+    kept, left_out = [], []
+    for index, row in enumerate(rows):
+        dark = dark_dn if row.dark_dn is None else row.dark_dn
+        span, above = white_level_dn - dark, row.signal_dn - dark
+        if span <= 0.0:
+            reason = f"its dark signal {dark:g} DN is not below the white level {white_level_dn:g} DN"
+        elif above < LOWEST_SHARE * span:
+            reason = f"{above:g} DN above dark: less than 1/256 of the way to white ({span:g} DN)"
+        elif above > HIGHEST_SHARE * span:
+            reason = (
+                f"saturated: {row.signal_dn:g} DN is above 95 % of the way to white ({white_level_dn:g} DN)"
+            )
+        else:
+            kept.append((row, above))
+            continue
+        left_out.append(LeftOut(row=index, reason=reason))
+    return kept, left_out
+
+
+def _require_enough(count: int, varied: Sequence[str], left_out: Sequence[LeftOut]) -> None:
+    if not varied:
+        raise InputRejected(
+            Code.FIT_INCOMPLETE,
+            f"No setting varies among the usable rows ({count}): vary exposure time, f-number or ISO. "
+            f"{_explain(left_out)}",
+        )
+    needed = len(varied) + 2
+    if count < needed:
+        raise InputRejected(
+            Code.FIT_INCOMPLETE,
+            f"Usable rows: {count}. {len(varied)} exponents with their standard errors need at least "
+            f"{needed}. {_explain(left_out)}",
+        )
+
+
+def _explain(left_out: Sequence[LeftOut]) -> str:
+    named = [f"row {each.row}: {each.reason}" for each in left_out[:3]]
+    more = f"; and {len(left_out) - 3} more" if len(left_out) > 3 else ""
+    return f"Left out: {'; '.join(named)}{more}." if named else "None was left out."
+
+
+def _require_independent(columns: NDArray[np.float64], varied: Sequence[str]) -> None:
+    """Refuse settings that change only together: which of them moved the signal cannot be told."""
+    spread = columns / np.linalg.norm(columns, axis=0)
+    if np.linalg.cond(spread) > _LARGEST_CONDITION:
+        raise InputRejected(
+            Code.FIT_INCOMPLETE,
+            f"{' and '.join(varied)} vary only together: their exponents cannot be told apart. Add rows in "
+            "which one of them changes alone.",
+        )

@@ -1,0 +1,193 @@
+"""The calculators: nothing is stored, the same question always has the same answer."""
+
+from collections.abc import Callable, Coroutine
+from typing import Annotated, Any, TypeVar
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+from pydantic import Field, TypeAdapter, ValidationError
+
+from radiometry.errors import Code, InputRejected
+from radiometry.tools.attitude import Optics, Shot, blur_of_frames, compute_turns, read_attitudes
+from radiometry.tools.coverage import compute_coverage
+from radiometry.tools.exponents import fit_exponents
+from radiometry.tools.motion import MotionCase, compute_motion
+from service.auth import Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.problems import invalid, located
+from service.routes import problems
+from service.schemas.attitudes import FrameMotionAnswer, FrameOptics
+from service.schemas.base import Form
+from service.schemas.tools import (
+    MOST_CASES,
+    CoverageAnswer,
+    CoveragesAnswer,
+    ExposureAnswer,
+    MotionAnswer,
+    MotionsAnswer,
+    NewCoverage,
+    NewExposureSeries,
+    NewMotion,
+)
+from service.tool_plots import draw_footprints, draw_motion
+from service.writing import IdempotencyKey
+from store.codec import decode_exposure, decode_header
+from store.tables import FrameRow
+
+F = TypeVar("F", bound=Form)
+
+_SVG = "image/svg+xml"
+
+
+def _take_key(_idempotency_key: IdempotencyKey = None) -> None:
+    """Every POST takes a key; here nothing is done that could be done twice."""
+
+
+router = APIRouter(prefix="/v1", tags=["tools"])
+stateless = [Depends(_take_key)]
+
+
+def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, list[F] | F]]:
+    """A body that is one object, or a list of them; each bad field is named with its place."""
+    one: TypeAdapter[F] = TypeAdapter(form)
+    many: TypeAdapter[list[F]] = TypeAdapter(
+        Annotated[list[form], Field(min_length=1, max_length=MOST_CASES)]  # type: ignore[arg-type, valid-type]
+    )
+
+    async def read(request: Request) -> list[F] | F:
+        data = await request.body()
+        try:
+            return (many if data.lstrip()[:1] == b"[" else one).validate_json(data)
+        except ValidationError as error:
+            raise invalid(located(error, "body")) from error
+
+    return read
+
+
+def _body_of(form: type[Form]) -> dict[str, Any]:
+    schema = form.model_json_schema()
+    several = {"type": "array", "items": schema, "minItems": 1, "maxItems": MOST_CASES}
+    content = {"schema": {"oneOf": [schema, several]}, "example": schema["examples"][0]}
+    return {"requestBody": {"required": True, "content": {"application/json": content}}}
+
+
+def _sends_drawing() -> dict[int | str, dict[str, Any]]:
+    return {200: {"content": {_SVG: {"schema": {"type": "string", "format": "binary"}}}}, **problems()}
+
+
+Motions = Annotated[list[NewMotion] | NewMotion, Depends(_read_one_or_many(NewMotion))]
+Coverages = Annotated[list[NewCoverage] | NewCoverage, Depends(_read_one_or_many(NewCoverage))]
+
+
+@router.post(
+    "/tools/motion",
+    response_model=MotionAnswer | MotionsAnswer,
+    responses=problems(),
+    dependencies=stateless,
+    openapi_extra=_body_of(NewMotion),
+)
+def compute_image_motion(body: Motions, _caller: Reader) -> Response:
+    """Image motion from speed and rotation, theoretical and practical; what is tolerable.
+
+    One object gives one answer, a list gives `items` in its order. Limits are of the theoretical motion.
+    """
+    if isinstance(body, list):
+        return MotionsAnswer(items=[_move(form) for form in body]).respond()
+    return _move(body).respond()
+
+
+@router.post(
+    "/tools/motion.svg",
+    response_class=Response,
+    responses=_sends_drawing(),
+    dependencies=stateless,
+    openapi_extra=_body_of(NewMotion),
+)
+def draw_image_motion(body: Motions, _caller: Reader) -> Response:
+    """Tolerable rotation against exposure time, and the blur, each case a line."""
+    forms = body if isinstance(body, list) else [body]
+    named = [(form.name or f"case {number}", form.case()) for number, form in enumerate(forms, start=1)]
+    return Response(draw_motion(named), media_type=_SVG)
+
+
+@router.post(
+    "/tools/coverage",
+    response_model=CoverageAnswer | CoveragesAnswer,
+    responses=problems(),
+    dependencies=stateless,
+    openapi_extra=_body_of(NewCoverage),
+)
+def compute_ground_coverage(body: Coverages, _caller: Reader) -> Response:
+    """What a tilted or nadir camera sees of level ground, and how finely.
+
+    One object gives one answer, a list (the cameras of a rig) gives `items` in its order.
+    """
+    if isinstance(body, list):
+        return CoveragesAnswer(items=[_cover(form) for form in body]).respond()
+    return _cover(body).respond()
+
+
+@router.post(
+    "/tools/coverage.svg",
+    response_class=Response,
+    responses=_sends_drawing(),
+    dependencies=stateless,
+    openapi_extra=_body_of(NewCoverage),
+)
+def draw_ground_coverage(body: Coverages, _caller: Reader) -> Response:
+    """The footprints from above, each camera in its colour."""
+    forms = body if isinstance(body, list) else [body]
+    views = [
+        (form.name or f"camera {number}", form.view(), compute_coverage(form.view()))
+        for number, form in enumerate(forms, start=1)
+    ]
+    return Response(draw_footprints(views), media_type=_SVG)
+
+
+@router.post("/tools/exposure", response_model=ExposureAnswer, responses=problems(), dependencies=stateless)
+def fit_exposure_exponents(body: NewExposureSeries, _caller: Reader) -> Response:
+    """Exponents of exposure time, f-number and ISO from a table of mean signals.
+
+    Rows below 1/256 or above 95 % of the way from dark to white are left out, each with its reason.
+    """
+    fit = fit_exponents(body.series(), dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
+    return ExposureAnswer.of(fit).respond()
+
+
+@router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer, responses=problems(404))
+def get_frame_motion(
+    frame_id: Id, optics: Annotated[FrameOptics, Query()], caller: Reader, context: UsesContext
+) -> Response:
+    """The blur of a frame whose file records attitudes with their times, as a Sequoia's does.
+
+    The camera is taken as fixed to the aircraft, looking down. Rotation alone, without vibration.
+    """
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+    if frame.header is None:
+        raise InputRejected(Code.FRAME_NOT_READ, "This frame has not been read yet, or it was refused.")
+    if frame.exposure is None:
+        raise InputRejected(Code.EXPOSURE_MISSING, "This frame states no exposure time.")
+    header, exposure_time_s = decode_header(frame.header), decode_exposure(frame.exposure).exposure_time_s
+    multispectral = header.multispectral
+    at_us = multispectral.exposed_at_us if multispectral else None
+    attitudes = read_attitudes(multispectral)
+    (blur,) = blur_of_frames(
+        [Shot(at_s=None if at_us is None else at_us * 1e-6, exposure_time_s=exposure_time_s)],
+        attitudes,
+        optics=Optics(
+            pixel_pitch_um=optics.pixel_pitch_um,
+            focal_length_mm=optics.focal_length_mm,
+            corner_px=((header.width_px / 2) ** 2 + (header.height_px / 2) ** 2) ** 0.5,
+        ),
+    )
+    case = MotionCase(exposure_time_s=exposure_time_s, distance_m=1.0, **optics.model_dump())
+    return FrameMotionAnswer.of(frame.id, case, blur, compute_turns(attitudes)).respond()
+
+
+def _move(form: NewMotion) -> MotionAnswer:
+    return MotionAnswer.of(form, compute_motion(form.case()))
+
+
+def _cover(form: NewCoverage) -> CoverageAnswer:
+    return CoverageAnswer.of(form, compute_coverage(form.view()))

@@ -1,0 +1,132 @@
+"""Exponents of an exposure series: known truth, predicted errors, cuts, and a real Nikon D70."""
+
+import csv
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from radiometry.errors import Code, InputRejected
+from radiometry.tools.exponents import SeriesRow, fit_exponents
+
+WHITE = 16384.0
+DARK = {"R": 1.0, "G": 8.0, "B": 2.0}
+
+
+def row(time_s=0.01, f_number=8.0, iso=200.0, *, signal_dn=None, dark_dn=0.0, **exponents):
+    a, b, s = exponents.get("a", 1.0), exponents.get("b", -2.0), exponents.get("s", 1.0)
+    signal = 40_000 * time_s**a * f_number**b * iso**s + dark_dn
+    return SeriesRow(exposure_time_s=time_s, f_number=f_number, iso=iso, signal_dn=signal_dn or signal)
+
+
+def read(path):
+    with path.open() as lines:
+        return [{name: float(value) for name, value in one.items()} for one in csv.DictReader(lines)]
+
+
+@settings(max_examples=30)
+@given(st.floats(0.5, 1.5), st.floats(-3.0, -1.0), st.floats(0.5, 1.5), st.floats(0.0, 60.0))
+def test_the_truth_is_recovered(a, b, s, dark_dn):
+    settings_of = [
+        (time, f, iso) for time in (0.01, 0.02, 0.05) for f in (5.6, 8.0) for iso in (200.0, 400.0)
+    ]
+    rows = [row(*one, a=a, b=b, s=s, dark_dn=dark_dn) for one in settings_of]
+    top = max(one.signal_dn for one in rows) * 1.2
+    fit = fit_exponents(rows, dark_dn=dark_dn, white_level_dn=top)
+    kept = {name: fit.exponents[name].value for name in fit.exponents}
+    expected = {"exposure_time_s": a, "f_number": b, "iso": s}
+    assert kept == pytest.approx({name: expected[name] for name in kept}, abs=1e-6)
+    assert fit.used + len(fit.left_out) == len(rows)
+
+
+def test_standard_errors_are_those_of_the_scatter():
+    rng = np.random.default_rng(5)
+    times = np.geomspace(0.001, 0.02, 12)
+    errors, claimed = [], []
+    for _ in range(300):
+        rows = [row(t, signal_dn=40_000 * t * 200 / 64 * (1 + 0.02 * rng.standard_normal())) for t in times]
+        found = fit_exponents(rows, dark_dn=0.0, white_level_dn=WHITE).exponents["exposure_time_s"]
+        errors.append(found.value - 1.0)
+        claimed.append(found.standard_uncertainty)
+    expected = 0.02 / np.sqrt(np.sum((np.log(times) - np.log(times).mean()) ** 2))
+    # a standard deviation of 300 is known to 1/sqrt(600), a root mean square of 3000 residuals better still
+    assert np.std(errors) == pytest.approx(expected, rel=3.5 / np.sqrt(600))
+    assert np.sqrt(np.mean(np.square(claimed))) == pytest.approx(expected, rel=3.5 / np.sqrt(6000))
+
+
+def test_what_is_cut_says_why():
+    rows = [row(t) for t in (0.004, 0.008, 0.016, 0.032)]
+    # 2500 / 0.02 s: 125 DN/ms; 1/256 of white is 64 DN
+    dim, bright = row(0.0004), row(0.2)
+    fit = fit_exponents([dim, *rows, bright], dark_dn=0.0, white_level_dn=WHITE)
+    assert fit.used == 4
+    assert [each.row for each in fit.left_out] == [0, 5]
+    assert "1/256" in fit.left_out[0].reason
+    assert "saturated" in fit.left_out[1].reason
+
+
+@pytest.mark.parametrize(("share", "used"), [(0.0039, 4), (0.0040, 5), (0.949, 5), (0.951, 4)])
+def test_the_cuts_lie_where_they_are_said_to_lie(share, used):
+    rows = [row(t) for t in (0.004, 0.008, 0.016, 0.032)]
+    edge = row(0.064, signal_dn=100.0 + share * (WHITE - 100.0))
+    assert fit_exponents([*rows, edge], dark_dn=100.0, white_level_dn=WHITE).used == used
+
+
+def test_dark_by_row_takes_the_place_of_the_tables():
+    rows = [row(t, dark_dn=500.0 * t / 0.01) for t in (0.004, 0.008, 0.016, 0.032)]
+    own = [SeriesRow(**{**vars(one), "dark_dn": 500.0 * one.exposure_time_s / 0.01}) for one in rows]
+    found = fit_exponents(own, dark_dn=0.0, white_level_dn=WHITE).exponents["exposure_time_s"]
+    assert found.value == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([row(0.01)] * 5, "No setting varies"),
+        ([row(0.01), row(0.02)], "need at least 3"),
+        ([row(0.01 * k, iso=200.0 / k, signal_dn=3000 + k) for k in (1, 2, 4, 8)], "vary only together"),
+        ([row(0.01, signal_dn=16384.0)] * 5, "No row can be used. Left out: row 0: saturated"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_with_what_to_do(rows, message):
+    with pytest.raises(InputRejected, match=message) as refused:
+        fit_exponents(rows, dark_dn=0.0, white_level_dn=WHITE)
+    assert refused.value.code is Code.FIT_INCOMPLETE
+
+
+@pytest.mark.parametrize("f_number", [11.0, 16.0])
+@pytest.mark.parametrize("channel", ["R", "G", "B"])
+def test_a_real_camera_is_linear_in_time(real_data, channel, f_number):
+    rows = [
+        SeriesRow(
+            exposure_time_s=one["exposure_s"], f_number=one["f_number"], iso=200.0, signal_dn=one[channel]
+        )
+        for one in read(real_data / "nikon-d70" / "exposure_series.csv")
+        if one["f_number"] == f_number
+    ]
+    fit = fit_exponents(rows, dark_dn=DARK[channel], white_level_dn=WHITE)
+    assert list(fit.exponents) == ["exposure_time_s"]
+    assert 1.00 <= fit.exponents["exposure_time_s"].value <= 1.02
+    assert fit.exponents["exposure_time_s"].standard_uncertainty < 0.01
+    assert len(fit.left_out) == len(rows) - fit.used > 20
+
+
+@pytest.mark.parametrize("channel", ["R", "Gr", "Gb", "B"])
+def test_a_real_camera_is_linear_in_iso(real_data, channel):
+    rows = [
+        SeriesRow(exposure_time_s=1 / 250, f_number=2.8, iso=one["iso"], signal_dn=one[channel])
+        for one in read(real_data / "nikon-d70" / "iso_series_t1_250_f2.8.csv")
+    ]
+    fit = fit_exponents(rows, dark_dn=DARK[channel[0]], white_level_dn=WHITE)
+    assert 0.98 <= fit.exponents["iso"].value <= 1.04
+
+
+@pytest.mark.parametrize(("channel", "published"), [("R", 2.02), ("G", 2.04), ("B", 2.10)])
+def test_a_real_lens_is_nearly_quadratic(real_data, channel, published):
+    rows = [
+        SeriesRow(exposure_time_s=1 / 250, f_number=one["f_number"], iso=200.0, signal_dn=one[channel])
+        for one in read(real_data / "nikon-d70" / "aperture_series_t1_250.csv")
+    ]
+    found = fit_exponents(rows, dark_dn=DARK[channel], white_level_dn=WHITE).exponents["f_number"]
+    assert -found.value == pytest.approx(published, abs=2 * found.standard_uncertainty)

@@ -1,0 +1,319 @@
+"""The calculators through HTTP: the source's numbers, tables, refusals and drawings; blur of a frame."""
+
+import csv
+import json
+import os
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from sqlalchemy import func, select
+
+from store.tables import FrameRow, IdempotentAnswer
+
+DATA = Path(os.environ.get("STILB_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
+MOTION = {"pixel_pitch_um": 4.65, "focal_length_mm": 9, "exposure_time_s": 1 / 800, "distance_m": 25}
+COVERAGE = {
+    "height_m": 50,
+    "tilt_deg": 0,
+    "focal_length_mm": 9,
+    "sensor_width_mm": 6.4,
+    "sensor_height_mm": 4.8,
+    "pixel_pitch_um": 4.65,
+}
+TABLE_3 = {
+    100: ("1.66", "0.72", "37.3", "55.9"),
+    200: ("0.83", "0.36", "18.6", "28.0"),
+    400: ("0.41", "0.18", "9.3", "14.0"),
+    500: ("0.33", "0.14", "7.5", "11.2"),
+    640: ("0.26", "0.11", "5.8", "8.7"),
+    800: ("0.21", "0.09", "4.7", "7.0"),
+    1000: ("0.17", "0.07", "3.7", "5.6"),
+    1250: ("0.13", "0.06", "3.0", "4.5"),
+    2000: ("0.08", "0.04", "1.9", "2.8"),
+}
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def house(sqlite_house):
+    """One for all: the calculators store nothing."""
+    return sqlite_house
+
+
+def ask(house, tool, body, status=200):
+    return house.post(f"/v1/tools/{tool}", body, status=status)
+
+
+def test_table_3_in_one_request(house):
+    cases = [
+        MOTION | {"exposure_time_s": 1 / inverse, "focal_length_mm": c, "rotation_rate_deg_s": 360 * 0.46}
+        for inverse in TABLE_3
+        for c in (6, 9)
+    ]
+    items = ask(house, "motion", cases)["items"]
+    for (short, long), printed in zip(
+        zip(items[::2], items[1::2], strict=True), TABLE_3.values(), strict=True
+    ):
+        assert f"{long['rotation_angle_deg']:.2f}" == printed[0]
+        assert f"{long['rotation_ground_m']:.2f}" == printed[1]
+        assert f"{short['rotation_blur_px']:.1f}" == printed[2]
+        assert f"{long['rotation_blur_px']:.1f}" == printed[3]
+
+
+def test_one_lens_has_the_contracts_fields(house):
+    answer = ask(
+        house, "motion", MOTION | {"rotation_rate_deg_s": 165.6, "ground_speed_m_s": 15, "limit_px": 0.5}
+    )
+    assert answer["tolerable_rate_deg_s"] == pytest.approx(11.84, abs=0.005)
+    both = answer["rotation_blur_px"] + answer["forward_blur_px"]
+    assert answer["theoretical_blur_px"] == pytest.approx(both)
+    assert answer["practical_blur_px"] == pytest.approx(both / 2)
+    assert answer["longest_exposure_s"] == pytest.approx(0.5 / both / 800)
+
+
+@pytest.mark.parametrize("speed", [{"ground_speed_m_s": 15}, {"ground_speed_km_h": 54}])
+@pytest.mark.parametrize(("focal_length_mm", "blur_px"), [(6, 0.484), (9, 0.726)])
+def test_speed_in_either_unit_by_its_own_name(house, speed, focal_length_mm, blur_px):
+    case = MOTION | {"focal_length_mm": focal_length_mm, "exposure_time_s": 1 / 400, "distance_m": 100}
+    answer = ask(house, "motion", case | speed)
+    assert answer["forward_blur_px"] == pytest.approx(blur_px, abs=5e-4)
+    assert answer["ground_speed_m_s"] == pytest.approx(15)
+
+
+def test_what_does_not_exist_is_absent(house):
+    answer = ask(house, "motion", MOTION)
+    assert sorted(answer) == ["gsd_m", "limit_px", "tolerable_rate_deg_s"]
+
+
+@pytest.mark.parametrize(
+    ("tool", "body", "field", "message"),
+    [
+        ("motion", MOTION | {"ground_speed_m_s": 15, "ground_speed_km_h": 54}, "body", "not both"),
+        ("motion", MOTION | {"ground_speed": 15}, "body.ground_speed", "is not known here"),
+        ("motion", MOTION | {"distance_m": 0}, "body.distance_m", "greater than or equal to 0.001"),
+        (
+            "motion",
+            MOTION | {"rotation_rate_deg_s": -3},
+            "body.rotation_rate_deg_s",
+            "greater than or equal to 0",
+        ),
+        ("motion", MOTION | {"exposure_time_s": True}, "body.exposure_time_s", "must be a number"),
+        ("motion", [MOTION, MOTION | {"limit_px": None}], "body.1.limit_px", "null is not a value"),
+        ("motion", [], "body", "at least 1 item"),
+        ("coverage", COVERAGE | {"tilt_deg": 90}, "body.tilt_deg", "less than 90"),
+        ("exposure", {"rows": [], "white_level_dn": 1000}, "body.rows", "at least 1 item"),
+    ],
+)
+def test_a_wrong_field_is_named(house, tool, body, field, message):
+    (error,) = ask(house, tool, body, status=422)["errors"]
+    assert error["field"] == field
+    assert message in error["message"]
+
+
+@pytest.mark.parametrize("text", ["NaN", "Infinity", "-Infinity", "1e400"])
+def test_numbers_that_are_none_are_refused(house, text):
+    body = json.dumps(MOTION | {"exposure_time_s": "?"}).replace('"?"', text)
+    answer = house.http.post("/v1/tools/motion", content=body, headers={"Content-Type": "application/json"})
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "body.exposure_time_s")
+
+
+@pytest.mark.parametrize(("height_m", "gsd_m"), [(50, 0.0258), (300, 0.155)])
+def test_coverage_of_a_nadir_camera(house, height_m, gsd_m):
+    answer = ask(house, "coverage", COVERAGE | {"height_m": height_m})
+    assert answer["gsd_centre_m"] == pytest.approx(gsd_m, rel=2e-3)
+    assert answer["fov_deg"] == pytest.approx({"horizontal": 39.15, "vertical": 29.86}, abs=0.005)
+    assert len(answer["footprint"]) == 4
+
+
+def test_coverage_of_a_rig(house):
+    sides = [
+        COVERAGE | {"name": f"side {azimuth}", "tilt_deg": 45, "azimuth_deg": azimuth}
+        for azimuth in (0, 90, 180, 270)
+    ]
+    items = ask(house, "coverage", [COVERAGE | {"name": "nadir", "focal_length_mm": 6}, *sides])["items"]
+    assert [item["name"] for item in items] == ["nadir", "side 0", "side 90", "side 180", "side 270"]
+    ahead = items[1]["footprint"][0][1]
+    assert items[3]["footprint"][0][1] == pytest.approx(-ahead)
+    assert len({round(item["far_m"], 9) for item in items[1:]}) == 1
+
+
+def test_a_horizon_is_named_and_no_infinity(house):
+    answer = ask(house, "coverage", COVERAGE | {"tilt_deg": 80})
+    assert answer["horizon_in_view"] is True
+    assert {"far_m", "gsd_far_m", "footprint"}.isdisjoint(answer)
+    assert answer["missing"].startswith("far_m, gsd_far_m")
+    assert "94.9 degrees" in answer["missing"]
+
+
+def test_drawings_show_every_case(house):
+    cases = [MOTION | {"name": "<6>", "focal_length_mm": 6, "rotation_rate_deg_s": 100}, MOTION]
+    drawn = house.http.post("/v1/tools/motion.svg", json=cases)
+    assert drawn.headers["content-type"] == "image/svg+xml"
+    root = ET.fromstring(drawn.text)
+    texts = [element.text for element in root.iter(f"{SVG}text")]
+    assert any(text.startswith("<6>: 4.65 µm, 6 mm") for text in texts)
+    assert any(text.startswith("case 2: 4.65 µm, 9 mm") for text in texts)
+    # two lines of tolerable rates, one of a blur, and its limit
+    assert len(list(root.iter(f"{SVG}polyline"))) == 4
+    assert len(list(root.iter(f"{SVG}circle"))) == 2
+
+
+def test_footprints_are_drawn_to_one_scale(house):
+    rig = [COVERAGE, COVERAGE | {"tilt_deg": 80, "name": "far"}]
+    drawn = house.http.post("/v1/tools/coverage.svg", json=rig)
+    root = ET.fromstring(drawn.text)
+    outline = next(e for e in root.iter(f"{SVG}polyline") if e.get("class") == "s0")
+    points = [tuple(map(float, pair.split(","))) for pair in outline.get("points").split()]
+    width, height = (max(c) - min(c) for c in zip(*points, strict=True))
+    assert len(points) == 5
+    assert width / height == pytest.approx(6.4 / 4.8, rel=0.01)
+    texts = [element.text for element in root.iter(f"{SVG}text")]
+    assert "far: sees the horizon, no footprint" in texts
+
+
+def test_a_thousand_cases_are_drawn_and_more_are_refused(house):
+    assert house.http.post("/v1/tools/motion.svg", json=[MOTION] * 20).text.count("and 8 more") == 1
+    assert len(ask(house, "motion", [MOTION] * 1000)["items"]) == 1000
+    ask(house, "motion", [MOTION] * 1001, status=422)
+
+
+def read_series(name):
+    path = DATA / "nikon-d70" / name
+    if not path.is_file():
+        pytest.skip(f"no real data: {path} does not exist (set STILB_TEST_DATA)")
+    with path.open() as lines:
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(lines)]
+
+
+def fit(house, rows, dark_dn):
+    return ask(house, "exposure", {"rows": rows, "dark_dn": dark_dn, "white_level_dn": 16384})
+
+
+@pytest.mark.parametrize(("channel", "dark_dn"), [("R", 1), ("G", 8), ("B", 2)])
+def test_the_nikon_series_in_time(house, channel, dark_dn):
+    rows = [
+        {"exposure_time_s": r["exposure_s"], "f_number": r["f_number"], "iso": 200, "signal_dn": r[channel]}
+        for r in read_series("exposure_series.csv")
+    ]
+    one = fit(house, [row for row in rows if row["f_number"] == 11], dark_dn)
+    assert list(one["exponents"]) == ["exposure_time_s"]
+    assert 1.00 <= one["exponents"]["exposure_time_s"]["value"] <= 1.02
+    both = fit(house, rows, dark_dn)
+    assert 1.00 <= both["exponents"]["exposure_time_s"]["value"] <= 1.02
+    assert both["used"] + len(both["left_out"]) == len(rows)
+    assert {"row", "reason"} == set(both["left_out"][0])
+
+
+@pytest.mark.parametrize(("channel", "dark_dn"), [("R", 1), ("Gr", 8), ("Gb", 8), ("B", 2)])
+def test_the_nikon_series_in_iso(house, channel, dark_dn):
+    rows = [
+        {"exposure_time_s": 0.004, "f_number": 2.8, "iso": r["iso"], "signal_dn": r[channel]}
+        for r in read_series("iso_series_t1_250_f2.8.csv")
+    ]
+    exponent = fit(house, rows, dark_dn)["exponents"]["iso"]
+    assert 0.98 <= exponent["value"] <= 1.04
+    assert 0 < exponent["standard_uncertainty"] < 0.02
+    assert exponent["unit"] == "1"
+
+
+def test_a_series_that_says_nothing_is_refused(house):
+    row = {"exposure_time_s": 0.01, "f_number": 4, "iso": 100, "signal_dn": 500}
+    problem = ask(house, "exposure", {"rows": [row] * 4, "white_level_dn": 4095}, status=422)
+    assert problem["code"] == "fit_incomplete"
+    assert "vary exposure time, f-number or ISO" in problem["detail"]
+
+
+def test_a_key_is_taken_and_nothing_is_stored(house):
+    key = {"Idempotency-Key": "motion"}
+    first, again = (house.http.post("/v1/tools/motion", json=MOTION, headers=key) for _ in range(2))
+    assert (first.status_code, first.json()) == (again.status_code, again.json()) == (200, first.json())
+    with house.database.reading() as session:
+        assert session.scalar(select(func.count()).select_from(IdempotentAnswer)) == 0
+
+
+@pytest.mark.parametrize("tool", ["motion", "coverage", "exposure", "motion.svg", "coverage.svg"])
+def test_reading_is_enough_and_needed(house, tool):
+    body = [MOTION] if "motion" in tool else [COVERAGE]
+    if tool == "exposure":
+        row = {"exposure_time_s": 0.01, "f_number": 4, "iso": 100, "signal_dn": 500}
+        rows = [row | {"exposure_time_s": 0.01 * k, "signal_dn": 500 * k} for k in (1, 2, 3)]
+        body = {"rows": rows, "white_level_dn": 4095}
+    for scope, status in (("read", 200), ("upload", 403)):
+        secret = house.post("/v1/keys", {"name": scope, "scopes": [scope]})["secret"]
+        with house.with_key(secret) as client:
+            assert client.post(f"/v1/tools/{tool}", json=body).status_code == status
+
+
+def upload_with_attitudes(house, **spectral):
+    """A frame that says it is a Sequoia's: level, then 2 degrees of pitch and 4 of yaw in 0.2 s."""
+    frame = house.upload(house.campaign(), house.frame_bytes(seed=7, exposure_time_s=0.01), role="field")
+    house.work()
+    level = {"ch0": 1, "ch1": 1, "pitch_deg": 0.0, "roll_deg": 0.0}
+    records = [
+        level | {"time_us": 1_000_000, "yaw_deg": 359.0},
+        level | {"time_us": 1_200_000, "yaw_deg": 3.0, "pitch_deg": 2.0},
+    ]
+    said = {
+        "system": "sequoia",
+        "band": "red",
+        "band_name": "Red",
+        "counts": {"record_bytes": 28, "cut_short": False, "records": records, "gains": []},
+        "exposed_at_us": 1_100_000,
+    } | spectral
+    with house.database.writing("test") as session:
+        row = session.get_one(FrameRow, frame["id"])
+        row.header = {**row.header, "multispectral": said}
+    return frame
+
+
+OPTICS = {"pixel_pitch_um": 3.75, "focal_length_mm": 3.98}
+
+
+def test_the_blur_of_a_frame_from_its_attitudes(house):
+    frame = upload_with_attitudes(house)
+    answer = house.get(f"/v1/frames/{frame['id']}/motion", **OPTICS)
+    assert answer["basis"] == "during"
+    assert answer["rotation_rate_deg_s"] == pytest.approx(10.0, rel=2e-3)
+    assert answer["rotation_blur_px"] == pytest.approx(
+        1.852, rel=2e-3
+    )  # 0.1 degree of 3.75 / 3980 rad a pixel
+    assert answer["practical_blur_px"] == answer["rotation_blur_px"] / 2
+    # 64 x 96 pixels: the corner lies 57.7 px out, and turns by 0.2 degrees
+    assert answer["corner_blur_px"] - answer["rotation_blur_px"] == pytest.approx(0.2014, rel=2e-3)
+    assert answer["tolerable_rate_deg_s"] == pytest.approx(10.0 * 0.5 / 1.852, rel=2e-3)
+    assert len(answer["turns"]) == 1
+
+
+def test_a_frame_without_attitudes_says_what_to_do(house):
+    frame = house.upload(house.campaign(), house.frame_bytes(seed=8), role="field")
+    path = f"/v1/frames/{frame['id']}/motion"
+    assert house.get(path, **OPTICS, status=422)["code"] == "frame_not_read"
+    house.work()
+    problem = house.get(path, **OPTICS, status=422)
+    assert problem["code"] == "attitude_missing"
+    assert "/v1/tools/motion" in problem["detail"]
+    assert house.get(path, pixel_pitch_um=3.75, status=422)["errors"][0]["field"] == "query.focal_length_mm"
+
+
+def test_the_blur_of_another_organisations_frame_does_not_exist(house, stranger):
+    frame = upload_with_attitudes(house, band="green")
+    assert stranger.get(f"/v1/frames/{frame['id']}/motion", params=OPTICS).status_code == 404
+
+
+def test_a_real_sequoia_in_the_air(house):
+    path = DATA / "sequoia" / "IMG_180413_080658_0000_GRE.TIF"
+    if not path.is_file():
+        pytest.skip(f"no real data: {path} does not exist (set STILB_TEST_DATA)")
+    header = house.worker.decoders.read_header(path)
+    camera = house.camera(make=header.make, model=header.model, serial=header.serial or "1")
+    campaign = house.campaign(camera_id=camera["id"])
+    frame = house.upload(campaign, path.read_bytes(), role="field", filename=path.name)
+    house.work()
+    answer = house.get(f"/v1/frames/{frame['id']}/motion", **OPTICS)
+    # taken 0.14 s after the last record; from the one 0.2 s before that, pitch went up 0.0546 degrees,
+    # roll down 0.0218, yaw down 0.0614, of which a roll of -8.1 degrees makes 0.0086 of pitch
+    assert answer["basis"] == "nearest"
+    assert answer["rotation_rate_deg_s"] == pytest.approx(0.335, abs=0.005)
+    assert answer["rotation_blur_px"] == pytest.approx(0.0186, abs=0.0003)
+    assert len(answer["turns"]) == 9
