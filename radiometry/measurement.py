@@ -67,8 +67,8 @@ def measure(
 ) -> Measured:
     """Measure a frame; ``frame`` holds `find_window`'s window, ``calibrated`` the calibration's regions.
 
-    The region's mean and each cell's are `methods.luminance.apply` of their statistics: what was calibrated is what is
-    measured. E = pi L / rho holds for a diffuse surface; rho is taken as exact.
+    The region's mean and each cell's are `methods.luminance.apply` of their statistics: what was calibrated
+    is what is measured. E = pi L / rho holds for a diffuse surface; rho is taken as exact.
 
     Flags  of `methods.luminance.apply`; no_vignetting_correction, roi_elsewhere, observer_differs, rendered
     Raises InputRejected

@@ -53,6 +53,11 @@ class ReasonCode(StrEnum):
     REDUNDANT = "redundant", "Another frame has the same scene, ISO, time and f-number."
     # of a flat frame
     DUST = "dust", "Dust, a mark or a reflection stands in the flat field."
+    # of a multispectral frame
+    PANEL_UNEVEN = "panel_uneven", "The signal changes by more than 3 % across the panel's region."
+    PANEL_WEAK = "panel_weak", "The panel's signal cannot be told from black, or is no number."
+    PANEL_UNKNOWN = "panel_unknown", "Nobody has said what the panel reflects in this band."
+    SUNSHINE_UNUSABLE = "sunshine_unusable", "It carries no valid reading of a sunshine sensor."
     # of a dark frame
     DARK_NOT_DARK = "dark_not_dark", "It is brighter than other dark frames, or than black, by too much."
 

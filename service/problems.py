@@ -21,6 +21,7 @@ class HttpCode(StrEnum):
 
     UNAUTHENTICATED = "unauthenticated"
     SCOPE_MISSING = "scope_missing"
+    CSRF_TOKEN_WRONG = "csrf_token_wrong"  # noqa: S105  a code
     NOT_FOUND = "not_found"
     METHOD_NOT_ALLOWED = "method_not_allowed"
     VALIDATION_FAILED = "validation_failed"
@@ -34,6 +35,7 @@ class HttpCode(StrEnum):
     STORAGE_UNAVAILABLE = "storage_unavailable"
     DATABASE_UNAVAILABLE = "database_unavailable"
     CAMPAIGN_INCOMPLETE = "campaign_incomplete"
+    PANEL_DIFFERS = "panel_differs"
     CALIBRATION_REVOKED = "calibration_revoked"
     CERTIFICATE_INCOMPLETE = "certificate_incomplete"
     CHECKLIST_SIGNED = "checklist_signed"

@@ -22,7 +22,7 @@ def make_params(campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the me
     """A fit's parameters: what somebody says, what the campaign says, and the method's defaults."""
     if campaign.method == "luminance":
         said["panel_rho"] = campaign.surface_reflectance
-    return methods.describe(campaign.method).params(**said)
+    return decode(methods.describe(campaign.method).params, said)
 
 
 def read_params(campaign: Campaign, stored: dict[str, Any]) -> Any:  # noqa: ANN401 (the method's own)

@@ -10,6 +10,7 @@ Source: standard operating procedure "Drone Camera Calibration", equation 1, wit
 
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Figure, FrameEvidence
@@ -155,18 +156,18 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
 
 def list_figures(fitted: Fit) -> tuple[Figure, ...]:
     """Give K of every ISO value, then the dark signals, by rising ISO."""
-    where = {raised.where: [] for raised in fitted.flags}  # type: dict[str, list[str]]
+    where: dict[str, list[str]] = {raised.where: [] for raised in fitted.flags}
     for raised in fitted.flags:
         where[raised.where].append(raised.flag)
     ks, darks = [], []
     for coefficient in sorted((each.coefficient for each in fitted.iso_fits), key=lambda each: each.iso):
         flags = sorted({*where.get("", []), *where.get(f"iso {coefficient.iso:g}", [])})
-        held = {
+        held: dict[str, Any] = {
             "iso": coefficient.iso,
             "channel": coefficient.channel,
             "model": coefficient.model,
             "flags": tuple(flags),
-        }  # type: dict[str, Any]
+        }
         ks.append(
             Figure(
                 name="luminance_k",

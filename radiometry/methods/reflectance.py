@@ -27,6 +27,7 @@ from radiometry.reflectance.caveats import check_candidates, check_fit, check_fr
 from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.fitting import describe_point, fit_band
 from radiometry.reflectance.indices import INDICES, BandMap, Index, IndexMap, compute_index, name_bands
+from radiometry.reflectance.judging import judge, plan
 from radiometry.reflectance.points import (
     Candidate,
     collect_candidates,
@@ -46,7 +47,6 @@ from radiometry.reflectance.results import (
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import TiltParams
-from radiometry.verdicts import Taken, Verdict, conclude, inspect_frames
 
 __all__ = [
     "INDICES",
@@ -115,21 +115,6 @@ def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
     )
 
 
-def judge(
-    frames: Sequence[Taken],
-    rows: Sequence[FrameRow],  # noqa: ARG001
-    readings: Sequence[Reading],  # noqa: ARG001
-    params: Params,  # noqa: ARG001
-) -> dict[str, Verdict]:
-    """Give the verdict on each frame, by name."""
-    return {frame: conclude(reasons) for frame, reasons in inspect_frames(frames).items()}
-
-
-def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:  # noqa: ARG001
-    """Say, by name, what would make the fit good."""
-    return ()
-
-
 def missing(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
 ) -> tuple[str, ...]:
@@ -193,12 +178,17 @@ def list_figures(fitted: Fit) -> tuple[Figure, ...]:
             unit=coefficient.reflectance_k_unit,
             band=coefficient.band,
             model=coefficient.normalisation,
-            flags=tuple(
-                sorted({raised.flag for raised in fitted.flags if raised.where in ("", coefficient.band)})
-            ),
+            flags=_flags_of(fitted, coefficient.band),
         )
         for coefficient in sorted(coefficients, key=lambda each: (each.wavelength_nm or 0.0, each.band))
     )
+
+
+def _flags_of(fitted: Fit, band: str) -> tuple[str, ...]:
+    """Gather what is raised of the whole, of the band, and of its frames."""
+    frames = {f"frame {point.frame}" for point in fitted.points if point.band == band}
+    where = {"", f"band {band}", *frames}
+    return tuple(sorted({raised.flag for raised in fitted.flags if raised.where in where}))
 
 
 def configure(fitted: Fit) -> dict[str, Any]:

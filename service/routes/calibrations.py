@@ -204,7 +204,7 @@ def revoke_calibration(
 def _read_params(body: NewCalibration, campaign: Campaign, evidence: Evidence, caller: Caller) -> Any:  # noqa: ANN401
     said = body.parameters()
     known = {field.name for field in fields(methods.describe(campaign.method).params)}
-    foreign = sorted(said.keys() - known)
+    foreign = sorted({"tolerance" if name == "tolerance_rel" else name for name in said.keys() - known})
     if foreign:
         message = f"is no parameter of a {campaign.method} fit"
         raise invalid([{"type": "parameter", "loc": ("body", name), "msg": message} for name in foreign])

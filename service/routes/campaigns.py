@@ -15,7 +15,7 @@ from service.schemas.campaigns import CampaignAnswer, CampaignChange, NewCampaig
 from service.writing import Reply, Writes
 from store.judging import take_stock
 from store.queries.campaigns import count, find_or_add_roi, set_roi
-from store.tables import Camera, Campaign, Roi
+from store.tables import Camera, Campaign, Panel, Roi
 
 router = APIRouter(prefix="/v1/campaigns", tags=["campaigns"])
 
@@ -26,6 +26,8 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
 
     def change(session: Session) -> Reply:
         owned(session, Camera, body.camera_id, caller)
+        if body.panel_id is not None:
+            owned(session, Panel, body.panel_id, caller)
         campaign = Campaign(organisation_id=caller.organisation_id, **body.model_dump())
         session.add(campaign)
         session.flush()
@@ -66,6 +68,8 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
+        if body.panel_id is not None:
+            owned(session, Panel, body.panel_id, caller)
         for name, value in body.model_dump(exclude_unset=True).items():
             setattr(campaign, name, value)
         session.flush()

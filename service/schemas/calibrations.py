@@ -16,8 +16,15 @@ class Exclusion(Form):
     reason: LongText
 
 
+class Tilt(Form):
+    """How the sunshine sensor's tilt is corrected; `{}` takes a clear sky and a PTFE diffuser."""
+
+    diffuse_share: Annotated[Number | None, Field(ge=0, le=1)] = None
+    refractive_index: Annotated[Number | None, Field(ge=1, le=3)] = None
+
+
 class NewCalibration(Form):
-    """How to fit; what is left out takes the method's default."""
+    """How to fit; what is left out takes the method's default. The campaign's method says what it takes."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -40,6 +47,19 @@ class NewCalibration(Form):
     meter_repeatability_rel: Annotated[Number | None, Field(gt=0, lt=1)] = None
     f_number_u_rel: Annotated[Number | None, Field(ge=0, lt=1)] = None
     exposure_time_u_rel: Annotated[Number | None, Field(ge=0, lt=1)] = None
+    normalisation: Annotated[
+        Literal["sunshine", "panel_only"] | None,
+        Field(description="panel_only: without the sunshine sensor; K holds for one light."),
+    ] = None
+    sunshine_choice: Literal["mean", "last", "nearest"] | None = None
+    interpolation: Annotated[
+        Literal["constant", "linear"] | None, Field(description="linear: K in time between panel visits.")
+    ] = None
+    incidence_angle_deg: Annotated[
+        Number | None, Field(ge=0, lt=90, description="Between the panel's normal and the sun.")
+    ] = None
+    incidence_angle_u_deg: Annotated[Number | None, Field(ge=0, lt=90)] = None
+    tilt: Annotated[Tilt | None, Field(description="Correct the sunshine sensor's own tilt.")] = None
     panel_id: Annotated[
         Text | None, Field(description="Of a reflectance campaign: its panel from now on.")
     ] = None

@@ -45,6 +45,12 @@ class NewCampaign(Form):
         Reflectance | None,
         Field(description="rho of the taped surface: checks luminance against illuminance."),
     ] = None
+    panel_id: Annotated[
+        Text | None,
+        Field(
+            description="Of a reflectance campaign; left out: the panel that the files name, or the only one."
+        ),
+    ] = None
 
 
 class CampaignChange(Form):
@@ -60,6 +66,7 @@ class CampaignChange(Form):
     started_at: Instant | None = None
     comments: LongText | None = None
     surface_reflectance: Reflectance | None = None
+    panel_id: Text | None = None
 
 
 class FrameCounts(Answer):
@@ -97,6 +104,7 @@ class CampaignAnswer(Answer):
     started_at: Instant | None = None
     comments: str | None = None
     surface_reflectance: float | None = None
+    panel_id: str | None = None
     created_at: Instant
     frames: FrameCounts | None = None
     readings: int | None = None

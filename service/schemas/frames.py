@@ -4,10 +4,13 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from radiometry.errors import InputRejected
+from radiometry.methods.reflectance import measure_sunshine
 from radiometry.verdicts import Outcome, ReasonCode, Verdict
 from service.schemas.base import Answer, Form, Instant, Text
 from service.schemas.campaigns import Role
 from service.schemas.equipment import Positive
+from store.codec import decode_header
 from store.tables import ChannelRow, Extraction, FrameRow
 
 State = Literal["received", "read", "extracted", "refused"]
@@ -67,12 +70,40 @@ class StatisticsRow(Answer):
     zero_share: float
     black_level_dn: float
     white_level_dn: float
+    i_sq: float | None = Field(
+        default=None, description="Of a band: the region's mean after black, then vignetting."
+    )
+    i_sq_standard_uncertainty: float | None = None
+    i_sq_unit: str | None = None
+    gradient_rel: float | None = Field(default=None, description="How much i_sq changes across the region.")
     extractor: str
 
     @classmethod
     def of(cls, extraction: Extraction, row: ChannelRow) -> "StatisticsRow":
         columns = {name: getattr(row, name) for name in cls.model_fields if hasattr(row, name)}
+        features = extraction.features or {}
+        columns |= {name: features[name] for name in _FEATURES if name in features}
         return cls(roi=extraction.roi_id, extractor=extraction.extractor, **columns)
+
+
+_FEATURES = ("i_sq", "i_sq_standard_uncertainty", "i_sq_unit", "gradient_rel")
+
+
+class SunshineAnswer(Answer):
+    """The light while the band was exposed: the mean of the valid readings."""
+
+    i_ss: float
+    standard_uncertainty: float
+    unit: str
+    readings: int = Field(description="Valid ones.")
+    spread_rel: float | None = Field(default=None, description="Of the valid readings; none for one.")
+    left_out: list[str] = Field(description="Why the others are not valid.")
+    serial: str | None = None
+
+
+class SunshineMissing(Answer):
+    code: str
+    detail: str
 
 
 class FrameAnswer(Answer):
@@ -131,6 +162,12 @@ class FrameAnswer(Answer):
     metadata: dict[str, Any] | None = Field(
         default=None, description="Everything that the file says of itself."
     )
+    band: str | None = Field(default=None, description="Of a multispectral camera's file.")
+    capture_id: str | None = Field(default=None, description="The same in all bands of one capture.")
+    sunshine: SunshineAnswer | None = None
+    sunshine_missing: SunshineMissing | None = Field(
+        default=None, description="Why a multispectral file has no sunshine reading that can be used."
+    )
     refusal: Refusal | None = None
     warnings: list[str]
     statistics: list[StatisticsRow]
@@ -158,6 +195,7 @@ class FrameAnswer(Answer):
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
             **_from_header(row.header),
+            **_from_band(row.header),
             supplied=row.supplied or None,
             size_bytes=size_bytes,
             refusal=refusal,
@@ -184,3 +222,17 @@ def _from_header(header: dict[str, Any] | None) -> dict[str, Any]:
         "metadata": said,
         **{name: said.get(name) for name in ("cfa", "width_px", "height_px", "taken_at")},
     }
+
+
+def _from_band(header: dict[str, Any] | None) -> dict[str, Any]:
+    band = decode_header(header).multispectral if header and header.get("multispectral") else None
+    if band is None:
+        return {}
+    said: dict[str, Any] = {"band": band.band, "capture_id": band.capture_id}
+    try:
+        sunshine = measure_sunshine(band)
+    except InputRejected as missing:
+        return said | {"sunshine_missing": SunshineMissing(code=str(missing.code), detail=missing.message)}
+    names = ("i_ss", "standard_uncertainty", "unit", "readings", "spread_rel", "left_out")
+    figures = {name: getattr(sunshine, name) for name in names}
+    return said | {"sunshine": SunshineAnswer(**figures, serial=band.sunshine_serial)}

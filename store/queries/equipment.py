@@ -1,11 +1,11 @@
-"""Cameras and meters, each found by what is engraved on it."""
+"""Cameras, meters and panels, each found by what is engraved on it."""
 
 from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from store.tables import Camera, Meter
+from store.tables import Camera, Meter, Panel
 
 
 def find_or_add_camera(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Camera, bool]:
@@ -47,3 +47,20 @@ def find_or_add_meter(session: Session, organisation_id: str, values: dict[str, 
             setattr(found, name, value)
     session.flush()
     return found, False
+
+
+def find_or_add_panel(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Panel, bool]:
+    """The panel of this serial as measured on this day, and whether it is new; its figures never change."""
+    found = session.scalar(
+        select(Panel).where(
+            Panel.organisation_id == organisation_id,
+            Panel.serial == values["serial"],
+            Panel.measured_on == values["measured_on"],
+        )
+    )
+    if found is not None:
+        return found, False
+    panel = Panel(organisation_id=organisation_id, **values)
+    session.add(panel)
+    session.flush()
+    return panel, True

@@ -1,0 +1,88 @@
+"""The verdict on every frame of a reflectance campaign, and what would make its fit good."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from radiometry.errors import InputRejected
+from radiometry.reflectance.caveats import STEEPEST_GRADIENT_REL
+from radiometry.reflectance.points import (
+    MOST_SATURATED_SHARE,
+    NO_REFLECTANCE,
+    PANEL,
+    Candidate,
+    collect_candidates,
+)
+from radiometry.reflectance.rows import FrameRow, Params, Reading
+from radiometry.reflectance.sunshine import measure_sunshine
+from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+
+
+def judge(
+    frames: Sequence[Taken], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+) -> dict[str, Verdict]:
+    """Give the verdict on each frame of a campaign, by name.
+
+    Reasons, beside those of any frame
+      of a panel frame: clipped, panel_uneven, panel_weak, panel_unknown; of any: sunshine_unusable
+    """
+    reasons = inspect_frames(frames)
+    for each in collect_candidates(rows, readings, replace(params, normalisation="panel_only", exclude=())):
+        if each.row.features is not None:
+            reasons[each.row.frame] += _inspect_panel(each)
+    if params.normalisation == "sunshine":
+        for row in rows:
+            reasons[row.frame] += _inspect_sunshine(row, params)
+    return {frame: conclude(found) for frame, found in reasons.items()}
+
+
+def _inspect_panel(candidate: Candidate) -> list[Reason]:
+    features, found = candidate.features, []
+    saturated = features.statistics.saturated_share
+    if saturated > MOST_SATURATED_SHARE:
+        detail = (
+            f"{saturated:.1%} of the panel is saturated: the fit leaves the frame out. "
+            "Shorten the exposure and take the panel again."
+        )
+        found.append(Reason(code=ReasonCode.CLIPPED, outcome="fail", detail=detail))
+    elif candidate.left_out and candidate.left_out != NO_REFLECTANCE:
+        detail = f"The panel gives no usable signal ({candidate.left_out}): take it again in better light."
+        found.append(Reason(code=ReasonCode.PANEL_WEAK, outcome="fail", detail=detail))
+    if features.gradient_rel > STEEPEST_GRADIENT_REL:
+        detail = (
+            f"The signal changes by {features.gradient_rel:.1%} across the region: a shadow, a reflection or "
+            "the panel's rim. Draw the region within the panel, or take the panel again in even light."
+        )
+        found.append(Reason(code=ReasonCode.PANEL_UNEVEN, outcome="warn", detail=detail))
+    if candidate.left_out == NO_REFLECTANCE:
+        detail = (
+            f"Nobody has said what the panel reflects in band {candidate.band.band}: "
+            "register the panel with this band and name it in the campaign."
+        )
+        found.append(Reason(code=ReasonCode.PANEL_UNKNOWN, outcome="warn", detail=detail))
+    return found
+
+
+def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
+    band = row.header.multispectral
+    if band is None:
+        return []
+    try:
+        measure_sunshine(band, choice=params.sunshine_choice)
+    except InputRejected as rejected:
+        return [Reason(code=ReasonCode.SUNSHINE_UNUSABLE, outcome="warn", detail=rejected.message)]
+    return []
+
+
+def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
+    """Say, by name, what would make the fit good."""
+    candidates = [each for each in collect_candidates(rows, readings, params) if not each.left_out]
+    advice: list[str] = []
+    shown = {row.header.multispectral.band for row in rows if row.header.multispectral is not None}
+    if any(row.role == PANEL for row in rows):
+        unseen = sorted(shown - {each.band.band for each in candidates})
+        advice += [f"band {band} has no usable panel frame" for band in unseen]
+    if candidates and len({each.visit for each in candidates}) == 1:
+        advice.append("the panel was photographed once: take it after the flight too, to see the drift")
+    if any(each.panel is not None and each.panel.standard_uncertainty is None for each in candidates):
+        advice.append("the panel states no uncertainty: register it with that of its certificate")
+    return tuple(advice)

@@ -1,0 +1,70 @@
+"""Reflectance panels and what they reflect."""
+
+from fastapi import APIRouter, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.auth import Calibrator, Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.paging import Cursor, Limit, Page, page
+from service.problems import HttpCode, Problem
+from service.routes import problems
+from service.schemas.panels import NewPanel, PanelAnswer
+from service.writing import Reply, Writes
+from store.queries.equipment import find_or_add_panel
+from store.tables import Panel
+
+router = APIRouter(prefix="/v1/panels", tags=["panels"])
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=PanelAnswer,
+    responses={
+        200: {"model": PanelAnswer, "description": "It was registered already, with the same figures."},
+        **problems(409),
+    },
+)
+def create_panel(body: NewPanel, caller: Calibrator, writing: Writes) -> Response:
+    """Register a panel as it was measured on a day. Measured again, it is another entry."""
+
+    def change(session: Session) -> Reply:
+        values = body.columns()
+        panel, new = find_or_add_panel(session, caller.organisation_id, values)
+        if panel.bands != values["bands"]:
+            raise Problem(
+                409,
+                HttpCode.PANEL_DIFFERS,
+                f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other figures: "
+                "a measurement does not change. Send the day of the new measurement with the new figures.",
+            )
+        return Reply(status=201 if new else 200, body=PanelAnswer.of(panel))
+
+    return writing.run(caller, change)
+
+
+@router.get("", response_model=Page[PanelAnswer], responses=problems())
+def list_panels(
+    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+) -> Response:
+    """The panels of your organisation, oldest entry first."""
+    rows = select(Panel).where(Panel.organisation_id == caller.organisation_id)
+    with context.database.reading() as session:
+        return page(
+            session,
+            request,
+            rows,
+            by=Panel.id,
+            limit=limit,
+            cursor=cursor,
+            shape=lambda found: [PanelAnswer.of(row) for row in found],
+        )
+
+
+@router.get("/{panel_id}", response_model=PanelAnswer, responses=problems(404))
+def get_panel(panel_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """One panel as it was measured on a day."""
+    with context.database.reading() as session:
+        return PanelAnswer.of(owned(session, Panel, panel_id, caller)).respond()

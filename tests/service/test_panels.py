@@ -1,0 +1,48 @@
+"""Panels are dated objects: the same twice is one, other figures are another day's."""
+
+import pytest
+
+PANEL = {
+    "serial": "RP02-1603036-SC",
+    "measured_on": "2026-03-14",
+    "bands": [
+        {"band": "red", "reflectance": 0.68, "standard_uncertainty": 0.005},
+        {"band": "green", "reflectance": 0.69},
+    ],
+}
+
+
+def test_a_panel_is_registered_once(house):
+    first = house.post("/v1/panels", PANEL)
+    again = house.post("/v1/panels", PANEL | {"bands": PANEL["bands"][::-1]}, status=200)
+    assert again == first
+    assert [band["band"] for band in first["bands"]] == ["green", "red"]
+    assert "standard_uncertainty" not in first["bands"][0]
+    assert house.get(f"/v1/panels/{first['id']}") == first
+    assert house.get("/v1/panels")["items"] == [first]
+
+
+def test_a_measurement_of_a_panel_never_changes(house):
+    first = house.post("/v1/panels", PANEL)
+    other = PANEL | {"bands": [{"band": "green", "reflectance": 0.5}]}
+    problem = house.post("/v1/panels", other, status=409)
+    assert problem["code"] == "panel_differs"
+    later = house.post("/v1/panels", other | {"measured_on": "2026-06-01"})
+    assert later["id"] != first["id"]
+    assert house.get(f"/v1/panels/{first['id']}") == first
+
+
+@pytest.mark.parametrize(
+    ("bands", "field"),
+    [
+        ([], "body.bands"),
+        ([{"band": "green", "reflectance": 0.0}], "body.bands.0.reflectance"),
+        ([{"band": "green", "reflectance": 18}], "body.bands.0.reflectance"),
+        ([{"band": "Green", "reflectance": 0.5}], "body.bands.0.band"),
+        ([{"band": "green", "reflectance": 0.5}] * 2, "body"),
+    ],
+)
+def test_figures_that_cannot_be_are_refused_by_name(house, bands, field):
+    problem = house.post("/v1/panels", PANEL | {"bands": bands}, status=422)
+    assert problem["code"] == "validation_failed"
+    assert [error["field"] for error in problem["errors"]] == [field]
