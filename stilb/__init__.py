@@ -8,17 +8,24 @@ with stilb.Client("http://127.0.0.1:8000", key) as client:
 
 from stilb.client import Client
 from stilb.export import ExportProgress
-from stilb.problem import JobFailed, Problem
+from stilb.health import Health
+from stilb.problem import JobFailed, Problem, Unclear
 from stilb.records import (
     Calibration,
     Camera,
     Campaign,
     Coefficient,
     Frame,
+    Grid,
     Job,
+    KnownFrame,
+    Measurement,
     Meter,
+    OwnKey,
     Polygon,
+    Quantity,
     Reading,
+    Reason,
 )
 from stilb.upload import Progress, Upload
 
@@ -30,12 +37,20 @@ __all__ = [
     "Coefficient",
     "ExportProgress",
     "Frame",
+    "Grid",
+    "Health",
     "Job",
     "JobFailed",
+    "KnownFrame",
+    "Measurement",
     "Meter",
+    "OwnKey",
     "Polygon",
     "Problem",
     "Progress",
+    "Quantity",
     "Reading",
+    "Reason",
+    "Unclear",
     "Upload",
 ]

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from stilb.problem import Problem
-from stilb.transport import Call, Transport
+from stilb.transport import Call, Transport, address
 
 CERTIFICATE, READINGS, REGIONS = "certificate.json", "readings.json", "roi.json"
 
@@ -52,8 +52,8 @@ def hash_file(path: Path) -> str:
 def export(transport: Transport, calibration_id: str, folder: Path, on_progress: OnExport | None) -> Path:
     """Fetch it all; a file counts only when its hash is the certificate's."""
     (folder / "frames").mkdir(parents=True, exist_ok=True)
-    address = f"/v1/calibrations/{calibration_id}"
-    content = transport.send(Call(method="GET", path=f"{address}/certificate.json")).content
+    of_version = address("calibrations", calibration_id)
+    content = transport.send(Call(method="GET", path=f"{of_version}/certificate.json")).content
     certificate = json.loads(content)
     frames = certificate["frames"]
     total = sum(frame["size_bytes"] for frame in frames)
@@ -71,7 +71,7 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
                     bytes_total=total,
                 )
             )
-    transport.download(Call(method="GET", path=f"{address}/certificate.pdf"), folder / "certificate.pdf")
+    transport.download(Call(method="GET", path=f"{of_version}/certificate.pdf"), folder / "certificate.pdf")
     _write_json(folder / READINGS, certificate["readings"])
     _write_json(folder / REGIONS, certificate["regions"])
     sums = "".join(f"{frame['sha256']}  {frame_path(frame)}\n" for frame in frames)
@@ -84,7 +84,7 @@ def _fetch_frame(transport: Transport, frame: Mapping[str, Any], path: Path) -> 
     if path.exists() and hash_file(path) == frame["sha256"]:
         return
     part = path.with_name(f"{path.name}.part")
-    transport.download(Call(method="GET", path=f"/v1/frames/{frame['id']}/content"), part)
+    transport.download(Call(method="GET", path=address("frames", frame["id"], "content")), part)
     found = hash_file(part)
     if found != frame["sha256"]:
         raise Problem(

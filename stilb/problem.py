@@ -41,6 +41,10 @@ class Problem(Exception):  # noqa: N818  the name of the media type
         self.raw = raw or {}
 
 
+class Unclear(ValueError):  # noqa: N818  what the caller asked, not an error of the program
+    """What was asked fits several things; the message says which, and how to name one."""
+
+
 class JobFailed(Problem):
     """A job ended without a result; the problem is the one that the job carries."""
 
@@ -55,6 +59,11 @@ class JobFailed(Problem):
             raw=error,
         )
         self.job = job
+
+
+def missing(detail: str) -> Problem:
+    """A thing that was named by something else than its id, and that no list holds."""
+    return Problem(status=404, code="not_found", detail=detail, retryable=False)
 
 
 def from_response(response: httpx.Response) -> Problem:

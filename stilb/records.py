@@ -12,6 +12,7 @@ from typing import Any, NotRequired, Self, TypedDict
 Polygon = Sequence[tuple[float, float]]
 Moment = datetime | str
 
+_QUANTITY = {"value", "standard_uncertainty", "unit"}
 _TIMES = frozenset({"created_at", "started_at", "taken_at", "valid_from", "valid_to"})
 
 
@@ -59,6 +60,32 @@ class Reading(TypedDict):
     taken_at: NotRequired[str]
 
 
+class Grid(TypedDict):
+    """Equal cells of a rectangular surface, by the image [x, y] of its corners as the surface runs."""
+
+    corners: Sequence[tuple[float, float]]
+    rows: int
+    columns: int
+
+
+class MeasureDetails(TypedDict, total=False):
+    """How to measure; what is left out is taken from the frame, its campaign and what is in force."""
+
+    calibration_id: str
+    polygon: Polygon
+    grid: Grid
+    reflectance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A reported figure with its uncertainty and unit."""
+
+    value: float
+    standard_uncertainty: float
+    unit: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class Record:
     raw: dict[str, Any] = field(repr=False, compare=False)
@@ -97,14 +124,60 @@ class Campaign(Record):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Reason(Record):
+    """One thing to know about a frame; ``detail`` is a sentence with the numbers and what to do."""
+
+    code: str
+    outcome: str
+    detail: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownFrame(Record):
+    """A frame that a campaign has already, and what was said of it when it was sent."""
+
+    sha256: str
+    frame_id: str
+    filename: str
+    role: str
+    state: str
+    scene: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnKey(Record):
+    """The key that a client asks with."""
+
+    id: str
+    name: str
+    scopes: tuple[str, ...]
+
+    @property
+    def organisation(self) -> str:
+        return str(self.raw["organisation"]["name"])
+
+
+@dataclass(frozen=True, kw_only=True)
 class Frame(Record):
     id: str
     sha256: str
     filename: str
     state: str  # received | read | extracted | refused
+    role: str = ""
+    scene: str | None = None
     size_bytes: int | None = None
     job_id: str | None = None  # of its extraction, where one was started
     refusal: dict[str, Any] | None = None
+
+    @property
+    def outcome(self) -> str:
+        """The verdict: pass, warn, fail or pending; pending too where the answer holds none."""
+        return str(self.raw.get("verdict", {}).get("outcome", "pending"))
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """Why, the gravest first."""
+        return tuple(Reason.of(each) for each in self.raw.get("verdict", {}).get("reasons", ()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +200,9 @@ class Coefficient(Record):
     standard_uncertainty: float
     unit: str
     iso: float | None = None
+    f_number: float | None = None
+    band: str | None = None
+    channel: str | None = None
     model: str | None = None
     calibration_id: str | None = None
     version: int | None = None
@@ -151,6 +227,28 @@ class Calibration(Record):
         return tuple(Coefficient.of(row) for row in self.raw.get("coefficients", ()))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Measurement(Record):
+    """One frame measured with one version. ``raw`` holds grid, percentiles, budget and flags too."""
+
+    id: str
+    frame_id: str
+    filename: str
+    camera_id: str
+    mean: Quantity
+    min: Quantity
+    max: Quantity
+    median: Quantity
+    l_av_cd_m2: Quantity | None = None
+    u_o: Quantity | None = None
+    illuminance: Quantity | None = None
+    created_at: datetime | None = None
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        return tuple(raised["flag"] for raised in self.raw.get("flags", ()))
+
+
 def as_text(moment: Moment) -> str:
     """A time as the service reads it; a datetime without its zone could mean two moments and is refused."""
     if isinstance(moment, str):
@@ -160,7 +258,14 @@ def as_text(moment: Moment) -> str:
     return moment.isoformat()
 
 
+def as_times(row: dict[str, Any]) -> dict[str, Any]:
+    """A flat row with its times as datetimes."""
+    return {name: _value(name, value) for name, value in row.items()}
+
+
 def _value(name: str, value: object) -> object:
     if name in _TIMES and isinstance(value, str):
         return datetime.fromisoformat(value)
+    if isinstance(value, dict) and value.keys() == _QUANTITY:
+        return Quantity(**value)
     return tuple(value) if isinstance(value, list) else value

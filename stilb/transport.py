@@ -1,13 +1,14 @@
 """One HTTP request and its repetitions: who may be sent again, when, and what comes of the answer."""
 
 import random
-import time
+import threading
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self, TypeVar
+from urllib.parse import quote
 
 import httpx
 
@@ -21,6 +22,14 @@ _CHUNK_BYTES = 1 << 20
 Answer = TypeVar("Answer")
 
 Query = Mapping[str, str | int | float | None]
+
+OnRetry = Callable[[problem.Problem, float], None]
+"""Is told what went wrong and how long the pause is [s] before the same request is sent again."""
+
+
+def address(*parts: str) -> str:
+    """The path of a resource; an id is data, so that none can lead elsewhere."""
+    return "/v1/" + "/".join(quote(part, safe="") for part in parts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +59,16 @@ class Call:
 class Transport:
     """Sends calls and turns every failure into a ``Problem``."""
 
-    def __init__(self, url: str, key: str, *, timeout_s: float, retries: int, backoff_s: float) -> None:
+    def __init__(
+        self,
+        url: str,
+        key: str,
+        *,
+        timeout_s: float,
+        retries: int,
+        backoff_s: float,
+        on_retry: OnRetry | None = None,
+    ) -> None:
         self._http = httpx.Client(
             base_url=url,
             timeout=timeout_s,
@@ -59,6 +77,8 @@ class Transport:
         self._timeout_s = timeout_s
         self._retries = retries
         self._backoff_s = backoff_s
+        self._on_retry = on_retry
+        self._halted = threading.Event()
 
     def __enter__(self) -> Self:
         self._http.__enter__()
@@ -71,6 +91,10 @@ class Transport:
 
     def close(self) -> None:
         self._http.close()
+
+    def halt(self) -> None:
+        """End uploads and pauses of other threads at their next step; nothing is sent from then on."""
+        self._halted.set()
 
     def send(self, call: Call) -> httpx.Response:
         """Send until it is answered; only what is safe to send twice is sent twice."""
@@ -95,18 +119,25 @@ class Transport:
             except problem.Problem as found:
                 if attempt >= self._retries or not (repeatable and found.retryable):
                     raise
-                time.sleep(self._pause_s(attempt, found.retry_after_s))
+                pause_s = self._pause_s(attempt, found.retry_after_s)
+                if self._on_retry is not None:
+                    self._on_retry(found, pause_s)
+                if self._halted.wait(pause_s):
+                    raise
                 attempt += 1
 
     def json(self, call: Call) -> dict[str, Any]:
         """Send a call whose answer is one JSON object."""
         response = self.send(call)
-        answer = response.json()
+        try:
+            answer = response.json()
+        except ValueError:  # a page of somebody else's
+            answer = None
         if not isinstance(answer, dict):
             raise problem.Problem(
                 status=response.status_code,
                 code="unexpected_answer",
-                detail=f"{call.method} {call.path} did not answer a JSON object",
+                detail=f"{call.method} {call.path} did not answer a JSON object: is this a stilb service?",
                 retryable=False,
             )
         return answer
@@ -125,7 +156,7 @@ class Transport:
             page = self.json(Call(method="GET", path=path, query=dict(httpx.URL(page["next"]).params)))
 
     def _once(self, call: Call, headers: Mapping[str, str]) -> httpx.Response:
-        content = call.stream() if call.stream else call.text
+        content = self._watched(call.stream()) if call.stream else call.text
         # httpx takes None in `timeout` for "wait for ever".
         read_s = call.answer_within_s or self._timeout_s
         try:
@@ -143,6 +174,12 @@ class Transport:
         if not response.is_success:
             raise problem.from_response(response)
         return response
+
+    def _watched(self, chunks: Iterator[bytes]) -> Iterator[bytes]:
+        for chunk in chunks:
+            if self._halted.is_set():
+                raise problem.Problem(status=0, code="not_sent", detail="it was stopped", retryable=False)
+            yield chunk
 
     def _save(self, call: Call, headers: Mapping[str, str], file: BinaryIO) -> None:
         try:

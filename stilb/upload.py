@@ -8,12 +8,16 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
+from typing import TypedDict, TypeVar
 
+from stilb.problem import Problem
 from stilb.records import Frame, Polygon
-from stilb.transport import Call, Transport
+from stilb.transport import Call, Transport, address
 
 _CHUNK_BYTES = 1 << 20
+_OF_ONE_FILE = frozenset({400, 413, 422})
+
+Sent = TypeVar("Sent")
 
 PathLike = str | os.PathLike[str]
 
@@ -29,7 +33,7 @@ class FrameDetails(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class Upload:
-    """One file to send, and what it is to its campaign."""
+    """One file to send, and what it is to its campaign. ``sha256``: where it is known already."""
 
     campaign_id: str
     path: PathLike
@@ -39,6 +43,7 @@ class Upload:
     exposure_time_s: float | None = None
     f_number: float | None = None
     iso: float | None = None
+    sha256: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,13 +68,45 @@ def send_all(
     The first failure stops what has not begun and is raised, with the file's name as its note. Sending the
     same list again is safe: a frame that has arrived answers as it did.
     """
+    return _side_by_side(transport, uploads, _send, concurrency=concurrency, on_progress=on_progress)
+
+
+def send_each(
+    transport: Transport, uploads: list[Upload], *, concurrency: int, on_progress: OnProgress | None
+) -> list[Frame | Exception]:
+    """The same, where a file that cannot be sent answers its error, and the others go on."""
+
+    def send(transport: Transport, upload: Upload, count: "_FileCount") -> Frame | Exception:
+        try:
+            return _send(transport, upload, count)
+        except OSError as error:
+            return error
+        except Problem as problem:
+            if problem.status in _OF_ONE_FILE:
+                return problem
+            raise
+
+    return _side_by_side(transport, uploads, send, concurrency=concurrency, on_progress=on_progress)
+
+
+def _side_by_side(
+    transport: Transport,
+    uploads: list[Upload],
+    send: "Callable[[Transport, Upload, _FileCount], Sent]",
+    *,
+    concurrency: int,
+    on_progress: OnProgress | None,
+) -> list[Sent]:
     tally = _Tally(uploads, on_progress)
     with ThreadPoolExecutor(max_workers=concurrency, thread_name_prefix="stilb-push") as pool:
         futures = [
-            pool.submit(_send, transport, upload, tally.file(index)) for index, upload in enumerate(uploads)
+            pool.submit(send, transport, upload, tally.file(index)) for index, upload in enumerate(uploads)
         ]
         try:
             wait(futures, return_when=FIRST_EXCEPTION)
+        except BaseException:
+            transport.halt()  # somebody wants to stop now, not after the files that are on their way
+            raise
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
     # A cancelled future has no error to tell; the one that caused it has.
@@ -93,7 +130,7 @@ def _send(transport: Transport, upload: Upload, count: "_FileCount") -> Frame:
 def _call(upload: Upload, path: Path, count: "_FileCount") -> Call:
     with path.open("rb") as file:
         size_bytes = os.fstat(file.fileno()).st_size
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        sha256 = upload.sha256 or hashlib.file_digest(file, "sha256").hexdigest()
 
     def stream() -> Iterator[bytes]:
         count.restart()
@@ -104,7 +141,7 @@ def _call(upload: Upload, path: Path, count: "_FileCount") -> Call:
 
     return Call(
         method="POST",
-        path=f"/v1/campaigns/{upload.campaign_id}/frames",
+        path=address("campaigns", upload.campaign_id, "frames"),
         query=_query(upload, path),
         stream=stream,
         headers={
@@ -136,7 +173,8 @@ class _Tally:
         self._lock = threading.Lock()
         self._on_progress = on_progress
         self._paths = [Path(upload.path) for upload in uploads]
-        self._bytes_total = sum(path.stat().st_size for path in self._paths)
+        # A file that has gone is the matter of whoever opens it.
+        self._bytes_total = sum(path.stat().st_size for path in self._paths if path.exists())
         self._sent = [0] * len(uploads)
         self._files_done = 0
 

@@ -1,0 +1,1 @@
+"""The calls of ``stilb.Client``, a file a subject."""

@@ -1,0 +1,70 @@
+"""Calibrations: fitted, published, revoked, handed out."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from stilb.export import OnExport, export
+from stilb.records import Calibration, Job, Moment, as_text
+from stilb.resources.jobs import Jobs
+from stilb.transport import address
+from stilb.upload import PathLike
+
+
+class Calibrations(Jobs):
+    """Versions of a camera's coefficients."""
+
+    def start_calibration(self, campaign_id: str, **params: object) -> Job:
+        """Have a campaign fitted with the method's parameters; the job's result names the draft."""
+        return Job.of(self._post(address("campaigns", campaign_id, "calibrations"), params))
+
+    def calibrate(self, campaign_id: str, **params: object) -> Calibration:
+        """The same, and wait for the draft."""
+        done = self.wait(self.start_calibration(campaign_id, **params))
+        return self.calibration(str((done.result or {})["calibration_id"]))
+
+    def calibration(self, calibration_id: str) -> Calibration:
+        return Calibration.of(self._get(address("calibrations", calibration_id)))
+
+    def calibrations(self, campaign_id: str) -> Iterator[Calibration]:
+        return map(Calibration.of, self._transport.items(address("campaigns", campaign_id, "calibrations")))
+
+    def history(
+        self, camera_id: str, *, method: str | None = None, state: str | None = None
+    ) -> Iterator[Calibration]:
+        """A camera's calibrations, newest first."""
+        query = {"method": method, "state": state}
+        return map(
+            Calibration.of, self._transport.items(address("cameras", camera_id, "calibrations"), query)
+        )
+
+    def publish(
+        self, calibration_id: str, *, valid_from: Moment, reason: str, valid_to: Moment | None = None
+    ) -> Calibration:
+        body = {"valid_from": as_text(valid_from), "reason": reason}
+        if valid_to is not None:
+            body["valid_to"] = as_text(valid_to)
+        return Calibration.of(self._post(address("calibrations", calibration_id, "publish"), body))
+
+    def impact(self, calibration_id: str, *, at: Moment | None = None) -> dict[str, Any]:
+        """What publishing a version would change against what is in force at ``at`` (now)."""
+        query = {} if at is None else {"at": as_text(at)}
+        return self._get(address("calibrations", calibration_id, "impact"), query)
+
+    def revoke(self, calibration_id: str, *, reason: str) -> dict[str, Any]:
+        """Take a version out of force; the answer lists the measurements that rest on it."""
+        return self._post(address("calibrations", calibration_id, "revoke"), {"reason": reason})
+
+    def certificate(self, calibration_id: str) -> dict[str, Any]:
+        """What is handed out with a version, and all that is needed to compute it anew."""
+        return self._get(address("calibrations", calibration_id, "certificate.json"))
+
+    def export(self, calibration_id: str, folder: PathLike, *, on_progress: OnExport | None = None) -> Path:
+        """Put everything that a version rests on into a folder; see ``stilb.export``. Safe to call again."""
+        return export(self._transport, calibration_id, Path(folder), on_progress)
+
+    def points_csv(self, calibration_id: str) -> str:
+        return self._text(address("calibrations", calibration_id, "points.csv"))
+
+    def plot_svg(self, calibration_id: str) -> str:
+        return self._text(address("calibrations", calibration_id, "plot.svg"))

@@ -1,0 +1,101 @@
+"""A campaign, its region and its readings."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Unpack, overload
+
+from stilb.connection import Connection
+from stilb.problem import Problem, Unclear, missing
+from stilb.records import Campaign, CampaignDetails, Polygon, Reading, as_text
+from stilb.transport import Call, address
+
+
+class Campaigns(Connection):
+    """Campaigns, their regions, their readings."""
+
+    def create_campaign(
+        self,
+        camera_id: str,
+        *,
+        method: str = "luminance",
+        idempotency_key: str | None = None,
+        **details: Unpack[CampaignDetails],
+    ) -> Campaign:
+        """Begin a campaign. Two calls with the same ``idempotency_key`` begin one."""
+        body: dict[str, Any] = {"camera_id": camera_id, "method": method, **details}
+        if "started_at" in details:
+            body["started_at"] = as_text(details["started_at"])
+        call = Call(method="POST", path=address("campaigns"), json=body, headers=_idempotent(idempotency_key))
+        return Campaign.of(self._transport.json(call))
+
+    def campaign(self, campaign_id: str) -> Campaign:
+        return Campaign.of(self._get(address("campaigns", campaign_id)))
+
+    def campaigns(self) -> Iterator[Campaign]:
+        return map(Campaign.of, self._transport.items(address("campaigns"), {"limit": 1000}))
+
+    def find_campaign(self, named: str) -> Campaign:
+        """The campaign with this id or this project number."""
+        try:
+            return self.campaign(named)
+        except Problem as problem:
+            if problem.status != 404:
+                raise
+        found = [one for one in self.campaigns() if one.project_number == named]
+        if len(found) > 1:
+            ids = ", ".join(one.id for one in found)
+            raise Unclear(f"Several campaigns have the project number {named!r}: give the id of one: {ids}.")
+        if not found:
+            raise missing(
+                f"No campaign has the id or the project number {named!r}. `stilb campaign list` shows them."
+            )
+        return found[0]
+
+    @overload
+    def set_roi(self, campaign_id: str, *, polygon: Polygon) -> dict[str, Any]: ...
+    @overload
+    def set_roi(self, campaign_id: str, *, imagej: str) -> dict[str, Any]: ...
+    def set_roi(
+        self, campaign_id: str, *, polygon: Polygon | None = None, imagej: str | None = None
+    ) -> dict[str, Any]:
+        """Set the region of every frame without one of its own: corners [px], or ImageJ's macro call."""
+        body = {"imagej": imagej} if polygon is None else region(polygon)
+        return self._put(address("campaigns", campaign_id, "roi"), body)
+
+    def roi(self, campaign_id: str) -> dict[str, Any]:
+        return self._get(address("campaigns", campaign_id, "roi"))
+
+    def add_readings(
+        self,
+        campaign_id: str,
+        readings: Reading | Sequence[Reading] | str,
+        *,
+        idempotency_key: str | None = None,
+    ) -> list[dict[str, Any]]:
+        """Add one reading, several, or a CSV text whose first line names the columns.
+
+        Two calls with the same ``idempotency_key`` add them once, and answer the same.
+        """
+        path, headers = address("campaigns", campaign_id, "readings"), _idempotent(idempotency_key)
+        if isinstance(readings, str):
+            headers["Content-Type"] = "text/csv; charset=utf-8"
+            call = Call(method="POST", path=path, text=readings, headers=headers)
+        else:
+            call = Call(method="POST", path=path, json=readings, headers=headers)
+        answer = self._transport.json(call)
+        return list(answer["items"]) if "items" in answer else [answer]
+
+    def readings(self, campaign_id: str) -> Iterator[dict[str, Any]]:
+        return self._transport.items(address("campaigns", campaign_id, "readings"))
+
+    def withdraw_reading(self, reading_id: str) -> dict[str, Any]:
+        """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
+        return self._transport.json(Call(method="DELETE", path=address("readings", reading_id)))
+
+
+def region(polygon: Polygon) -> dict[str, Any]:
+    """Corners as the service reads them."""
+    return {"polygon": [[x, y] for x, y in polygon]}
+
+
+def _idempotent(key: str | None) -> dict[str, str]:
+    return {} if key is None else {"Idempotency-Key": key}

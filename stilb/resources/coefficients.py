@@ -1,0 +1,77 @@
+"""What is in force, and what was: the calls of a dashboard and of a notebook."""
+
+from typing import Any
+
+from stilb.problem import Unclear
+from stilb.records import Coefficient, Moment, as_text, as_times
+from stilb.resources.equipment import Equipment
+from stilb.transport import address
+
+_K = "luminance_k"
+
+
+class Coefficients(Equipment):
+    """Coefficients by camera and time."""
+
+    def coefficients(
+        self,
+        camera_id: str,
+        *,
+        method: str = "luminance",
+        name: str | None = None,
+        iso: float | None = None,
+        at: Moment | None = None,
+        known_at: Moment | None = None,
+    ) -> list[Coefficient]:
+        """What is in force at ``at`` (now), as it was known at ``known_at`` (now).
+
+        Raises ``Problem`` with the code "no_calibration_in_force" where nothing is.
+        """
+        query = {"method": method, "name": name, "iso": iso}
+        times = {"at": _text_of(at), "known_at": _text_of(known_at)}
+        rows = self._transport.items(address("cameras", camera_id, "coefficients"), {**query, **times})
+        return [Coefficient.of(row) for row in rows]
+
+    def k(
+        self,
+        camera: str,
+        *,
+        iso: float | None = None,
+        at: Moment | None = None,
+        known_at: Moment | None = None,
+    ) -> Coefficient:
+        """The luminance coefficient K [DN*m2/(cd*s)] of a camera, by its id or its serial.
+
+        ``iso`` may be left out where there is one K; else ``Unclear`` names the ISO values. Nothing in force:
+        ``Problem`` with the code "no_calibration_in_force".
+        """
+        found = self.coefficients(self.find_camera(camera).id, name=_K, iso=iso, at=at, known_at=known_at)
+        if len(found) > 1:
+            isos = ", ".join(f"{one.iso:g}" for one in found if one.iso is not None)
+            raise Unclear(f"K is in force for several ISO values: {isos}. Say which one with iso.")
+        return found[0]
+
+    def series(
+        self,
+        *,
+        camera_id: str | None = None,
+        method: str | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> list[dict[str, Any]]:
+        """The coefficients of every version, published for a time in [start, end), as flat rows.
+
+        Every row has the same columns, None where a value is absent, times as aware datetimes: made to be
+        handed to ``pandas.DataFrame``.
+        """
+        times = {"from": _text_of(start), "to": _text_of(end)}
+        answer = self._get(
+            address("series", "coefficients"), {"camera_id": camera_id, "method": method, **times}
+        )
+        rows = answer["rows"]
+        columns = dict.fromkeys(name for row in rows for name in row)
+        return [as_times({name: row.get(name) for name in columns}) for row in rows]
+
+
+def _text_of(moment: Moment | None) -> str | None:
+    return None if moment is None else as_text(moment)

@@ -1,0 +1,54 @@
+"""Cameras and meters: the same make, model and serial again is the same one."""
+
+from collections.abc import Iterator
+from typing import Any, Unpack
+
+from stilb.connection import Connection
+from stilb.problem import Problem, Unclear, missing
+from stilb.records import Camera, CameraDetails, Certificate, Meter
+from stilb.transport import address
+
+
+class Equipment(Connection):
+    """Cameras and meters."""
+
+    def create_camera(self, make: str, model: str, serial: str, **details: Unpack[CameraDetails]) -> Camera:
+        body = {"make": make, "model": model, "serial": serial, **details}
+        return Camera.of(self._post(address("cameras"), body))
+
+    def camera(self, camera_id: str) -> Camera:
+        return Camera.of(self._get(address("cameras", camera_id)))
+
+    def cameras(self) -> Iterator[Camera]:
+        return map(Camera.of, self._transport.items(address("cameras")))
+
+    def find_camera(self, named: str) -> Camera:
+        """The camera with this id, this serial, or this make, model and serial with blanks between them."""
+        try:
+            return self.camera(named)
+        except Problem as problem:
+            if problem.status != 404:
+                raise
+        every = list(self.cameras())
+        found = [one for one in every if named in {one.serial, f"{one.make} {one.model} {one.serial}"}]
+        if len(found) > 1:
+            raise Unclear(f"Several cameras are called {named!r}: {_names(found)}. Give the id of one.")
+        if not found:
+            raise missing(f"No camera is called {named!r}. There are: {_names(every) or 'none yet'}.")
+        return found[0]
+
+    def create_meter(
+        self, kind: str, make: str, model: str, serial: str, *, certificate: Certificate | None = None
+    ) -> Meter:
+        """``kind``: luminance, illuminance or sunshine."""
+        body: dict[str, Any] = {"kind": kind, "make": make, "model": model, "serial": serial}
+        if certificate is not None:
+            body["certificate"] = certificate
+        return Meter.of(self._post(address("meters"), body))
+
+    def meters(self) -> Iterator[Meter]:
+        return map(Meter.of, self._transport.items(address("meters")))
+
+
+def _names(cameras: list[Camera]) -> str:
+    return ", ".join(f"{one.make} {one.model} {one.serial} ({one.id})" for one in cameras)

@@ -1,0 +1,45 @@
+"""Jobs: what the service computes, and waiting for it."""
+
+import time
+from collections.abc import Iterator
+
+from stilb.connection import Connection
+from stilb.problem import JobFailed
+from stilb.records import Job
+from stilb.transport import Call, address
+
+_WAIT_S = 30  # one long poll; the service allows 60
+_SHORTEST_POLL_S = 0.2  # should an answer come at once all the same
+
+
+class Jobs(Connection):
+    """Jobs, and what comes of them."""
+
+    def job(self, job_id: str) -> Job:
+        return Job.of(self._get(address("jobs", job_id)))
+
+    def jobs(self, *, state: str | None = None, kind: str | None = None) -> Iterator[Job]:
+        """The jobs of your organisation, newest first."""
+        return map(Job.of, self._transport.items(address("jobs"), {"state": state, "kind": kind}))
+
+    def wait(self, job: Job | str, *, timeout_s: float | None = None) -> Job:
+        """Wait until a job has succeeded; ``JobFailed`` when it will not, ``TimeoutError`` when it lasts."""
+        job_id = job if isinstance(job, str) else job.id
+        end = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            asked_at = time.monotonic()
+            left_s = _WAIT_S if end is None else max(0, min(_WAIT_S, int(end - asked_at)))
+            call = Call(
+                method="GET",
+                path=address("jobs", job_id),
+                headers={"Prefer": f"wait={left_s}"},
+                answer_within_s=left_s + self._timeout_s,
+            )
+            found = Job.of(self._transport.json(call))
+            if found.state == "succeeded":
+                return found
+            if found.state not in {"queued", "running"}:
+                raise JobFailed(found)
+            if end is not None and time.monotonic() >= end:
+                raise TimeoutError(f"job {job_id} is still {found.state} after {timeout_s:g} s")
+            time.sleep(max(0.0, _SHORTEST_POLL_S - (time.monotonic() - asked_at)))

@@ -1,0 +1,63 @@
+"""Measurements with a calibrated camera."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Unpack
+
+from stilb.records import Job, MeasureDetails, Measurement
+from stilb.resources.campaigns import region
+from stilb.resources.jobs import Jobs
+from stilb.transport import Call, address
+from stilb.upload import PathLike
+
+
+class Measurements(Jobs):
+    """Frames of the field turned into physical units."""
+
+    def measure(
+        self, frame_id: str, *, with_map: bool = False, **details: Unpack[MeasureDetails]
+    ) -> Measurement:
+        """Measure one frame and wait. Without ``calibration_id``: what was in force when it was taken."""
+        body = {"frame_id": frame_id, **_options(details, with_map=with_map)}
+        return self._measured(Job.of(self._post(address("measurements"), body)))
+
+    def measure_campaign(
+        self, campaign_id: str, *, with_map: bool = False, **details: Unpack[MeasureDetails]
+    ) -> tuple[list[Measurement], list[dict[str, Any]]]:
+        """Measure every field frame of a campaign: what came of it, and what was not measured and why."""
+        body = _options(details, with_map=with_map)
+        answer = self._post(address("campaigns", campaign_id, "measurements"), body)
+        return [self._measured(Job.of(job)) for job in answer["jobs"]], list(answer["not_measured"])
+
+    def measurement(self, measurement_id: str) -> Measurement:
+        return Measurement.of(self._get(address("measurements", measurement_id)))
+
+    def measurements(
+        self,
+        *,
+        camera_id: str | None = None,
+        campaign_id: str | None = None,
+        calibration_id: str | None = None,
+    ) -> Iterator[Measurement]:
+        """Newest first."""
+        query = {"camera_id": camera_id, "campaign_id": campaign_id, "calibration_id": calibration_id}
+        return map(Measurement.of, self._transport.items(address("measurements"), query))
+
+    def save_map(self, measurement_id: str, path: PathLike) -> Path:
+        """Save the map of a measurement that was made with one: float32 in cd/m2, or a picture (.png)."""
+        path = Path(path)
+        name = "map.png" if path.suffix.lower() == ".png" else "map.tif"
+        call = Call(method="GET", path=address("measurements", measurement_id, name))
+        self._transport.download(call, path)
+        return path
+
+    def _measured(self, job: Job) -> Measurement:
+        done = self.wait(job)
+        return self.measurement(str((done.result or {})["measurement_id"]))
+
+
+def _options(details: MeasureDetails, *, with_map: bool) -> dict[str, Any]:
+    body: dict[str, Any] = {name: value for name, value in details.items() if name != "polygon"}
+    if "polygon" in details:
+        body["roi"] = region(details["polygon"])
+    return body | ({"products": ["map"]} if with_map else {})
