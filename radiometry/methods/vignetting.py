@@ -1,0 +1,200 @@
+"""Vignetting: per f-number and channel, the share of light that the lens passes at every place.
+
+    signal - dark = A V(r)          V(r) = 1 + k1 r^2 + k2 r^4 + k3 r^6
+
+r = 1 at half of the frame's diagonal, from a fitted centre; dividing by V corrects. Fitted to flat fields.
+Source: "Four Vision" report, 3.3.2, with a fitted centre and falloffs with their errors in place of profiles.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Extracted, Figure, Quantity, Region
+from radiometry.exposure import Exposure
+from radiometry.frame import Frame, FrameHeader
+from radiometry.statistics import CHANNELS
+from radiometry.vignetting.application import (
+    Share,
+    average_over_polygon,
+    evaluate,
+    evaluate_window,
+    list_windows,
+    select_channels,
+)
+from radiometry.vignetting.caveats import check_fits, check_frames, find_thresholds
+from radiometry.vignetting.correction import compute_correction
+from radiometry.vignetting.dng import DngVignette, export_dng
+from radiometry.vignetting.features import Features, FrameRow, extract_features
+from radiometry.vignetting.fitting import FittedChannel, fit_channel
+from radiometry.vignetting.judging import judge
+from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
+from radiometry.vignetting.planning import plan
+from radiometry.vignetting.points import (
+    Candidate,
+    collect_candidates,
+    describe_points,
+    list_missing,
+    require_one_lens,
+)
+from radiometry.vignetting.results import (
+    EQUATION,
+    ChannelFit,
+    Coefficient,
+    Conventions,
+    Fit,
+    Point,
+    Spot,
+    Threshold,
+)
+from radiometry.vignetting.rows import DARK, FLAT, Params
+
+__all__ = [
+    "ROLES",
+    "SCHEMA_VERSION",
+    "ChannelFit",
+    "Coefficient",
+    "Conventions",
+    "DngVignette",
+    "Features",
+    "Fit",
+    "FrameRow",
+    "LensfunNames",
+    "Params",
+    "Point",
+    "Share",
+    "Spot",
+    "Threshold",
+    "average_over_polygon",
+    "compute_correction",
+    "evaluate",
+    "evaluate_window",
+    "export_dng",
+    "export_lensfun",
+    "extract",
+    "fit",
+    "judge",
+    "list_figures",
+    "list_windows",
+    "missing",
+    "plan",
+    "select_channels",
+]
+
+SCHEMA_VERSION = 1
+ROLES = frozenset({FLAT, DARK})
+
+
+def extract(
+    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
+) -> Extracted[Features]:
+    """Average a flat or dark frame over blocks; without a drawn region ``regions`` is the whole frame.
+
+    ``exposure`` is part of the door and says nothing about blocks.
+    Raises InputRejected(roi_empty)
+    """
+    del exposure
+    return extract_features(frame, regions, header=header)
+
+
+def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """Say, by name, what the fit still lacks; empty when it can start with every frame."""
+    return list_missing(rows, params, unread=unread)
+
+
+def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
+    """Fit the falloff of every f-number and channel of a campaign's flat frames.
+
+    Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
+
+    Flags
+      per frame: flat_left_out, weak_flat, dust; per ISO: dark_from_black_level, dark_exposure_differs;
+      per f-number and channel: uneven_light, centre_uncertain, falloff_not_monotonic, falloff_grows,
+      vignetting_misfit; of the whole: rendered
+    Raises InputRejected
+      fit_incomplete if there is no flat frame, or frames are not extracted yet;
+      flat_unusable if every flat frame is left out, each with its reason, or they are of several lenses;
+      fit_failed if hardly any light is left in a corner
+    """
+    lacking = list_missing(rows, params)
+    if lacking:
+        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    candidates = collect_candidates(rows, params)
+    used = [candidate for candidate in candidates if not candidate.left_out]
+    if not used:
+        reasons = "; ".join(f"{each.row.frame}: {each.left_out}" for each in candidates)
+        raise InputRejected(Code.FLAT_UNUSABLE, f"No flat frame can be used. {reasons}.")
+    require_one_lens(candidates)
+    fitted = _fit_all(used)
+    return Fit(
+        height_px=fitted[0].fit.coefficient.height_px,
+        width_px=fitted[0].fit.coefficient.width_px,
+        channel_fits=tuple(each.fit for each in fitted),
+        thresholds=find_thresholds(fitted),
+        points=describe_points(rows, candidates, params),
+        flags=(*check_frames(candidates), *check_fits(fitted)),
+    )
+
+
+def _fit_all(used: Sequence[Candidate]) -> list[FittedChannel]:
+    """Fit every f-number and channel; ``used`` in the order of f-number, then name."""
+    fitted = []
+    for f_number, group in itertools.groupby(
+        used, key=lambda each: each.light.f_number if each.light else 0.0
+    ):
+        frames = [{light.channel: light.blocks for light in candidate.channels} for candidate in group]
+        fitted += [
+            fit_channel([frame[channel] for frame in frames], f_number=f_number, channel=channel)
+            for channel in frames[0]
+        ]
+    return fitted
+
+
+def list_figures(fit: Fit) -> tuple[Figure, ...]:
+    """Give k1, k2, k3, the centre and the corner's falloff, per f-number and channel."""
+    return tuple(
+        Figure(
+            name=name,
+            value=quantity.value,
+            standard_uncertainty=quantity.standard_uncertainty,
+            unit=quantity.unit,
+            model=EQUATION,
+            f_number=coefficient.f_number,
+            band=None if coefficient.channel in CHANNELS else coefficient.channel,
+            channel=coefficient.channel,
+            flags=_flags_of(fit, coefficient),
+        )
+        for coefficient in fit.coefficients
+        for name, quantity in _list_quantities(coefficient).items()
+    )
+
+
+def _list_quantities(coefficient: Coefficient) -> dict[str, Quantity]:
+    values = {
+        "k1": (coefficient.k1, "1"),
+        "k2": (coefficient.k2, "1"),
+        "k3": (coefficient.k3, "1"),
+        "centre_row_px": (coefficient.centre_row_px, "px"),
+        "centre_col_px": (coefficient.centre_col_px, "px"),
+    }
+    quantities = {
+        name: Quantity(
+            value=value, standard_uncertainty=coefficient.covariance[index][index] ** 0.5, unit=unit
+        )
+        for index, (name, (value, unit)) in enumerate(values.items())
+    }
+    quantities["corner_falloff"] = Quantity(
+        value=coefficient.corner_falloff,
+        standard_uncertainty=coefficient.corner_falloff_standard_uncertainty,
+        unit="1",
+    )
+    return quantities
+
+
+def _flags_of(fit: Fit, coefficient: Coefficient) -> tuple[str, ...]:
+    """Give the flags that concern a coefficient: its own, its frames' and those of the whole."""
+    f_number = coefficient.f_number
+    frames = {f"frame {point.frame}" for point in fit.points if point.f_number == f_number}
+    wheres = {"", f"f/{f_number:g} {coefficient.channel}", *frames}
+    isos = {raised.flag for raised in fit.flags if raised.where.startswith("iso ")}
+    return tuple(sorted({raised.flag for raised in fit.flags if raised.where in wheres} | isos))

@@ -1,0 +1,1 @@
+"""The parts of the vignetting calibration; `radiometry.methods.vignetting` is its door."""

@@ -1,0 +1,202 @@
+"""What a fitted falloff says: V anywhere in the frame, between f-numbers, and on average over a region."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Quantity
+from radiometry.roi import Polygon, Window, bounding_window, mask
+from radiometry.vignetting.curve import Array, evaluate_slopes, propagate
+from radiometry.vignetting.results import Coefficient
+
+Slopes = NDArray[np.float64]
+
+GREENS = ("G1", "G2")
+BAND_ROWS = 256
+
+
+@dataclass(frozen=True)
+class Share:
+    """V at some places and its standard uncertainty, arrays of one shape; a signal over V is corrected."""
+
+    share: Array
+    standard_uncertainty: Array
+
+    @property
+    def gain(self) -> Array:
+        """1 / V."""
+        return np.asarray(1.0 / self.share)
+
+    @property
+    def gain_standard_uncertainty(self) -> Array:
+        """u(V) / V^2."""
+        return np.asarray(self.standard_uncertainty / self.share**2)
+
+
+def evaluate(
+    coefficients: Sequence[Coefficient], row_px: Array, col_px: Array, *, channel: str, f_number: float
+) -> Share:
+    """Give V of a channel at places of the frame, at an f-number within the range of the flats.
+
+    At an f-number of the flats: V = 1 + k1 r^2 + k2 r^4 + k3 r^6, u(V)^2 = J C J' + (model_u_rel V)^2.
+    Between two, a and b, linearly in log2 of the f-number:
+        V = (1 - w) V_a + w V_b,  w = log2(N / N_a) / log2(N_b / N_a)
+        u(V)^2 = (1 - w)^2 u(V_a)^2 + w^2 u(V_b)^2 + (4 w (1 - w) (V_b - V_a) / (2 sqrt 3))^2
+    the last because the truth may lie anywhere between the neighbours: a rectangle that closes at both.
+
+    Takes
+      coefficients : of one version; row_px, col_px : of pixel centres, shapes that broadcast together
+    Raises InputRejected(vignetting_not_calibrated) for another channel, or outside the range
+    """
+    ends = []
+    for coefficient, weight in bracket(coefficients, channel=channel, f_number=f_number):
+        value, slopes = _evaluate_one(coefficient, np.asarray(row_px), np.asarray(col_px))
+        ends.append((weight, value, _total_u(coefficient, value, slopes)))
+    return _interpolate(ends)
+
+
+def bracket(
+    coefficients: Sequence[Coefficient], *, channel: str, f_number: float
+) -> tuple[tuple[Coefficient, float], ...]:
+    """Give the coefficients next to an f-number with their weights: one where it was calibrated, else two.
+
+    Raises InputRejected(vignetting_not_calibrated)
+    """
+    own = sorted((each for each in coefficients if each.channel == channel), key=lambda each: each.f_number)
+    if not own:
+        known = ", ".join(dict.fromkeys(each.channel for each in coefficients)) or "none"
+        raise InputRejected(
+            Code.VIGNETTING_NOT_CALIBRATED,
+            f"The vignetting calibration has no channel {channel}; it has {known}. Calibrate with flats of "
+            "the same kind of frame.",
+        )
+    if not own[0].f_number <= f_number <= own[-1].f_number:
+        raise InputRejected(
+            Code.VIGNETTING_NOT_CALIBRATED,
+            f"f/{f_number:g} is outside the calibrated range, f/{own[0].f_number:g} to "
+            f"f/{own[-1].f_number:g}: nothing is extrapolated. Take flats at f/{f_number:g}.",
+        )
+    for each in own:
+        if each.f_number == f_number:
+            return ((each, 1.0),)
+    lower, higher = next(
+        pair for pair in itertools.pairwise(own) if pair[0].f_number < f_number < pair[1].f_number
+    )
+    weight = math.log2(f_number / lower.f_number) / math.log2(higher.f_number / lower.f_number)
+    return (lower, 1.0 - weight), (higher, weight)
+
+
+def require_format(coefficients: Sequence[Coefficient], *, height_px: int, width_px: int) -> None:
+    """Refuse to apply a falloff to frames of another size: another crop or binning has another centre.
+
+    Raises InputRejected(vignetting_not_calibrated)
+    """
+    sizes = {(each.height_px, each.width_px) for each in coefficients}
+    if sizes != {(height_px, width_px)}:
+        known = ", ".join(f"{width} x {height}" for height, width in sorted(sizes)) or "no"
+        raise InputRejected(
+            Code.VIGNETTING_NOT_CALIBRATED,
+            f"The frame is {width_px} x {height_px} pixels, the vignetting was calibrated with {known}: "
+            "another crop or binning. Set the camera as for the flats.",
+        )
+
+
+def select_channels(coefficients: Sequence[Coefficient], *, signal: str) -> tuple[str, ...]:
+    """Name the channels whose mean a signal is: both greens of "green", all of "grey".
+
+    Of a calibration without the colour asked for (grey, a single band) all channels are given.
+    """
+    channels = tuple(dict.fromkeys(each.channel for each in coefficients))
+    greens = tuple(channel for channel in channels if channel in (*GREENS, "G"))
+    return greens if signal == "green" and greens else channels
+
+
+def list_windows(height_px: int, width_px: int, *, rows: int = BAND_ROWS) -> Iterator[Window]:
+    """Cut a frame into bands of rows, so that a whole map needs little memory."""
+    for row0 in range(0, height_px, rows):
+        yield Window(row0=row0, col0=0, height=min(rows, height_px - row0), width=width_px)
+
+
+def evaluate_window(
+    coefficients: Sequence[Coefficient], window: Window, *, channel: str, f_number: float
+) -> Share:
+    """Give V of every pixel of a window, (row, col)."""
+    rows = np.arange(window.row0, window.row0 + window.height, dtype=np.float64)[:, None]
+    cols = np.arange(window.col0, window.col0 + window.width, dtype=np.float64)[None, :]
+    return evaluate(coefficients, rows, cols, channel=channel, f_number=f_number)
+
+
+def average_over_polygon(
+    coefficients: Sequence[Coefficient], polygon: Polygon, *, channels: Sequence[str], f_number: float
+) -> Quantity:
+    """Give the mean of V over a region, averaged over channels: an even surface's mean signal divided by it.
+
+    u^2 = sum over channels of J C J' / m^2 + (model term)^2 + (interpolation term)^2, J the mean of V's
+    slopes over the region, since the parameters' errors are shared by all of its pixels. The model's and the
+    interpolation's error are taken as alike in the whole region and in all channels: they do not average out.
+
+    Raises InputRejected
+      vignetting_not_calibrated, as `evaluate`; roi_outside_frame, roi_empty
+    """
+    value = variance = model = between = 0.0
+    count = len(channels)
+    for channel in channels:
+        ends = [
+            (coefficient, weight, *_average_one(coefficient, polygon))
+            for coefficient, weight in bracket(coefficients, channel=channel, f_number=f_number)
+        ]
+        value += sum(weight * mean for _, weight, mean, _ in ends) / count
+        for coefficient, weight, mean, slopes in ends:
+            own = float(propagate(slopes, np.array(coefficient.covariance)))
+            variance += (weight * own / count) ** 2
+            model += weight * coefficient.model_u_rel * mean / count
+        if len(ends) == 2:
+            between += _between(ends[1][1]) * abs(ends[1][2] - ends[0][2]) / count
+    return Quantity(
+        value=value, standard_uncertainty=math.hypot(math.sqrt(variance), model, between), unit="1"
+    )
+
+
+def _average_one(coefficient: Coefficient, polygon: Polygon) -> tuple[float, Slopes]:
+    """Give the means of V and of its slopes over a region's pixels, a band of rows at a time."""
+    whole = bounding_window(polygon, height_px=coefficient.height_px, width_px=coefficient.width_px)
+    total, slopes_total, count = 0.0, np.zeros(len(coefficient.covariance)), 0
+    for band in list_windows(whole.height, whole.width):
+        window = Window(row0=whole.row0 + band.row0, col0=whole.col0, height=band.height, width=band.width)
+        rows, cols = np.nonzero(mask(polygon, window))
+        value, slopes = _evaluate_one(
+            coefficient, (rows + window.row0).astype(np.float64), (cols + window.col0).astype(np.float64)
+        )
+        total += float(value.sum())
+        slopes_total += slopes.sum(axis=1)
+        count += rows.size
+    return total / count, slopes_total / count
+
+
+def _evaluate_one(coefficient: Coefficient, row_px: Array, col_px: Array) -> tuple[Array, Slopes]:
+    return evaluate_slopes(
+        row_px, col_px, coefficient.k, centre_px=coefficient.centre_px, radius_px=coefficient.radius_px
+    )
+
+
+def _total_u(coefficient: Coefficient, value: Array, slopes: Slopes) -> Array:
+    of_curve = propagate(slopes, np.array(coefficient.covariance))
+    return np.asarray(np.hypot(of_curve, coefficient.model_u_rel * value))
+
+
+def _interpolate(ends: Sequence[tuple[float, Array, Array]]) -> Share:
+    value = np.sum([weight * share for weight, share, _ in ends], axis=0)
+    variance = np.sum([(weight * u) ** 2 for weight, _, u in ends], axis=0)
+    if len(ends) == 2:
+        variance = variance + (_between(ends[1][0]) * (ends[1][1] - ends[0][1])) ** 2
+    return Share(share=np.asarray(value), standard_uncertainty=np.asarray(np.sqrt(variance)))
+
+
+def _between(weight: float) -> float:
+    """Give the standard uncertainty between two f-numbers, of the difference of their V."""
+    return 4.0 * weight * (1.0 - weight) / (2.0 * math.sqrt(3.0))

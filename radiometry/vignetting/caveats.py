@@ -1,0 +1,209 @@
+"""What is to be said of a vignetting fit besides its numbers."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from radiometry.flags import Flag, Raised
+from radiometry.vignetting.curve import (
+    evaluate_curve,
+    evaluate_slopes,
+    find_largest_rise,
+    propagate,
+    sample_radii,
+)
+from radiometry.vignetting.fitting import FittedChannel, farthest_radius
+from radiometry.vignetting.grid import Vector
+from radiometry.vignetting.light import EXPOSURE_RATIO
+from radiometry.vignetting.points import Candidate
+from radiometry.vignetting.quality import FLAGGED_GRADIENT_REL, flag_frame
+from radiometry.vignetting.results import Coefficient, Threshold
+from radiometry.vignetting.solving import Solution
+
+LIMITS = (0.02, 0.10)
+"""The falloffs about which the report asks."""
+
+_ERRORS = 3.0
+_SURE_ERRORS = 2.0
+_RISE = 0.005
+_MISFIT_REL = 0.005
+_FAR_CENTRE = 0.1
+"""Of the half diagonal: lenses and sensors are mounted ten times better than that."""
+
+Fitted = Sequence[FittedChannel]
+
+
+def find_thresholds(fitted: Fitted) -> tuple[Threshold, ...]:
+    """Say from which f-number on the falloff is below 2 % and below 10 %, in every channel."""
+    worst: dict[float, tuple[float, float]] = {}
+    for each in fitted:
+        of = each.fit.coefficient
+        found = (each.fit.largest_falloff, of.corner_falloff_standard_uncertainty)
+        worst[of.f_number] = max(worst.get(of.f_number, (-math.inf, 0.0)), found)
+    return tuple(_find_threshold(worst, limit) for limit in LIMITS)
+
+
+def _find_threshold(worst: dict[float, tuple[float, float]], limit: float) -> Threshold:
+    """Answer for the value, and again for the value shifted by twice its uncertainty either way."""
+    answers = [_answer(worst, limit, errors) for errors in (0.0, -_SURE_ERRORS, _SURE_ERRORS)]
+    return Threshold(
+        falloff=limit,
+        lowest_f_number=answers[0][0],
+        from_f_number=answers[0][1],
+        is_sure=len(set(answers)) == 1,
+    )
+
+
+def _answer(
+    worst: dict[float, tuple[float, float]], limit: float, errors: float
+) -> tuple[float | None, float | None]:
+    below = {f_number: value + errors * u < limit for f_number, (value, u) in worst.items()}
+    lowest = min((f_number for f_number, is_below in below.items() if is_below), default=None)
+    highest_above = max((f_number for f_number, is_below in below.items() if not is_below), default=0.0)
+    return lowest, min((f_number for f_number in below if f_number > highest_above), default=None)
+
+
+def check_frames(candidates: Sequence[Candidate]) -> list[Raised]:
+    """Look at the frames that went in, and at those that did not."""
+    flags = []
+    for candidate in candidates:
+        if candidate.quality is not None:
+            flags += flag_frame(candidate.row.frame, candidate.quality)
+        elif candidate.left_out:
+            flags.append(_raise(Flag.FLAT_LEFT_OUT, f"frame {candidate.row.frame}", f"{candidate.left_out}."))
+    used = [candidate for candidate in candidates if not candidate.left_out]
+    rendered = sum(candidate.row.header.rendered for candidate in used)
+    if rendered:
+        flags.append(_raise(Flag.RENDERED, "", f"Rendered frames: {rendered} of {len(used)}."))
+    return flags + _check_darks(used)
+
+
+def _check_darks(used: Sequence[Candidate]) -> list[Raised]:
+    flags = []
+    for iso in sorted({candidate.row.exposure.iso for candidate in used if candidate.row.exposure}):
+        lights = [
+            candidate.light
+            for candidate in used
+            if candidate.light and candidate.row.exposure and candidate.row.exposure.iso == iso
+        ]
+        ratios = [light.dark_time_ratio for light in lights if light.dark_time_ratio is not None]
+        where = f"iso {iso:g}"
+        if not ratios:
+            detail = "No dark frame of this ISO: the stated black level was subtracted."
+            flags.append(_raise(Flag.DARK_FROM_BLACK_LEVEL, where, detail))
+            continue
+        if max(ratios) > EXPOSURE_RATIO:
+            detail = f"Dark frames differ in exposure time by up to {max(ratios):.3g} times."
+            flags.append(_raise(Flag.DARK_EXPOSURE_DIFFERS, where, detail))
+    return flags
+
+
+def check_fits(fitted: Fitted) -> list[Raised]:
+    """Look at what came out, per f-number and channel, and from one f-number to the next."""
+    flags = []
+    for each in fitted:
+        flags += _check_centre(each, fitted) + _check_shape(each)
+    for channel in dict.fromkeys(each.fit.coefficient.channel for each in fitted):
+        flags += _check_order([each for each in fitted if each.fit.coefficient.channel == channel])
+    return flags
+
+
+def _check_shape(each: FittedChannel) -> list[Raised]:
+    flags, fit, where = [], each.fit, _where(each)
+    gradient, u = fit.gradient_rel, fit.gradient_standard_uncertainty_rel
+    if fit.gradient_fitted and gradient > FLAGGED_GRADIENT_REL:
+        detail = f"The light changes by {gradient:.1%} across the frame, standard error {u:.1%}."
+        flags.append(_raise(Flag.UNEVEN_LIGHT, where, detail))
+    if fit.coefficient.model_u_rel > _MISFIT_REL:
+        detail = f"Scatter beyond noise: {fit.coefficient.model_u_rel:.2%} of the light."
+        flags.append(_raise(Flag.VIGNETTING_MISFIT, where, detail))
+    rise = find_rise(fit.coefficient)
+    if rise is not None:
+        detail = f"The light grows by {rise[0]:.1%} from r = {rise[1]:.2f} to {rise[2]:.2f}."
+        flags.append(_raise(Flag.FALLOFF_NOT_MONOTONIC, where, detail))
+    return flags
+
+
+def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
+    """Give by how much V grows outwards and from which r to which; None below 0.5 % or three errors.
+
+    The error is that of the difference of V at the two radii, from the coefficients' covariance.
+    """
+    radii = sample_radii(farthest_radius(coefficient))
+    rise, bottom, top = find_largest_rise(evaluate_curve(radii**2, coefficient.k))
+    rows = coefficient.centre_row_px + coefficient.radius_px * radii[[bottom, top]]
+    _, slopes = evaluate_slopes(
+        rows,
+        np.array(coefficient.centre_col_px),
+        coefficient.k,
+        centre_px=coefficient.centre_px,
+        radius_px=coefficient.radius_px,
+    )
+    by_k = slopes[:3, 1] - slopes[:3, 0]  # at given radii the centre does not enter
+    error = math.hypot(
+        float(propagate(by_k, np.array(coefficient.covariance)[:3, :3])), coefficient.model_u_rel
+    )
+    if rise <= max(_RISE, _ERRORS * error):
+        return None
+    return rise, float(radii[bottom]), float(radii[top])
+
+
+def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
+    """Ask whether the centre is the lens's, or held, or denied by a plane or by other apertures."""
+    coefficient, where = each.fit.coefficient, _where(each)
+    if each.fit.centre_held:
+        detail = f"A falloff of {each.fit.largest_falloff:.1%} holds no centre: the middle stands for it."
+        return [_raise(Flag.CENTRE_UNCERTAIN, where, detail)]
+    middle = np.array([coefficient.height_px - 1, coefficient.width_px - 1]) / 2.0
+    offset = np.array(coefficient.centre_px) - middle
+    away = float(np.hypot(*offset))
+    if away <= _FAR_CENTRE * coefficient.radius_px:
+        return []
+    direction = offset / away
+    said = f"The centre lies {away:.0f} px from the middle"
+    confirmed = float(direction @ (np.array(each.tilted.centre_px) - middle))
+    error = _error_along(direction, each.tilted)
+    if each.tilted.centre_held or confirmed < _SURE_ERRORS * error:
+        detail = f"{said}; with a plane in the light, {confirmed:.0f} px, standard error {error:.0f}."
+        return [_raise(Flag.CENTRE_UNCERTAIN, where, detail)]
+    best = max(
+        (other for other in fitted if other.fit.coefficient.channel == coefficient.channel),
+        key=lambda other: other.fit.coefficient.corner_falloff,
+    )
+    apart = float(direction @ (np.array(coefficient.centre_px) - best.fit.coefficient.centre_px))
+    error = math.hypot(_error_along(direction, _chosen(each)), _error_along(direction, _chosen(best)))
+    if apart > max(_FAR_CENTRE * coefficient.radius_px, _ERRORS * error):
+        detail = f"{said}, and {apart:.0f} px from that of f/{best.fit.coefficient.f_number:g}."
+        return [_raise(Flag.CENTRE_UNCERTAIN, where, detail)]
+    return []
+
+
+def _chosen(each: FittedChannel) -> Solution:
+    return each.tilted if each.fit.gradient_fitted else each.plain
+
+
+def _error_along(direction: Vector, solution: Solution) -> float:
+    return math.sqrt(float(direction @ solution.covariance[3:, 3:] @ direction))
+
+
+def _check_order(fitted: Fitted) -> list[Raised]:
+    """Compare each f-number of one channel with the next lower one."""
+    flags = []
+    for lower, higher in itertools.pairwise(fitted):
+        one, other = lower.fit.coefficient, higher.fit.coefficient
+        growth = other.corner_falloff - one.corner_falloff
+        error = math.hypot(one.corner_falloff_standard_uncertainty, other.corner_falloff_standard_uncertainty)
+        if growth > max(_RISE, _ERRORS * error):
+            detail = f"The corner's falloff is {growth:.1%} larger than at f/{one.f_number:g}."
+            flags.append(_raise(Flag.FALLOFF_GROWS, _where(higher), detail))
+    return flags
+
+
+def _where(each: FittedChannel) -> str:
+    return f"f/{each.fit.coefficient.f_number:g} {each.fit.coefficient.channel}"
+
+
+def _raise(flag: Flag, where: str, detail: str) -> Raised:
+    return Raised(flag=flag.value, where=where, detail=detail)

@@ -1,0 +1,177 @@
+"""The falloff of one f-number and channel, from all of its flat frames."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from radiometry.errors import Code, InputRejected
+from radiometry.vignetting.curve import (
+    evaluate_curve,
+    evaluate_slopes,
+    find_farthest_corner,
+    list_corners,
+    propagate,
+    sample_radii,
+)
+from radiometry.vignetting.grid import Grid
+from radiometry.vignetting.packing import pack
+from radiometry.vignetting.quality import measure_gradient
+from radiometry.vignetting.results import ChannelFit, Coefficient
+from radiometry.vignetting.solving import Blocks, Solution, is_gradient_significant, solve_falloff
+
+DARKEST_SHARE = 0.02
+"""Less than this in a corner is the edge of the image circle, which no such curve describes."""
+
+_CHI_SQUARED_ERRORS = 3.0
+
+
+@dataclass(frozen=True)
+class FittedChannel:
+    """One f-number and channel: what is stored, and both of the fits that it rests on."""
+
+    fit: ChannelFit
+    plain: Solution
+    tilted: Solution
+
+
+def merge_flats(flats: Sequence[Blocks]) -> Blocks:
+    """Average frames of one f-number block by block, each divided by its own level first.
+
+    z = sum(w light / level) / sum w,  w = (level / u)^2;  the level is the mean over the blocks that count in
+    every frame, so that what one frame lacks does not shift it against the others.
+
+    Raises InputRejected(flat_unusable) if no block counts in all of them
+    """
+    everywhere = np.all([np.isfinite(flat.standard_error) for flat in flats], axis=0)
+    if not everywhere.any():
+        raise InputRejected(
+            Code.FLAT_UNUSABLE,
+            "The flat frames of one f-number have no part of the picture in common: leave their regions out, "
+            "so that the whole frame counts.",
+        )
+    levels = [float(flat.light[everywhere].mean()) for flat in flats]
+    weights = [(level / flat.standard_error) ** 2 for level, flat in zip(levels, flats, strict=True)]
+    total = np.sum(weights, axis=0)
+    summed = np.sum(
+        [weight * flat.light / level for weight, flat, level in zip(weights, flats, levels, strict=True)],
+        axis=0,
+    )
+    known = total > 0.0
+    return replace(
+        flats[0],
+        light=np.divide(summed, total, out=np.zeros_like(total), where=known),
+        standard_error=np.divide(1.0, np.sqrt(total), out=np.full_like(total, np.inf), where=known),
+    )
+
+
+def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> FittedChannel:
+    """Fit one channel of one f-number; ``flats`` in a fixed order, at least one.
+
+    Two fits are made, without and with a plane in the light. The second is used where the plane stands out
+    of its error as three standard errors do: then the first one's centre is the light's.
+
+    Raises InputRejected(fit_failed) if hardly any light is left in a corner
+    """
+    blocks = merge_flats(flats)
+    plain = solve_falloff(blocks, with_gradient=False)
+    tilted = solve_falloff(blocks, with_gradient=True)
+    use_tilted = is_gradient_significant(plain, tilted)
+    chosen = tilted if use_tilted else plain
+    model_u_rel = _measure_misfit(chosen, blocks)
+    coefficient = _build(chosen, blocks.grid, f_number=f_number, channel=channel, model_u_rel=model_u_rel)
+    gradient, gradient_u = measure_gradient(tilted, blocks)
+    counted = np.isfinite(blocks.standard_error)
+    corners = np.array(list_corners(blocks.grid.height_px, blocks.grid.width_px))
+    mean_corner = float(np.mean(1.0 - _share_at(coefficient, corners[:, 0], corners[:, 1])))
+    fit = ChannelFit(
+        coefficient=coefficient,
+        frames=len(flats),
+        chi_squared=chosen.chi_squared,
+        dof=chosen.dof,
+        birge_ratio=math.sqrt(max(1.0, chosen.chi_squared / chosen.dof)),
+        residual_rms_rel=float(np.sqrt(np.mean(chosen.residual[counted] ** 2))),
+        mean_corner_falloff=mean_corner,
+        largest_falloff=find_largest_falloff(coefficient),
+        gradient_rel=gradient,
+        gradient_standard_uncertainty_rel=gradient_u,
+        gradient_fitted=use_tilted,
+        centre_held=chosen.centre_held,
+        residuals=pack(chosen.residual, dtype="<f2"),
+        block_px=blocks.grid.block_px,
+    )
+    return FittedChannel(fit=fit, plain=plain, tilted=tilted)
+
+
+def find_largest_falloff(coefficient: Coefficient) -> float:
+    """Give 1 - V where it is largest, from the centre to the farthest corner."""
+    return 1.0 - float(evaluate_curve(sample_radii(farthest_radius(coefficient)) ** 2, coefficient.k).min())
+
+
+def farthest_radius(coefficient: Coefficient) -> float:
+    """Give r at the corner that is farthest from the centre."""
+    corner = find_farthest_corner(
+        coefficient.height_px, coefficient.width_px, centre_px=coefficient.centre_px
+    )
+    return math.dist(corner, coefficient.centre_px) / coefficient.radius_px
+
+
+def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
+    """Give the scatter of the blocks beyond their noise, relative; 0 where noise explains it.
+
+    s^2 = mean(residual^2) - mean(u^2), where chi^2 / dof exceeds 1 by three of its own standard deviations.
+    """
+    if solution.chi_squared / solution.dof <= 1.0 + _CHI_SQUARED_ERRORS * math.sqrt(2.0 / solution.dof):
+        return 0.0
+    counted = np.isfinite(blocks.standard_error)
+    noise = np.mean((blocks.standard_error[counted] / solution.fitted[counted]) ** 2)
+    return math.sqrt(max(0.0, float(np.mean(solution.residual[counted] ** 2) - noise)))
+
+
+def _share_at(coefficient: Coefficient, row_px: float | np.ndarray, col_px: float | np.ndarray) -> np.ndarray:
+    share, _ = evaluate_slopes(
+        np.asarray(row_px, np.float64),
+        np.asarray(col_px, np.float64),
+        coefficient.k,
+        centre_px=coefficient.centre_px,
+        radius_px=coefficient.radius_px,
+    )
+    return share
+
+
+def _build(
+    solution: Solution, grid: Grid, *, f_number: float, channel: str, model_u_rel: float
+) -> Coefficient:
+    row, col = find_farthest_corner(grid.height_px, grid.width_px, centre_px=solution.centre_px)
+    share, slopes = evaluate_slopes(
+        np.array(row),
+        np.array(col),
+        solution.k,
+        centre_px=solution.centre_px,
+        radius_px=grid.half_diagonal_px,
+    )
+    if not float(share) > DARKEST_SHARE or solution.level <= 0.0:
+        raise InputRejected(
+            Code.FIT_FAILED,
+            f"At f/{f_number:g}, channel {channel}, {float(share):.1%} of the light is left in the farthest "
+            "corner: that is the edge of the image circle, not a falloff. Give the flats a region without "
+            "the dark corners.",
+        )
+    of_curve = float(propagate(slopes, solution.covariance))
+    return Coefficient(
+        f_number=f_number,
+        channel=channel,
+        height_px=grid.height_px,
+        width_px=grid.width_px,
+        radius_px=grid.half_diagonal_px,
+        centre_row_px=solution.centre_px[0],
+        centre_col_px=solution.centre_px[1],
+        k1=solution.k[0],
+        k2=solution.k[1],
+        k3=solution.k[2],
+        covariance=tuple(tuple(float(each) for each in line) for line in solution.covariance),
+        model_u_rel=model_u_rel,
+        corner_falloff=1.0 - float(share),
+        corner_falloff_standard_uncertainty=math.hypot(of_curve, model_u_rel * float(share)),
+    )

@@ -1,0 +1,92 @@
+"""The verdict on every frame of a vignetting campaign, from the same evidence that its fit will use."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from radiometry.roi import Polygon
+from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+from radiometry.vignetting.features import FrameRow
+from radiometry.vignetting.packing import unpack
+from radiometry.vignetting.points import collect_candidates
+from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots
+from radiometry.vignetting.rows import DARK, Params
+
+LIT_SHARE = 0.05
+"""Of the span from black to white: more than the dark current of any sensor at the times of a flat."""
+
+_FAILURES = {
+    "clipped": ReasonCode.CLIPPED,
+    "too_dark": ReasonCode.TOO_DARK,
+    "uneven": ReasonCode.UNEVEN,
+    "dust": ReasonCode.DUST,
+    "small": ReasonCode.ROI_UNFIT,
+}
+
+
+def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
+    """Give the verdict on each frame of a campaign, by name.
+
+    Takes
+      frames : all frames of the campaign; one without a region has the whole frame for it
+      rows : those of them that a fit would see
+
+    """
+    reasons = inspect_frames([_give_region(frame) for frame in frames])
+    for candidate in collect_candidates(rows, params):
+        if candidate.quality is not None:
+            reasons[candidate.row.frame] += _inspect_flat(candidate.quality)
+    for row in rows:
+        if row.role == DARK and row.features is not None:
+            reasons[row.frame] += _inspect_dark(row)
+    return {frame: conclude(found) for frame, found in reasons.items()}
+
+
+def _give_region(frame: Taken) -> Taken:
+    if frame.region is not None or frame.format is None:
+        return frame
+    width, height = frame.format[:2]
+    return replace(frame, region=Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)]))
+
+
+def _inspect_flat(quality: Quality) -> list[Reason]:
+    if quality.left_out:
+        detail = f"{quality.left_out[0].upper()}{quality.left_out[1:]}."
+        return [Reason(code=_FAILURES[quality.problem], outcome="fail", detail=detail)]
+    found = []
+    if quality.is_uneven:
+        detail = (
+            f"The light changes by {quality.gradient_rel or 0.0:.1%} across the frame. Even it out, or turn "
+            "the target."
+        )
+        found.append(Reason(code=ReasonCode.UNEVEN, outcome="warn", detail=detail))
+    if quality.signal_share < WEAK_SIGNAL_SHARE:
+        detail = (
+            f"The weakest channel has {quality.signal_share:.1%} of the span from black to white: an error "
+            "of the dark signal counts. Expose longer."
+        )
+        found.append(Reason(code=ReasonCode.WEAK_SIGNAL, outcome="warn", detail=detail))
+    if quality.spots:
+        detail = f"{describe_spots(quality.spots)} Clean the sensor or move the target, and take it again."
+        found.append(Reason(code=ReasonCode.DUST, outcome="warn", detail=detail))
+    return found
+
+
+def _inspect_dark(row: FrameRow) -> list[Reason]:
+    """Say whether a dark frame saw light: its median lies too far above the stated black level."""
+    shares = []
+    for channel in row.features.channels if row.features else ():
+        mean, n = unpack(channel.mean_dn), unpack(channel.n)
+        if channel.black_level_dn > 0.0 and (n > 0).any():
+            above = float(np.median(mean[n > 0])) - channel.black_level_dn
+            shares.append(above / max(1.0, channel.white_level_dn - channel.black_level_dn))
+    lit = max(shares, default=-math.inf)
+    if lit <= LIT_SHARE:
+        return []
+    detail = (
+        f"Its median lies {lit:.1%} of the span from black to white above the black level that the file "
+        "states: this frame saw light. Cover the lens and take it again."
+    )
+    return [Reason(code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=detail)]

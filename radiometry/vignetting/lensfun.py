@@ -1,0 +1,130 @@
+"""The falloff as an entry of Lensfun's database."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from radiometry.errors import Code, InputRejected
+from radiometry.vignetting.expansion import average_share, fit_even_powers, sample_frame
+from radiometry.vignetting.results import Coefficient
+
+_TERMS = 3
+_FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
+_DATABASE_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensfunNames:
+    """What the raw files do not reliably say and Lensfun's database wants to know.
+
+    ``mount`` : of a fixed lens, a name of its own that begins in lower case, as in Lensfun's own database
+    ``sensor_width_mm``, ``sensor_height_mm`` : of the visible area; they give the crop factor
+    ``distance_m`` : to which the lens was focused, Lensfun's 1000 for infinity
+    """
+
+    camera_make: str
+    camera_model: str
+    lens_make: str
+    lens_model: str
+    mount: str
+    focal_length_mm: float
+    sensor_width_mm: float
+    sensor_height_mm: float
+    distance_m: float = 1000.0
+
+    def __post_init__(self) -> None:
+        """Refuse what the schema would."""
+        numbers = (self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm, self.distance_m)
+        if not all(math.isfinite(number) and number > 0.0 for number in numbers):
+            raise ValueError("focal length, sensor size and distance must be positive numbers")
+        if not all((self.camera_make, self.camera_model, self.lens_make, self.lens_model, self.mount)):
+            raise ValueError("Lensfun wants names for camera, lens and mount")
+
+    @property
+    def crop_factor(self) -> float:
+        """The diagonal of 36 mm x 24 mm over the sensor's."""
+        return _FULL_FRAME_DIAGONAL_MM / math.hypot(self.sensor_width_mm, self.sensor_height_mm)
+
+
+def export_lensfun(
+    coefficients: Sequence[Coefficient], *, channels: Sequence[str], names: LensfunNames
+) -> str:
+    """Write a Lensfun database with the camera, the lens, and one vignetting element an f-number.
+
+    Model "pa" is V itself: light times 1 + k1 r^2 + k2 r^4 + k3 r^6, r = 1 at the half diagonal, from the
+    middle of the frame: the database's schema knows no centre for a lens. V is therefore fitted anew about
+    the middle; a comment beside each element says what error is left. V is the mean over channels.
+
+    Raises InputRejected(vignetting_not_calibrated) if the calibration lacks a channel
+    References Lensfun manual, "Lens calibration data format", and lensfun-database.xsd of its database
+    """
+    elements = [
+        _write_element(coefficients, f_number, channels, names)
+        for f_number in sorted({each.f_number for each in coefficients})
+    ]
+    crop = f"{names.crop_factor:.6g}"
+    ratio = f"{coefficients[0].width_px}:{coefficients[0].height_px}"
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<lensdatabase version="{_DATABASE_VERSION}">',
+        "    <mount>",
+        f"        <name>{_text(names.mount)}</name>",
+        f"        <compat>{_text(names.mount)}</compat>",
+        "    </mount>",
+        "    <camera>",
+        f"        <maker>{_text(names.camera_make)}</maker>",
+        f"        <model>{_text(names.camera_model)}</model>",
+        f"        <mount>{_text(names.mount)}</mount>",
+        f"        <cropfactor>{crop}</cropfactor>",
+        "    </camera>",
+        "    <lens>",
+        f"        <maker>{_text(names.lens_make)}</maker>",
+        f"        <model>{_text(names.lens_model)}</model>",
+        f"        <mount>{_text(names.mount)}</mount>",
+        f"        <focal value={quoteattr(f'{names.focal_length_mm:.9g}')}/>",
+        f"        <cropfactor>{crop}</cropfactor>",
+        f"        <aspect-ratio>{ratio}</aspect-ratio>",
+        "        <calibration>",
+        *elements,
+        "        </calibration>",
+        "    </lens>",
+        "</lensdatabase>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _write_element(
+    coefficients: Sequence[Coefficient], f_number: float, channels: Sequence[str], names: LensfunNames
+) -> str:
+    first = coefficients[0]
+    rows, cols = sample_frame(first)
+    wanted = average_share(coefficients, rows, cols, channels=channels, f_number=f_number)
+    middle_row, middle_col = (first.height_px - 1) / 2.0, (first.width_px - 1) / 2.0
+    squared = ((rows - middle_row) ** 2 + (cols - middle_col) ** 2) / first.radius_px**2
+    # about another point V is not 1: the level there is divided out, as a correction may
+    level = float(
+        average_share(
+            coefficients, middle_row * _ONE, middle_col * _ONE, channels=channels, f_number=f_number
+        )[0]
+    )
+    (k1, k2, k3), error = fit_even_powers(np.asarray(squared), wanted / level, terms=_TERMS)
+    return (
+        f"            <!-- f/{f_number:g}: largest error of the curve about the middle {error:.2%} -->\n"
+        f'            <vignetting model="pa" focal="{names.focal_length_mm:.9g}" aperture="{f_number:.9g}" '
+        f'distance="{names.distance_m:.9g}" k1="{k1:.9g}" k2="{k2:.9g}" k3="{k3:.9g}"/>'
+    )
+
+
+def _text(text: str) -> str:
+    """Escape text, without characters that XML cannot hold."""
+    if not text.isprintable():
+        raise InputRejected(
+            Code.VIGNETTING_NOT_CALIBRATED, f"{text!r} holds characters that XML cannot: type the name anew."
+        )
+    return escape(text)
+
+
+_ONE = np.ones(1)

@@ -1,0 +1,167 @@
+"""The light of a flat frame: its blocks less dark."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.vignetting.features import ChannelBlocks, Features, FrameRow
+from radiometry.vignetting.grid import Plane
+from radiometry.vignetting.packing import unpack
+from radiometry.vignetting.rows import DARK
+from radiometry.vignetting.solving import Blocks
+
+EXPOSURE_RATIO = 2.0
+MOST_CLIPPED_SHARE = 0.001
+_ROUNDING_VARIANCE = 1.0 / 12.0
+
+
+@dataclass(frozen=True)
+class ChannelLight:
+    """One channel of a flat frame.
+
+    ``blocks`` : light above dark [DN]; ``span_dn`` : from dark to white; ``clipped_share`` : of its pixels
+    """
+
+    channel: str
+    blocks: Blocks
+    span_dn: float
+    clipped_share: float
+
+    @property
+    def median_share(self) -> float:
+        """The median light of the blocks that count, of the span; 0 where none counts."""
+        light = self.blocks.light[np.isfinite(self.blocks.standard_error)]
+        return float(np.median(light)) / self.span_dn if light.size else 0.0
+
+
+@dataclass(frozen=True)
+class FlatLight:
+    """A flat frame less dark. ``dark_time_ratio`` : of the nearest dark frames' time; None without any."""
+
+    frame: str
+    f_number: float
+    channels: tuple[ChannelLight, ...]
+    dark_frames: int
+    dark_time_ratio: float | None
+
+
+def list_darks(flat: FrameRow, rows: Sequence[FrameRow]) -> tuple[list[FrameRow], float | None]:
+    """Give the dark frames that serve a flat: of its ISO, and of the times nearest to its own.
+
+    All within a factor of two count, else those of the one nearest time. Without any: none, and None.
+    """
+    darks = [
+        (row, time_ratio(flat, row))
+        for row in sorted(rows, key=lambda row: row.frame)
+        if row.role == DARK and row.features is not None and _is_alike(flat, row)
+    ]
+    if not darks:
+        return [], None
+    nearest = min(ratio for _, ratio in darks)
+    limit = max(EXPOSURE_RATIO, nearest)
+    return [row for row, ratio in darks if ratio <= limit], nearest
+
+
+def time_ratio(one: FrameRow, other: FrameRow) -> float:
+    """Give how many times longer the longer of two exposures is."""
+    times = [row.exposure.exposure_time_s for row in (one, other) if row.exposure]
+    return max(times) / min(times)
+
+
+def _is_alike(flat: FrameRow, dark: FrameRow) -> bool:
+    """Whether a dark frame has the flat's ISO, picture size and colour filter."""
+    if flat.exposure is None or dark.exposure is None or flat.features is None or dark.features is None:
+        return False
+    return (
+        flat.exposure.iso == dark.exposure.iso
+        and flat.features.grid == dark.features.grid
+        and flat.features.cfa == dark.features.cfa
+    )
+
+
+def measure_light(flat: FrameRow, rows: Sequence[FrameRow]) -> FlatLight:
+    """Subtract dark from a flat frame, block by block.
+
+    light = mean - dark,  u^2 = noise^2 / n + u(dark)^2, noise^2 the straight line through the blocks' own
+    noise over their light: what a single block's noise happens to be must not decide its weight.
+    """
+    darks, ratio = list_darks(flat, rows)
+    channels = _features(flat).channels
+    by_dark = [{each.channel: each for each in _features(dark).channels} for dark in darks]
+    if flat.exposure is None:
+        raise ValueError(f"{flat.frame} has no f-number")
+    return FlatLight(
+        frame=flat.frame,
+        f_number=flat.exposure.f_number,
+        channels=tuple(
+            _subtract(blocks, [each[blocks.channel] for each in by_dark], _features(flat))
+            for blocks in channels
+        ),
+        dark_frames=len(darks),
+        dark_time_ratio=ratio,
+    )
+
+
+def _features(row: FrameRow) -> Features:
+    if row.features is None:
+        raise ValueError(f"{row.frame} is not extracted")
+    return row.features
+
+
+def _subtract(flat: ChannelBlocks, darks: Sequence[ChannelBlocks], features: Features) -> ChannelLight:
+    mean, noise, n, clipped = (
+        unpack(each) for each in (flat.mean_dn, flat.noise_dn, flat.n, flat.clipped_share)
+    )
+    dark: Plane = np.full_like(mean, flat.black_level_dn)
+    variance: Plane = np.zeros_like(mean)
+    known = n > 0
+    if darks:
+        dark = np.asarray(np.mean([unpack(each.mean_dn) for each in darks], axis=0))
+        counts = [unpack(each.n) for each in darks]
+        known &= np.all(np.array(counts) > 0, axis=0)
+        own = [
+            _smooth_noise(unpack(each.mean_dn), unpack(each.noise_dn), count > 0) / np.maximum(count, 1.0)
+            for each, count in zip(darks, counts, strict=True)
+        ]
+        variance = np.asarray(np.sum(own, axis=0) / len(darks) ** 2)
+    light = mean - dark
+    variance = variance + _smooth_noise(light, noise, known) / np.maximum(n, 1.0)
+    counts_here = known & (clipped <= MOST_CLIPPED_SHARE)
+    rows, cols = features.grid.axes(flat.site)
+    total = math.fsum(n.ravel())
+    return ChannelLight(
+        channel=flat.channel,
+        blocks=Blocks(
+            grid=features.grid,
+            rows=rows,
+            cols=cols,
+            light=np.where(known, light, 0.0),
+            standard_error=np.where(counts_here, np.sqrt(variance), np.inf),
+        ),
+        span_dn=max(1.0, flat.white_level_dn - float(np.mean(dark))),
+        clipped_share=math.fsum((clipped * n).ravel()) / total if total else 0.0,
+    )
+
+
+def _smooth_noise(light: Plane, noise: Plane, known: NDArray[np.bool_]) -> Plane:
+    """Give a pixel's variance as a straight line over the light, at least that of rounding."""
+    x, y = light[known], noise[known] ** 2
+    if x.size < 3 or float(np.ptp(x)) == 0.0:
+        return np.full_like(light, max(_ROUNDING_VARIANCE, float(np.mean(y)) if y.size else 0.0))
+    slope = max(0.0, float(np.cov(x, y)[0, 1] / np.var(x, ddof=1)))
+    line = float(np.mean(y)) + slope * (light - float(np.mean(x)))
+    return np.maximum(line, _ROUNDING_VARIANCE)
+
+
+def leave_out(light: ChannelLight, spots: NDArray[np.bool_]) -> ChannelLight:
+    """Give the light without the blocks of spots, which may have been found in another channel.
+
+    A block is the same place in every channel; at a border of one odd pixel a channel may have one less.
+    """
+    errors = light.blocks.standard_error.copy()
+    height, width = (min(sizes) for sizes in zip(errors.shape, spots.shape, strict=True))
+    errors[:height, :width][spots[:height, :width]] = np.inf
+    return replace(light, blocks=replace(light.blocks, standard_error=errors))

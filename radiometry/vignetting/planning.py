@@ -1,0 +1,73 @@
+"""What a vignetting campaign still lacks for a good fit, beyond what any fit needs."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+from radiometry.vignetting.features import FrameRow
+from radiometry.vignetting.light import EXPOSURE_RATIO
+from radiometry.vignetting.points import Candidate, collect_candidates
+from radiometry.vignetting.rows import Params
+
+GOOD_FLATS = 3
+"""Frames at each f-number: what one shows that the others do not is the target's or the light's."""
+
+GOOD_DARKS = 3
+
+WIDEST_GAP_STOPS = 1.1
+"""Between neighbouring f-numbers, in stops: over a whole stop the interpolation stays within half of what the
+falloff changes; markings are rounded by up to a tenth."""
+
+
+def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
+    """Say by name what to add while the target still stands there; the gravest first."""
+    candidates = collect_candidates(rows, params)
+    used = [candidate for candidate in candidates if not candidate.left_out]
+    advice = [
+        f"take {each.row.frame} again: {each.left_out}"
+        for each in candidates
+        if each.quality is not None and each.left_out
+    ]
+    by_f_number: dict[float, list[Candidate]] = {}
+    for candidate in used:
+        if candidate.light:
+            by_f_number.setdefault(candidate.light.f_number, []).append(candidate)
+    advice += _plan_darks(used)
+    advice += [
+        f"f/{f_number:g} has {_count(len(group), 'usable flat frame')}: add {GOOD_FLATS - len(group)} more"
+        for f_number, group in by_f_number.items()
+        if len(group) < GOOD_FLATS
+    ]
+    return (*advice, *_plan_f_numbers(sorted(by_f_number)))
+
+
+def _plan_darks(used: Sequence[Candidate]) -> list[str]:
+    advice = []
+    lights = [(each.row.exposure, each.light) for each in used if each.row.exposure and each.light]
+    for iso in sorted({exposure.iso for exposure, _ in lights}):
+        of_iso = [light for exposure, light in lights if exposure.iso == iso]
+        fewest = min(light.dark_frames for light in of_iso)
+        slowest = max((light.dark_time_ratio or 1.0 for light in of_iso), default=1.0)
+        if fewest == 0:
+            advice.append(f"no dark frames at ISO {iso:g}: add {GOOD_DARKS} with the lens covered")
+        elif slowest > EXPOSURE_RATIO:
+            advice.append(
+                f"no dark frames at ISO {iso:g} within a factor of two of every flat's exposure time"
+            )
+        elif fewest < GOOD_DARKS:
+            advice.append(f"ISO {iso:g} has {_count(fewest, 'dark frame')}: add {GOOD_DARKS - fewest}")
+    return advice
+
+
+def _plan_f_numbers(f_numbers: Sequence[float]) -> list[str]:
+    if len(f_numbers) == 1:
+        return [f"only f/{f_numbers[0]:g}: frames at other f-numbers cannot be corrected"]
+    return [
+        f"f/{lower:g} and f/{higher:g} are more than a stop apart: add one between"
+        for lower, higher in itertools.pairwise(f_numbers)
+        if 2.0 * math.log2(higher / lower) > WIDEST_GAP_STOPS
+    ]
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -1,0 +1,209 @@
+"""Whether a flat frame is one: clipping, signal, evenness of the light, dust. Looked at before any fit."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from radiometry.flags import Flag, Raised
+from radiometry.vignetting.grid import Plane
+from radiometry.vignetting.light import MOST_CLIPPED_SHARE, ChannelLight, FlatLight, leave_out
+from radiometry.vignetting.results import Spot
+from radiometry.vignetting.solving import Blocks, Solution, is_gradient_significant, solve_falloff
+
+LEAST_SIGNAL_SHARE = 0.02
+"""Of the span from dark to white: a dark signal that is wrong by a thousandth of it is then 5 % of the light,
+which a correction would turn into a falloff."""
+
+WEAK_SIGNAL_SHARE = 0.10
+
+MOST_GRADIENT_REL = 0.10
+"""Of a plane, across the frame. So strong a gradient is hardly a plane, and what it departs from one by, a
+tenth of it perhaps, would pass for a falloff of 1 %."""
+
+FLAGGED_GRADIENT_REL = 0.02
+
+MOST_SPOTS_SHARE = 0.05
+SPOT_REL = 0.01
+SPOT_DEVIATIONS = 6.0
+
+FEWEST_BLOCKS = 24
+"""Three for each of the eight parameters."""
+
+_NORMAL_MAD = 1.4826
+_NEIGHBOURHOOD = 7
+_ROUNDS = 3
+_MOST_NAMED = 3
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What was found in a flat frame; ``left_out`` is "" for one that can be used, else what to do.
+
+    ``gradient_rel`` : of the light across the frame in the strongest channel; None where it was not looked at
+    ``is_uneven`` : the gradient is more than 2 %, and no noise
+    ``problem`` : "" | clipped | too_dark | uneven | dust | small
+    """
+
+    left_out: str
+    problem: str
+    saturated_share: float
+    signal_share: float
+    strongest: str
+    gradient_rel: float | None
+    gradient_u_rel: float | None
+    is_uneven: bool
+    spots: tuple[Spot, ...]
+    spots_share: float
+    spots_mask: NDArray[np.bool_] | None
+
+
+def inspect_flat(light: FlatLight) -> Quality:
+    """Look at a flat frame, in the order in which one fault hides the next."""
+    most_clipped = max(light.channels, key=lambda each: each.clipped_share)
+    weakest = min(light.channels, key=lambda each: each.median_share)
+    strongest = max(light.channels, key=lambda each: each.median_share)
+    problem, left_out = _refuse_exposure(most_clipped, weakest)
+    gradient = gradient_u = None
+    is_uneven = False
+    spots: NDArray[np.bool_] | None = None
+    found: tuple[Spot, ...] = ()
+    if not problem:
+        solution, spots = _fit_without_spots(strongest)
+        gradient, gradient_u = measure_gradient(solution, strongest.blocks)
+        if gradient > FLAGGED_GRADIENT_REL:
+            plain = solve_falloff(leave_out(strongest, spots).blocks, with_gradient=False)
+            is_uneven = is_gradient_significant(plain, solution)
+        found = _list_spots(solution, spots, strongest.blocks)
+        refused = gradient if is_uneven and gradient > MOST_GRADIENT_REL else None
+        problem, left_out = _refuse_shape(strongest.channel, solution, refused, spots)
+    return Quality(
+        left_out=left_out,
+        problem=problem,
+        saturated_share=most_clipped.clipped_share,
+        signal_share=weakest.median_share,
+        strongest=strongest.channel,
+        gradient_rel=gradient,
+        gradient_u_rel=gradient_u,
+        is_uneven=is_uneven,
+        spots=found,
+        spots_share=float(spots.mean()) if spots is not None else 0.0,
+        spots_mask=spots,
+    )
+
+
+def _refuse_exposure(clipped: ChannelLight, weakest: ChannelLight) -> tuple[str, str]:
+    if clipped.clipped_share > MOST_CLIPPED_SHARE:
+        return "clipped", (
+            f"{clipped.clipped_share:.2%} of channel {clipped.channel} is clipped, more than "
+            f"{MOST_CLIPPED_SHARE:.1%}: expose less, so that the brightest part reaches 60 to 80 %"
+        )
+    if weakest.median_share < LEAST_SIGNAL_SHARE:
+        return "too_dark", (
+            f"the light of channel {weakest.channel} is {weakest.median_share:.1%} of the span from black to "
+            f"white, less than {LEAST_SIGNAL_SHARE:.0%}: expose longer or light the target better"
+        )
+    counted = min(int(np.isfinite(each.blocks.standard_error).sum()) for each in (clipped, weakest))
+    if counted < FEWEST_BLOCKS:
+        return "small", (
+            f"only {counted} blocks can be used, {FEWEST_BLOCKS} are needed: leave the region out, so that "
+            "the whole frame counts"
+        )
+    return "", ""
+
+
+def _refuse_shape(
+    channel: str, solution: Solution, gradient: float | None, spots: NDArray[np.bool_]
+) -> tuple[str, str]:
+    if gradient is not None:
+        return "uneven", (
+            f"the light of channel {channel} changes by {gradient:.1%} across the frame, brighter "
+            f"towards {name_direction(solution.gradient)}, more than {MOST_GRADIENT_REL:.0%}: even "
+            "out the light, or use opal glass before the lens"
+        )
+    if spots.mean() > MOST_SPOTS_SHARE:
+        return "dust", (
+            f"{spots.mean():.0%} of its blocks are spots, more than {MOST_SPOTS_SHARE:.0%}: something stands "
+            "in the picture, or the target has a pattern"
+        )
+    return "", ""
+
+
+def measure_gradient(solution: Solution, blocks: Blocks) -> tuple[float, float]:
+    """Give the range of the light's plane across the frame, relative, and its standard uncertainty."""
+    extent = np.array([blocks.grid.height_px, blocks.grid.width_px]) / blocks.grid.half_diagonal_px
+    signed = np.copysign(extent, solution.gradient)
+    variance = float(signed @ solution.gradient_covariance @ signed)
+    return float(signed @ np.array(solution.gradient)), math.sqrt(variance)
+
+
+def name_direction(gradient: tuple[float, float]) -> str:
+    """Say where the light is brighter."""
+    by_row, by_col = gradient
+    if abs(by_row) > abs(by_col):
+        return "the bottom" if by_row > 0.0 else "the top"
+    return "the right" if by_col > 0.0 else "the left"
+
+
+def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]]:
+    """Fit with a gradient, leave out what stands apart from its surroundings, and fit again."""
+    spots: NDArray[np.bool_] = np.zeros(light.blocks.light.shape, np.bool_)
+    left = light
+    solution = solve_falloff(left.blocks, with_gradient=True)
+    for _ in range(_ROUNDS):
+        known = np.isfinite(left.blocks.standard_error)
+        found = _find_spots(solution.residual, known)
+        if not found.any() or (known & ~found).sum() < FEWEST_BLOCKS:
+            break
+        spots |= found
+        left = leave_out(light, spots)
+        solution = solve_falloff(left.blocks, with_gradient=True)
+    return solution, spots
+
+
+def _find_spots(residual: Plane, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Say which blocks differ from the median of their 7 x 7 surroundings by 1 % and six deviations."""
+    local = residual - median_filter(residual, size=_NEIGHBOURHOOD, mode="nearest")
+    usual = _NORMAL_MAD * float(np.median(np.abs(local[known])))
+    return np.asarray(known & (np.abs(local) > max(SPOT_REL, SPOT_DEVIATIONS * usual)))
+
+
+def _list_spots(solution: Solution, spots: NDArray[np.bool_], blocks: Blocks) -> tuple[Spot, ...]:
+    fitted = solution.fitted
+    return tuple(
+        Spot(
+            row_px=float(blocks.rows.means[row]),
+            col_px=float(blocks.cols.means[col]),
+            depth_rel=float(1.0 - blocks.light[row, col] / fitted[row, col]),
+        )
+        for row, col in np.argwhere(spots)
+    )
+
+
+def flag_frame(frame: str, quality: Quality) -> list[Raised]:
+    """Say what there is to know about a frame."""
+    where = f"frame {frame}"
+    if quality.left_out:
+        return [Raised(flag=Flag.FLAT_LEFT_OUT.value, where=where, detail=f"{_sentence(quality.left_out)}.")]
+    flags = []
+    if quality.signal_share < WEAK_SIGNAL_SHARE:
+        detail = f"Its weakest channel has {quality.signal_share:.1%} of the span from black to white."
+        flags.append(Raised(flag=Flag.WEAK_FLAT.value, where=where, detail=detail))
+    if quality.spots:
+        flags.append(Raised(flag=Flag.DUST.value, where=where, detail=describe_spots(quality.spots)))
+    return flags
+
+
+def describe_spots(spots: tuple[Spot, ...]) -> str:
+    """Say how many there are, and where the deepest lie."""
+    deepest = sorted(spots, key=lambda spot: (-abs(spot.depth_rel), spot.row_px, spot.col_px))[:_MOST_NAMED]
+    places = ", ".join(
+        f"row {spot.row_px:.0f} column {spot.col_px:.0f} ({-spot.depth_rel:+.1%})" for spot in deepest
+    )
+    return f"Blocks that stand apart: {len(spots)}; {places}."
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,14 @@
+"""What a vignetting fit may be told."""
+
+from dataclasses import dataclass
+
+from radiometry.evidence import Exclusion
+
+FLAT, DARK = "flat", "dark"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params:
+    """Parameters of a fit; the defaults serve a campaign shot as the documentation says."""
+
+    exclude: tuple[Exclusion, ...] = ()
