@@ -31,6 +31,14 @@ class Code(StrEnum):
     TILT_NOT_CORRECTABLE = "tilt_not_correctable"
     FLAT_UNUSABLE = "flat_unusable"
     VIGNETTING_NOT_CALIBRATED = "vignetting_not_calibrated"
+    EDGE_NOT_FOUND = "edge_not_found"
+    EDGE_ANGLE_UNSUITABLE = "edge_angle_unsuitable"
+    EDGE_TOO_SHORT = "edge_too_short"
+    EDGE_TOO_NOISY = "edge_too_noisy"
+    CHART_CLIPPED = "chart_clipped"
+    CHART_CONTRAST_TOO_LOW = "chart_contrast_too_low"
+    STAR_NOT_FOUND = "star_not_found"
+    STAR_TOO_SMALL = "star_too_small"
 
 
 class InputRejected(Exception):  # noqa: N818  the name says whose fault it is

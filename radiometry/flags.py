@@ -166,6 +166,29 @@ class Flag(StrEnum):
         "vignetting_misfit",
         "The flat departs from the fitted curve by more than 0.5 %: the uncertainty holds it.",
     )
+    # of a sharpness fit
+    SHARPNESS_ONCE = "sharpness_once", "A position was taken once: its repeatability is not known."
+    SHARPNESS_REPEATS_DIFFER = (
+        "sharpness_repeats_differ",
+        "Frames of a position differ by more than four times their own uncertainty: focus or motion.",
+    )
+    SHARPENING_SUSPECTED = (
+        "sharpening_suspected",
+        "The edge overshoots by more than 5 %: somebody sharpened the image, and MTF50 flatters the lens.",
+    )
+    EDGE_CURVED = (
+        "edge_curved",
+        "The edge departs from a straight line by more than a quarter of a pixel.",
+    )
+    SHARPNESS_BEYOND_CURVE = (
+        "sharpness_beyond_curve",
+        "The contrast stays above the level as far as it can be measured: there is no such frequency.",
+    )
+    SHARPNESS_CENTRE_MISSING = (
+        "sharpness_centre_missing",
+        "No position lies near the middle of the frame: the falloff cannot be given.",
+    )
+    REGION_LEFT_OUT = "region_left_out", "A channel of a region cannot be used, and was left out."
     # of a measurement
     OUTSIDE_EXPOSURE_TIMES = "outside_exposure_times", "The exposure time was not among those calibrated."
     OUTSIDE_F_NUMBERS = "outside_f_numbers", "The f-number is outside the calibrated range."

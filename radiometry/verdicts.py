@@ -60,6 +60,9 @@ class ReasonCode(StrEnum):
     SUNSHINE_UNUSABLE = "sunshine_unusable", "It carries no valid reading of a sunshine sensor."
     # of a dark frame
     DARK_NOT_DARK = "dark_not_dark", "It is brighter than other dark frames, or than black, by too much."
+    # of a frame of a chart
+    CHART_UNUSABLE = "chart_unusable", "A channel of a region shows no edge or star that can be measured."
+    BLURRED = "blurred", "It is less sharp than another frame of the same position."
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,172 @@
+"""Sharpness: how much contrast a camera keeps at which fineness, by slanted edges or Siemens stars.
+
+    MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|,   LSF = d ESF / dx          f in cycles per pixel of the whole sensor
+    RP = n / (pi d)      of a star of n cycles, d the DIAMETER of the disc that is not resolved
+
+Source: ISO 12233:2023 (e-SFR, s-SFR) as sfrmat5 computes it. The lp/mm of the camera paper's equation 3 are
+line widths per millimetre of a 24 mm picture, and its d is a diameter; both are put right.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Extracted, Figure, Region
+from radiometry.exposure import Exposure
+from radiometry.frame import Frame, FrameHeader
+from radiometry.sharpness.candidates import Candidate, collect_candidates, list_missing
+from radiometry.sharpness.caveats import check_candidates, check_falloff, check_positions, name_position
+from radiometry.sharpness.extraction import extract_features
+from radiometry.sharpness.falloff import compare_positions
+from radiometry.sharpness.features import Features
+from radiometry.sharpness.judging import judge, plan
+from radiometry.sharpness.merging import merge_position
+from radiometry.sharpness.resolution import convert_resolution, unresolved_diameter
+from radiometry.sharpness.results import Fit, Point, PositionFit
+from radiometry.sharpness.rows import FrameRow, Params, StarCentre, Target
+
+__all__ = [
+    "ROLES",
+    "SCHEMA_VERSION",
+    "Features",
+    "Fit",
+    "Params",
+    "Point",
+    "PositionFit",
+    "StarCentre",
+    "Target",
+    "convert_resolution",
+    "extract",
+    "fit",
+    "judge",
+    "list_figures",
+    "missing",
+    "plan",
+    "unresolved_diameter",
+]
+
+SCHEMA_VERSION = 1
+ROLES = frozenset({"chart"})
+
+
+def extract(
+    frame: Frame,
+    regions: Sequence[Region],
+    *,
+    header: FrameHeader,
+    exposure: Exposure | None,  # noqa: ARG001 (a chart needs none; the door is one for all methods)
+    target: Target,
+) -> Extracted[Features]:
+    """Measure every region of a frame in every channel; ``frame`` must hold all regions.
+
+    Raises InputRejected
+      roi_outside_frame, roi_empty; where no channel of any region can be used, the first one's reason:
+      edge_not_found, edge_angle_unsuitable, edge_too_short, edge_too_noisy, chart_clipped,
+      chart_contrast_too_low, star_not_found, star_too_small
+    """
+    statistics, features = extract_features(frame, regions, header=header, target=target)
+    return Extracted(statistics=statistics, features=features)
+
+
+def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """Say, by name, what a fit still lacks; ``unread`` names frames of which nothing is known yet."""
+    return list_missing(rows, params, unread=unread)
+
+
+def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
+    """Merge the frames of every position, and compare the positions.
+
+    Same input in any order, same answer to the last bit.
+
+    Flags
+      per position: sharpness_once, sharpness_repeats_differ, sharpening_suspected, edge_curved,
+      sharpness_beyond_curve; per frame: region_left_out; of the whole: rendered, sharpness_centre_missing
+    Raises InputRejected(fit_incomplete) if frames are not extracted yet, or no region can be used
+    """
+    lacking = list_missing(rows, params)
+    if lacking:
+        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    candidates = collect_candidates(rows, params)
+    used = [each for each in candidates if not each.left_out]
+    if not used:
+        raise InputRejected(Code.FIT_INCOMPLETE, "No edge and no star of the chart frames can be used.")
+    positions = tuple(
+        merge_position(list(group), params) for _, group in itertools.groupby(used, key=lambda each: each.key)
+    )
+    falloff = compare_positions(positions)
+    return Fit(
+        positions=positions,
+        falloff=falloff,
+        points=tuple(_describe_point(each, positions, params) for each in candidates),
+        flags=(
+            *check_candidates(candidates, params),
+            *check_positions(positions),
+            *check_falloff(positions, falloff),
+        ),
+    )
+
+
+def list_figures(fitted: Fit) -> tuple[Figure, ...]:
+    """Give every coefficient of every position, then the falloff to the corners.
+
+    ``model`` holds the position, "slanted_edge:top-left"; the falloff's is the kind of target alone.
+    """
+    figures = [
+        Figure(
+            name=coefficient.name,
+            value=coefficient.quantity.value,
+            standard_uncertainty=coefficient.quantity.standard_uncertainty,
+            unit=coefficient.quantity.unit,
+            model=f"{each.kind}:{each.position}" if each.position else each.kind,
+            f_number=each.f_number,
+            channel=each.channel,
+            flags=_flags_at(fitted, name_position(each)),
+        )
+        for each in fitted.positions
+        for coefficient in each.coefficients
+    ]
+    figures += [
+        Figure(
+            name="corner_falloff",
+            value=table.corner_falloff.value,
+            standard_uncertainty=table.corner_falloff.standard_uncertainty,
+            unit=table.corner_falloff.unit,
+            model=table.kind,
+            f_number=table.f_number,
+            channel=table.channel,
+            flags=_flags_at(fitted, ""),
+        )
+        for table in fitted.falloff
+        if table.corner_falloff is not None
+    ]
+    return tuple(figures)
+
+
+def _flags_at(fitted: Fit, where: str) -> tuple[str, ...]:
+    return tuple(sorted({raised.flag for raised in fitted.flags if raised.where in ("", where)}))
+
+
+def _describe_point(candidate: Candidate, positions: Sequence[PositionFit], params: Params) -> Point:
+    """Give one channel of one region with its distance from its position's mean."""
+    estimate = candidate.measure(params)
+    residual = None
+    if estimate is not None and not candidate.left_out:
+        at = next(each for each in positions if _key(each) == candidate.key)
+        mean = at.find(candidate.figure)
+        residual = None if mean is None else estimate.value / mean.quantity.value - 1.0
+    return Point(
+        frame=candidate.frame,
+        position=candidate.region.name,
+        channel=candidate.channel,
+        f_number=candidate.f_number,
+        used=not candidate.left_out,
+        left_out=candidate.left_out,
+        figure=candidate.figure,
+        value=None if estimate is None else estimate.value,
+        standard_uncertainty=None if estimate is None else estimate.standard_uncertainty,
+        residual_rel=residual,
+    )
+
+
+def _key(position: PositionFit) -> tuple[str, str, str, float]:
+    return position.kind, position.position, position.channel, position.f_number or 0.0

@@ -1,0 +1,1 @@
+"""Sharpness: the response to slanted edges and Siemens stars, in cycles per pixel."""

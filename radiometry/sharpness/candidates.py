@@ -1,0 +1,113 @@
+"""Which responses go into a sharpness fit, which are left out and why, and what is still missing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from radiometry.sharpness.features import EdgeResponse, Estimate, Features, RegionResponse, StarResponse
+from radiometry.sharpness.resolution import find_resolving_power
+from radiometry.sharpness.rows import FrameRow, Params
+
+MTF50 = "mtf50_cycles_per_pixel"
+RESOLVING_POWER = "resolving_power_cycles_per_pixel"
+
+_MOST_NAMES = 3
+
+Key = tuple[str, str, str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One channel of one region of one frame.
+
+    ``response`` : None where the channel was refused; ``left_out`` : "" when it counts
+    """
+
+    frame: str
+    features: Features
+    region: RegionResponse
+    channel: str
+    f_number: float | None
+    response: EdgeResponse | StarResponse | None
+    left_out: str
+
+    @property
+    def kind(self) -> str:
+        """The target's."""
+        return self.features.kind
+
+    @property
+    def key(self) -> Key:
+        """What repeats of one another share."""
+        return self.kind, self.region.name, self.channel, self.f_number or 0.0
+
+    @property
+    def figure(self) -> str:
+        """The name of the figure that is compared between frames and positions."""
+        return MTF50 if self.kind == "slanted_edge" else RESOLVING_POWER
+
+    def measure(self, params: Params) -> Estimate | None:
+        """Give that figure."""
+        match self.response:
+            case EdgeResponse():
+                return self.response.mtf50
+            case StarResponse():
+                return find_resolving_power(
+                    self.response.frequency, self.response.whole, contrast=params.star_contrast
+                )
+            case None:
+                return None
+
+
+def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
+    """Give every channel of every region, ordered by position, channel, f-number and frame."""
+    excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
+    found = []
+    for row in rows:
+        if row.features is None:
+            continue
+        exclusion = excluded.get(row.frame)
+        left_out = f"excluded by {exclusion.by}: {exclusion.reason}" if exclusion else ""
+        f_number = row.exposure.f_number if row.exposure is not None else None
+        for region in row.features.regions:
+            responses = (*region.edges, *region.stars)  # type: tuple[EdgeResponse | StarResponse, ...]
+            outcomes = [
+                *((each.channel, each, left_out) for each in responses),
+                *((each.channel, None, left_out or each.message) for each in region.refused),
+            ]
+            found += [
+                Candidate(
+                    frame=row.frame,
+                    features=row.features,
+                    region=region,
+                    channel=channel,
+                    f_number=f_number,
+                    response=response,
+                    left_out=reason,
+                )
+                for channel, response, reason in outcomes
+            ]
+    return tuple(sorted(found, key=lambda each: (each.key, each.frame)))
+
+
+def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """Say, by name, what keeps a fit from starting."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
+    found = []
+    if not wanted and not unread:
+        found.append("no chart frames")
+    if unread:
+        found.append(f"frames that are not read yet: {_list(unread)}")
+    undrawn = [row.frame for row in wanted if row.features is None and not row.has_region]
+    waiting = [row.frame for row in wanted if row.features is None and row.has_region]
+    if undrawn:
+        found.append(f"frames without a region: {_list(undrawn)}")
+    if waiting:
+        found.append(f"frames that are not extracted yet: {_list(waiting)}")
+    return tuple(found)
+
+
+def _list(names: Sequence[str]) -> str:
+    shown = ", ".join(sorted(names)[:_MOST_NAMES])
+    more = len(names) - _MOST_NAMES
+    return f"{shown} and {more} more" if more > 0 else shown

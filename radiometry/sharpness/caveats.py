@@ -1,0 +1,93 @@
+"""What to know about fitted positions."""
+
+from collections.abc import Sequence
+
+from radiometry.flags import Flag, Raised
+from radiometry.sharpness.candidates import Candidate
+from radiometry.sharpness.falloff import CENTRE_RADIUS_REL
+from radiometry.sharpness.results import FalloffTable, PositionFit
+from radiometry.sharpness.rows import Params
+
+LARGEST_OVERSHOOT = 0.05
+LARGEST_DEPARTURE_PX = 0.25
+SCATTER_RATIO = 4.0
+_OVERSHOOT_ERRORS = 3.0
+
+
+def name_position(position: PositionFit) -> str:
+    """Say where a flag applies."""
+    return f"position {position.position}" if position.position else ""
+
+
+def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
+    """Look at what came out.
+
+    Flags  sharpness_once, sharpening_suspected, edge_curved, sharpness_beyond_curve
+    """
+    raised: list[Raised] = []
+    for each in positions:
+        where = name_position(each)
+        if each.frames == 1:
+            raised.append(_raise(Flag.SHARPNESS_ONCE, where, f"Channel {each.channel}: one frame."))
+        halo = each.find("overshoot")
+        if halo is not None:
+            sure = halo.quantity.value - _OVERSHOOT_ERRORS * halo.quantity.standard_uncertainty
+            if sure > LARGEST_OVERSHOOT:
+                detail = f"Channel {each.channel}: {halo.quantity.value:.1%} of the step."
+                raised.append(_raise(Flag.SHARPENING_SUSPECTED, where, detail))
+        if each.departure_px is not None and each.departure_px > LARGEST_DEPARTURE_PX:
+            detail = f"Channel {each.channel}: {each.departure_px:.2f} px off a straight line."
+            raised.append(_raise(Flag.EDGE_CURVED, where, detail))
+        main = "mtf50_cycles_per_pixel" if each.cycles is None else "resolving_power_cycles_per_pixel"
+        if each.find(main) is None:
+            detail = f"Channel {each.channel}: the response stays above the level."
+            raised.append(_raise(Flag.SHARPNESS_BEYOND_CURVE, where, detail))
+    return raised
+
+
+def check_candidates(candidates: Sequence[Candidate], params: Params) -> list[Raised]:
+    """Look at what went in.
+
+    Flags  rendered, region_left_out, sharpness_repeats_differ
+    """
+    raised: list[Raised] = []
+    rendered = sorted({each.frame for each in candidates if each.features.rendered and not each.left_out})
+    if rendered:
+        raised.append(_raise(Flag.RENDERED, "", f"Rendered frames: {len(rendered)}."))
+    for each in candidates:
+        if each.response is None:
+            detail = f"Region {each.region.name}, channel {each.channel}: {each.left_out}"
+            raised.append(_raise(Flag.REGION_LEFT_OUT, f"frame {each.frame}", detail))
+    for key in sorted({each.key for each in candidates if not each.left_out}):
+        raised += _check_repeats(
+            [each for each in candidates if each.key == key and not each.left_out], params
+        )
+    return raised
+
+
+def _check_repeats(repeats: Sequence[Candidate], params: Params) -> list[Raised]:
+    """Compare the range of repeats with what their own uncertainties allow."""
+    found = [estimate for each in repeats if (estimate := each.measure(params)) is not None]
+    if len(found) < 2:
+        return []
+    values = [each.value for each in found]
+    u = max(each.standard_uncertainty for each in found)
+    mean = sum(values) / len(values)
+    scatter = (sum((value - mean) ** 2 for value in values) / (len(values) - 1)) ** 0.5
+    if scatter <= SCATTER_RATIO * u or scatter <= 0.02 * mean:
+        return []
+    detail = f"Channel {repeats[0].channel}: from {min(values):.3f} to {max(values):.3f} cycles per pixel."
+    name = repeats[0].region.name
+    return [_raise(Flag.SHARPNESS_REPEATS_DIFFER, f"position {name}" if name else "", detail)]
+
+
+def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTable]) -> list[Raised]:
+    """Say when there are several positions and no middle to compare with."""
+    if tables or len({each.position for each in positions}) < 2:
+        return []
+    detail = f"No position lies within {CENTRE_RADIUS_REL:g} of the half diagonal."
+    return [_raise(Flag.SHARPNESS_CENTRE_MISSING, "", detail)]
+
+
+def _raise(flag: Flag, where: str, detail: str) -> Raised:
+    return Raised(flag=flag.value, where=where, detail=detail)

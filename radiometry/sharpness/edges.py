@@ -1,0 +1,211 @@
+"""One slanted edge in one channel: refused with the reason, or its whole response with uncertainties."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.sharpness.features import EdgeResponse, Estimate
+from radiometry.sharpness.location import Edge, locate_edge
+from radiometry.sharpness.profile import BINS_PER_PIXEL, Sums, form_profile, gather, measure_lengths
+from radiometry.sharpness.sampling import Plane
+from radiometry.sharpness.spectrum import (
+    NYQUIST_CYCLES_PER_PIXEL,
+    compute_mtf,
+    find_crossing,
+    list_frequencies,
+)
+
+Vector = NDArray[np.float64]
+
+MOST_CLIPPED_SHARE = 0.001
+LEAST_CONTRAST = 0.2
+MOST_NOISE_REL = 0.1
+ANGLES_DEG = (2.0, 40.0)
+FEWEST_LINES = 20
+FEWEST_PERIODS = 2.0
+LEAST_REACH_PX = 8.0
+
+_BLOCKS = 8
+_MOST_RESIDUAL_PX = 2.0
+_MOST_EMPTY_SHARE = 0.1
+
+
+def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
+    """Measure an edge that crosses the plane's lines.
+
+    The uncertainties are a delete-one jackknife over eight blocks of neighbouring lines, u^2 = 7/8 sum (t_i -
+    mean t)^2: they hold the noise, and what differs along the edge. They do not hold what all lines share:
+    uneven light across the edge, a soft or ragged target.
+
+    Takes
+      order : of the polynomial through the edge; orientation : vertical | horizontal, to be passed on
+    Raises InputRejected
+      edge_too_short, chart_clipped, chart_contrast_too_low, edge_too_noisy, edge_not_found,
+      edge_angle_unsuitable
+    """
+    contrast, noise_rel = _require_signal(plane)
+    edge = locate_edge(plane, order=order)
+    low_px, high_px = _require_edge(plane, edge)
+    lines = _count_whole_periods(plane, edge)
+    distance = plane.positions_px[:lines] - edge.curve(plane.line_px[:lines])[:, None]
+    bins = 2 * int(plane.values.shape[1] * plane.pitch_px * BINS_PER_PIXEL / 2)
+    parts = [
+        gather(distance[block].ravel(), plane.values[:lines][block].ravel(), bins=bins)
+        for block in np.array_split(np.arange(lines), _BLOCKS)
+    ]
+    whole = gather(distance.ravel(), plane.values[:lines].ravel(), bins=bins)
+    _require_filled(whole, edge)
+    reach = {"slope": edge.slope, "low_px": low_px, "high_px": high_px}
+    best = _measure(whole, **reach)
+    left = np.array([_measure(whole.without(part), **reach) for part in parts])
+    spread = np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((left - left.mean(axis=0)) ** 2, axis=0))
+    figures = [_estimate(value, u) for value, u in zip(best[:6], spread[:6], strict=True)]
+    span_px = float(plane.line_px[lines - 1] - plane.line_px[0]) + _line_step(plane)
+    return EdgeResponse(
+        channel=plane.channel,
+        orientation=orientation,
+        angle_deg=math.degrees(math.atan(abs(edge.slope))),
+        lines=lines,
+        periods=span_px * abs(edge.slope) / plane.pitch_px,
+        departure_px=edge.departure_px,
+        contrast=contrast,
+        noise_rel=noise_rel,
+        mtf=tuple(float(value) for value in best[6:]),
+        mtf_u=tuple(float(value) for value in spread[6:]),
+        mtf50=figures[0],
+        mtf_nyquist=figures[1],
+        rise_px=figures[2],
+        lsf_fwhm_px=figures[3],
+        overshoot=figures[4],
+        undershoot=figures[5],
+    )
+
+
+def _measure(sums: Sums, *, slope: float, low_px: float, high_px: float) -> Vector:
+    """Give MTF50, MTF at Nyquist, rise, width, over- and undershoot, then the whole MTF."""
+    profile = form_profile(sums, slope=slope, low_px=low_px, high_px=high_px)
+    frequency = list_frequencies()
+    mtf = compute_mtf(profile, frequency=frequency)
+    lengths = measure_lengths(profile)
+    return np.array(
+        [
+            find_crossing(frequency, mtf, 0.5),
+            np.interp(NYQUIST_CYCLES_PER_PIXEL, frequency, mtf),
+            lengths.rise_px,
+            lengths.lsf_fwhm_px,
+            lengths.overshoot,
+            lengths.undershoot,
+            *mtf,
+        ]
+    )
+
+
+def _estimate(value: float, u: float) -> Estimate | None:
+    """Give a figure, or None where it or one of its parts does not exist."""
+    if not (math.isfinite(value) and math.isfinite(u)):
+        return None
+    return Estimate(value=float(value), standard_uncertainty=float(u))
+
+
+def _line_step(plane: Plane) -> float:
+    return float(plane.line_px[-1] - plane.line_px[0]) / (plane.line_px.size - 1)
+
+
+def _count_whole_periods(plane: Plane, edge: Edge) -> int:
+    """Give how many lines hold whole passes of the edge over a sample: every phase equally often."""
+    per_line = abs(edge.slope) * _line_step(plane) / plane.pitch_px
+    return min(plane.line_px.size, round(math.floor(plane.line_px.size * per_line) / per_line))
+
+
+def _require_signal(plane: Plane) -> tuple[float, float]:
+    """Refuse what no edge can be found in; give the contrast, and the noise relative to the step."""
+    lines, samples = plane.values.shape
+    if lines < FEWEST_LINES or samples * plane.pitch_px < 2.0 * LEAST_REACH_PX + 4.0 or samples < 10:
+        raise InputRejected(
+            Code.EDGE_TOO_SHORT,
+            f"The region holds {lines} lines of {samples} samples of channel {plane.channel}: at least "
+            f"{FEWEST_LINES} lines and {2.0 * LEAST_REACH_PX + 4.0:g} pixels across the edge are needed. "
+            "Draw it larger.",
+        )
+    if plane.clipped_share > MOST_CLIPPED_SHARE:
+        raise InputRejected(
+            Code.CHART_CLIPPED,
+            f"{plane.clipped_share:.2%} of channel {plane.channel} in the region is at white or at zero, "
+            "more than "
+            f"{MOST_CLIPPED_SHARE:.1%}: a clipped edge looks sharper than it is. Change the exposure.",
+        )
+    side = max(3, samples // 5)
+    ends = plane.values[:, :side], plane.values[:, -side:]
+    low, high = sorted(float(end.mean()) for end in ends)
+    contrast = (high - low) / (high + low) if high + low > 0.0 else 0.0
+    if contrast < LEAST_CONTRAST:
+        raise InputRejected(
+            Code.CHART_CONTRAST_TOO_LOW,
+            f"Contrast {contrast:.1%} in channel {plane.channel}, less than {LEAST_CONTRAST:.0%}: the "
+            "region shows no edge "
+            "from one side to the other, or a faint one. Draw it so that the edge runs through its middle.",
+        )
+    bends = [end[:, 2:] - 2.0 * end[:, 1:-1] + end[:, :-2] for end in ends]
+    noise = math.sqrt(sum(float(np.mean(bend**2)) for bend in bends) / 12.0) / (high - low)
+    if noise > MOST_NOISE_REL:
+        raise InputRejected(
+            Code.EDGE_TOO_NOISY,
+            f"A pixel's noise is {noise:.1%} of the edge's step in channel {plane.channel}, more than "
+            f"{MOST_NOISE_REL:.0%}: "
+            "take it at a lower ISO, with more light, or with a chart of more contrast.",
+        )
+    return contrast, noise
+
+
+def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
+    """Refuse an edge that is none, lies badly or ends too soon; give the range that all lines reach [px]."""
+    if edge.residual_px > _MOST_RESIDUAL_PX:
+        raise InputRejected(
+            Code.EDGE_NOT_FOUND,
+            f"Places of the edge scatter by {edge.residual_px:.1f} px about a smooth line: the region "
+            "holds more than one "
+            "edge, or none. Draw it about a single edge.",
+        )
+    angle_deg = math.degrees(math.atan(abs(edge.slope)))
+    if not ANGLES_DEG[0] <= angle_deg <= ANGLES_DEG[1]:
+        raise InputRejected(
+            Code.EDGE_ANGLE_UNSUITABLE,
+            f"The edge leans {angle_deg:.1f} degrees from the pixel rows or columns: between "
+            f"{ANGLES_DEG[0]:g} and "
+            f"{ANGLES_DEG[1]:g} are needed, 5 are best. Turn the chart or the camera.",
+        )
+    places = edge.curve(plane.line_px)
+    last_px = plane.first_px + plane.pitch_px * (plane.values.shape[1] - 1)
+    low, high = float(np.max(plane.first_px - places)), float(np.min(last_px - places))
+    if min(-low, high) < LEAST_REACH_PX:
+        raise InputRejected(
+            Code.EDGE_NOT_FOUND,
+            f"The edge comes within {min(-low, high):.1f} px of the region's side: it must keep "
+            f"{LEAST_REACH_PX:g} px away "
+            "on every line. Draw the region wider across the edge, or shorter along it.",
+        )
+    periods = plane.line_px.size * _line_step(plane) * abs(edge.slope) / plane.pitch_px
+    if periods < FEWEST_PERIODS:
+        raise InputRejected(
+            Code.EDGE_TOO_SHORT,
+            f"Along the region the edge moves by {periods:.1f} samples of channel {plane.channel}: "
+            f"{FEWEST_PERIODS:g} are needed. Draw the region longer, or lean the edge more.",
+        )
+    return low, high
+
+
+def _require_filled(sums: Sums, edge: Edge) -> None:
+    """Refuse an edge whose slope leaves places between the pixels unseen."""
+    middle = sums.count.size // 2
+    reach = round(LEAST_REACH_PX * BINS_PER_PIXEL)
+    empty = float(np.mean(sums.count[middle - reach : middle + reach] == 0))
+    if empty > _MOST_EMPTY_SHARE:
+        raise InputRejected(
+            Code.EDGE_ANGLE_UNSUITABLE,
+            f"At a slope of {abs(edge.slope):.3f} the edge passes the pixels at the same places again and "
+            "again: "
+            f"{empty:.0%} of the profile stay unseen. Turn the chart by a degree or two, or draw the "
+            "region longer.",
+        )

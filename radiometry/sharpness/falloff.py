@@ -1,0 +1,81 @@
+"""How sharpness falls from the middle of the frame to its corners."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+from radiometry.evidence import Quantity
+from radiometry.sharpness.candidates import MTF50, RESOLVING_POWER
+from radiometry.sharpness.results import Falloff, FalloffTable, PositionFit
+
+CENTRE_RADIUS_REL = 0.25
+CORNER_RADIUS_REL = 0.6
+
+
+def compare_positions(positions: Sequence[PositionFit]) -> tuple[FalloffTable, ...]:
+    """Give the falloff of every channel and f-number that has a position in the middle and one elsewhere.
+
+    ratio = m / m_c, m_c the mean over positions within a quarter of the half diagonal; the corner's is the
+    mean over positions beyond 0.6 of it. Uncertainties of different positions are taken as independent: the
+    focus, which positions of one frame share, is in the repeatability of each.
+    """
+
+    def group_of(each: PositionFit) -> tuple[str, str, float]:
+        return each.kind, each.channel, each.f_number or 0.0
+
+    tables = []
+    for _, found in itertools.groupby(sorted(positions, key=group_of), key=group_of):
+        table = _compare(list(found))
+        if table is not None:
+            tables.append(table)
+    return tuple(tables)
+
+
+def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
+    figure = MTF50 if positions[0].kind == "slanted_edge" else RESOLVING_POWER
+    measured = [
+        (each, coefficient.quantity)
+        for each in sorted(positions, key=lambda one: (one.radius_rel, one.position))
+        if (coefficient := each.find(figure)) is not None
+    ]
+    centre = [pair for pair in measured if pair[0].radius_rel <= CENTRE_RADIUS_REL]
+    others = [pair for pair in measured if pair[0].radius_rel > CENTRE_RADIUS_REL]
+    corners = [pair for pair in others if pair[0].radius_rel >= CORNER_RADIUS_REL]
+    if not centre or not others:
+        return None
+    middle = _average([quantity for _, quantity in centre])
+    corner_falloff = None
+    if corners:
+        ratio = _divide(_average([quantity for _, quantity in corners]), middle)
+        corner_falloff = Quantity(
+            value=1.0 - ratio.value, standard_uncertainty=ratio.standard_uncertainty, unit="1"
+        )
+    return FalloffTable(
+        kind=positions[0].kind,
+        channel=positions[0].channel,
+        f_number=positions[0].f_number,
+        figure=figure,
+        centre=tuple(each.position for each, _ in centre),
+        corners=tuple(each.position for each, _ in corners),
+        rows=tuple(
+            Falloff(position=each.position, radius_rel=each.radius_rel, ratio=_divide(quantity, middle))
+            for each, quantity in others
+        ),
+        corner_falloff=corner_falloff,
+    )
+
+
+def _average(quantities: Sequence[Quantity]) -> Quantity:
+    count = len(quantities)
+    return Quantity(
+        value=math.fsum(each.value for each in quantities) / count,
+        standard_uncertainty=math.sqrt(math.fsum(each.standard_uncertainty**2 for each in quantities))
+        / count,
+        unit=quantities[0].unit,
+    )
+
+
+def _divide(upper: Quantity, lower: Quantity) -> Quantity:
+    ratio = upper.value / lower.value
+    u_rel = math.hypot(upper.standard_uncertainty / upper.value, lower.standard_uncertainty / lower.value)
+    return Quantity(value=ratio, standard_uncertainty=ratio * u_rel, unit="1")

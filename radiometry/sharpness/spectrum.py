@@ -1,0 +1,56 @@
+"""The modulation transfer function of an edge's profile."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.sharpness.features import CURVE_STEP_CYCLES_PER_PIXEL
+from radiometry.sharpness.profile import Profile
+
+Vector = NDArray[np.float64]
+
+NYQUIST_CYCLES_PER_PIXEL = 0.5
+
+
+def list_frequencies() -> Vector:
+    """Give the frequencies of every stored response: 0, 0.01, ..., 1 cycles per pixel."""
+    return np.linspace(0.0, 1.0, round(1.0 / CURVE_STEP_CYCLES_PER_PIXEL) + 1)
+
+
+def compute_mtf(profile: Profile, *, frequency: Vector) -> Vector:
+    """Give the normalised modulus of the Fourier transform of the windowed line spread function.
+
+    LSF_k = (e_{k+1} - e_{k-1}) / 2,   w_k = (1 + cos(2 pi k / n)) / 2 (Tukey, alpha 1, about the edge)
+    MTF(f) = D(f) |sum_k w_k LSF_k exp(-2 pi i f x_k)| / |sum_k w_k LSF_k|,   D(f) = a / sin(a), a = 2 pi f h
+
+    D undoes the difference over two steps h. There is no factor for the bins' aperture: `form_profile` has
+    already taken it off, which sfrmat5 does not.
+
+    Takes
+      frequency : [cycles per pixel], below 2
+    References
+      ISO 12233:2023 annex D; P. D. Burns, sfrmat5
+    """
+    signal = profile.signal
+    spread = np.zeros_like(signal)
+    spread[1:-1] = (signal[2:] - signal[:-2]) / 2.0
+    length = signal.size * profile.step_px
+    spread *= 0.5 * (1.0 + np.cos(2.0 * np.pi * profile.distance_px / length))
+    waves = np.exp(-2j * np.pi * np.outer(frequency, profile.distance_px))
+    modulus = np.abs(waves @ spread) / abs(float(spread.sum()))
+    return np.asarray(modulus / np.sinc(2.0 * frequency * profile.step_px), np.float64)
+
+
+def find_crossing(
+    frequency: Sequence[float] | Vector, response: Sequence[float] | Vector, level: float
+) -> float:
+    """Give the first frequency at which a response falls below a level, between points by a line, or NaN."""
+    below = np.flatnonzero(np.asarray(response) < level)
+    if not below.size or below[0] == 0:
+        return math.nan
+    high = int(below[0])
+    low = high - 1
+    share = (response[low] - level) / (response[low] - response[high])
+    return float(frequency[low] + share * (frequency[high] - frequency[low]))

@@ -1,0 +1,170 @@
+"""One Siemens star in one channel: its contrast by frequency, all around and by direction."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.sharpness.edges import MOST_CLIPPED_SHARE
+from radiometry.sharpness.features import Contrasts, StarResponse
+from radiometry.sharpness.sampling import Plane
+
+Vector = NDArray[np.float64]
+
+SECTORS = 8
+LEAST_MODULATION = 0.1
+LEAST_SPAN = 3.0
+
+_RINGS = 48
+_REFERENCE_RINGS = 6
+_WIDTH_REL = 0.05
+_WIDTH_SAMPLES = 1.5
+_STAR_SHARE = 0.7
+_LEAST_EXPLAINED = 0.4
+
+
+def nyquist_of(plane: Plane) -> float:
+    """Give the highest frequency that a channel's lattice can carry in every direction [cycles per pixel].
+
+    0.5 where every pixel counts, 0.25 for red and blue of a mosaic, 0.354 for its greens, which lie on a
+    lattice turned by 45 degrees.
+    """
+    apart_px = plane.pitch_px * float(plane.line_px[1] - plane.line_px[0])
+    return 0.5 / math.sqrt(apart_px)
+
+
+def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radius_px: float) -> StarResponse:
+    """Measure a star's contrast on rings, by a fit of its fundamental in each of eight sectors.
+
+    I = a + b cos(n theta) + c sin(n theta),   M = sqrt(b^2 + c^2) / a,   f = n / (2 pi r)
+
+    Noise makes b and c larger than they are: the variance of both is taken off their squares. The contrast is
+    M relative to that of the six outermost rings of the star, whose own blur is left in. A star of bars has a
+    fundamental 4/pi as large, which cancels. Rings end at the channel's Nyquist frequency.
+
+    Takes
+      plane : lines along the rows; cycles : n; centre : (row, col) indices; radius_px : of the largest ring
+    Raises InputRejected
+      chart_clipped, chart_contrast_too_low, star_not_found, star_too_small
+    References
+      ISO 12233:2023 annex E (s-SFR)
+    """
+    _require_unclipped(plane)
+    inner_px = cycles / (2.0 * math.pi * nyquist_of(plane))
+    _require_span(radius_px, inner_px, plane.channel)
+    radii = np.geomspace(inner_px, radius_px, _RINGS)[::-1]
+    modulation, variance, explained = _fit_rings(plane, radii, cycles=cycles, centre=centre)
+    mean = modulation.mean(axis=1)
+    outer = int(np.flatnonzero(mean >= _STAR_SHARE * mean.max())[0])
+    _require_span(float(radii[outer]), inner_px, plane.channel)
+    reference = slice(outer, outer + _REFERENCE_RINGS)
+    strength = float(mean[reference].mean())
+    if float(explained[reference].mean()) < _LEAST_EXPLAINED:
+        raise InputRejected(
+            Code.STAR_NOT_FOUND,
+            f"A star of {cycles} cycles explains {float(explained[reference].mean()):.0%} of what channel "
+            f"{plane.channel} "
+            "shows about the centre: another number of cycles, a star seen at a slant, or no star. Correct "
+            "the target.",
+        )
+    if strength < LEAST_MODULATION:
+        raise InputRejected(
+            Code.CHART_CONTRAST_TOO_LOW,
+            f"The star's contrast is {strength:.1%} in channel {plane.channel}, less than "
+            f"{LEAST_MODULATION:.0%}.",
+        )
+    bases = modulation[reference].mean(axis=0)
+    contrast, u = modulation[outer:] / bases, np.sqrt(variance[outer:]) / bases
+    sectors = tuple(
+        _describe(contrast[:, each], u[:, each], direction_deg=360.0 / SECTORS * each)
+        for each in range(SECTORS)
+    )
+    whole_u = np.sqrt(variance[outer:].sum(axis=1)) / SECTORS / strength
+    return StarResponse(
+        channel=plane.channel,
+        cycles=cycles,
+        centre_row_px=centre[0],
+        centre_col_px=centre[1],
+        outer_radius_px=float(radii[outer]),
+        modulation=strength,
+        frequency=tuple(float(cycles / (2.0 * math.pi * radius)) for radius in radii[outer:]),
+        whole=_describe(mean[outer:] / strength, whole_u, direction_deg=None),
+        sectors=sectors,
+    )
+
+
+def _describe(contrast: Vector, u: Vector, *, direction_deg: float | None) -> Contrasts:
+    return Contrasts(
+        direction_deg=direction_deg,
+        contrast=tuple(float(value) for value in contrast),
+        contrast_u=tuple(float(value) for value in u),
+    )
+
+
+def _fit_rings(
+    plane: Plane, radii: Vector, *, cycles: int, centre: tuple[float, float]
+) -> tuple[Vector, Vector, Vector]:
+    """Give the modulation and its variance, (ring, sector), and the share of variance explained, (ring,)."""
+    rows = np.broadcast_to(plane.line_px[:, None], plane.values.shape).ravel() - centre[0]
+    cols = plane.positions_px.ravel() - centre[1]
+    signal = plane.values.ravel()
+    distance, angle = np.hypot(rows, cols), np.arctan2(rows, cols)
+    order = np.argsort(distance, kind="stable")
+    distance, angle, signal = distance[order], angle[order], signal[order]
+    sector = np.floor(angle / (2.0 * np.pi) * SECTORS + 0.5).astype(np.intp) % SECTORS
+    modulation, variance = np.zeros((radii.size, SECTORS)), np.zeros((radii.size, SECTORS))
+    explained = np.zeros(radii.size)
+    for ring, radius in enumerate(radii):
+        half = max(_WIDTH_SAMPLES * plane.pitch_px, _WIDTH_REL * radius) / 2.0
+        part = slice(*np.searchsorted(distance, (radius - half, radius + half)))
+        left = total = 0.0
+        for each in range(SECTORS):
+            chosen = sector[part] == each
+            found = _fit_fundamental(angle[part][chosen], signal[part][chosen], cycles)
+            modulation[ring, each], variance[ring, each] = found[:2]
+            left, total = left + found[2], total + found[3]
+        explained[ring] = 1.0 - left / total if total > 0.0 else 0.0
+    return modulation, variance, explained
+
+
+def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float, float, float, float]:
+    """Fit a + b cos + c sin: give the modulation, its variance, and the sums of squares left and in all."""
+    design = np.column_stack((np.ones(angle.size), np.cos(cycles * angle), np.sin(cycles * angle)))
+    moments = design.T @ design
+    if angle.size < 6 or np.linalg.cond(moments) > 1e8:
+        raise InputRejected(
+            Code.STAR_TOO_SMALL,
+            "A ring of the star holds too few samples in one direction: fill more of the frame.",
+        )
+    inverse = np.linalg.inv(moments)
+    base, cosine, sine = inverse @ (design.T @ signal)
+    left = float(np.sum((signal - design @ (base, cosine, sine)) ** 2))
+    noise = left / (angle.size - 3)
+    bias = noise * float(inverse[1, 1] + inverse[2, 2])
+    total = float(np.sum((signal - signal.mean()) ** 2))
+    if base <= 0.0:
+        return 0.0, 0.0, left, total
+    return math.sqrt(max(0.0, cosine**2 + sine**2 - bias)) / base, bias / 2.0 / base**2, left, total
+
+
+def _require_unclipped(plane: Plane) -> None:
+    if plane.clipped_share > MOST_CLIPPED_SHARE:
+        raise InputRejected(
+            Code.CHART_CLIPPED,
+            f"{plane.clipped_share:.2%} of channel {plane.channel} in the region is at white or at zero, "
+            "more than "
+            f"{MOST_CLIPPED_SHARE:.1%}. Change the exposure, or draw the region closer about the star.",
+        )
+
+
+def _require_span(outer_px: float, inner_px: float, channel: str) -> None:
+    """Refuse a star that does not reach well below the Nyquist frequency: nothing to compare with."""
+    if outer_px < LEAST_SPAN * inner_px:
+        raise InputRejected(
+            Code.STAR_TOO_SMALL,
+            f"The star reaches {outer_px:.0f} px from its centre; channel {channel} carries its spokes "
+            "only from "
+            f"{inner_px:.0f} px on, and {LEAST_SPAN:g} times that is needed. Go closer, or take a star of "
+            "fewer cycles.",
+        )
