@@ -9,6 +9,7 @@ import uvicorn
 from service.app import build_app
 from service.auth import SCOPES
 from service.context import Context
+from service.sessions import sessions_of
 from service.waiting import JobWatch
 from store.blobs import blobs_from_url
 from store.broker import Hints
@@ -26,6 +27,7 @@ def build_context(settings: Settings) -> Context:
         blobs=blobs_from_url(settings.effective_blobs_url, settings.data),
         hints=Hints(settings.effective_broker_url),
         watch=JobWatch(database),
+        sessions=sessions_of(settings),
     )
 
 

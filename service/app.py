@@ -13,6 +13,11 @@ from service.document import build_document
 from service.limits import BodyLimit
 from service.problems import HttpCode, Problem
 from service.routes import include_routes
+from service.web import problem_pages
+from service.web.assets import Assets
+from service.web.headers import SecurityHeaders
+from service.web.pages import include_pages
+from service.web.rendering import build_environment
 
 API_VERSION = "1"
 
@@ -29,10 +34,15 @@ def build_app(context: Context) -> FastAPI:
         redoc_url=None,
     )
     app.add_middleware(BodyLimit)
+    app.add_middleware(SecurityHeaders)
     app.state.context = context
+    app.state.assets = Assets()
+    app.state.templates = build_environment(app.state.assets)
     problems.install(app)
     _install_database_problem(app)
+    problem_pages.install(app)
     include_routes(app)
+    include_pages(app)
     app.openapi = lambda: build_document(app)  # type: ignore[method-assign]
     return app
 

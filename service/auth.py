@@ -1,19 +1,22 @@
-"""Who asks: a key of one organisation, with its scopes."""
+"""Who asks: a key of one organisation, with its scopes, or the session that a browser opened with it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from fastapi import Depends
+from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from service.context import Context, get_context
 from service.problems import HttpCode, Problem
-from store.queries.keys import find_key
+from service.sessions import COOKIE, CSRF_HEADER
+from store.queries.keys import find_key, find_key_by_id
+from store.tables import ApiKey, Organisation
 
 Scope = Literal["read", "upload", "calibrate", "publish", "admin"]
 SCOPES: tuple[Scope, ...] = ("read", "upload", "calibrate", "publish", "admin")
 
+_SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _bearer = HTTPBearer(auto_error=False, scheme_name="key", description="A key of your organisation.")
 
 
@@ -24,25 +27,56 @@ class Caller:
     scopes: frozenset[str]
     operator: bool
     """The key's organisation runs this service."""
+    key_name: str
+    organisation_name: str
+
+    @classmethod
+    def holding(cls, key: ApiKey, organisation: Organisation) -> "Caller":
+        return cls(
+            key_id=key.id,
+            organisation_id=organisation.id,
+            scopes=frozenset(key.scopes),
+            operator=organisation.operator,
+            key_name=key.name,
+            organisation_name=organisation.name,
+        )
 
 
 def get_caller(
+    request: Request,
     context: Annotated[Context, Depends(get_context)],
     credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
 ) -> Caller:
-    if credentials is None:
+    """By the key that is sent; else by the session, which must prove that its own page asks for a change."""
+    if credentials is not None:
+        with context.database.reading() as session:
+            found = find_key(session, credentials.credentials)
+        if found is None:
+            raise _unauthenticated("This key is not known, or it was revoked.")
+        return Caller.holding(*found)
+    caller = None if "authorization" in request.headers else find_session(request, context)
+    if caller is None:
         raise _unauthenticated("Send a key: Authorization: Bearer <key>.")
+    if request.method not in _SAFE_METHODS:
+        require_csrf_token(request, context, request.headers.get(CSRF_HEADER, ""))
+    return caller
+
+
+def find_session(request: Request, context: Context) -> Caller | None:
+    """Who is signed in with this browser, if anyone. The caller looks after CSRF."""
+    key_id = context.sessions.key_id_of(request.cookies.get(COOKIE, ""))
+    if key_id is None:
+        return None
     with context.database.reading() as session:
-        found = find_key(session, credentials.credentials)
-    if found is None:
-        raise _unauthenticated("This key is not known, or it was revoked.")
-    key, organisation = found
-    return Caller(
-        key_id=key.id,
-        organisation_id=organisation.id,
-        scopes=frozenset(key.scopes),
-        operator=organisation.operator,
-    )
+        found = find_key_by_id(session, key_id)
+    return Caller.holding(*found) if found else None
+
+
+def require_csrf_token(request: Request, context: Context, given: str) -> None:
+    """Refuse a change that a browser sends along with its cookie, unless our own page had it sent."""
+    if not context.sessions.is_csrf_token(request.cookies.get(COOKIE, ""), given):
+        detail = f"A change with a session's cookie needs the page's token in {CSRF_HEADER}. Reload the page."
+        raise Problem(403, HttpCode.CSRF_TOKEN_WRONG, detail)
 
 
 def _require(scope: Scope) -> Callable[[Caller], Caller]:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from service.sessions import Sessions
 from service.waiting import JobWatch
 from store.blobs import Blobs
 from store.broker import Hints
@@ -19,6 +20,7 @@ class Context:
     blobs: Blobs
     hints: Hints
     watch: JobWatch
+    sessions: Sessions
 
 
 def get_context(request: Request) -> Context:

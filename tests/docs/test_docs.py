@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from pydantic import SecretStr
 
 from radiometry.errors import Code
 from radiometry.flags import Flag
@@ -94,7 +95,7 @@ def test_every_default_is_told(name):
     _, _, after = read(DOCS / "settings.md").partition(f"\n## STILB_{name.upper()}\n")
     default = Settings.model_fields[name].default
     told = after.partition("\n## ")[0]
-    if default == "" or name == "key":
+    if default in ("", SecretStr("")):
         assert "Empty" in told
     else:
         assert f"Default `{_plain(default)}`" in told or f"Default {_plain(default)} " in told

@@ -11,6 +11,7 @@ from starlette.testclient import TestClient
 from service.app import build_app
 from service.auth import SCOPES
 from service.context import Context
+from service.sessions import Sessions
 from service.waiting import JobWatch
 from store.blobs import LocalBlobs
 from store.database import Database
@@ -58,6 +59,7 @@ class House:
             blobs=self.blobs,
             hints=NullHints(),
             watch=JobWatch(self.database),
+            sessions=Sessions(b"a secret of the tests, 32 bytes long"),
         )
         self.app = _idle_apps.pop() if _idle_apps else build_app(context)
         self.app.state.context = context

@@ -1,0 +1,78 @@
+"""Sessions of a browser: a signed token that names a key and an end, and holds no secret.
+
+Nothing is stored for one. The key is looked up on every request, so a session ends when its key is revoked.
+"""
+
+import hashlib
+import hmac
+import os
+import secrets
+import time
+from pathlib import Path
+from typing import Final
+
+from store.settings import Settings
+
+SESSION_S: Final = 12 * 3600
+"""A working day; then one signs in again."""
+COOKIE: Final = "stilb_session"
+CSRF_HEADER: Final = "X-CSRF-Token"
+
+
+class Sessions:
+    """Makes tokens and knows its own again."""
+
+    def __init__(self, secret: bytes) -> None:
+        self._secret = secret
+
+    def open(self, key_id: str) -> str:
+        """A token for the holder of a key, good for SESSION_S."""
+        claim = f"{key_id}.{int(time.time()) + SESSION_S}.{secrets.token_urlsafe(12)}"
+        return f"{claim}.{self._sign('session', claim)}"
+
+    def key_id_of(self, token: str) -> str | None:
+        """The key that a token stands for; None when it is not ours, or over."""
+        claim, _, signature = token.rpartition(".")
+        if not _same(signature, self._sign("session", claim)):
+            return None
+        key_id, expires, _ = claim.split(".")
+        return key_id if time.time() < int(expires) else None
+
+    def csrf_token(self, token: str) -> str:
+        """What a page of this session sends with every change, and a stranger's page cannot know."""
+        return self._sign("csrf", token)
+
+    def is_csrf_token(self, token: str, given: str) -> bool:
+        return _same(given, self.csrf_token(token))
+
+    def _sign(self, purpose: str, text: str) -> str:
+        return hmac.new(self._secret, f"{purpose}:{text}".encode(), hashlib.sha256).hexdigest()
+
+
+def sessions_of(settings: Settings) -> Sessions:
+    """The secret is the given one, else the one kept in the data folder, made at the first start."""
+    given = settings.session_secret.get_secret_value()
+    return Sessions(given.encode() if given else _kept_secret(settings.data / "session-secret"))
+
+
+def _kept_secret(path: Path) -> bytes:
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f"{path.name}.{os.getpid()}")
+        fd = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(fd, "wb") as file:
+            file.write(secrets.token_bytes(32))
+            file.flush()
+            os.fsync(file.fileno())
+        try:
+            # never half a secret; and of two processes that start at once, the first one's is kept by both
+            path.hardlink_to(draft)
+        except FileExistsError:
+            pass
+        finally:
+            draft.unlink()
+    return path.read_bytes()
+
+
+def _same(given: str, expected: str) -> bool:
+    return hmac.compare_digest(given.encode("utf-8", "replace"), expected.encode())

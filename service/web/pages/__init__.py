@@ -1,0 +1,12 @@
+"""One file a page, or a few that belong together: from an address to a template, and nothing else."""
+
+from fastapi import FastAPI
+
+from service.web import assets
+from service.web.pages import home, sign_in
+
+
+def include_pages(app: FastAPI) -> None:
+    """Hang every page into the application."""
+    for module in (assets, sign_in, home):
+        app.include_router(module.router)

@@ -1,0 +1,12 @@
+"""What needs attention."""
+
+from fastapi import APIRouter, Response
+
+from service.web.rendering import SignedInPage
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/")
+def show_home(page: SignedInPage) -> Response:
+    return page.render("home.html", title="Today")

@@ -1,0 +1,1 @@
+"""Interactive plots, as Bokeh's json_item."""

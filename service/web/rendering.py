@@ -1,0 +1,83 @@
+"""From a template to an answer, for whoever looks."""
+
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+from urllib.parse import urlencode
+
+from fastapi import Depends, Request
+from fastapi.responses import HTMLResponse
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from service.auth import Caller, find_session
+from service.context import UsesContext
+from service.sessions import COOKIE
+from service.web.assets import Assets
+from service.web.headers import content_policy
+
+_TEMPLATES: Final = Path(__file__).parent / "templates"
+
+
+class SignInNeeded(Exception):  # noqa: N818  it is what the browser is told, not a fault
+    """Nobody is signed in; ``next_address`` is where to go on afterwards."""
+
+    def __init__(self, next_address: str) -> None:
+        super().__init__(next_address)
+        self.address = f"/sign-in?{urlencode({'next': next_address})}"
+
+
+def build_environment(assets: Assets) -> Environment:
+    """Templates that escape all they are given, and fail on what they are not."""
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals["asset"] = assets.url
+    environment.globals["bokeh_url"] = assets.bokeh_url
+    return environment
+
+
+def render(
+    request: Request,
+    template: str,
+    *,
+    title: str,
+    status: int = 200,
+    plots: bool = False,
+    caller: Caller | None = None,
+    **values: Any,  # noqa: ANN401
+) -> HTMLResponse:
+    """A page; with ``caller``, signed in as them."""
+    nonce = secrets.token_urlsafe(16) if plots else None
+    csrf = request.app.state.context.sessions.csrf_token(request.cookies.get(COOKIE, "")) if caller else ""
+    html = request.app.state.templates.get_template(template).render(
+        title=title, visitor=caller, csrf_token=csrf, style_nonce=nonce, path=request.url.path, **values
+    )
+    headers = {"Content-Security-Policy": content_policy(nonce), "Cache-Control": "no-store"}
+    return HTMLResponse(html, status, headers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """What a handler shows to whoever is signed in."""
+
+    request: Request
+    caller: Caller
+
+    def render(self, template: str, *, title: str, plots: bool = False, **values: Any) -> HTMLResponse:  # noqa: ANN401
+        return render(self.request, template, title=title, plots=plots, caller=self.caller, **values)
+
+
+def _signed_in(request: Request, context: UsesContext) -> Page:
+    caller = find_session(request, context)
+    if caller is None:
+        query = f"?{request.url.query}" if request.url.query else ""
+        raise SignInNeeded(f"{request.url.path}{query}" if request.method == "GET" else "/")
+    return Page(request=request, caller=caller)
+
+
+SignedInPage = Annotated[Page, Depends(_signed_in)]

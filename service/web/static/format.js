@@ -1,0 +1,124 @@
+// Figures as they are written in a report: rounded by their uncertainty, in UTC, with their unit.
+
+import { h } from "./dom.js";
+
+const MINUS = "−";
+
+/** The decimals at which a standard uncertainty has two significant digits; below 0 left of the point. */
+export function decimalsOf(uncertainty) {
+  if (!(uncertainty > 0)) return null;
+  const power = Math.floor(Math.log10(uncertainty));
+  // 0.0996 is 0.10 at two digits
+  const rounded = Number(uncertainty.toPrecision(2));
+  return 1 - Math.max(power, Math.floor(Math.log10(rounded)));
+}
+
+/** A plain number: at most `digits` significant digits, thin spaces in thousands. */
+export function number(value, digits = 4) {
+  if (value === undefined || value === null) return "–";
+  const size = Math.abs(value);
+  if (size !== 0 && (size >= 1e7 || size < 1e-4)) return scientific(value, digits);
+  return grouped(Number(value.toPrecision(digits)).toString());
+}
+
+/** A number with a fixed count of decimals. */
+export const fixed = (value, decimals) => grouped(value.toFixed(decimals));
+
+/** A value rounded where its uncertainty is: "33.10 ± 0.41". */
+export function withUncertainty(value, uncertainty) {
+  const decimals = decimalsOf(uncertainty);
+  if (decimals === null) return number(value);
+  if (decimals > 7 || Math.abs(value) >= 1e7) return `${scientific(value, 4)} ± ${scientific(uncertainty, 2)}`;
+  if (decimals >= 0) return `${fixed(value, decimals)} ± ${fixed(uncertainty, decimals)}`;
+  const step = 10 ** -decimals;
+  return `${grouped(String(Math.round(value / step) * step))} ± ${grouped(String(Math.round(uncertainty / step) * step))}`;
+}
+
+/** A reported quantity {value, standard_uncertainty, unit} as an element. */
+export function quantity(reported) {
+  if (!reported) return h("span", { class: "muted" }, "–");
+  const [value, uncertainty] = withUncertainty(reported.value, reported.standard_uncertainty).split(" ± ");
+  return h(
+    "span",
+    { class: "nowrap", title: "value ± standard uncertainty" },
+    value,
+    uncertainty ? h("span", { class: "u" }, ` ± ${uncertainty}`) : null,
+    reported.unit && reported.unit !== "1" ? h("span", { class: "unit" }, ` ${unit(reported.unit)}`) : null,
+  );
+}
+
+/** The uncertainty as a share of the value, in %. */
+export function relative(value, uncertainty) {
+  return value ? `${number((100 * uncertainty) / Math.abs(value), 2)} %` : "–";
+}
+
+export const percent = (share, digits = 2) => `${number(100 * share, digits)} %`;
+
+/** DN*m2/(cd*s) as DN·m²/(cd·s). */
+export function unit(text) {
+  return text.replaceAll("*", "·").replace(/([a-z])(-?)([23])\b/gi, (_, letter, sign, power) => `${letter}${sign ? "⁻" : ""}${power === "2" ? "²" : "³"}`);
+}
+
+/** 2026-05-01 */
+export const day = (instant) => (instant ? instant.slice(0, 10) : "–");
+
+/** 2026-05-01 08:00 UTC, as an element that machines read too. */
+export function time(instant) {
+  if (!instant) return h("span", { class: "muted" }, "–");
+  const utc = new Date(instant).toISOString();
+  return h("time", { datetime: instant, class: "nowrap", title: `${instant} (${ago(instant)})` }, `${utc.slice(0, 10)} ${utc.slice(11, 16)} UTC`);
+}
+
+/** How long ago: "3 days ago". */
+export function ago(instant, now = Date.now()) {
+  const seconds = (now - new Date(instant).getTime()) / 1000;
+  return seconds < 0 ? `in ${span(-seconds)}` : seconds < 10 ? "just now" : `${span(seconds)} ago`;
+}
+
+/** A length of time in one unit: "40 s", "3 days", "5 months". */
+export function span(seconds) {
+  const steps = [[60, 1, "s"], [5400, 60, "min"], [129600, 3600, "h"], [5184000, 86400, "day"], [63072000, 2629800, "month"], [Infinity, 31557600, "year"]];
+  const [, size, name] = steps.find(([limit]) => seconds < limit);
+  const count = Math.round(seconds / size);
+  return `${count} ${name}${name.length > 3 || name === "day" ? (count === 1 ? "" : "s") : ""}`;
+}
+
+/** 21 MB */
+export function bytes(count) {
+  const powers = ["B", "kB", "MB", "GB", "TB"];
+  const power = count < 1000 ? 0 : Math.min(Math.floor(Math.log10(count) / 3), 4);
+  return `${number(count / 1000 ** power, 3)} ${powers[power]}`;
+}
+
+/** 1/250 s, or 2 s. */
+export function exposureTime(seconds) {
+  if (seconds === undefined || seconds === null) return "–";
+  return seconds < 0.3 ? `1/${number(1 / seconds, 4)} s` : `${number(seconds, 3)} s`;
+}
+
+/** A code or a name of the API in words: "noise_high" is "noise high". */
+export const words = (name) => name.replaceAll("_", " ");
+
+/** A state as a coloured word; the colour never says it alone. */
+export function tag(word, kind = KINDS[word] ?? "") {
+  return h("span", { class: `tag ${kind}` }, words(word));
+}
+
+const KINDS = {
+  succeeded: "good", published: "good", extracted: "good", pass: "good", in_force: "good",
+  running: "live", queued: "live", received: "live", read: "live",
+  draft: "warn", warn: "warn", superseded: "",
+  failed: "bad", quarantined: "bad", refused: "bad", revoked: "bad",
+};
+
+function scientific(value, digits) {
+  const [mantissa, power] = value.toExponential(digits - 1).split("e");
+  const raised = [...String(Number(power))].map((c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[Number(c)])).join("");
+  return `${mantissa.replace("-", MINUS)} × 10${raised}`;
+}
+
+function grouped(text) {
+  const [whole, part] = text.replace("-", MINUS).split(".");
+  const spaced = whole.length > 4 + whole.startsWith(MINUS) ? whole.replace(/\B(?=(\d{3})+$)/g, "\u2009") : whole;
+  return part === undefined ? spaced : `${spaced}.${part}`;
+}

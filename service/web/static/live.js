@@ -1,0 +1,55 @@
+// What changes while one looks: followed without reloading, at rest while nobody looks.
+
+import { get } from "./api.js";
+
+const ENDED = ["succeeded", "failed", "quarantined"];
+
+/** Wait for a job; `onProgress(job)` hears of it every other second. Answers the job as it ended. */
+export async function followJob(id, onProgress = () => {}, { signal } = {}) {
+  for (let misses = 0; ; ) {
+    try {
+      // it answers at once when the job ends, and with its progress after two seconds
+      const job = await get(`/v1/jobs/${id}`, { headers: { Prefer: "wait=2" }, signal });
+      misses = 0;
+      onProgress(job);
+      if (ENDED.includes(job.state)) return job;
+    } catch (error) {
+      if (!error.retryable || ++misses > 30) throw error;
+      await pause(Math.min(1000 * misses, 5000));
+    }
+  }
+}
+
+/** Call `look` now and every so often while the page is seen; it may be slow, and may fail. Answers {stop, now}. */
+export function follow(look, { every = 3000 } = {}) {
+  let timer;
+  let stopped = false;
+  let delay = every;
+  async function turn() {
+    clearTimeout(timer);
+    if (stopped) return;
+    if (!document.hidden) {
+      try {
+        await look();
+        delay = every;
+      } catch (error) {
+        if (!error.code) throw error;
+        delay = Math.min(delay * 2, 60000);
+      }
+    }
+    if (!stopped) timer = setTimeout(turn, delay);
+  }
+  const seen = () => !document.hidden && turn();
+  document.addEventListener("visibilitychange", seen);
+  turn();
+  return {
+    stop() {
+      stopped = true;
+      clearTimeout(timer);
+      document.removeEventListener("visibilitychange", seen);
+    },
+    now: turn,
+  };
+}
+
+export const pause = (ms) => new Promise((done) => setTimeout(done, ms));

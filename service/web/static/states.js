@@ -1,0 +1,69 @@
+// A region of a page that loads, is filled, is empty, or says what went wrong and how to go on.
+
+import { fill, h } from "./dom.js";
+
+/** Load, then draw what `draw(value)` gives; on a problem say it, with a button to try again. */
+export async function load(region, loader, draw) {
+  region.setAttribute("aria-busy", "true");
+  try {
+    const drawn = draw(await loader());
+    fill(region, drawn);
+    return true;
+  } catch (error) {
+    fill(region, failed(error, () => load(region, loader, draw)));
+    return false;
+  } finally {
+    region.removeAttribute("aria-busy");
+  }
+}
+
+export function loading(lines = 3) {
+  return h(
+    "div",
+    { class: "loading", role: "status" },
+    h("span", { class: "hidden" }, "Loading"),
+    Array.from({ length: lines }, () => h("span", { class: "bone", "aria-hidden": "true" })),
+  );
+}
+
+/** Nothing is there yet: say so, and what to do about it. */
+export function empty(title, text, ...actions) {
+  return h(
+    "div",
+    { class: "empty" },
+    h("p", { class: "empty-title" }, title),
+    text ? h("p", {}, text) : null,
+    actions.length ? h("p", { class: "actions" }, actions) : null,
+  );
+}
+
+/** What went wrong, in the service's own words. */
+export function failed(error, again) {
+  if (!error.code) console.error(error);
+  return h(
+    "div",
+    { class: "failed", role: "alert" },
+    h("p", { class: "failed-title" }, error.title ?? "This page has a fault"),
+    h("p", {}, error.message),
+    again && (error.retryable ?? true) ? h("p", {}, h("button", { type: "button", onclick: again }, "Try again")) : null,
+  );
+}
+
+/** Run what a button or a form starts: once at a time, with its problem shown beside it. */
+export async function act(button, action) {
+  const scope = button.closest("form, dialog, .card, tr, section") ?? button.parentElement;
+  scope.querySelectorAll(".act-failed").forEach((old) => old.remove());
+  button.disabled = true;
+  button.setAttribute("aria-busy", "true");
+  try {
+    return await action();
+  } catch (error) {
+    const said = failed(error);
+    said.classList.add("act-failed");
+    (button.closest(".actions, td") ?? button).after(said);
+    return undefined;
+  } finally {
+    button.disabled = false;
+    button.removeAttribute("aria-busy");
+  }
+}
