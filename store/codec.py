@@ -5,12 +5,13 @@ from dataclasses import asdict
 from functools import cache
 from typing import Any
 
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
 from radiometry.statistics import ChannelStatistics
 from store.tables import ChannelRow
+from store.tables.base import Json
 
 _HEADER = TypeAdapter(FrameHeader)
 _EXPOSURE = TypeAdapter(Exposure)
@@ -27,6 +28,13 @@ def encode(value: Any) -> Any:  # noqa: ANN401
 def decode(kind: type[Any], stored: Any) -> Any:  # noqa: ANN401
     """A dataclass from plain JSON values."""
     return _adapter(kind).validate_python(stored)
+
+
+def read_strictly(kind: type[Any], said: Any) -> Json:  # noqa: ANN401
+    """Plain JSON values as a dataclass wants them, defaults written out; what it does not know is refused."""
+    adapter: TypeAdapter[Any] = TypeAdapter(kind, config=ConfigDict(extra="forbid", allow_inf_nan=False))
+    plain: Json = drop_absent(adapter.dump_python(adapter.validate_python(said), mode="json"))
+    return plain
 
 
 def decode_header(stored: dict[str, Any]) -> FrameHeader:

@@ -95,6 +95,7 @@ def _inputs(session: Session, campaign: Campaign, evidence: Evidence) -> dict[st
     regions = {
         roi.id: roi for roi in session.scalars(select(Roi).where(Roi.id.in_(set(evidence.rois.values()))))
     }
+    parts = {roi.sha256: roi.parts for roi in regions.values() if roi.parts}
     frames = []
     for frame in evidence.frames:
         region = regions[evidence.rois[frame.frame]]
@@ -113,6 +114,7 @@ def _inputs(session: Session, campaign: Campaign, evidence: Evidence) -> dict[st
         "readings": [encode(reading) for reading in evidence.readings],
         **evidence.references,
         **({"target": campaign.target} if campaign.target else {}),
+        **({"roi_parts": parts} if parts else {}),
         "rois": {roi.sha256: roi.points for roi in sorted(regions.values(), key=lambda roi: roi.sha256)},
         "extractor": extractor_of(campaign),
     }

@@ -1,20 +1,26 @@
 """Campaigns and their region."""
 
+from typing import Any
+
 from fastapi import APIRouter, Request, Response
+from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry import methods
+from radiometry.evidence import Region
 from radiometry.roi import Polygon, parse_imagej
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.problems import HttpCode, Problem
+from service.problems import HttpCode, Problem, invalid, located
 from service.routes import problems
 from service.schemas.campaigns import CampaignAnswer, CampaignChange, NewCampaign, NewRoi, RoiAnswer
 from service.writing import Reply, Writes
+from store.codec import read_strictly
 from store.judging import take_stock
-from store.queries.campaigns import count, find_or_add_roi, set_roi
+from store.queries.campaigns import Drawing, count, find_or_add_roi, renew_extractions, set_roi
 from store.tables import Camera, Campaign, Panel, Roi
 
 router = APIRouter(prefix="/v1/campaigns", tags=["campaigns"])
@@ -28,7 +34,8 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
         owned(session, Camera, body.camera_id, caller)
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
-        campaign = Campaign(organisation_id=caller.organisation_id, **body.model_dump())
+        values = body.model_dump() | {"target": _read_target(body.method, body.target)}
+        campaign = Campaign(organisation_id=caller.organisation_id, **values)
         session.add(campaign)
         session.flush()
         return Reply(status=201, body=CampaignAnswer.of(campaign))
@@ -70,10 +77,15 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
         campaign = owned(session, Campaign, campaign_id, caller)
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
-        for name, value in body.model_dump(exclude_unset=True).items():
+        values = body.model_dump(exclude_unset=True)
+        jobs = []
+        if body.target is not None:
+            values["target"] = _read_target(campaign.method, body.target)
+            jobs = renew_extractions(session, campaign, by=caller.key_id)
+        for name, value in values.items():
             setattr(campaign, name, value)
         session.flush()
-        return Reply(status=200, body=_whole(session, campaign))
+        return Reply(status=200, body=_whole(session, campaign), jobs=jobs)
 
     return writing.run(caller, change)
 
@@ -81,11 +93,11 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
 @router.put("/{campaign_id}/roi", response_model=RoiAnswer, responses=problems(404))
 def set_campaign_roi(campaign_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
     """Set the region of every frame that has none of its own; older statistics stay."""
-    polygon, corners = read_roi(body)
+    drawing = read_roi(body)
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
-        roi = find_or_add_roi(session, caller.organisation_id, polygon, corners)
+        roi = find_or_add_roi(session, caller.organisation_id, drawing)
         jobs = set_roi(session, campaign, roi, by=caller.key_id)
         return Reply(status=200, body=RoiAnswer.of(roi), jobs=jobs)
 
@@ -102,12 +114,30 @@ def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> R
         return RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
 
 
-def read_roi(body: NewRoi) -> tuple[Polygon, list[list[float]]]:
-    """The polygon, and its corners in the order in which they were given."""
+def read_roi(body: NewRoi) -> Drawing:
+    """The region, with its corners in the order in which they were given."""
+    if body.regions is not None:
+        return Drawing.of_parts(
+            [Region(name=part.name, polygon=Polygon.from_points(part.polygon)) for part in body.regions]
+        )
     if body.polygon is not None:
-        return Polygon.from_points(body.polygon), body.polygon
+        return Drawing(polygon=Polygon.from_points(body.polygon), corners=body.polygon)
     polygon = parse_imagej(body.imagej or "")
-    return polygon, [list(point) for point in polygon.points]
+    return Drawing(polygon=polygon, corners=polygon.points)
+
+
+def _read_target(method: methods.Method, said: dict[str, Any] | None) -> dict[str, Any] | None:
+    """What is photographed, as the method wants it said; with every default written out."""
+    if said is None:
+        return None
+    kind = methods.describe(method).target
+    if kind is None:
+        message = f"a {method} campaign photographs nothing that must be described: leave it out"
+        raise invalid([{"type": "target", "loc": ("body", "target"), "msg": message}])
+    try:
+        return read_strictly(kind, said)
+    except ValidationError as error:
+        raise invalid(located(error, "body", "target")) from error
 
 
 def _whole(session: Session, campaign: Campaign) -> CampaignAnswer:

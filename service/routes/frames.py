@@ -104,7 +104,7 @@ async def upload_frame(
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
-        roi = find_or_add_roi(session, caller.organisation_id, *read_roi(region)) if region else None
+        roi = find_or_add_roi(session, caller.organisation_id, read_roi(region)) if region else None
         new = NewFrame(
             sha256=received.blob.sha256,
             size_bytes=received.blob.size_bytes,
@@ -175,11 +175,11 @@ def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: W
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer, responses=problems(404))
 def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
     """Give a frame a region of its own, where the camera has moved."""
-    polygon, corners = read_roi(body)
+    drawing = read_roi(body)
 
     def change(session: Session) -> Reply:
         frame = owned(session, FrameRow, frame_id, caller)
-        roi = find_or_add_roi(session, caller.organisation_id, polygon, corners)
+        roi = find_or_add_roi(session, caller.organisation_id, drawing)
         return _read_again(session, frame, caller, changed=describe_anew(frame, {"roi_id": roi.id}))
 
     return writing.run(caller, change)

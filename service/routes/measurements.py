@@ -210,7 +210,7 @@ def _read_asked(body: MeasurementOptions) -> Asked:
         corners = tuple((corner[0], corner[1]) for corner in body.grid.corners)
         grid = Grid(corners=corners, rows=body.grid.rows, columns=body.grid.columns)
     return Asked(
-        polygon=read_roi(body.roi)[0] if body.roi is not None else None,
+        polygon=read_roi(body.roi).polygon if body.roi is not None else None,
         grid=grid,
         reflectance=body.reflectance,
         products=tuple(body.products or ()),

@@ -51,6 +51,14 @@ class NewCampaign(Form):
             description="Of a reflectance campaign; left out: the panel that the files name, or the only one."
         ),
     ] = None
+    target: Annotated[
+        dict[str, Any] | None,
+        Field(
+            description="What is photographed, where the method must know: of geometry the board, of "
+            "sharpness the edge or the star. Its fields stand on the method's page.",
+            examples=[{"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}],
+        ),
+    ] = None
 
 
 class CampaignChange(Form):
@@ -67,6 +75,9 @@ class CampaignChange(Form):
     comments: LongText | None = None
     surface_reflectance: Reflectance | None = None
     panel_id: Text | None = None
+    target: Annotated[
+        dict[str, Any] | None, Field(description="As for a new campaign; its frames are then read anew.")
+    ] = None
 
 
 class FrameCounts(Answer):
@@ -105,6 +116,7 @@ class CampaignAnswer(Answer):
     comments: str | None = None
     surface_reflectance: float | None = None
     panel_id: str | None = None
+    target: dict[str, Any] | None = None
     created_at: Instant
     frames: FrameCounts | None = None
     readings: int | None = None
@@ -132,8 +144,15 @@ class CampaignAnswer(Answer):
         )
 
 
+class NamedRegion(Form):
+    """One of several parts that are looked at each by itself: an edge, a star."""
+
+    name: Text
+    polygon: Annotated[list[Point], Field(min_length=3, max_length=1000)]
+
+
 class NewRoi(Form):
-    """A region: either its points, or ImageJ's own line."""
+    """A region: its points, ImageJ's own line, or several parts with their names."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -141,7 +160,7 @@ class NewRoi(Form):
                 {"polygon": [[2200, 1600], [3100, 1600], [3100, 2300], [2200, 2300]]},
                 {"imagej": "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);"},
             ],
-            "oneOf": [{"required": ["polygon"]}, {"required": ["imagej"]}],
+            "oneOf": [{"required": ["polygon"]}, {"required": ["imagej"]}, {"required": ["regions"]}],
         }
     )
 
@@ -153,11 +172,23 @@ class NewRoi(Form):
         None
     )
 
+    regions: Annotated[
+        list[NamedRegion] | None, Field(min_length=1, max_length=100, description="For sharpness.")
+    ] = None
+
     @model_validator(mode="after")
-    def _one_of_both(self) -> "NewRoi":
-        if (self.polygon is None) == (self.imagej is None):
-            raise ValueError("give either polygon or imagej")
+    def _one_of_them(self) -> "NewRoi":
+        if sum(given is not None for given in (self.polygon, self.imagej, self.regions)) != 1:
+            raise ValueError("give either polygon, imagej or regions")
+        names = [part.name for part in self.regions or []]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"each region's name once; given more than once: {', '.join(twice)}")
         return self
+
+
+class RegionAnswer(Answer):
+    name: str
+    polygon: list[Point]
 
 
 class RoiAnswer(Answer):
@@ -176,12 +207,22 @@ class RoiAnswer(Answer):
 
     id: str
     polygon: list[Point]
+    regions: list[RegionAnswer] | None = Field(
+        default=None, description="Of a region in parts; `polygon` is then the rectangle around them."
+    )
     sha256: str
     created_at: Instant
 
     @classmethod
     def of(cls, row: Roi) -> "RoiAnswer":
-        return cls(id=row.id, polygon=row.points, sha256=row.sha256, created_at=row.created_at)
+        parts = [RegionAnswer(name=part["name"], polygon=part["points"]) for part in row.parts or []]
+        return cls(
+            id=row.id,
+            polygon=row.points,
+            regions=parts or None,
+            sha256=row.sha256,
+            created_at=row.created_at,
+        )
 
 
 MOST_READINGS = 10_000

@@ -1,5 +1,6 @@
 """Campaigns, regions, readings, and what has arrived of them."""
 
+import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from radiometry.evidence import Region
 from radiometry.roi import Polygon
 from store import jobs
 from store.columns import new_id
@@ -40,19 +42,52 @@ def count(session: Session, campaign: Campaign) -> Counts:
     )
 
 
-def find_or_add_roi(
-    session: Session, organisation_id: str, polygon: Polygon, corners: Sequence[Sequence[float]]
-) -> Roi:
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """A region as it was drawn: one polygon, or several parts with their names and the rectangle around them.
+
+    ``corners`` : as they were given, in their order
+    """
+
+    polygon: Polygon
+    corners: Sequence[Sequence[float]]
+    parts: Sequence[Region] = ()
+
+    @classmethod
+    def of_parts(cls, parts: Sequence[Region]) -> "Drawing":
+        xs, ys = zip(*(point for part in parts for point in part.polygon.points), strict=True)
+        corners = [
+            [min(xs), min(ys)],
+            [max(xs), min(ys)],
+            [max(xs), max(ys)],
+            [min(xs), max(ys)],
+        ]
+        return cls(polygon=Polygon.from_points(corners), corners=corners, parts=parts)
+
+    @property
+    def sha256(self) -> str:
+        """Equal for every way of writing the same region."""
+        if not self.parts:
+            return self.polygon.sha256
+        texts = sorted(f"{part.name}: {part.polygon.text}" for part in self.parts)
+        return hashlib.sha256("; ".join(texts).encode()).hexdigest()
+
+
+def find_or_add_roi(session: Session, organisation_id: str, drawing: Drawing) -> Roi:
     """The region with exactly these corners, which are kept in the order in which they were first given."""
     found = session.scalar(
-        select(Roi).where(Roi.organisation_id == organisation_id, Roi.sha256 == polygon.sha256)
+        select(Roi).where(Roi.organisation_id == organisation_id, Roi.sha256 == drawing.sha256)
     )
     if found is None:
+        parts = [
+            {"name": part.name, "points": [list(p) for p in part.polygon.points]} for part in drawing.parts
+        ]
         found = Roi(
             id=new_id("roi"),
             organisation_id=organisation_id,
-            sha256=polygon.sha256,
-            points=[list(corner) for corner in corners],
+            sha256=drawing.sha256,
+            points=[list(corner) for corner in drawing.corners],
+            parts=parts or None,
         )
         session.add(found)
         session.flush()
@@ -65,11 +100,15 @@ def set_roi(session: Session, campaign: Campaign, roi: Roi, *, by: str) -> list[
         return []
     campaign.roi_id = roi.id
     session.flush()
-    frames = session.scalars(
-        select(FrameRow)
-        .where(FrameRow.campaign_id == campaign.id, FrameRow.roi_id.is_(None), FrameRow.state != "refused")
-        .order_by(FrameRow.id)
-    )
+    return renew_extractions(session, campaign, by=by, own_region=False)
+
+
+def renew_extractions(session: Session, campaign: Campaign, *, by: str, own_region: bool = True) -> list[Job]:
+    """Jobs that compute a campaign's frames anew; ``own_region``: also those with a region of their own."""
+    wanted = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.state != "refused")
+    if not own_region:
+        wanted = wanted.where(FrameRow.roi_id.is_(None))
+    frames = session.scalars(wanted.order_by(FrameRow.id))
     return [renew_extraction(session, frame, campaign.organisation_id, by=by) for frame in frames]
 
 

@@ -173,9 +173,9 @@ def test_a_region_comes_as_points_or_as_imagejs_line(house):
         (
             {"polygon": ROI, "imagej": "makeRectangle(1,2,3,4)"},
             "validation_failed",
-            "either polygon or imagej",
+            "either polygon, imagej or regions",
         ),
-        ({}, "validation_failed", "either polygon or imagej"),
+        ({}, "validation_failed", "either polygon, imagej or regions"),
         ({"polygon": [[1, 2], [3, 4], [5]]}, "validation_failed", "body.polygon.2"),
         ({"polygon": [[1, 2], [3, 4]]}, "validation_failed", "body.polygon"),
         ({"polygon": [[0, 0], [2e6, 0], [0, 9]]}, "validation_failed", "body.polygon.1.0"),

@@ -12,6 +12,8 @@ NUMBERS_WITHOUT_UNIT = {
     *("value", "standard_uncertainty", "entered_value"),  # their unit stands beside them
     *("iso", "f_number", "coverage_factor", "progress", "tolerance", "surface_reflectance"),
     *("in_standard_uncertainties", "horizontal", "vertical"),  # the last two in fov_deg
+    *("i_sq", "i_sq_standard_uncertainty", "i_ss"),  # of a sensor's own unit, which stands beside them
+    *("diffuse_share", "refractive_index"),
     *("saturated_share", "zero_share", "variance_share", "reflectance"),
 }
 UNIT = re.compile(r"_(s|km_h|um|mm|px|dn|rel|deg|m|cd_m2|bytes)$")

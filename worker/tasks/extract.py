@@ -16,7 +16,7 @@ from radiometry.roi import Polygon, bounding_window
 from store import tables
 from store.codec import decode, decode_header, decode_statistics, encode, encode_statistics
 from store.jobs import Claim
-from store.queries.campaigns import find_or_add_roi
+from store.queries.campaigns import Drawing, find_or_add_roi
 from store.queries.frames import (
     add_extraction,
     channel_rows,
@@ -190,7 +190,8 @@ def _store_extraction(session: Session, subject: _Subject, frame: FrameRow, extr
     extractor, roi = extractor_of(subject.campaign), subject.roi
     if roi is None:
         whole = whole_frame_of(frame)
-        roi = find_or_add_roi(session, subject.campaign.organisation_id, whole, whole.points)
+        drawing = Drawing(polygon=whole, corners=whole.points)
+        roi = find_or_add_roi(session, subject.campaign.organisation_id, drawing)
     if find_extraction(session, frame, roi, extractor) is None:
         add_extraction(session, frame, roi, extractor, rows=extracted.rows, features=extracted.features)
 
