@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -22,6 +22,7 @@ class LensfunNames:
 
     ``mount`` : of a fixed lens, a name of its own that begins in lower case, as in Lensfun's own database
     ``sensor_width_mm``, ``sensor_height_mm`` : of the visible area; they give the crop factor
+    ``widest_f_number`` : of the lens, as in its name, or Lensfun does not find it by that; None: of the flats
     ``distance_m`` : to which the lens was focused, Lensfun's 1000 for infinity
     """
 
@@ -34,12 +35,15 @@ class LensfunNames:
     sensor_width_mm: float
     sensor_height_mm: float
     distance_m: float = 1000.0
+    widest_f_number: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse what the schema would."""
-        numbers = (self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm, self.distance_m)
+        widest = 1.0 if self.widest_f_number is None else self.widest_f_number
+        sizes = (self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm)
+        numbers = (*sizes, self.distance_m, widest)
         if not all(math.isfinite(number) and number > 0.0 for number in numbers):
-            raise ValueError("focal length, sensor size and distance must be positive numbers")
+            raise ValueError("focal length, sensor size, distance and f-number must be positive numbers")
         if not all((self.camera_make, self.camera_model, self.lens_make, self.lens_model, self.mount)):
             raise ValueError("Lensfun wants names for camera, lens and mount")
 
@@ -65,8 +69,10 @@ def export_lensfun(
         _write_element(coefficients, f_number, channels, names)
         for f_number in sorted({each.f_number for each in coefficients})
     ]
+    widest = names.widest_f_number or min(each.f_number for each in coefficients)
     crop = f"{names.crop_factor:.6g}"
-    ratio = f"{coefficients[0].width_px}:{coefficients[0].height_px}"
+    sides = sorted((coefficients[0].width_px, coefficients[0].height_px))
+    ratio = f"{sides[1]}:{sides[0]}"
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<lensdatabase version="{_DATABASE_VERSION}">',
@@ -84,7 +90,8 @@ def export_lensfun(
         f"        <maker>{_text(names.lens_make)}</maker>",
         f"        <model>{_text(names.lens_model)}</model>",
         f"        <mount>{_text(names.mount)}</mount>",
-        f"        <focal value={quoteattr(f'{names.focal_length_mm:.9g}')}/>",
+        f'        <focal value="{names.focal_length_mm:.9g}"/>',
+        f'        <aperture min="{widest:.9g}"/>',
         f"        <cropfactor>{crop}</cropfactor>",
         f"        <aspect-ratio>{ratio}</aspect-ratio>",
         "        <calibration>",
@@ -103,7 +110,8 @@ def _write_element(
     rows, cols = sample_frame(first)
     wanted = average_share(coefficients, rows, cols, channels=channels, f_number=f_number)
     middle_row, middle_col = (first.height_px - 1) / 2.0, (first.width_px - 1) / 2.0
-    squared = ((rows - middle_row) ** 2 + (cols - middle_col) ** 2) / first.radius_px**2
+    # Lensfun's r is 1 at the centre of the corner pixel
+    squared = ((rows - middle_row) ** 2 + (cols - middle_col) ** 2) / (middle_row**2 + middle_col**2)
     # about another point V is not 1: the level there is divided out, as a correction may
     level = float(
         average_share(
