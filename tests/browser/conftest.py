@@ -1,0 +1,63 @@
+"""One service and one browser for the tests of this folder; each test is an organisation of its own.
+
+Both end with the folder, not with the run: while the browser is driven, no event loop can be run beside it.
+"""
+
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+from tests.support.browser import CHROMIUM, launch, sign_in, visit
+from tests.support.deployments import Embedded, short_folder
+
+
+def pytest_collection_modifyitems(items):
+    if Path(CHROMIUM).is_file():
+        return
+    absent = pytest.mark.skip(reason=f"there is no Chromium at {CHROMIUM}; STILB_CHROMIUM names another")
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(absent)
+
+
+@pytest.fixture(scope="package")
+def service():
+    """`make up`, for as long as somebody looks at its pages."""
+    with short_folder() as folder, Embedded(folder / "data") as deployment:
+        yield deployment
+
+
+@pytest.fixture(scope="package")
+def browser():
+    with sync_playwright() as playwright:
+        opened = launch(playwright)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def team(service):
+    """An organisation of its own, with its client."""
+    with service.team() as founded:
+        yield founded
+
+
+@pytest.fixture
+def stranger_context(browser, service):
+    """A browser in which nobody is signed in."""
+    with visit(browser, service.url) as context:
+        yield context
+
+
+@pytest.fixture(params=["desktop"])
+def context(request, browser, service):
+    """A browser at 1440 px, or, with ``@pytest.mark.parametrize("context", ["phone"], indirect=True)``, at 390."""
+    with visit(browser, service.url, width=request.param) as opened:
+        yield opened
+
+
+@pytest.fixture
+def page(context, team):
+    """Signed in with the team's key."""
+    return sign_in(context, team.key)

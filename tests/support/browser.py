@@ -1,0 +1,82 @@
+"""A browser that looks at the pages as people do: its console is quiet, its pictures are kept, axe has its say."""
+
+import os
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, BrowserContext, Page, Playwright
+
+WIDTHS = {"desktop": (1440, 900), "phone": (390, 844)}
+CHROMIUM = os.environ.get("STILB_CHROMIUM") or shutil.which("chromium") or "/usr/bin/chromium"
+PICTURES = os.environ.get("STILB_PICTURES")
+_ARGUMENTS = [
+    *("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+]
+_LINES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+
+
+def launch(playwright: Playwright) -> Browser:
+    return playwright.chromium.launch(executable_path=CHROMIUM, args=_ARGUMENTS, headless=True)
+
+
+@contextmanager
+def visit(browser: Browser, url: str, *, width: str = "desktop", **settings):
+    """A browser context of its own at one of the widths; an error in the console of any of its pages fails.
+
+    What a test provokes on purpose it takes off ``context.complaints`` itself.
+    """
+    across, down = WIDTHS[width]
+    size = {"width": across, "height": down}
+    context = browser.new_context(base_url=url, viewport=size, reduced_motion="reduce", **settings)
+    context.complaints = []
+    context.on("console", lambda said: said.type == "error" and context.complaints.append(said.text))
+    context.on("weberror", lambda raised: context.complaints.append(str(raised.error)))
+    context.set_default_timeout(15_000)
+    try:
+        yield context
+        assert context.complaints == []
+    finally:
+        context.close()
+
+
+def sign_in(context: BrowserContext, key: str) -> Page:
+    """Through the form, as everyone does."""
+    page = context.new_page()
+    page.goto("/sign-in")
+    page.get_by_label("Key").fill(key)
+    page.get_by_role("button", name="Sign in").click()
+    page.wait_for_url("**/")
+    return page
+
+
+def settle(page: Page) -> None:
+    """Wait until nothing on the page says that it loads."""
+    page.wait_for_function("document.querySelectorAll('[aria-busy=true]').length === 0")
+
+
+def look(page: Page, name: str, folder: Path | None = None) -> None:
+    """Nothing sticks out at either width; with STILB_PICTURES, a folder, the pictures are kept there.
+
+    ``folder`` is for a test that wants them itself.
+    """
+    into = folder or (Path(PICTURES) if PICTURES else None)
+    before = page.viewport_size
+    for label, (width, height) in WIDTHS.items():
+        page.set_viewport_size({"width": width, "height": height})
+        across = page.evaluate("document.documentElement.scrollWidth")
+        assert across <= width, f"{name} is {across} px wide at {width} px"
+        if into is not None:
+            into.mkdir(parents=True, exist_ok=True)
+            page.screenshot(path=into / f"{name}-{label}.png", full_page=True)
+    page.set_viewport_size(before)
+
+
+def check_access(page: Page) -> None:
+    """No finding of axe that is serious or worse."""
+    found = Axe().run(page, options={"runOnly": _LINES, "resultTypes": ["violations"]})
+    grave = [each for each in found.response["violations"] if each["impact"] in {"serious", "critical"}]
+    told = [(each["id"], [node["html"][:200] for node in each["nodes"]]) for each in grave]
+    assert told == []
