@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field, TypeAdapter, ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -14,6 +14,7 @@ from service.paging import Cursor, Limit, Page, page
 from service.problems import invalid, located
 from service.reading_csv import read_readings
 from service.routes import problems
+from service.schemas.base import Text
 from service.schemas.campaigns import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
 from service.writing import Reply, Writes
 from store.columns import utc_now
@@ -26,6 +27,11 @@ router = APIRouter(prefix="/v1", tags=["readings"])
 _SI = {"cd/m2": 1.0, "lx": 1.0, "fL": 3.4262590996353905, "fc": 10.763910416709722}
 _ONE = TypeAdapter(NewReading)
 _MANY = TypeAdapter(Annotated[list[NewReading], Field(min_length=1, max_length=MOST_READINGS)])
+
+MeterIds = Annotated[
+    list[Text] | None,
+    Query(max_length=3, description="A reading that names no meter takes the one of its quantity."),
+]
 
 _SCHEMA = NewReading.model_json_schema()
 _REQUEST = {
@@ -78,15 +84,18 @@ def add_campaign_readings(
     body: Annotated[list[NewReading] | NewReading, Depends(_body)],
     caller: Calibrator,
     writing: Writes,
+    meter_id: MeterIds = None,
 ) -> Response:
     """Record what the meter said of a scene; values are kept as entered and in SI."""
     forms = [body] if isinstance(body, NewReading) else body
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
-        for meter_id in {form.meter_id for form in forms if form.meter_id}:
-            owned(session, Meter, meter_id, caller)
-        rows = add_readings(session, campaign, [_columns(form) for form in forms])
+        for named in {form.meter_id for form in forms if form.meter_id}:
+            owned(session, Meter, named, caller)
+        usual = _by_quantity([owned(session, Meter, each, caller) for each in meter_id or ()])
+        columns = [{"meter_id": usual.get(form.quantity)} | _columns(form) for form in forms]
+        rows = add_readings(session, campaign, columns)
         answers = [ReadingAnswer.of(row) for row in rows]
         one = isinstance(body, NewReading)
         return Reply(status=201, body=answers[0] if one else ReadingsAnswer(items=answers))
@@ -138,6 +147,15 @@ def _columns(form: NewReading) -> dict[str, Any]:
         "value": form.value * _SI[form.unit],
         "entered_value": form.value,
         "entered_unit": form.unit,
-        "meter_id": form.meter_id,
         "taken_at": form.taken_at,
+        **({"meter_id": form.meter_id} if form.meter_id else {}),
     }
+
+
+def _by_quantity(meters: list[Meter]) -> dict[str, str]:
+    """A meter's kind is the quantity that it reads; which of two was read, nobody could tell."""
+    usual = {meter.kind: meter.id for meter in meters}
+    if len(usual) < len(meters):
+        message = "names two meters of one kind; name the meter in each reading"
+        raise invalid([{"type": "meters", "loc": ("query", "meter_id"), "msg": message}])
+    return usual

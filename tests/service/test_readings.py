@@ -152,3 +152,36 @@ def test_a_withdrawn_reading_counts_no_more_and_stays_in_the_record(house):
     assert house.http.delete(f"/v1/readings/{reading['id']}").json() == withdrawn
     assert house.get(path)["items"] == [withdrawn]
     assert house.get(f"/v1/campaigns/{campaign['id']}")["readings"] == 0
+
+
+def meter(house, kind, serial="1"):
+    body = {"kind": kind, "make": "Gossen", "model": "M", "serial": serial + kind}
+    return house.http.post("/v1/meters", json=body).json()["id"]
+
+
+def send_csv(house, text, *meters):
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    return house.http.post(
+        path, content=text, params={"meter_id": meters}, headers={"Content-Type": "text/csv"}
+    )
+
+
+def test_readings_that_name_no_meter_take_the_one_of_their_quantity(house):
+    luminance, illuminance, own = (
+        meter(house, "luminance"),
+        meter(house, "illuminance"),
+        meter(house, "luminance", "2"),
+    )
+    rows = ("a,luminance,1,cd/m2,", "a,illuminance,2,lx,", f"a,luminance,3,fL,{own}")
+    text = "\n".join(["scene,quantity,value,unit,meter_id", *rows])
+    answer = send_csv(house, text, luminance, illuminance)
+    assert [row["meter_id"] for row in answer.json()["items"]] == [luminance, illuminance, own]
+    answer = send_csv(house, text, illuminance)
+    assert [row.get("meter_id") for row in answer.json()["items"]] == [None, illuminance, own]
+
+
+def test_two_meters_of_a_kind_or_an_unknown_one_are_refused(house):
+    text = "scene,quantity,value,unit\na,luminance,1,cd/m2\n"
+    twice = send_csv(house, text, meter(house, "luminance"), meter(house, "luminance", "2"))
+    assert (twice.status_code, twice.json()["errors"][0]["field"]) == (422, "query.meter_id")
+    assert send_csv(house, text, "met_of_another").json()["code"] == "not_found"
