@@ -13,7 +13,7 @@ from radiometry.vignetting.grid import Axis, Grid, Plane, average_radial
 Matrix = NDArray[np.float64]
 
 _FARTHEST = 1.0
-"""How far from the frame's middle a centre is looked for, in half diagonals: at a corner."""
+"""How far from the frame's middle a centre is believed, in half diagonals: at a corner."""
 
 _LOST_CENTRE = 0.25
 """Standard error of a centre, in half diagonals, from which on the flat does not hold it."""
@@ -61,6 +61,10 @@ class Solution:
     residual: Plane
 
 
+_FALLOFF_CHI_SQUARED = 14.16
+"""The same of three degrees of freedom."""
+
+
 def is_gradient_significant(plain: Solution, tilted: Solution) -> bool:
     """Say whether a plane in the light explains the blocks better, as a likelihood ratio says.
 
@@ -75,26 +79,33 @@ def solve_falloff(blocks: Blocks, *, with_gradient: bool) -> Solution:
     """Fit A (1 + k1 <r^2> + k2 <r^4> + k3 <r^6>) (1 + g_row <a> + g_col <b>) to blocks.
 
     <> is the mean over a block's own pixels, a and b the distance from the frame's middle over R. Where the
-    flat does not hold the centre (its error is above a quarter of R, or it lies beyond the corners), the
-    centre is held at the frame's middle with the variance of a position anywhere in the frame.
+    flat does not hold the centre (about the middle there is no falloff beyond noise; or the centre's error
+    is above a quarter of R, or it lies beyond the corners), the centre is held at the frame's middle with the
+    variance of a position anywhere in the frame.
 
     A flat with fewer blocks than parameters cannot be fitted: the caller counts them.
-    Source: Press et al., Numerical Recipes, 15.5 (Levenberg and Marquardt), here scipy's trust region
+    Source: Press et al., Numerical Recipes, 15.5 (Levenberg and Marquardt), here MINPACK's
     """
-    free = _solve(blocks, with_gradient=with_gradient, held=False)
-    if free is not None and not _is_lost(free, blocks.grid):
-        return free
     held = _solve(blocks, with_gradient=with_gradient, held=True)
     if held is None:
         raise ValueError("the blocks do not determine a falloff")
-    return held
+    if not _has_falloff(held):
+        return held
+    free = _solve(blocks, with_gradient=with_gradient, held=False)
+    return held if free is None or _is_lost(free, blocks.grid) else free
+
+
+def _has_falloff(held: Solution) -> bool:
+    """Say whether k1, k2, k3 together stand out of their errors."""
+    k = np.array(held.k)
+    return bool(k @ np.linalg.solve(held.covariance[:3, :3], k) > _FALLOFF_CHI_SQUARED)
 
 
 def _is_lost(solution: Solution, grid: Grid) -> bool:
     errors = np.sqrt(np.diag(solution.covariance)[3:])
     away = math.dist(solution.centre_px, grid.middle_px)
     return bool(errors.max() > _LOST_CENTRE * grid.half_diagonal_px) or (
-        away > 0.999 * _FARTHEST * grid.half_diagonal_px
+        away > _FARTHEST * grid.half_diagonal_px
     )
 
 
@@ -103,8 +114,6 @@ def _solve(blocks: Blocks, *, with_gradient: bool, held: bool) -> Solution | Non
     model = _Model(blocks)
     free = np.array([True] * 4 + [not held] * 2 + [with_gradient] * 2)
     start = model.start()
-    low, high = np.full(8, -np.inf), np.full(8, np.inf)
-    low[4:6], high[4:6] = -_FARTHEST, _FARTHEST
 
     def full(part: Matrix) -> Matrix:
         parameters = start.copy()
@@ -115,7 +124,7 @@ def _solve(blocks: Blocks, *, with_gradient: bool, held: bool) -> Solution | Non
         lambda part: model.residual(full(part)),
         start[free],
         jac=lambda part: model.jacobian(full(part))[:, free],
-        bounds=(low[free], high[free]),
+        method="lm",
         x_scale="jac",
         xtol=_TOLERANCE,
         ftol=_TOLERANCE,

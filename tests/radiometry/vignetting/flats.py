@@ -1,0 +1,92 @@
+"""Simulated flats, as rows of a campaign; and blocks of light without noise."""
+
+import numpy as np
+
+from radiometry.evidence import Region
+from radiometry.exposure import Exposure
+from radiometry.methods import vignetting
+from radiometry.roi import Polygon
+from radiometry.vignetting.grid import Grid, Site, average_radial
+from radiometry.vignetting.results import Coefficient
+from radiometry.vignetting.simulation import SimulatedLens, simulate_dark, simulate_flat
+from radiometry.vignetting.solving import Blocks
+
+SMALL = SimulatedLens(height_px=192, width_px=288, centre_px=(88.0, 155.0))
+NONE = vignetting.Params()
+WHOLE = Site(row0=0, col0=0, step=1)
+
+
+def whole(height_px, width_px):
+    corners = [(0, 0), (width_px, 0), (width_px, height_px), (0, height_px)]
+    return Region(name="", polygon=Polygon.from_points(corners))
+
+
+def row(shot, *, regions=None, name=None, **changes):
+    regions = regions or [whole(shot.frame.height_px, shot.frame.width_px)]
+    extracted = vignetting.extract(shot.frame, regions, header=shot.header, exposure=shot.exposure)
+    fields = {
+        "frame": name or shot.name,
+        "role": shot.role,
+        "scene": None,
+        "header": shot.header,
+        "exposure": shot.exposure,
+        "statistics": extracted.statistics,
+        "features": extracted.features,
+    }
+    return vignetting.FrameRow(**(fields | changes))
+
+
+def flat(lens, seed, f_number=1.4, *, name="flat", target=None, **changes):
+    shot = simulate_flat(lens, np.random.default_rng(seed), f_number=f_number, name=name, target=target)
+    return row(shot, **changes)
+
+
+def dark(lens, seed, *, name="dark", time_s=0.01, iso=100.0):
+    shot = simulate_dark(lens, np.random.default_rng(seed), name=name, iso=iso)
+    return row(shot, exposure=Exposure(exposure_time_s=time_s, f_number=8.0, iso=iso))
+
+
+def flags_of(raised):
+    return {each.flag for each in raised}
+
+
+def exact_blocks(grid, k, centre_px, *, gradient=(0.0, 0.0), error=1e-3, site=WHOLE):
+    """Block means of the equation itself."""
+    rows, cols = grid.axes(site)
+    means, _, _ = average_radial(
+        rows,
+        cols,
+        centre_row_px=centre_px[0],
+        centre_col_px=centre_px[1],
+        radius_px=grid.half_diagonal_px,
+    )
+    a = (rows.means - grid.middle_px[0]) / grid.half_diagonal_px
+    b = (cols.means - grid.middle_px[1]) / grid.half_diagonal_px
+    light = 1.0 + np.tensordot(np.array(k), means, 1)
+    light = light * (1.0 + gradient[0] * a[:, None] + gradient[1] * b[None, :])
+    return Blocks(grid=grid, rows=rows, cols=cols, light=light, standard_error=np.full(light.shape, error))
+
+
+def coefficient(**changes):
+    """V = 1 - 0.4 r^2 + 0.1 r^4 about row 100, column 200 of a frame of 300 x 400: R = 250 px."""
+    fields = {
+        "f_number": 2.0,
+        "channel": "G1",
+        "height_px": 300,
+        "width_px": 400,
+        "radius_px": 250.0,
+        "centre_row_px": 100.0,
+        "centre_col_px": 200.0,
+        "k1": -0.4,
+        "k2": 0.1,
+        "k3": 0.0,
+        "covariance": tuple(tuple(1e-4 if i == j else 0.0 for j in range(5)) for i in range(5)),
+        "model_u_rel": 0.0,
+        "corner_falloff": 0.3,
+        "corner_falloff_standard_uncertainty": 0.01,
+    }
+    return Coefficient(**(fields | changes))
+
+
+def grid_of(height_px, width_px):
+    return Grid.over(height_px, width_px)

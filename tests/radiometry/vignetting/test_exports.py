@@ -1,0 +1,171 @@
+"""The falloff in other programs' terms, read back as they read it."""
+
+import ctypes
+import ctypes.util
+import dataclasses
+import struct
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from radiometry.errors import InputRejected
+from radiometry.methods import vignetting
+from radiometry.vignetting.simulation import FALLOFFS
+from tests.radiometry.vignetting.flats import coefficient
+
+HEIGHT, WIDTH = 300, 400
+WIDE = coefficient(k1=FALLOFFS[1.4][0], k2=FALLOFFS[1.4][1], k3=FALLOFFS[1.4][2], f_number=1.4)
+LENS = (WIDE, coefficient(f_number=4.0, k1=-0.085, k2=0.02, k3=-0.015))
+CENTRED = tuple(dataclasses.replace(each, centre_row_px=149.5, centre_col_px=199.5) for each in LENS)
+NAMES = vignetting.LensfunNames(
+    camera_make="Maker & Sons",
+    camera_model="Flyer One",
+    lens_make="Optics",
+    lens_model="Summer 15mm f/1.4",
+    mount="flyerOne",
+    focal_length_mm=15.0,
+    sensor_width_mm=17.3,
+    sensor_height_mm=12.975,
+)
+# The order in which the schema of Lensfun's database wants the children of each element.
+CHILDREN = {
+    "lensdatabase": ["mount", "camera", "lens"],
+    "mount": ["name", "compat"],
+    "camera": ["maker", "model", "mount", "cropfactor"],
+    "lens": ["maker", "model", "mount", "focal", "aperture", "cropfactor", "aspect-ratio", "calibration"],
+}
+
+
+def share(lens, f_number=1.4):
+    rows, cols = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    return vignetting.evaluate(lens, rows, cols, channel="G1", f_number=f_number).share
+
+
+def export(lens, names=NAMES):
+    return vignetting.export_lensfun(lens, channels=("G1",), names=names)
+
+
+def elements(text):
+    return ET.fromstring(text).findall("lens/calibration/vignetting")
+
+
+def error_in(text):
+    """The largest error that the first comment states."""
+    return float(text.partition("about the middle ")[2].partition("%")[0]) / 100
+
+
+def test_opcode_undoes_the_falloff_as_the_specification_reads_it():
+    found = vignetting.export_dng(LENS, channels=("G1",), f_number=1.4)
+    count, opcode, version, flags, size, *numbers = struct.unpack(">5I7d", found.opcode_list)
+    assert (count, opcode, version, flags, size) == (1, 3, 0x01030000, 1, 56)
+    assert tuple(numbers[:5]) == found.k
+    centre_x, centre_y = numbers[5:]
+    assert (centre_x, centre_y) == pytest.approx((200 / 399, 100 / 299))
+    x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    x0, y0 = centre_x * (WIDTH - 1), centre_y * (HEIGHT - 1)
+    farthest = np.hypot(max(x0, WIDTH - 1 - x0), max(y0, HEIGHT - 1 - y0))
+    squared = ((x - x0) ** 2 + (y - y0) ** 2) / farthest**2
+    gain = 1 + sum(k * squared ** (n + 1) for n, k in enumerate(numbers[:5]))
+    error = np.abs(gain * share(LENS) - 1).max()
+    assert error == pytest.approx(found.largest_error_rel, rel=0.05)
+    assert error < 0.006  # with 63 % of the light lost in the farthest corner
+
+
+def test_opcode_between_f_numbers_and_outside_of_what_it_can_say():
+    found = vignetting.export_dng(LENS, channels=("G1",), f_number=2.0)
+    assert found.largest_error_rel < 0.003
+    far = [dataclasses.replace(each, centre_col_px=-5.0) for each in LENS]
+    with pytest.raises(InputRejected, match="outside of the frame"):
+        vignetting.export_dng(far, channels=("G1",), f_number=1.4)
+    with pytest.raises(InputRejected, match="No channel"):
+        vignetting.export_dng(LENS, channels=(), f_number=1.4)
+
+
+def test_lensfun_s_schema_is_kept():
+    root = ET.fromstring(export(LENS))
+    assert (root.tag, root.attrib) == ("lensdatabase", {"version": "1"})
+    for tag, children in CHILDREN.items():
+        (element,) = root.iter(tag) if tag != "mount" else [root.find("mount")]
+        assert [child.tag for child in element] == children
+    assert root.findtext("camera/maker") == "Maker & Sons"
+    assert float(root.findtext("lens/cropfactor")) == pytest.approx(43.2666 / 21.625, rel=1e-4)
+    assert root.findtext("lens/aspect-ratio") == "400:300"
+    for element, f_number in zip(elements(export(LENS)), (1.4, 4.0), strict=True):
+        assert set(element.attrib) == {"model", "focal", "aperture", "distance", "k1", "k2", "k3"}
+        assert (element.get("model"), float(element.get("aperture"))) == ("pa", f_number)
+        assert (float(element.get("focal")), float(element.get("distance"))) == (15.0, 1000.0)
+
+
+def test_a_centred_lens_loses_nothing_and_another_says_what():
+    element = elements(export(CENTRED))[0]
+    # r is 1 at the centre of the corner pixel, not at the corner itself
+    ratio = (299**2 + 399**2) / 500**2
+    for name, k, power in zip(("k1", "k2", "k3"), WIDE.k, (1, 2, 3), strict=True):
+        assert float(element.get(name)) == pytest.approx(k * ratio**power, rel=1e-6)
+    assert error_in(export(CENTRED)) == 0.0
+    assert error_in(export(LENS)) > 0.05
+
+
+def test_names_that_the_schema_would_refuse():
+    with pytest.raises(ValueError, match="positive"):
+        dataclasses.replace(NAMES, focal_length_mm=0.0)
+    with pytest.raises(ValueError, match="names"):
+        dataclasses.replace(NAMES, mount="")
+    with pytest.raises(InputRejected, match="type the name anew"):
+        export(LENS, dataclasses.replace(NAMES, camera_model="A\x00B"))
+
+
+@pytest.fixture(scope="module")
+def lensfun():
+    name = ctypes.util.find_library("lensfun")
+    if name is None:
+        pytest.skip("liblensfun is not installed (Debian: liblensfun1)")
+    library, pointer, number, whole = ctypes.CDLL(name), ctypes.c_void_p, ctypes.c_float, ctypes.c_int
+    text = ctypes.c_char_p
+    signatures = {
+        "lf_db_new": (pointer, []),
+        "lf_db_destroy": (None, [pointer]),
+        "lf_db_load_file": (whole, [pointer, text]),
+        "lf_db_find_cameras": (ctypes.POINTER(pointer), [pointer, text, text]),
+        "lf_db_find_lenses_hd": (ctypes.POINTER(pointer), [pointer, pointer, text, text, whole]),
+        "lf_modifier_new": (pointer, [pointer, number, whole, whole]),
+        "lf_modifier_initialize": (
+            whole,
+            [pointer, pointer, whole, number, number, number, number, whole, whole, whole],
+        ),
+        "lf_modifier_apply_color_modification": (
+            whole,
+            [pointer, pointer, number, number, whole, whole, whole, whole],
+        ),
+        "lf_modifier_destroy": (None, [pointer]),
+    }
+    for function, (result, arguments) in signatures.items():
+        getattr(library, function).restype = result
+        getattr(library, function).argtypes = arguments
+    return library
+
+
+@pytest.mark.parametrize(("f_number", "allowed"), [(1.4, 2e-5), (4.0, 2e-5)])
+def test_liblensfun_reads_the_file_and_corrects_by_it(lensfun, tmp_path, f_number, allowed):
+    path = tmp_path / "flyer.xml"
+    path.write_text(export(CENTRED), encoding="utf-8")
+    database = lensfun.lf_db_new()
+    assert lensfun.lf_db_load_file(database, str(path).encode()) == 0
+    camera = lensfun.lf_db_find_cameras(database, b"Maker & Sons", b"Flyer One")
+    found = lensfun.lf_db_find_lenses_hd(database, camera[0], b"Optics", b"Summer 15mm f/1.4", 0)
+    assert found, "no lens of that name"
+    floats, vignetting_flag, intensity = 3, 2, 3
+    modifier = lensfun.lf_modifier_new(found[0], NAMES.crop_factor, WIDTH, HEIGHT)
+    done = lensfun.lf_modifier_initialize(
+        modifier, found[0], floats, 15.0, f_number, 1000.0, 1.0, 0, vignetting_flag, 0
+    )
+    assert done == vignetting_flag
+    pixels = share(CENTRED, f_number).astype(np.float32)
+    address = pixels.ctypes.data_as(ctypes.c_void_p)
+    assert lensfun.lf_modifier_apply_color_modification(
+        modifier, address, 0.0, 0.0, WIDTH, HEIGHT, intensity, WIDTH * 4
+    )
+    assert np.abs(pixels - 1).max() < allowed
+    lensfun.lf_modifier_destroy(modifier)
+    lensfun.lf_db_destroy(database)

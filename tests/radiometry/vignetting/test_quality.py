@@ -1,0 +1,198 @@
+"""What is wrong with a flat frame is found before a fit, named with its frame, and says what to do."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from radiometry.errors import InputRejected
+from radiometry.evidence import Exclusion, Region
+from radiometry.methods import vignetting
+from radiometry.roi import Polygon
+from radiometry.verdicts import Taken
+from radiometry.vignetting.simulation import SimulatedLens, Target
+from tests.radiometry.vignetting.flats import NONE, SMALL, dark, flags_of, flat
+
+DARKS = [dark(SMALL, seed, name=f"dark-{seed}") for seed in (91, 92, 93)]
+
+
+def fit(*rows):
+    return vignetting.fit([*rows, *DARKS], NONE)
+
+
+def refuse(*rows):
+    with pytest.raises(InputRejected) as refusal:
+        fit(*rows)
+    assert refusal.value.code == "flat_unusable"
+    return refusal.value.message
+
+
+def taken(row, **changes):
+    known = Taken(
+        frame=row.frame,
+        role=row.role,
+        scene=None,
+        state="extracted",
+        refusal="",
+        flags=(),
+        format=(row.header.width_px, row.header.height_px, row.header.cfa),
+        region=None,
+    )
+    return dataclasses.replace(known, **changes)
+
+
+def judge(*rows):
+    return vignetting.judge([taken(each) for each in rows], rows, NONE)
+
+
+def reasons(verdict):
+    return [reason.code for reason in verdict.reasons]
+
+
+def test_a_clipped_flat_is_left_out_and_named():
+    clipped = flat(SMALL, 1, name="bright", target=Target(level_share=1.02))
+    message = refuse(clipped)
+    assert "bright: " in message
+    assert "of channel G" in message
+    assert "expose less" in message
+    both = fit(clipped, flat(SMALL, 2, name="good"))
+    assert [point.used for point in both.points if point.role == "flat"] == [False, True]
+    assert [(r.flag, r.where) for r in both.flags] == [("flat_left_out", "frame bright")]
+    assert next(point for point in both.points if point.frame == "bright").saturated_share > 0.001
+
+
+def test_too_little_signal_is_refused_and_little_is_flagged():
+    # blue is at 0.7 of green: 1.4 % and 5.6 % of the span, times a median V of 0.87
+    assert "faint: the light of channel" in refuse(
+        flat(SMALL, 1, name="faint", target=Target(level_share=0.02))
+    )
+    weak = fit(flat(SMALL, 1, name="weak", target=Target(level_share=0.08)))
+    assert flags_of(weak.flags) == {"weak_flat"}
+    assert fit(flat(SMALL, 1)).flags == ()
+
+
+@pytest.mark.parametrize(
+    ("gradient", "towards"),
+    [((0.12, 0.0), "bottom"), ((-0.12, 0.02), "top"), ((0.0, 0.12), "right"), ((0.0, -0.12), "left")],
+)
+def test_strongly_uneven_light_is_refused_with_its_direction(gradient, towards):
+    message = refuse(flat(SMALL, 1, name="slope", target=Target(gradient=gradient)))
+    assert "slope: the light of channel G" in message
+    assert f"brighter towards the {towards}" in message
+
+
+def test_an_off_centre_lens_is_not_refused_for_uneven_light():
+    lens = SimulatedLens(height_px=192, width_px=288, centre_px=(60.0, 190.0))
+    found = vignetting.fit([flat(lens, 4)], NONE)
+    assert flags_of(found.flags) <= {"dark_from_black_level"}
+    row, col = found.coefficients[1].centre_px
+    assert (row, col) == pytest.approx((60.0, 190.0), abs=1.0)
+
+
+def test_a_centre_that_a_plane_explains_as_well_is_flagged():
+    """A faint falloff under uneven light: without the plane the centre would lie near a border."""
+    lens = dataclasses.replace(SMALL, falloffs={8.0: (-0.03, 0.0, 0.0)}, centre_px=None, dn_per_e=2.0)
+    found = vignetting.fit([flat(lens, 3, 8.0, target=Target(gradient=(0.0, 0.012)))], NONE)
+    assert "centre_uncertain" in flags_of(found.flags)
+
+
+def test_dust_is_found_where_it_lies_and_left_out():
+    dust = Target(spots=[(52.0, 200.0, 7.0, 0.3), (120.0, 60.0, 6.0, 0.5)])
+    spoilt = fit(flat(SMALL, 1, target=dust))
+    point = next(point for point in spoilt.points if point.frame == "flat")
+    assert point.used
+    places = {(round(spot.row_px / 8), round(spot.col_px / 8)) for spot in point.spots}
+    assert len(point.spots) <= 20
+    for row, col in ((52, 200), (120, 60)):
+        assert any(abs(8 * r - row) <= 8 and abs(8 * c - col) <= 8 for r, c in places)
+    assert all(min(abs(s.row_px - 52), abs(s.row_px - 120)) < 20 for s in point.spots)
+    assert flags_of(spoilt.flags) == {"dust"}
+    clean, found = (each.coefficients[1] for each in (fit(flat(SMALL, 1)), spoilt))
+    off = found.corner_falloff - clean.corner_falloff
+    assert abs(off) < 2 * clean.corner_falloff_standard_uncertainty
+
+
+def test_a_pattern_on_the_target_is_refused():
+    dots = [(r, c, 6.0, 0.4) for r in range(20, 190, 36) for c in range(20, 280, 36)]
+    assert "of its blocks are spots" in refuse(flat(SMALL, 1, name="dots", target=Target(spots=dots)))
+
+
+def test_another_picture_size_is_left_out():
+    crop = SimulatedLens(height_px=160, width_px=288)
+    found = fit(flat(SMALL, 1, name="a"), flat(SMALL, 2, name="b"), flat(crop, 3, name="crop"))
+    assert found.height_px == 192
+    (left,) = [point for point in found.points if not point.used]
+    assert left.frame == "crop"
+    assert "another picture size" in left.left_out
+
+
+def test_flats_of_two_lenses_are_refused():
+    other = flat(SMALL, 2, name="other")
+    other = dataclasses.replace(other, header=dataclasses.replace(other.header, lens_model="9 mm"))
+    assert "several lenses: 9 mm, unnamed lens" in refuse(flat(SMALL, 1, name="one"), other)
+
+
+def test_too_small_a_region_is_refused():
+    small = Region(name="", polygon=Polygon.from_points([(96, 96), (128, 96), (128, 128), (96, 128)]))
+    assert "only 16 blocks" in refuse(flat(SMALL, 1, regions=[small]))
+
+
+def test_verdicts_say_the_same_as_the_fit():
+    cases = {
+        "good": ({}, "pass", []),
+        "bright": ({"target": Target(level_share=1.02)}, "fail", ["clipped"]),
+        "faint": ({"target": Target(level_share=0.02)}, "fail", ["too_dark"]),
+        "weak": ({"target": Target(level_share=0.08)}, "warn", ["weak_signal"]),
+        "slope": ({"target": Target(gradient=(0.12, 0.0))}, "fail", ["uneven"]),
+        "tilted": ({"target": Target(gradient=(0.0, 0.04))}, "warn", ["uneven"]),
+        "dusty": ({"target": Target(spots=[(52.0, 200.0, 7.0, 0.3)])}, "warn", ["dust"]),
+    }
+    rows = [flat(SMALL, 1, name=name, **how) for name, (how, _, _) in cases.items()]
+    lit = flat(SMALL, 5, name="lit", target=Target(level_share=0.3), role="dark")
+    verdicts = judge(
+        *rows, *DARKS, dataclasses.replace(lit, exposure=dataclasses.replace(lit.exposure, iso=800.0))
+    )
+    for name, (_, outcome, codes) in cases.items():
+        assert (verdicts[name].outcome, reasons(verdicts[name])) == (outcome, codes), name
+    assert verdicts["dark-91"].outcome == "pass"
+    assert (verdicts["lit"].outcome, reasons(verdicts["lit"])) == ("fail", ["dark_not_dark"])
+
+
+def test_a_frame_that_waits_is_pending_and_an_excluded_one_is_not_judged():
+    row = dataclasses.replace(flat(SMALL, 1), features=None)
+    waiting = vignetting.judge([taken(row, state="read")], [row], NONE)
+    assert reasons(waiting["flat"]) == ["not_extracted"]
+    bright = flat(SMALL, 1, target=Target(level_share=1.02))
+    params = vignetting.Params(exclude=(Exclusion(frame="flat", reason="clipped", by="Ada"),))
+    assert vignetting.judge([taken(bright)], [bright], params)["flat"].outcome == "pass"
+
+
+def test_the_plan_says_what_to_add():
+    rows = [flat(SMALL, n, 1.4, name=f"wide-{n}") for n in (1, 2, 3)]
+    assert vignetting.plan([*rows, *DARKS], NONE) == (
+        "only f/1.4: frames at other f-numbers cannot be corrected",
+    )
+    found = vignetting.plan([*rows, flat(SMALL, 4, 4.0, name="far"), DARKS[0]], NONE)
+    assert found == (
+        "ISO 100 has 1 dark frame: add 2",
+        "f/4 has 1 usable flat frame: add 2 more",
+        "f/1.4 and f/4 are more than a stop apart: add one between",
+    )
+    clipped = flat(SMALL, 1, name="bright", target=Target(level_share=1.02))
+    (again,) = vignetting.plan([clipped], NONE)
+    assert again.startswith("take bright again: ")
+    assert "no dark frames at ISO 100: add 3 with the lens covered" in vignetting.plan(rows, NONE)
+    full = [flat(SMALL, n, f, name=f"{f:g}-{n}") for f in (1.4, 2.0) for n in (1, 2, 3)]
+    assert vignetting.plan([*full, *DARKS], NONE) == ()
+
+
+def test_a_rendered_flat_is_flagged():
+    row = flat(SMALL, 1)
+    row = dataclasses.replace(row, header=dataclasses.replace(row.header, rendered=True))
+    assert flags_of(fit(row).flags) == {"rendered"}
+
+
+def test_numbers_of_a_point_are_finite():
+    for point in fit(flat(SMALL, 1), flat(SMALL, 2, name="bright", target=Target(level_share=1.02))).points:
+        for value in (point.saturated_share, point.signal_share, point.gradient_rel):
+            assert value is None or np.isfinite(value)
