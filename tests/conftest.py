@@ -8,6 +8,7 @@ from store.migrate import migrate
 from tests.support.house import House
 from tests.support.postgres import postgres  # noqa: F401 (fixture)
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
+from tests.support.stages import staged, stages  # noqa: F401 (fixtures)
 
 # the same examples in every run, and no clock: a test fails because of the code, never of the day or the load
 hypothesis.settings.register_profile("house", derandomize=True, deadline=None)

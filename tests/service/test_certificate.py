@@ -6,15 +6,15 @@ import pytest
 
 from service.certificate.gaps import GapCode, list_gaps
 from service.schemas.certificates import CertificateAnswer
-from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, upload_campaign
+from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
 from tests.support.certificates import METER, WORK, certificate_of, complete_version
 
 PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring, reviewed"}
 
 
 @pytest.fixture
-def version(house):
-    return complete_version(house)
+def version(staged):
+    return staged(complete_version)
 
 
 def publish(house, version, *, status=200, **changes):
@@ -176,8 +176,8 @@ def test_a_complete_certificate_has_no_gap_and_is_published_without_a_warning(ho
     assert publish(house, version)["warnings"] == []
 
 
-def test_a_bare_campaign_is_published_with_every_warning_or_not_at_all(house):
-    version = calibrate(house, upload_campaign(house, isos=(3200,)))
+def test_a_bare_campaign_is_published_with_every_warning_or_not_at_all(house, staged):
+    version = staged(calibrated_campaign, isos=(3200,))
     expected = [
         *("laboratory_address_missing", "customer_missing", "place_missing", "conditions_missing"),
         *("recorder_missing", "lens_missing", "meter_unknown", "checklist_incomplete", "checklist_unsigned"),

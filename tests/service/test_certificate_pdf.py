@@ -17,8 +17,8 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
 
 
 @pytest.fixture
-def version(house):
-    return complete_version(house, isos=(3200, 6400))
+def version(staged):
+    return staged(complete_version, isos=(3200, 6400))
 
 
 def read(pdf: bytes) -> list[str]:

@@ -6,7 +6,7 @@ from sqlalchemy import select
 
 from store.tables import ApiKey
 from store.tables.audit import AuditEntry
-from tests.support.campaigns import calibrate, upload_campaign
+from tests.support.campaigns import calibrated_campaign
 from tests.support.house import CAMERA
 
 
@@ -60,8 +60,8 @@ def test_a_frame_and_its_correction(house):
     )
 
 
-def test_what_is_decided_of_a_version(house):
-    version = calibrate(house, upload_campaign(house, isos=(3200,)))
+def test_what_is_decided_of_a_version(house, staged):
+    version = staged(calibrated_campaign, isos=(3200,))
     path = f"/v1/calibrations/{version['id']}"
     house.post(f"{path}/publish", {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring"}, status=200)
     house.post(f"{path}/revoke", {"reason": "the meter was out of calibration"}, status=200)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.support.campaigns import calibrate, upload_campaign
+from tests.support.campaigns import calibrated_campaign
 
 
 def patch(client, campaign, body):
@@ -13,9 +13,8 @@ def items_of(answer):
     return {item["key"]: item for item in answer["items"]}
 
 
-def test_the_service_ticks_people_tick_and_one_signs(house):
-    campaign = upload_campaign(house)
-    calibrate(house, campaign)
+def test_the_service_ticks_people_tick_and_one_signs(house, staged):
+    campaign = {"id": staged(calibrated_campaign)["campaign_id"]}
     path = f"/v1/campaigns/{campaign['id']}/checklist"
     before = house.get(path)
     assert (before["done"], before["open"], len(before["items"])) == (22, 26, 48)

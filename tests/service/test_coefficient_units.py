@@ -7,7 +7,7 @@ from tests.support.campaigns import calibrate, upload_campaign
 
 
 @pytest.mark.parametrize("model", K_UNITS)
-def test_k_has_the_unit_of_its_model(house, model):
-    version = calibrate(house, upload_campaign(house), model=model)
+def test_k_has_the_unit_of_its_model(house, staged, model):
+    version = calibrate(house, staged(upload_campaign), model=model)
     units = {c["unit"] for c in version["coefficients"] if c["name"] == "luminance_k"}
     assert units == {K_UNITS[model]}

@@ -22,13 +22,21 @@ def impact(house, version, **params):
     return house.get(f"/v1/calibrations/{version['id']}/impact", **params)
 
 
-@pytest.fixture
-def pair(house):
-    """Two versions by one meter; the second's readings were 5 % higher, and it lacks ISO 6400."""
+def make_pair(house):
     meter = enter_meter(house)
     first = calibrate(house, metered_campaign(house, meter, isos=(3200, 6400)))
     second = calibrate(house, metered_campaign(house, meter, factor=1.05))
     return first, second
+
+
+@pytest.fixture
+def pair(staged):
+    """Two versions by one meter; the second's readings were 5 % higher, and it lacks ISO 6400."""
+    return staged(make_pair)
+
+
+def make_metered_version(house):
+    return calibrate(house, metered_campaign(house, enter_meter(house)))
 
 
 def test_a_revoked_version_lists_its_measurements_with_what_the_next_would_say(house, pair):
@@ -143,8 +151,8 @@ def test_the_impact_names_every_change(house, pair):
     ("meter", "said"),
     [({"number": "D-K-2"}, "separate"), ({"serial": "other"}, "separate"), (None, "unknown")],
 )
-def test_a_meter_that_is_not_the_same_counts_in_both(house, meter, said):
-    first = calibrate(house, metered_campaign(house, enter_meter(house)))
+def test_a_meter_that_is_not_the_same_counts_in_both(house, staged, meter, said):
+    first = staged(make_metered_version)
     publish(house, first)
     other = enter_meter(house, **meter) if meter else None
     found = impact(house, calibrate(house, metered_campaign(house, other, factor=1.05)))
@@ -162,5 +170,5 @@ def test_a_version_in_force_changes_nothing_against_itself(house, pair):
     assert {row["difference"]["value"] for row in found["coefficients"]} == {0.0}
 
 
-def test_a_stranger_learns_nothing(stranger, pair):
+def test_a_stranger_learns_nothing(pair, stranger):
     assert stranger.get(f"/v1/calibrations/{pair[0]['id']}/impact").status_code == 404

@@ -6,7 +6,14 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from tests.support.campaigns import ISOS, K_TRUE, calibrate, upload_campaign
+from tests.support.campaigns import (
+    ISOS,
+    K_TRUE,
+    calibrate,
+    calibrated_campaign,
+    published_campaign,
+    upload_campaign,
+)
 
 
 def test_a_campaign_becomes_coefficients_in_force(house):
@@ -35,8 +42,8 @@ def test_a_campaign_becomes_coefficients_in_force(house):
     assert "version 1 is in force from 2026-05-01T00:00:00Z on" in items[0]["why"]
 
 
-def test_no_version_in_force_is_never_the_nearest(house):
-    version = calibrate(house, upload_campaign(house))
+def test_no_version_in_force_is_never_the_nearest(house, staged):
+    version = staged(calibrated_campaign)
     validity = {"valid_from": "2026-05-01T00:00:00Z", "valid_to": "2026-06-01T00:00:00Z", "reason": "may"}
     house.post(f"/v1/calibrations/{version['id']}/publish", validity, status=200)
     path = f"/v1/cameras/{version['camera_id']}/coefficients"
@@ -58,17 +65,17 @@ def test_what_is_missing_is_said_by_name_before_a_fit(house):
     assert house.get("/v1/jobs", kind="fit")["items"] == []
 
 
-def test_the_same_fit_again_is_the_same_version(house):
-    campaign = upload_campaign(house)
-    first = calibrate(house, campaign)
+def test_the_same_fit_again_is_the_same_version(house, staged):
+    first = staged(calibrated_campaign)
+    campaign = {"id": first["campaign_id"]}
     again = calibrate(house, campaign)
     other = calibrate(house, campaign, model="affine")
     assert again["id"] == first["id"]
     assert (other["version"], other["id"] == first["id"]) == (2, False)
 
 
-def test_a_point_left_out_by_hand_says_who_and_why(house):
-    campaign = upload_campaign(house)
+def test_a_point_left_out_by_hand_says_who_and_why(house, staged):
+    campaign = staged(upload_campaign)
     frames = house.get(f"/v1/campaigns/{campaign['id']}/frames", limit=1000)["items"]
     light = next(f for f in frames if f["role"] == "light")
     house.work()
@@ -78,8 +85,8 @@ def test_a_point_left_out_by_hand_says_who_and_why(house):
     assert "a moth" in point["left_out"]
 
 
-def test_points_and_plot_of_a_version(house):
-    version = calibrate(house, upload_campaign(house))
+def test_points_and_plot_of_a_version(house, staged):
+    version = staged(calibrated_campaign)
     answer = house.http.get(f"/v1/calibrations/{version['id']}/points.csv")
     rows = list(csv.DictReader(io.StringIO(answer.text)))
     assert len(rows) == len(version["points"])
@@ -96,10 +103,8 @@ def test_points_and_plot_of_a_version(house):
 
 
 @pytest.mark.parametrize("form", ["json", "csv"])
-def test_the_series_is_flat_and_whole(house, form):
-    version = calibrate(house, upload_campaign(house))
-    publication = {"valid_from": "2026-05-01T00:00:00Z", "reason": "r"}
-    house.post(f"/v1/calibrations/{version['id']}/publish", publication, status=200)
+def test_the_series_is_flat_and_whole(house, staged, form):
+    version = staged(published_campaign)
     answer = house.http.get("/v1/series/coefficients", params={"format": form})
     rows = answer.json()["rows"] if form == "json" else list(csv.DictReader(io.StringIO(answer.text)))
     assert [(r["name"], float(r["iso"])) for r in rows] == [

@@ -95,8 +95,7 @@ def test_only_the_operator_founds_organisations(house, stranger):
     assert twice["code"] == "conflict"
 
 
-@pytest.fixture
-def owned(house):
+def make_one_of_each(house):
     campaign = upload_campaign(house, isos=(3200,))
     version = calibrate(house, campaign)
     publication = {"valid_from": "2026-05-01T00:00:00Z", "reason": "r"}
@@ -116,7 +115,13 @@ def owned(house):
     }
 
 
-def test_what_is_another_organisations_does_not_exist(house, stranger, owned):
+@pytest.fixture
+def owned(staged):
+    """The ids of what one organisation has."""
+    return staged(make_one_of_each)
+
+
+def test_what_is_another_organisations_does_not_exist(house, owned, stranger):
     tried = 0
     for method, path, operation in every_operation(house):
         if "{" not in path:
@@ -129,7 +134,7 @@ def test_what_is_another_organisations_does_not_exist(house, stranger, owned):
     assert tried > 20
 
 
-def test_the_lists_of_another_organisation_are_empty(stranger, owned):
+def test_the_lists_of_another_organisation_are_empty(owned, stranger):
     for path in ("/v1/cameras", "/v1/meters", "/v1/campaigns", "/v1/jobs"):
         assert stranger.get(path).json() == {"items": [], "next": None}
     assert stranger.get("/v1/series/coefficients").json() == {"rows": []}
@@ -138,7 +143,7 @@ def test_the_lists_of_another_organisation_are_empty(stranger, owned):
     assert series.status_code == 404
 
 
-def test_nothing_can_be_hung_on_what_is_another_organisations(stranger, owned):
+def test_nothing_can_be_hung_on_what_is_another_organisations(owned, stranger):
     camera = stranger.post("/v1/cameras", json=CAMERA).json()
     forms = {"camera_id": owned["camera_id"], "method": "luminance"}
     assert stranger.post("/v1/campaigns", json=forms).status_code == 404

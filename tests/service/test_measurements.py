@@ -9,7 +9,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from tests.support.campaigns import K_TRUE, ROI, calibrate, upload_campaign
+from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
 from tests.support.frames import forget_time, place_frame, write_frame
 
 SETTINGS = {"exposure_time_s": 0.02, "f_number": 4.0, "iso": 3200}
@@ -20,11 +20,9 @@ IN_FORCE = {"valid_from": "2026-04-01T00:00:00Z", "reason": "spring"}
 
 
 @pytest.fixture
-def version(house):
+def version(staged):
     """A published calibration of K = 2."""
-    made = calibrate(house, upload_campaign(house))
-    house.post(f"/v1/calibrations/{made['id']}/publish", IN_FORCE, status=200)
-    return made
+    return staged(published_campaign, valid_from=IN_FORCE["valid_from"], reason=IN_FORCE["reason"])
 
 
 def field_campaign(house, roi=ROI):
@@ -187,8 +185,8 @@ def test_a_frame_of_another_camera_is_refused(house, version):
     assert house.post("/v1/measurements", asked, status=422)["code"] == "wrong_camera"
 
 
-def test_without_a_version_in_force_nothing_is_measured_in_silence(house):
-    made = calibrate(house, upload_campaign(house))
+def test_without_a_version_in_force_nothing_is_measured_in_silence(house, staged):
+    made = staged(calibrated_campaign)
     frame = field_frame(house, field_campaign(house))
     problem = house.post("/v1/measurements", {"frame_id": frame["id"]}, status=409)
     assert problem["code"] == "no_calibration_in_force"
@@ -200,8 +198,8 @@ def test_without_a_version_in_force_nothing_is_measured_in_silence(house):
     assert found["calibration"]["why"] == "version 1 was named in the request"
 
 
-def test_a_draft_may_be_named_and_is_flagged(house):
-    made = calibrate(house, upload_campaign(house))
+def test_a_draft_may_be_named_and_is_flagged(house, staged):
+    made = staged(calibrated_campaign)
     found = measure(house, field_frame(house, field_campaign(house)), calibration_id=made["id"])
     assert "calibration_not_published" in flags(found)
 
@@ -263,9 +261,9 @@ def test_a_frame_without_a_time_needs_a_named_version(house, version):
 
 
 @pytest.mark.parametrize(("start", "status"), [("2026-05-01T05:59:00Z", 202), ("2026-05-01T06:01:00Z", 409)])
-def test_a_time_without_a_zone_must_be_covered_wherever_it_was(house, start, status):
+def test_a_time_without_a_zone_must_be_covered_wherever_it_was(house, staged, start, status):
     """20:00 on 1 May somewhere: from 06:00 to 08:00 of the next day in UTC."""
-    made = calibrate(house, upload_campaign(house))
+    made = staged(calibrated_campaign)
     validity = {"valid_from": start, "reason": "spring"}
     house.post(f"/v1/calibrations/{made['id']}/publish", validity, status=200)
     frame = field_frame(

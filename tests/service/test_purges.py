@@ -11,9 +11,7 @@ from tests.support.meters import add_readings, enter_meter, metered_campaign
 APRIL = {"valid_from": "2026-04-01T00:00:00Z", "reason": "r"}
 
 
-@pytest.fixture
-def made(house):
-    """Two versions by one meter, the first one published, and one by another meter."""
+def make_versions(house):
     bad, good = enter_meter(house, serial="bad"), enter_meter(house, serial="good", number="D-K-9")
     campaign = metered_campaign(house, bad)
     first = calibrate(house, campaign)
@@ -21,6 +19,12 @@ def made(house):
     second = calibrate(house, campaign, model="affine")
     third = calibrate(house, metered_campaign(house, good))
     return {"bad": bad, "campaign": campaign, "by_bad": [first["id"], second["id"]], "by_good": third["id"]}
+
+
+@pytest.fixture
+def made(staged):
+    """Two versions by one meter, the first one published, and one by another meter."""
+    return staged(make_versions)
 
 
 def propose(house, cause, *, status=201):
@@ -153,7 +157,7 @@ def test_a_cause_is_exactly_one(house, cause):
     assert propose(house, cause, status=422)["code"] == "validation_failed"
 
 
-def test_another_organisation_has_no_part_in_it(house, stranger, made):
+def test_another_organisation_has_no_part_in_it(house, made, stranger):
     purge = propose(house, {"meter_id": made["bad"]})
     assert stranger.get("/v1/purges").json()["items"] == []
     assert stranger.get(f"/v1/purges/{purge['id']}").status_code == 404

@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy import func, select
 
 from store.tables import Camera, Campaign, Meter, Reading
-from tests.support.campaigns import ROI, calibrate, upload_campaign
+from tests.support.campaigns import ROI, calibrated_campaign
 from tests.support.house import CAMERA
 
 METER = {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
@@ -62,9 +62,9 @@ def test_requests_sent_at_once_are_done_once(house, headers):
     assert rows(house, Camera) == 1
 
 
-def test_every_post_can_be_repeated(house):
-    campaign = upload_campaign(house, isos=(3200,))
-    version = calibrate(house, campaign)
+def test_every_post_can_be_repeated(house, staged):
+    version = staged(calibrated_campaign, isos=(3200,))
+    campaign = {"id": version["campaign_id"], "camera_id": version["camera_id"]}
     key = {"Idempotency-Key": "fit"}
     first, again = (
         house.http.post(f"/v1/campaigns/{campaign['id']}/calibrations", json={}, headers=key)
@@ -160,9 +160,8 @@ def test_waiting_for_a_job(house):
     assert "preference-applied" not in house.http.get(path, headers={"Prefer": "wait=soon"}).headers
 
 
-def test_what_never_changes_is_sent_once(house):
-    campaign = upload_campaign(house, isos=(3200,))
-    version = calibrate(house, campaign)
+def test_what_never_changes_is_sent_once(house, staged):
+    version = staged(calibrated_campaign, isos=(3200,))
     frame = version["points"][0]["frame_id"]
     for path in (
         f"/v1/frames/{frame}/content",

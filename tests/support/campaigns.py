@@ -54,3 +54,16 @@ def calibrate(house: House, campaign: dict, **params) -> dict:
     job = house.get(f"/v1/jobs/{job['id']}")
     assert job["state"] == "succeeded", job
     return house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+
+
+def calibrated_campaign(house: House, *, isos=ISOS, **params) -> dict:
+    """The version that the campaign gives."""
+    return calibrate(house, upload_campaign(house, isos=isos), **params)
+
+
+def published_campaign(house: House, *, isos=ISOS, valid_from="2026-05-01T00:00:00Z", reason="first") -> dict:
+    """The version that the campaign gives, from then on in force; as it was before it was published."""
+    version = calibrated_campaign(house, isos=isos)
+    publication = {"valid_from": valid_from, "reason": reason}
+    house.post(f"/v1/calibrations/{version['id']}/publish", publication, status=200)
+    return version

@@ -28,8 +28,8 @@ KEY = "stilb_test_key"
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"}
 
 
-# What takes long to make and holds nothing of a house. An application has its world in its context alone, so
-# the next house takes over what the last one left; each first writes its document, which is a third of a second.
+# What takes long to make and holds nothing of a house. An application has its world in its context alone: the
+# next house takes over what the last one left. A new one writes its document first, for a third of a second.
 _idle_apps: list[FastAPI] = []
 _decoders = DecoderPool(1)
 atexit.register(_decoders.close)

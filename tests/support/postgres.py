@@ -76,16 +76,20 @@ class PostgresServer:
     def new_database(self, like: str | None = None) -> str:
         """Create a database, empty or a copy of one to which nobody is connected, and return its URL."""
         name = f"test_{next(self._numbers)}"
-        template = urlsplit(like).path.strip("/") if like else "template0"
         with self._connected() as connection:
-            # For a small template copying files is faster than logging pages, as nothing is synced.
-            connection.execute(f"CREATE DATABASE {name} TEMPLATE {template} STRATEGY file_copy")
+            _create(connection, name, _name(like) if like else "template0")
         return self._url(name)
 
     def drop_database(self, url: str) -> None:
         """Drop a database, whoever is still connected."""
         with self._connected() as connection:
-            connection.execute(f"DROP DATABASE {urlsplit(url).path.strip('/')} WITH (FORCE)")
+            _drop(connection, _name(url))
+
+    def replace_database(self, url: str, like: str) -> None:
+        """Let a database be a copy of another one, to which nobody is connected."""
+        with self._connected() as connection:
+            _drop(connection, _name(url))
+            _create(connection, _name(url), _name(like))
 
     @property
     def pid(self) -> int:
@@ -134,6 +138,19 @@ class PostgresServer:
     def _clean(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
         os.close(self._lock)
+
+
+def _create(connection: psycopg.Connection, name: str, template: str) -> None:
+    # For a small template copying files is faster than logging pages, as nothing is synced.
+    connection.execute(f"CREATE DATABASE {name} TEMPLATE {template} STRATEGY file_copy")
+
+
+def _drop(connection: psycopg.Connection, name: str) -> None:
+    connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
+
+
+def _name(url: str) -> str:
+    return urlsplit(url).path.strip("/")
 
 
 def runnable_binaries(folder: Path) -> Path:

@@ -22,8 +22,8 @@ def test_every_gap_has_its_heading_and_every_heading_its_gap():
 
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="a command is curl's")
-def test_its_commands_work(house, address, tmp_path):
-    version = complete_version(house)
+def test_its_commands_work(staged, address, tmp_path):
+    version = staged(complete_version)
     (block,) = re.findall(r"^```sh\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     environment = os.environ | {
         "HOME": str(tmp_path),

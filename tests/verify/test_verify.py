@@ -170,16 +170,16 @@ def test_the_data_must_be_named(exported):
         main([str(exported / "certificate.json")])
 
 
-def test_a_certificate_on_a_server_is_verified_from_there(capsys, house, address):
-    version = complete_version(house)
+def test_a_certificate_on_a_server_is_verified_from_there(capsys, staged, address):
+    version = staged(complete_version)
     place = f"{address}/v1/calibrations/{version['id']}/certificate.json"
     assert main([place, "--key", KEY]) == 0
     assert main([place, "--key", "wrong"]) == 2
     assert "unauthenticated" in capsys.readouterr().out
 
 
-def test_a_doctored_certificate_fails_against_the_server(house, address, tmp_path):
-    version = complete_version(house)
+def test_a_doctored_certificate_fails_against_the_server(house, staged, address, tmp_path):
+    version = staged(complete_version)
     certificate = certificate_of(house, version)
     certificate["readings"][0]["value"] *= 1.01
     doctored = tmp_path / "doctored.json"
@@ -187,8 +187,8 @@ def test_a_doctored_certificate_fails_against_the_server(house, address, tmp_pat
     assert main([str(doctored), "--data", address, "--key", KEY]) == 1
 
 
-def test_the_clients_export_is_taken_up_where_it_stopped(house, address, tmp_path):
-    version = complete_version(house)
+def test_the_clients_export_is_taken_up_where_it_stopped(house, staged, address, tmp_path):
+    version = staged(complete_version)
     told = []
     with stilb.Client(address, KEY) as client:
         folder = client.export(version["id"], tmp_path / "out", on_progress=told.append)
@@ -208,8 +208,8 @@ def test_the_clients_export_is_taken_up_where_it_stopped(house, address, tmp_pat
     assert not list(folder.rglob("*.part"))
 
 
-def test_the_command_exports(house, address, tmp_path, capsys):
-    version = complete_version(house)
+def test_the_command_exports(staged, address, tmp_path, capsys):
+    version = staged(complete_version)
     asked = ["export", version["id"], str(tmp_path / "out"), "--url", address, "--key"]
     assert stilb.__main__.main([*asked, KEY]) == 0
     assert main([str(tmp_path / "out" / "certificate.json"), "--data", str(tmp_path / "out")]) == 0
