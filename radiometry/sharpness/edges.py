@@ -29,7 +29,7 @@ LEAST_REACH_PX = 8.0
 
 _BLOCKS = 8
 _MOST_RESIDUAL_PX = 2.0
-_MOST_EMPTY_SHARE = 0.1
+_WIDEST_GAP_PX = 0.45
 
 
 def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
@@ -48,6 +48,7 @@ def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
     contrast, noise_rel = _require_signal(plane)
     edge = locate_edge(plane, order=order)
     low_px, high_px = _require_edge(plane, edge)
+    _require_phases(plane, edge)
     lines = _count_whole_periods(plane, edge)
     distance = plane.positions_px[:lines] - edge.curve(plane.line_px[:lines])[:, None]
     bins = 2 * int(plane.values.shape[1] * plane.pitch_px * BINS_PER_PIXEL / 2)
@@ -56,7 +57,6 @@ def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
         for block in np.array_split(np.arange(lines), _BLOCKS)
     ]
     whole = gather(distance.ravel(), plane.values[:lines].ravel(), bins=bins)
-    _require_filled(whole, edge)
     reach = {"slope": edge.slope, "low_px": low_px, "high_px": high_px}
     best = _measure(whole, **reach)
     left = np.array([_measure(whole.without(part), **reach) for part in parts])
@@ -196,16 +196,18 @@ def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
     return low, high
 
 
-def _require_filled(sums: Sums, edge: Edge) -> None:
-    """Refuse an edge whose slope leaves places between the pixels unseen."""
-    middle = sums.count.size // 2
-    reach = round(LEAST_REACH_PX * BINS_PER_PIXEL)
-    empty = float(np.mean(sums.count[middle - reach : middle + reach] == 0))
-    if empty > _MOST_EMPTY_SHARE:
+def _require_phases(plane: Plane, edge: Edge) -> None:
+    """Refuse an edge whose slope leaves places between the pixels unseen.
+
+    A line sees the profile at one place of a sample's pitch; between the places of all lines no gap may be
+    too wide for 1 cycle per pixel.
+    """
+    places = np.sort(np.mod(plane.first_px - edge.curve(plane.line_px), plane.pitch_px))
+    gap_px = float(np.max(np.diff(places, append=places[0] + plane.pitch_px)))
+    if gap_px > _WIDEST_GAP_PX:
         raise InputRejected(
             Code.EDGE_ANGLE_UNSUITABLE,
-            f"At a slope of {abs(edge.slope):.3f} the edge passes the pixels at the same places again and "
-            "again: "
-            f"{empty:.0%} of the profile stay unseen. Turn the chart by a degree or two, or draw the "
-            "region longer.",
+            f"At a slope of {abs(edge.slope):.3f} the edge passes the samples of channel {plane.channel} at "
+            f"the same places again and again: {gap_px:.2f} px between them stay unseen. Turn the chart by a "
+            "degree or two, or draw the region longer.",
         )

@@ -10,7 +10,6 @@ from radiometry.sharpness.sampling import Plane
 
 Vector = NDArray[np.float64]
 
-_PASSES = 2
 _WINDOW_FLOOR = 0.05
 
 
@@ -41,22 +40,13 @@ def locate_edge(plane: Plane, *, order: int) -> Edge:
     References
       ISO 12233:2023 annex D; P. D. Burns, sfrmat5
     """
-    differences = np.diff(plane.values, axis=1)
     samples = plane.values.shape[1]
-    between = np.arange(samples - 1) + 0.5
     middle = np.full(plane.line_px.size, (samples - 1) / 2.0)
-    places = curve = None
-    for _ in range(_PASSES):
-        reach = np.maximum(middle + 0.5, samples - 0.5 - middle)[:, None]
-        phase = np.clip((between - middle[:, None]) / reach, -1.0, 1.0)
-        weighted = differences * (_WINDOW_FLOOR + (1.0 - _WINDOW_FLOOR) * 0.5 * (1.0 + np.cos(np.pi * phase)))
-        total = weighted.sum(axis=1)
-        total = np.where(total == 0.0, 1.0, total)  # a line without an edge: it spoils the fit, and is seen
-        places = plane.first_px + plane.pitch_px * (weighted @ between) / total
-        curve = Polynomial.fit(plane.line_px, places, order)
-        middle = (curve(plane.line_px) - plane.first_px) / plane.pitch_px
-        middle = np.clip(middle, 0.0, samples - 1.0)
-    assert places is not None and curve is not None  # noqa: S101, PT018
+    places = _find_places(plane, middle)
+    curve = Polynomial.fit(plane.line_px, places, order)
+    middle = np.clip((curve(plane.line_px) - plane.first_px) / plane.pitch_px, 0.0, samples - 1.0)
+    places = _find_places(plane, middle)
+    curve = Polynomial.fit(plane.line_px, places, order)
     straight = Polynomial.fit(plane.line_px, places, 1)
     cubic = Polynomial.fit(plane.line_px, places, 3)
     return Edge(
@@ -66,3 +56,16 @@ def locate_edge(plane: Plane, *, order: int) -> Edge:
         residual_px=float(np.sqrt(np.mean((places - curve(plane.line_px)) ** 2))),
         departure_px=float(np.max(np.abs(cubic(plane.line_px) - straight(plane.line_px)))),
     )
+
+
+def _find_places(plane: Plane, middle: Vector) -> Vector:
+    """Give the centroid of every line's difference, the window about ``middle`` (line,) [samples]."""
+    samples = plane.values.shape[1]
+    between = np.arange(samples - 1) + 0.5
+    reach = np.maximum(middle + 0.5, samples - 0.5 - middle)[:, None]
+    phase = np.clip((between - middle[:, None]) / reach, -1.0, 1.0)
+    window = _WINDOW_FLOOR + (1.0 - _WINDOW_FLOOR) * 0.5 * (1.0 + np.cos(np.pi * phase))
+    weighted = np.diff(plane.values, axis=1) * window
+    total = weighted.sum(axis=1)
+    total = np.where(total == 0.0, 1.0, total)  # a line without an edge: it spoils the fit, and is seen
+    return np.asarray(plane.first_px + plane.pitch_px * (weighted @ between) / total, np.float64)

@@ -92,7 +92,8 @@ def average_sites(frame: Frame, window: Window, *, tone: Tone | None) -> tuple[M
     """
     sites = _read_sites(frame, window, tone)
     if frame.cfa == "rgb":
-        return sum(LUMINANCE_WEIGHTS[name] * found[0].values for name, found in sites.items()), 1.0  # type: ignore[return-value]
+        weighed = [LUMINANCE_WEIGHTS[name] * found[0].values for name, found in sites.items()]
+        return np.asarray(np.sum(weighed, axis=0), np.float64), 1.0
     if frame.cfa == GREY:
         return sites[GREY][0].values, 1.0
     every = [site.values for found in sites.values() for site in found]

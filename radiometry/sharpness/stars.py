@@ -39,9 +39,10 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
 
     I = a + b cos(n theta) + c sin(n theta),   M = sqrt(b^2 + c^2) / a,   f = n / (2 pi r)
 
-    Noise makes b and c larger than they are: the variance of both is taken off their squares. The contrast is
-    M relative to that of the six outermost rings of the star, whose own blur is left in. A star of bars has a
-    fundamental 4/pi as large, which cancels. Rings end at the channel's Nyquist frequency.
+    Noise makes b and c larger than they are: the variance of both is taken off their squares. All directions
+    together are the root of the mean square. The contrast is M relative to that of the six outermost rings of
+    the star, whose own blur is left in. A star of bars has a fundamental 4/pi as large, which cancels. Rings
+    end at the channel's Nyquist frequency.
 
     Takes
       plane : lines along the rows; cycles : n; centre : (row, col) indices; radius_px : of the largest ring
@@ -54,8 +55,8 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
     inner_px = cycles / (2.0 * math.pi * nyquist_of(plane))
     _require_span(radius_px, inner_px, plane.channel)
     radii = np.geomspace(inner_px, radius_px, _RINGS)[::-1]
-    modulation, variance, explained = _fit_rings(plane, radii, cycles=cycles, centre=centre)
-    mean = modulation.mean(axis=1)
+    square, variance, explained = _fit_rings(plane, radii, cycles=cycles, centre=centre)
+    mean = np.sqrt(np.maximum(0.0, np.mean(square, axis=1)))
     outer = int(np.flatnonzero(mean >= _STAR_SHARE * mean.max())[0])
     _require_span(float(radii[outer]), inner_px, plane.channel)
     reference = slice(outer, outer + _REFERENCE_RINGS)
@@ -74,8 +75,9 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
             f"The star's contrast is {strength:.1%} in channel {plane.channel}, less than "
             f"{LEAST_MODULATION:.0%}.",
         )
-    bases = modulation[reference].mean(axis=0)
-    contrast, u = modulation[outer:] / bases, np.sqrt(variance[outer:]) / bases
+    modulation = np.sqrt(np.maximum(0.0, square[outer:]))
+    bases = modulation[:_REFERENCE_RINGS].mean(axis=0)
+    contrast, u = modulation / bases, np.sqrt(variance[outer:]) / bases
     sectors = tuple(
         _describe(contrast[:, each], u[:, each], direction_deg=360.0 / SECTORS * each)
         for each in range(SECTORS)
@@ -105,7 +107,10 @@ def _describe(contrast: Vector, u: Vector, *, direction_deg: float | None) -> Co
 def _fit_rings(
     plane: Plane, radii: Vector, *, cycles: int, centre: tuple[float, float]
 ) -> tuple[Vector, Vector, Vector]:
-    """Give the modulation and its variance, (ring, sector), and the share of variance explained, (ring,)."""
+    """Give the modulation's square and variance, (ring, sector), and the share explained, (ring,).
+
+    The share is that of one fundamental all around the ring: in a sector alone other numbers of cycles do.
+    """
     rows = np.broadcast_to(plane.line_px[:, None], plane.values.shape).ravel() - centre[0]
     cols = plane.positions_px.ravel() - centre[1]
     signal = plane.values.ravel()
@@ -113,23 +118,25 @@ def _fit_rings(
     order = np.argsort(distance, kind="stable")
     distance, angle, signal = distance[order], angle[order], signal[order]
     sector = np.floor(angle / (2.0 * np.pi) * SECTORS + 0.5).astype(np.intp) % SECTORS
-    modulation, variance = np.zeros((radii.size, SECTORS)), np.zeros((radii.size, SECTORS))
+    square, variance = np.zeros((radii.size, SECTORS)), np.zeros((radii.size, SECTORS))
     explained = np.zeros(radii.size)
     for ring, radius in enumerate(radii):
         half = max(_WIDTH_SAMPLES * plane.pitch_px, _WIDTH_REL * radius) / 2.0
         part = slice(*np.searchsorted(distance, (radius - half, radius + half)))
-        left = total = 0.0
         for each in range(SECTORS):
             chosen = sector[part] == each
-            found = _fit_fundamental(angle[part][chosen], signal[part][chosen], cycles)
-            modulation[ring, each], variance[ring, each] = found[:2]
-            left, total = left + found[2], total + found[3]
-        explained[ring] = 1.0 - left / total if total > 0.0 else 0.0
-    return modulation, variance, explained
+            square[ring, each], variance[ring, each], _ = _fit_fundamental(
+                angle[part][chosen], signal[part][chosen], cycles
+            )
+        explained[ring] = _fit_fundamental(angle[part], signal[part], cycles)[2]
+    return square, variance, explained
 
 
-def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float, float, float, float]:
-    """Fit a + b cos + c sin: give the modulation, its variance, and the sums of squares left and in all."""
+def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float, float, float]:
+    """Fit a + b cos + c sin: give the modulation's square, its variance, and the share of variance explained.
+
+    The square has the noise's part taken off, so that without a star it is 0 on average, above or below.
+    """
     design = np.column_stack((np.ones(angle.size), np.cos(cycles * angle), np.sin(cycles * angle)))
     moments = design.T @ design
     if angle.size < 6 or np.linalg.cond(moments) > 1e8:
@@ -143,9 +150,10 @@ def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float,
     noise = left / (angle.size - 3)
     bias = noise * float(inverse[1, 1] + inverse[2, 2])
     total = float(np.sum((signal - signal.mean()) ** 2))
+    explained = 1.0 - left / total if total > 0.0 else 0.0
     if base <= 0.0:
-        return 0.0, 0.0, left, total
-    return math.sqrt(max(0.0, cosine**2 + sine**2 - bias)) / base, bias / 2.0 / base**2, left, total
+        return 0.0, 0.0, explained
+    return float(cosine**2 + sine**2 - bias) / base**2, bias / 2.0 / base**2, explained
 
 
 def _require_unclipped(plane: Plane) -> None:

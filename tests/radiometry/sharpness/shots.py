@@ -1,0 +1,81 @@
+"""Frames of simulated charts, and what the method makes of them."""
+
+import dataclasses
+
+import numpy as np
+
+from radiometry.evidence import FrameEvidence
+from radiometry.exposure import Exposure
+from radiometry.methods import sharpness
+from radiometry.roi import bounding_window
+from radiometry.sharpness.edges import measure_edge
+from radiometry.sharpness.sampling import read_planes
+from radiometry.sharpness.simulation import SimulatedCamera, SimulatedEdge, render_chart
+
+CAMERA = SimulatedCamera()
+SMALL = SimulatedCamera(height_px=110, width_px=110)
+EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=100.0)
+EDGES = sharpness.Target()
+STRAIGHT = sharpness.Target(edge_order=1)
+
+
+def seeded(seed=1):
+    return np.random.default_rng(seed)
+
+
+def edge(**changes):
+    return SimulatedEdge(**({"name": "centre", "row0": 3, "col0": 20} | changes))
+
+
+def transpose(frame):
+    """The same picture, rows for columns."""
+    mosaic = len(frame.black_level_dn) == 4
+    sites = (0, 2, 1, 3) if mosaic else range(len(frame.black_level_dn))
+    return dataclasses.replace(
+        frame,
+        samples_dn=np.ascontiguousarray(np.swapaxes(frame.samples_dn, 0, 1)),
+        row0=frame.col0,
+        col0=frame.row0,
+        height_px=frame.width_px,
+        width_px=frame.height_px,
+        cfa="".join(frame.cfa[i] for i in sites) if mosaic else frame.cfa,
+        black_level_dn=tuple(frame.black_level_dn[i] for i in sites),
+        white_level_dn=tuple(frame.white_level_dn[i] for i in sites),
+    )
+
+
+def extract(frame, regions, *, camera=CAMERA, target=EDGES, header=None):
+    header = header or camera.header
+    return sharpness.extract(frame, regions, header=header, exposure=None, target=target).features
+
+
+def measure(one, *, camera=SMALL, random=None, target=EDGES):
+    """The response of every channel at one simulated edge."""
+    frame = render_chart(camera, [one], random or seeded())
+    (region,) = extract(frame, [one.region], camera=camera, target=target).regions
+    return {each.channel: each for each in region.edges}
+
+
+def measure_only(one, **more):
+    (response,) = measure(one, **more).values()
+    return response
+
+
+def measure_planes(frame, region, *, order=1):
+    """Without the search for the edge's direction."""
+    window = bounding_window(region.polygon, height_px=frame.height_px, width_px=frame.width_px)
+    planes = read_planes(frame, window, tone=None, transposed=False)
+    return [measure_edge(plane, order=order, orientation="vertical") for plane in planes]
+
+
+def row(name, features, *, exposure=EXPOSURE, camera=CAMERA, **changes):
+    evidence = FrameEvidence(
+        frame=name,
+        role="chart",
+        scene=None,
+        header=camera.header,
+        exposure=exposure,
+        statistics=(),
+        features=features,
+    )
+    return dataclasses.replace(evidence, **changes)

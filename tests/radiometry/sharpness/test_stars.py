@@ -1,0 +1,153 @@
+"""Siemens stars: contrast by frequency, directions, the centre, and what is refused."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+from shots import extract, seeded, transpose
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Region
+from radiometry.methods import sharpness
+from radiometry.roi import Polygon
+from radiometry.sharpness.resolution import find_resolving_power
+from radiometry.sharpness.simulation import SimulatedCamera, SimulatedStar, render_chart, true_mtf
+
+CAMERA = SimulatedCamera(height_px=190, width_px=210)
+STAR = SimulatedStar(
+    name="centre", row0=3, col0=15, size=184, centre_row_px=95.3, centre_col_px=107.7, cycles=36, blur_px=0.8
+)
+TARGET = sharpness.Target(kind="siemens_star", cycles=36)
+
+
+def photograph(star=STAR, camera=CAMERA):
+    return render_chart(camera, [star], seeded())
+
+
+def measure(star=STAR, *, camera=CAMERA, target=TARGET):
+    (region,) = extract(photograph(star, camera), [star.region], camera=camera, target=target).regions
+    return {each.channel: each for each in region.stars}
+
+
+def power(curve, response, contrast=0.1):
+    return find_resolving_power(response.frequency, curve, contrast=contrast)
+
+
+def expect(response, blur_px):
+    """The blur's transfer, relative to the rings that the star is compared with."""
+    truth = true_mtf(np.array(response.frequency), blur="gaussian", blur_px=blur_px)
+    return truth / truth[:6].mean()
+
+
+@pytest.fixture(scope="module")
+def star():
+    return measure()["grey"]
+
+
+def test_the_contrast_is_the_blur_s_transfer_at_n_over_2_pi_r(star):
+    assert np.abs(np.array(star.whole.contrast) - expect(star, 0.8)).max() < 0.015
+    assert star.frequency[0] == pytest.approx(36 / (2 * np.pi * star.outer_radius_px))
+    assert star.frequency[-1] == pytest.approx(0.5)
+    assert np.all(np.diff(star.frequency) > 0)
+
+
+def test_the_resolving_power_follows(star):
+    """exp(-2 (pi s f)^2) falls to a tenth of the reference's, 0.954 here, at f = 0.4314."""
+    truth = true_mtf(np.array(star.frequency), blur="gaussian", blur_px=0.8)[:6].mean()
+    expected = np.sqrt(-np.log(0.1 * truth) / 2) / (np.pi * 0.8)
+    assert power(star.whole, star).value == pytest.approx(expected, rel=0.01)
+    for sector in star.sectors:
+        assert power(sector, star).value == pytest.approx(expected, rel=0.03)
+    assert [sector.direction_deg for sector in star.sectors] == [45.0 * k for k in range(8)]
+
+
+def test_the_centre_is_found(star):
+    assert star.centre_row_px == pytest.approx(95.3, abs=0.05)
+    assert star.centre_col_px == pytest.approx(107.7, abs=0.05)
+
+
+def test_a_known_centre_is_taken_in_the_coordinates_of_regions():
+    target = dataclasses.replace(
+        TARGET, centres=(sharpness.StarCentre(region="centre", x_px=108.2, y_px=95.8),)
+    )
+    found = measure(target=target)["grey"]
+    assert (found.centre_row_px, found.centre_col_px) == (pytest.approx(95.3), pytest.approx(107.7))
+    elsewhere = dataclasses.replace(
+        TARGET, centres=(sharpness.StarCentre(region="corner", x_px=50.0, y_px=50.0),)
+    )
+    assert measure(target=elsewhere)["grey"].centre_row_px == pytest.approx(95.3, abs=0.05)
+
+
+@pytest.mark.parametrize("changes", [{"bars": True}, {"cycles": 37}, {"cycles": 24, "bars": True}])
+def test_bars_and_odd_cycles_do_as_well(changes):
+    one = dataclasses.replace(STAR, **changes)
+    found = measure(one, target=dataclasses.replace(TARGET, cycles=one.cycles))["grey"]
+    assert np.abs(np.array(found.whole.contrast) - expect(found, 0.8)).max() < 0.03
+    assert found.centre_row_px == pytest.approx(95.3, abs=0.1)
+
+
+def smear(frame, axis):
+    samples = gaussian_filter1d(frame.samples_dn.astype(np.float64), 0.8, axis=axis)
+    return dataclasses.replace(frame, samples_dn=np.round(samples).astype(np.uint16))
+
+
+@pytest.mark.parametrize(("axis", "weak", "strong"), [(0, (0, 4), (2, 6)), (1, (2, 6), (0, 4))])
+def test_a_smear_shows_in_the_sectors_whose_spokes_lie_across_it(axis, weak, strong):
+    """Smeared from top to bottom, spokes to the right (0) and left (180 degrees) go first."""
+    (region,) = extract(smear(photograph(), axis), [STAR.region], target=TARGET).regions
+    found = [power(sector, region.stars[0], 0.2).value for sector in region.stars[0].sectors]
+    assert max(found[k] for k in weak) < 0.8 * min(found[k] for k in strong)
+
+
+def test_the_transposed_star_has_its_directions_mirrored():
+    frame = smear(photograph(), 0)
+    corners = [(y, x) for x, y in STAR.region.polygon.points]
+    (upright,) = extract(frame, [STAR.region], target=TARGET).regions
+    (turned,) = extract(
+        transpose(frame), [Region(name="", polygon=Polygon.from_points(corners))], target=TARGET
+    ).regions
+    first, second = upright.stars[0], turned.stars[0]
+    assert second.centre_row_px == pytest.approx(first.centre_col_px, abs=0.01)
+    for k, sector in enumerate(first.sectors):
+        mirrored = second.sectors[(2 - k) % 8]
+        assert power(mirrored, second, 0.3).value == pytest.approx(power(sector, first, 0.3).value, rel=0.01)
+
+
+def test_a_mosaic_ends_at_each_channel_s_own_nyquist_frequency():
+    found = measure(camera=dataclasses.replace(CAMERA, cfa="RGGB"))
+    ends = {name: each.frequency[-1] for name, each in found.items()}
+    assert ends == {"R": pytest.approx(0.25), "G": pytest.approx(0.35355, abs=1e-4), "B": pytest.approx(0.25)}
+    for each in found.values():
+        assert np.abs(np.array(each.whole.contrast) - expect(each, 0.8)).max() < 0.03
+
+
+def test_noise_is_taken_off_the_contrast_and_told_by_the_uncertainty():
+    """With u^2 = 8 u_whole^2 in b and in c, noise alone would show as 16 u_whole^2."""
+    camera = dataclasses.replace(CAMERA, read_noise_dn=800.0)
+    one = dataclasses.replace(STAR, blur_px=1.5)
+    unresolved, errors = [], []
+    for seed in range(3):
+        frame = render_chart(camera, [one], seeded(seed))
+        found = extract(frame, [one.region], target=TARGET).regions[0].stars[0]
+        contrast, u = np.array(found.whole.contrast), np.array(found.whole.contrast_u)
+        unresolved.append(np.mean(contrast[-8:] ** 2) / np.mean(u[-8:] ** 2))
+        errors.append(((contrast - expect(found, 1.5)) / u)[6:26])
+    assert np.mean(unresolved) < 8.0
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5
+
+
+@pytest.mark.parametrize(
+    ("code", "camera", "target"),
+    [
+        (Code.CHART_CLIPPED, {"bright_dn": 20000.0}, {}),
+        (Code.CHART_CONTRAST_TOO_LOW, {"dark_dn": 8000.0}, {}),
+        (Code.STAR_NOT_FOUND, {}, {"cycles": 30}),
+        (Code.STAR_TOO_SMALL, {}, {"cycles": 120}),
+    ],
+)
+def test_a_star_that_cannot_be_measured_is_refused_by_name(code, camera, target):
+    with pytest.raises(InputRejected) as refused:
+        measure(camera=dataclasses.replace(CAMERA, **camera), target=dataclasses.replace(TARGET, **target))
+    assert refused.value.code is code
+    assert refused.value.message.startswith("Region centre: ")
