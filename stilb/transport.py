@@ -21,7 +21,7 @@ _CHUNK_BYTES = 1 << 20
 
 Answer = TypeVar("Answer")
 
-Query = Mapping[str, str | int | float | None]
+Query = Mapping[str, str | int | float | list[str] | None]
 
 OnRetry = Callable[[problem.Problem, float], None]
 """Is told what went wrong and how long the pause is [s] before the same request is sent again."""

@@ -69,18 +69,21 @@ class Campaigns(Connection):
         campaign_id: str,
         readings: Reading | Sequence[Reading] | str,
         *,
+        meter_ids: Sequence[str] = (),
         idempotency_key: str | None = None,
     ) -> list[dict[str, Any]]:
         """Add one reading, several, or a CSV text whose first line names the columns.
 
-        Two calls with the same ``idempotency_key`` add them once, and answer the same.
+        Of ``meter_ids`` a reading that names no meter takes the one of its quantity. Two calls with the same
+        ``idempotency_key`` add them once, and answer the same.
         """
         path, headers = address("campaigns", campaign_id, "readings"), _idempotent(idempotency_key)
+        query = {"meter_id": list(meter_ids) or None}
         if isinstance(readings, str):
             headers["Content-Type"] = "text/csv; charset=utf-8"
-            call = Call(method="POST", path=path, text=readings, headers=headers)
+            call = Call(method="POST", path=path, query=query, text=readings, headers=headers)
         else:
-            call = Call(method="POST", path=path, json=readings, headers=headers)
+            call = Call(method="POST", path=path, query=query, json=readings, headers=headers)
         answer = self._transport.json(call)
         return list(answer["items"]) if "items" in answer else [answer]
 

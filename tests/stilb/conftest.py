@@ -1,4 +1,4 @@
-"""A service of a few lines on a real socket: it answers as told, and remembers what it was asked."""
+"""A service of a few lines on a real socket, which answers as told; and the real one, with a field team."""
 
 import json
 import socket
@@ -13,6 +13,11 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 import stilb
+from stilb.commands.app import main
+from store.database import Database
+from tests.support.fieldwork import write_campaign
+from tests.support.house import House
+from tests.support.live import serving
 
 
 @dataclass
@@ -134,3 +139,67 @@ def service() -> Iterator[StandIn]:
 def client(service: StandIn) -> Iterator[stilb.Client]:
     with stilb.Client(service.url, "the-key", timeout=5, retries=3, backoff_s=0.001) as found:
         yield found
+
+
+@pytest.fixture(scope="session")
+def live(migrated_sqlite, tmp_path_factory):
+    """The real service, over loopback."""
+    folder = tmp_path_factory.mktemp("live")
+    path = folder / "stilb.sqlite"
+    path.write_bytes(migrated_sqlite.read_bytes())
+    database = Database(f"sqlite:///{path}")
+    with House(database, folder) as house, serving(house) as served:
+        yield served
+    database.dispose()
+
+
+@pytest.fixture
+def team(live):
+    with live.team(retries=1) as founded:
+        yield founded
+
+
+@pytest.fixture(scope="session")
+def shots(tmp_path_factory):
+    """Thirty frames of a campaign, to be sorted into a card's folders."""
+    return write_campaign(tmp_path_factory.mktemp("shots"))
+
+
+@dataclass(frozen=True)
+class Ended:
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def config(monkeypatch, tmp_path):
+    """A person who has never signed in."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.delenv("STILB_URL", raising=False)
+    monkeypatch.delenv("STILB_KEY", raising=False)
+    return tmp_path / "config" / "stilb"
+
+
+@pytest.fixture
+def stilb_command(config, capsys):  # noqa: ARG001  nobody's own login is touched
+    """Run the command as a person does, and give its end."""
+
+    def run(*arguments: object) -> Ended:
+        capsys.readouterr()
+        code = main([str(each) for each in arguments])
+        return Ended(code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def signed_in(stilb_command, team):
+    """The same, of somebody who has signed in with the team's key."""
+    ended = stilb_command("login", team.url, "--key", team.key)
+    assert ended.code == 0, ended.err
+    return stilb_command

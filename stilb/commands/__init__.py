@@ -1,0 +1,1 @@
+"""The `stilb` command: a file a family of commands."""

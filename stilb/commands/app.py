@@ -1,0 +1,56 @@
+"""The `stilb` command, put together, and how it ends."""
+
+import sys
+
+import typer
+
+from stilb.commands import calibration, campaign, coefficients, doctor, jobs, measuring, push, session
+from stilb.commands.exits import Exit, exit_of, next_step
+from stilb.commands.talk import print_json
+from stilb.problem import Problem, Unclear
+
+app = typer.Typer(
+    name="stilb",
+    help="Field work with a stilb calibration service: frames in, coefficients out.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command("login")(session.login)
+app.command("logout")(session.logout)
+app.command("whoami")(session.whoami)
+app.add_typer(campaign.app, name="campaign")
+app.command("push")(push.push)
+app.command("roi")(calibration.roi)
+app.command("calibrate")(calibration.calibrate)
+app.command("publish")(calibration.publish)
+app.command("k")(coefficients.k)
+app.command("measure")(measuring.measure)
+app.command("export")(calibration.export)
+app.command("jobs")(jobs.jobs)
+app.command("doctor")(doctor.doctor)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; its exit code is `stilb.commands.exits.Exit`'s."""
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        app(given, prog_name="stilb")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(Exit.USAGE)
+    except (Problem, Unclear, TimeoutError, OSError) as error:
+        return _end(error, as_json="--json" in given)
+    return Exit.DONE
+
+
+def _end(error: Exception, *, as_json: bool) -> int:
+    """Say what went wrong, on stderr for a person, on stdout for a machine."""
+    code = exit_of(error)
+    lines = [f"stilb: {error}", *getattr(error, "__notes__", ()), next_step(error)]
+    sys.stderr.write("".join(f"{line}\n" for line in lines if line))
+    if as_json:
+        told = {"detail": str(error), "exit_code": int(code)}
+        if isinstance(error, Problem):
+            told = {"code": error.code, "status": error.status, **told, "detail": error.detail}
+        print_json({"error": told})
+    return code

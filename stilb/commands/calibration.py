@@ -1,0 +1,177 @@
+"""From a campaign's frames to a version in force."""
+
+import json
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import RenderableType
+
+from stilb.client import Client
+from stilb.commands.moments import read_moment
+from stilb.commands.tables import of_coefficients
+from stilb.commands.talk import Talk, talks
+from stilb.export import ExportProgress
+from stilb.problem import Unclear
+from stilb.records import Calibration
+
+CampaignNamed = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id or project number.")]
+CalibrationId = Annotated[str, typer.Argument(metavar="CALIBRATION", help="Its id.")]
+_POINT = re.compile(r"([\d.]+),([\d.]+)")
+
+
+@talks
+def roi(
+    talk: Talk,
+    campaign: CampaignNamed,
+    polygon: Annotated[str | None, typer.Option(help='Corners in pixels: "x,y x,y x,y ...".')] = None,
+    imagej: Annotated[str | None, typer.Option(help="makePolygon(...), or a file that holds it.")] = None,
+) -> None:
+    """Set the region of a campaign's frames, or show it."""
+    if polygon is not None and imagej is not None:
+        raise typer.BadParameter("give one of --polygon and --imagej")
+    with talk.client() as client:
+        campaign_id = client.find_campaign(campaign).id
+        if polygon is not None:
+            found = client.set_roi(campaign_id, polygon=read_polygon(polygon))
+        elif imagej is not None:
+            found = client.set_roi(campaign_id, imagej=_text_or_file(imagej))
+        else:
+            found = client.roi(campaign_id)
+    corners = " ".join(f"{x:g},{y:g}" for x, y in found["polygon"])
+    talk.answer(found, corners)
+
+
+@talks
+def calibrate(
+    talk: Talk,
+    campaign: CampaignNamed,
+    model: Annotated[str | None, typer.Option(help="proportional, affine, power, semilog.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="Largest accepted error, as a share of L.")] = None,
+    exclude: Annotated[
+        list[str] | None, typer.Option(metavar="FRAME=REASON", help="Leave a frame out; repeatable.")
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Any other of the method's parameters; repeatable."),
+    ] = None,
+) -> None:
+    """Fit a campaign and show the draft. It counts for nothing until it is published."""
+    said: dict[str, Any] = {name: _value(text) for name, text in map(_pair, option or ())}
+    said |= {} if model is None else {"model": model}
+    said |= {} if tolerance is None else {"tolerance": tolerance}
+    with talk.client() as client:
+        campaign_id = client.find_campaign(campaign).id
+        if exclude:
+            said["exclude"] = _exclusions(client, campaign_id, exclude)
+        calibration = client.calibrate(campaign_id, **said)
+    talk.answer(calibration.raw, *told_calibration(calibration))
+
+
+@talks
+def publish(
+    talk: Talk,
+    calibration: CalibrationId,
+    reason: Annotated[str, typer.Option(help="Why, for the record.")],
+    valid_from: Annotated[str, typer.Option("--from", help="In force from: a day, a time, or now.")],
+    valid_to: Annotated[
+        str | None, typer.Option("--to", help="Until then; else until another takes over.")
+    ] = None,
+    *,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what it would change.")] = False,
+) -> None:
+    """Put a version in force, after showing what that changes."""
+    start, end = read_moment(valid_from), read_moment(valid_to)
+    with talk.client() as client:
+        impact = client.impact(calibration, at=start)
+        if dry_run:
+            talk.answer(impact, *_told_impact(impact))
+            return
+        for line in _told_impact(impact):
+            talk.note(line)
+        found = client.publish(calibration, valid_from=start, valid_to=end, reason=reason)
+    gaps = [f"the certificate lacks: {gap.get('detail', gap)}" for gap in found.raw.get("warnings", ())]
+    until = f" to {end}" if end else " on"
+    talk.answer(found.raw, *gaps, f"version {found.version} is in force from {start}{until}")
+
+
+@talks
+def export(
+    talk: Talk,
+    calibration: CalibrationId,
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made where it is not there.")],
+) -> None:
+    """Fetch everything that a version rests on: certificate, readings, regions, every frame."""
+
+    def tell(progress: ExportProgress) -> None:
+        talk.note(f"{progress.files_done}/{progress.files_total} {progress.filename}")
+
+    with talk.client() as client:
+        client.export(calibration, folder, on_progress=tell)
+    talk.answer({"folder": str(folder)}, str(folder))
+
+
+def told_calibration(calibration: Calibration) -> list[RenderableType]:
+    """A version for a person, and what to do next."""
+    shown: list[RenderableType] = [of_coefficients(calibration.coefficients)]
+    shown.append(f"{calibration.id}: version {calibration.version}, {calibration.state}")
+    if calibration.state == "draft":
+        shown.append(f'Put it in force: stilb publish {calibration.id} --from now --reason "..."')
+    return shown
+
+
+def read_polygon(text: str) -> list[tuple[float, float]]:
+    """Corners as they are typed."""
+    corners = [_POINT.fullmatch(each) for each in text.split()]
+    if len(corners) < 3 or None in corners:
+        raise typer.BadParameter('--polygon takes three corners or more: "x,y x,y x,y"')
+    return [(float(corner[1]), float(corner[2])) for corner in corners if corner]
+
+
+def _told_impact(impact: dict[str, Any]) -> list[str]:
+    changes = [
+        f"{row['name']} at ISO {row['iso']:g}: {row['change']['value']:+.2f} "
+        f"± {row['change']['standard_uncertainty']:.2f} %"
+        for row in impact["coefficients"]
+        if "change" in row and "iso" in row
+    ]
+    touched = len(impact["measurements"])
+    return [impact["said"], *changes, *([f"{touched} measurements rest on it"] if touched else [])]
+
+
+def _exclusions(client: Client, campaign_id: str, named: list[str]) -> list[dict[str, str]]:
+    """Frames by id or by file name, each with its reason."""
+    frames = list(client.frames(campaign_id))
+    found = []
+    for name, reason in map(_pair, named):
+        fitting = [frame.id for frame in frames if name in {frame.id, frame.filename}]
+        if len(fitting) != 1:
+            how_many = f"{len(fitting)} frames are" if fitting else "no frame is"
+            raise typer.BadParameter(f"--exclude: {how_many} called {name!r} here")
+        found.append({"frame_id": fitting[0], "reason": reason})
+    return found
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, sign, value = text.partition("=")
+    if not (name and sign and value):
+        raise typer.BadParameter(f"{text!r} must be written as NAME=VALUE")
+    return name, value
+
+
+def _value(text: str) -> object:
+    """A number, a list, true or false as JSON has them; anything else is a text."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text
+
+
+def _text_or_file(text: str) -> str:
+    if "(" in text:
+        return text
+    try:
+        return Path(text).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise Unclear(f"{text} holds no macro: record one in ImageJ (Plugins > Macros > Record).") from error

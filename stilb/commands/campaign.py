@@ -1,0 +1,153 @@
+"""A campaign in a folder: begin it, run it, look at it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import RenderableType
+
+from stilb.client import Client
+from stilb.commands.calibration import told_calibration
+from stilb.commands.exits import Exit
+from stilb.commands.push import Folder, transfer
+from stilb.commands.showing import lines
+from stilb.commands.tables import table
+from stilb.commands.talk import Talk, talks
+from stilb.field.files import sort_files
+from stilb.field.plan import FILENAME, read_plan
+from stilb.field.pushing import Report, as_json
+from stilb.field.running import ensure_campaign, ensure_readings
+from stilb.field.template import write_template
+from stilb.problem import Unclear
+
+app = typer.Typer(help="A campaign in a folder: camera, meter, readings and frames.", no_args_is_help=True)
+
+
+@app.command("init")
+@talks
+def init(
+    talk: Talk,
+    folder: Annotated[Path, typer.Argument(metavar="[FOLDER]", exists=True, file_okay=False)] = Path(),
+    make: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
+    model: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
+    serial: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
+    method: Annotated[str, typer.Option(help="What is calibrated.")] = "luminance",
+    project: Annotated[str | None, typer.Option(help="Project number; else the folder's name.")] = None,
+) -> None:
+    """Write a campaign.toml to be filled in. One that is there stays as it is."""
+    path = folder / FILENAME
+    said = {"make": make, "model": model, "serial": serial, "method": method}
+    said["project_number"] = project or folder.resolve().name
+    text = write_template(said, folder=str(folder), has_readings=(folder / "readings.csv").exists())
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise Unclear(f"{path} is there already: edit it, or take it away first") from None
+    talk.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {folder}")
+
+
+@app.command("run")
+@talks
+def run(
+    talk: Talk,
+    folder: Folder,
+    *,
+    fit: Annotated[bool, typer.Option("--fit/--no-fit", help="Fit when all frames are read.")] = True,
+    replace_readings: Annotated[
+        bool, typer.Option("--replace-readings", help="Withdraw the readings that the folder does not hold.")
+    ] = False,
+) -> None:
+    """Go from a card to a draft: camera, campaign, region, readings, frames, fit, as campaign.toml says.
+
+    The same command again goes on where it was; what has been done is not done twice.
+    """
+    plan = read_plan(folder)
+    files, left_out = sort_files(folder, plan.rules)
+    with talk.client() as client:
+        campaign = ensure_campaign(client, plan)
+        talk.note(f"campaign {campaign.id}, {plan.project_number}")
+        count, others = ensure_readings(client, plan, campaign.id)
+        talk.note(f"readings: {count}")
+        _settle(talk, client, others, replace=replace_readings)
+    report = transfer(talk, folder, campaign.id, files, left_out=left_out)
+    if not fit:
+        _end(talk, report, {}, [])
+        return
+    if not talk.as_json:
+        talk.note("\n".join(lines(report)))
+    with talk.client() as client:
+        calibration = client.calibrate(campaign.id, **plan.fit)
+    _end(talk, report, {"calibration": calibration.raw}, told_calibration(calibration))
+
+
+@app.command("list")
+@talks
+def list_campaigns(talk: Talk) -> None:
+    """List the campaigns of your organisation, oldest first."""
+    with talk.client() as client:
+        found = list(client.campaigns())
+    rows = [(one.id, one.project_number or "", one.method, one.camera_id) for one in found]
+    shown = table(("campaign", "project number", "method", "camera"), rows)
+    talk.answer({"items": [one.raw for one in found]}, shown)
+
+
+@app.command("show")
+@talks
+def show(talk: Talk, campaign: Annotated[str, typer.Argument(help="Its id or project number.")]) -> None:
+    """Show what has arrived, what a fit still needs, and what would make it a good one."""
+    with talk.client() as client:
+        found = client.campaign(client.find_campaign(campaign).id).raw
+    frames = found["frames"]
+    talk.answer(
+        found,
+        f"{found['id']} {found.get('project_number', '')} {found['method']}",
+        f"{frames['received']} frames, {frames['extracted']} extracted, {frames['refused']} refused; "
+        f"{found['readings']} readings",
+        *(f"missing: {each}" for each in found["missing"]),
+        *(f"advice: {each}" for each in found["advice"]),
+    )
+
+
+@app.command("readings")
+@talks
+def readings(
+    talk: Talk,
+    campaign: Annotated[str, typer.Argument(help="Its id or project number.")],
+    spreadsheet: Annotated[
+        Path,
+        typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="scene,quantity,value,unit"),
+    ],
+    meter: Annotated[
+        list[str] | None, typer.Option(help="Id of the meter that was read; repeatable.")
+    ] = None,
+) -> None:
+    """Send a spreadsheet of readings. The service converts units; a bad row is named with its line."""
+    try:
+        text = spreadsheet.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise Unclear(f"{spreadsheet} is not UTF-8. Save it as CSV UTF-8.") from error
+    with talk.client() as client:
+        added = client.add_readings(client.find_campaign(campaign).id, text, meter_ids=meter or ())
+    rows = [(one["scene"], one["quantity"], f"{one['value']:.6g} {one['unit']}") for one in added]
+    talk.answer({"items": added}, table(("scene", "quantity", "value"), rows), f"{len(added)} readings")
+
+
+def _settle(talk: Talk, client: Client, others: list[str], *, replace: bool) -> None:
+    """Readings that are not the folder's: typed on the page, or of a spreadsheet that was corrected since."""
+    if others and replace:
+        for reading_id in others:
+            client.withdraw_reading(reading_id)
+        talk.note(f"{len(others)} other readings withdrawn")
+    elif others:
+        talk.note(
+            f"{len(others)} more readings are in the campaign than the folder holds, and they count. If the "
+            "folder's correct them: the same again with --replace-readings"
+        )
+
+
+def _end(talk: Talk, report: Report, more: dict[str, object], shown: Sequence[RenderableType]) -> None:
+    talk.answer({**as_json(report), **more}, *(lines(report) if not more else ()), *shown)
+    if not report.is_well:
+        raise typer.Exit(Exit.FINDINGS)

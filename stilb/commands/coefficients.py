@@ -1,0 +1,30 @@
+"""What is in force of a camera."""
+
+from typing import Annotated
+
+import typer
+
+from stilb.commands.moments import read_moment
+from stilb.commands.tables import of_coefficients
+from stilb.commands.talk import Talk, talks
+
+
+@talks
+def k(
+    talk: Talk,
+    camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id, or its serial.")],
+    iso: Annotated[float | None, typer.Option(help="Only of this ISO.")] = None,
+    at: Annotated[str | None, typer.Option(help="What was in force then; else now.")] = None,
+    known_at: Annotated[str | None, typer.Option(help="As it was known then; else now.")] = None,
+) -> None:
+    """Show the luminance coefficient K in force, with its uncertainty and where it comes from."""
+    with talk.client() as client:
+        found = client.coefficients(
+            client.find_camera(camera).id,
+            name="luminance_k",
+            iso=iso,
+            at=read_moment(at),
+            known_at=read_moment(known_at),
+        )
+    why = dict.fromkeys(row.why for row in found if row.why)
+    talk.answer({"items": [row.raw for row in found]}, of_coefficients(found), *why)

@@ -1,0 +1,49 @@
+"""What the service computes for you."""
+
+from typing import Annotated
+
+import typer
+
+from stilb.commands.exits import Exit
+from stilb.commands.tables import table
+from stilb.commands.talk import Talk, talks
+from stilb.records import Job
+
+_SHOWN = 20
+
+
+@talks
+def jobs(
+    talk: Talk,
+    job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; else the newest.")] = None,
+    state: Annotated[
+        str | None, typer.Option(help="queued, running, succeeded, failed, quarantined.")
+    ] = None,
+    kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
+    limit: Annotated[int, typer.Option(min=1, help="How many at most.")] = _SHOWN,
+    *,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait until the job has ended.")] = False,
+) -> None:
+    """Show the newest jobs, or one, and what became of it."""
+    with talk.client() as client:
+        if job is not None:
+            _one(talk, client.wait(job) if wait else client.job(job))
+            return
+        found = [each for each, _ in zip(client.jobs(state=state, kind=kind), range(limit), strict=False)]
+    rows = [(each.id, each.kind, each.state, f"{each.progress:.0%}", _error(each)) for each in found]
+    talk.answer(
+        {"items": [each.raw for each in found]}, table(("job", "kind", "state", "done", "error"), rows)
+    )
+
+
+def _one(talk: Talk, found: Job) -> None:
+    result = ", ".join(f"{name} {value}" for name, value in (found.result or {}).items())
+    talk.answer(
+        found.raw, f"{found.id} {found.kind} {found.state} {found.progress:.0%} {result}{_error(found)}"
+    )
+    if found.state in {"failed", "quarantined"}:
+        raise typer.Exit(Exit.FINDINGS)
+
+
+def _error(job: Job) -> str:
+    return f"{job.error.get('code', '')}: {job.error.get('detail', '')}" if job.error else ""

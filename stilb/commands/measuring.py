@@ -1,0 +1,93 @@
+"""Frames of the field in physical units."""
+
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from stilb.commands.calibration import read_polygon
+from stilb.commands.exits import Exit
+from stilb.commands.tables import figure, table
+from stilb.commands.talk import Talk, talks
+from stilb.records import Grid, MeasureDetails, Measurement
+
+_GRID = re.compile(r"(\d+)x(\d+)")
+
+
+@talks
+def measure(
+    talk: Talk,
+    frames: Annotated[list[str] | None, typer.Argument(metavar="[FRAME]...", help="Ids of frames.")] = None,
+    campaign: Annotated[str | None, typer.Option(help="Every field frame of this campaign.")] = None,
+    calibration: Annotated[str | None, typer.Option(help="Else what was in force when it was taken.")] = None,
+    region: Annotated[str | None, typer.Option(help='Else the frame\'s own: "x,y x,y x,y ...".')] = None,
+    grid: Annotated[
+        str | None, typer.Option(help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.')
+    ] = None,
+    reflectance: Annotated[float | None, typer.Option(help="Of the surface: gives its illuminance.")] = None,
+    save_map: Annotated[
+        Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame there.")
+    ] = None,
+) -> None:
+    """Measure frames with a calibrated camera."""
+    if bool(frames) == (campaign is not None):
+        raise typer.BadParameter("give frames, or --campaign")
+    details = _details(calibration, region, grid, reflectance)
+    refused: list[dict[str, Any]] = []
+    with talk.client() as client:
+        with_map = save_map is not None
+        if campaign is not None:
+            campaign_id = client.find_campaign(campaign).id
+            found, refused = client.measure_campaign(campaign_id, with_map=with_map, **details)
+        else:
+            found = [client.measure(frame, with_map=with_map, **details) for frame in frames or ()]
+        if save_map is not None:
+            save_map.mkdir(parents=True, exist_ok=True)
+            for one in found:
+                talk.note(str(client.save_map(one.id, save_map / f"{one.id}.tif")))
+    told = {"items": [one.raw for one in found], "not_measured": refused}
+    talk.answer(
+        told, _table(found), *(f"{each['filename']} not measured: {each['detail']}" for each in refused)
+    )
+    if refused:
+        raise typer.Exit(Exit.FINDINGS)
+
+
+def _details(
+    calibration: str | None, region: str | None, grid: str | None, reflectance: float | None
+) -> MeasureDetails:
+    details = MeasureDetails()
+    if calibration is not None:
+        details["calibration_id"] = calibration
+    if region is not None:
+        details["polygon"] = read_polygon(region)
+    if grid is not None:
+        details["grid"] = _read_grid(grid)
+    if reflectance is not None:
+        details["reflectance"] = reflectance
+    return details
+
+
+def _read_grid(text: str) -> Grid:
+    size, _, corners = text.partition(" ")
+    found = _GRID.fullmatch(size)
+    if found is None or len(corners.split()) != 4:
+        raise typer.BadParameter('--grid takes rows x columns and four corners: "3x5 x,y x,y x,y x,y"')
+    return Grid(corners=read_polygon(corners), rows=int(found[1]), columns=int(found[2]))
+
+
+def _table(found: list[Measurement]) -> Any:  # noqa: ANN401
+    return table(
+        ("measurement", "file", "mean", "U_o", "flags"),
+        [
+            (
+                one.id,
+                one.filename,
+                figure(one.mean),
+                f"{one.u_o.value:.3f}" if one.u_o else "",
+                " ".join(one.flags),
+            )
+            for one in found
+        ],
+    )

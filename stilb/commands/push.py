@@ -1,0 +1,164 @@
+"""Frames from a folder or a card to a campaign."""
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stilb.commands.exits import Exit
+from stilb.commands.showing import lines, showing, tell_retry
+from stilb.commands.talk import Talk, config_folder, talks
+from stilb.field.files import ROLES, USUAL_RULES, FieldFile, Rule, sort_files
+from stilb.field.journal import Journal
+from stilb.field.plan import FILENAME, read_plan
+from stilb.field.pushing import Report, as_json, push_files
+from stilb.field.running import find_planned
+from stilb.field.watching import Watch
+from stilb.problem import Problem, Unclear, missing
+
+# About four minutes without a network; longer than that, a person starts the same command again.
+_PATIENT_RETRIES = 12
+
+Folder = Annotated[
+    Path, typer.Argument(metavar="FOLDER", exists=True, file_okay=False, help="With the frames.")
+]
+Wait = Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the verdicts.")]
+Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds between two looks.")]
+
+
+@talks
+def push(
+    talk: Talk,
+    folder: Folder,
+    campaign: Annotated[
+        str | None, typer.Option(help="Its id or project number; else what campaign.toml says.")
+    ] = None,
+    role: Annotated[str | None, typer.Option(help=f"What every file is: {', '.join(ROLES)}.")] = None,
+    scene: Annotated[str | None, typer.Option(help="The light level of every file.")] = None,
+    *,
+    watch: Annotated[bool, typer.Option("--watch", help="Follow the folder until Ctrl-C.")] = False,
+    every: Every = 2.0,
+    wait: Wait = True,
+) -> None:
+    """Send the frames of a folder that the campaign has not yet, and tell how they are.
+
+    The same command again goes on where it was. What each file is follows from --role, from campaign.toml, or
+    from its folder: dark/, field/, ... by name, any other folder is a light level.
+    """
+    list_files = _lister(folder, role, scene)
+    campaign_id = _campaign_id(talk, folder, campaign)
+    if watch:
+        follow(talk, folder, campaign_id, lambda: list_files()[0], every_s=every, wait=wait)
+        return
+    files, left_out = list_files()
+    if not files:
+        raise Unclear(f"No file in {folder} is a frame by the rules. {_how(left_out)}")
+    finish(talk, transfer(talk, folder, campaign_id, files, left_out=left_out, wait=wait))
+
+
+def transfer(
+    talk: Talk,
+    folder: Path,
+    campaign_id: str,
+    files: Sequence[FieldFile],
+    *,
+    left_out: Sequence[str] = (),
+    wait: bool = True,
+) -> Report:
+    """Bring files to a campaign, patiently, before a person's eyes."""
+    journal = Journal.of(folder, config_folder() / "journals")
+    on_retry = partial(tell_retry, talk.err)
+    with (
+        talk.client(retries=_PATIENT_RETRIES, on_retry=on_retry) as client,
+        showing(talk.err) as listener,
+    ):
+        report = push_files(client, campaign_id, files, journal, listener=listener, wait=wait)
+    return Report(campaign_id=campaign_id, files=report.files, sent=report.sent, left_out=tuple(left_out))
+
+
+def finish(talk: Talk, report: Report) -> None:
+    """Tell what became of a push; what is not well is an exit code of its own."""
+    talk.answer(as_json(report), *lines(report))
+    if not report.is_well:
+        raise typer.Exit(Exit.FINDINGS)
+
+
+def follow(
+    talk: Talk,
+    folder: Path,
+    campaign_id: str,
+    list_files: Callable[[], list[FieldFile]],
+    *,
+    every_s: float,
+    wait: bool,
+) -> None:
+    """Send what comes, until somebody stops it; then tell the sum."""
+    watch, sent = Watch(list_files), dict[Path, FieldFile]()
+    total = 0
+    try:
+        talk.note(f"watching {folder}; Ctrl-C ends it")
+        while True:
+            settled = watch.look()
+            if settled:
+                report = _try_transfer(talk, folder, campaign_id, settled, watch)
+                if report is not None:
+                    total += report.sent
+                    sent |= {file.path: file for file in settled}
+                    talk.note("\n".join(lines(report)))
+            time.sleep(every_s)
+    except KeyboardInterrupt:
+        report = transfer(talk, folder, campaign_id, list(sent.values()), wait=wait)
+        finish(talk, Report(campaign_id=campaign_id, files=report.files, sent=total + report.sent))
+
+
+def _try_transfer(
+    talk: Talk, folder: Path, campaign_id: str, files: list[FieldFile], watch: Watch
+) -> Report | None:
+    """A network that is lost in between comes back; whoever watches does not want to start again."""
+    try:
+        return transfer(talk, folder, campaign_id, files)
+    except Problem as problem:
+        if not problem.retryable:
+            raise
+        talk.note(f"{problem}; these files go again at the next look")
+        watch.take_back(files)
+        return None
+
+
+def _lister(
+    folder: Path, role: str | None, scene: str | None
+) -> Callable[[], tuple[list[FieldFile], list[str]]]:
+    if role is not None:
+        if role not in ROLES:
+            raise typer.BadParameter(f"{role!r} is no role; there are {', '.join(ROLES)}")
+        return partial(sort_files, folder, (Rule(role=role, scene=scene),))
+    if scene is not None:
+        raise typer.BadParameter("--scene goes with --role")
+    if (folder / FILENAME).exists():
+        return partial(sort_files, folder, read_plan(folder).rules)
+    return partial(sort_files, folder, USUAL_RULES, raw_only=True)
+
+
+def _campaign_id(talk: Talk, folder: Path, named: str | None) -> str:
+    with talk.client() as client:
+        if named is not None:
+            return client.find_campaign(named).id
+        if not (folder / FILENAME).exists():
+            raise typer.BadParameter(f"give --campaign, or make a {FILENAME}: stilb campaign init {folder}")
+        plan = read_plan(folder)
+        found = find_planned(client, plan)
+        if found is None:
+            raise missing(
+                f"Campaign {plan.project_number!r} of this camera does not exist yet. "
+                f"Make it and send all: stilb campaign run {folder}"
+            )
+        return found.id
+
+
+def _how(left_out: Sequence[str]) -> str:
+    if left_out:
+        return f"{', '.join(left_out[:5])}: say what they are with --role, or in {FILENAME}."
+    return "It holds no raw file."

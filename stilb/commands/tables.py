@@ -1,0 +1,36 @@
+"""Tables as a terminal, a file and a pipe show them."""
+
+from collections.abc import Iterable, Sequence
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from stilb.records import Coefficient, Quantity
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
+    """A row a thing; nothing of a cell is taken for markup."""
+    made = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        made.add_column(column, overflow="fold")
+    for row in rows:
+        made.add_row(*(Text(str(cell)) for cell in row))
+    return made
+
+
+def figure(quantity: Quantity | Coefficient) -> str:
+    """A value with its standard uncertainty, to two digits of the latter."""
+    uncertainty = f"{quantity.standard_uncertainty:.2g}"
+    return f"{quantity.value:.6g} ± {uncertainty} {quantity.unit}"
+
+
+def of_coefficients(rows: Iterable[Coefficient]) -> Table:
+    """The coefficients of one or several versions."""
+    return table(
+        ("name", "ISO", "value", "flags"),
+        [
+            (row.name, "" if row.iso is None else f"{row.iso:g}", figure(row), " ".join(row.flags))
+            for row in rows
+        ],
+    )

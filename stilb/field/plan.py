@@ -1,0 +1,167 @@
+"""campaign.toml: everything about a campaign that its files do not say. docs/command-line.md describes it."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import date, datetime, time
+from pathlib import Path
+from typing import Any, cast
+
+from stilb.field.files import ROLES, USUAL_RULES, Rule
+from stilb.problem import Unclear
+from stilb.records import CameraDetails, CampaignDetails, Reading
+from stilb.upload import FrameDetails
+
+FILENAME = "campaign.toml"
+
+_LENS = {"make", "model", "serial"}
+_CERTIFICATE = {
+    *("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor"),
+}
+_EXPOSURE = {"exposure_time_s", "f_number", "iso"}
+# Of each table what it may hold, and of that what must not be left empty.
+_TABLES: dict[str, tuple[set[str], set[str]]] = {
+    "camera": (
+        {"make", "model", "serial", "lens", "pixel_pitch_um", "sensor_width_mm", "note"},
+        {"make", "model", "serial"},
+    ),
+    "campaign": (
+        {"method", *CampaignDetails.__annotations__},
+        {"method", "project_number"},
+    ),
+    "meter": ({"kind", "make", "model", "serial", "certificate"}, {"kind", "make", "model", "serial"}),
+    "frames": ({"role", "pattern", "scene", "first", "last", *_EXPOSURE}, {"role"}),
+    "readings": ({"file"}, {"file"}),
+    "reading": (
+        {"scene", "quantity", "value", "unit", "taken_at"},
+        {"scene", "quantity", "value", "unit"},
+    ),
+    "region": ({"polygon", "imagej", "file"}, set()),
+    "fit": (set(), set()),
+}
+_LISTS = frozenset({"meter", "frames", "reading"})
+_NEEDED = frozenset({"camera", "campaign"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What campaign.toml says. ``readings_csv``: the text of the spreadsheet; ``imagej``: or ``polygon``."""
+
+    make: str
+    model: str
+    serial: str
+    camera: CameraDetails
+    method: str
+    project_number: str
+    campaign: CampaignDetails
+    meters: tuple[dict[str, Any], ...] = ()
+    rules: tuple[Rule, ...] = USUAL_RULES
+    readings: tuple[Reading, ...] = ()
+    readings_csv: str | None = None
+    polygon: tuple[tuple[float, float], ...] | None = None
+    imagej: str | None = None
+    fit: dict[str, Any] = field(default_factory=dict)
+
+
+def read_plan(folder: Path) -> Plan:
+    """Read a folder's campaign.toml and the files that it names; ``Unclear`` says what is wrong and where."""
+    path = folder / FILENAME
+    try:
+        said = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise Unclear(f"There is no {path}. Make one: stilb campaign init {folder}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise Unclear(f"{path}: {error}") from error
+    try:
+        return _plan(_plain(said), folder)
+    except Unclear as error:
+        raise Unclear(f"{path}: {error}") from error
+
+
+def _plan(said: dict[str, Any], folder: Path) -> Plan:
+    _check(said)
+    camera, campaign = said["camera"], said["campaign"]
+    csv = said.get("readings", {}).get("file")
+    frames = said.get("frames")
+    return Plan(
+        make=camera.pop("make"),
+        model=camera.pop("model"),
+        serial=camera.pop("serial"),
+        camera=cast("CameraDetails", camera),
+        method=campaign.pop("method"),
+        project_number=campaign["project_number"],
+        campaign=cast("CampaignDetails", campaign),
+        meters=tuple(said.get("meter", ())),
+        rules=USUAL_RULES if frames is None else tuple(map(_rule, frames)),
+        readings=tuple(said.get("reading", ())),
+        readings_csv=None if csv is None else _text(folder / csv),
+        **_region(said.get("region", {}), folder),
+        fit=said.get("fit", {}),
+    )
+
+
+def _check(said: Mapping[str, Any]) -> None:
+    """Name the first table or key that is unknown, missing or empty."""
+    _known("", set(said), set(_TABLES))
+    for name in sorted(_NEEDED - set(said)):
+        raise Unclear(f"the table [{name}] is missing")
+    for name, value in said.items():
+        allowed, needed = _TABLES[name]
+        rows = value if name in _LISTS else [value]
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise Unclear(f"{name} must be written as {f'[[{name}]]' if name in _LISTS else f'[{name}]'}")
+        for number, row in enumerate(rows, start=1):
+            where = f"{name} {number}" if name in _LISTS else name
+            if allowed:
+                _known(f" in {where}", set(row), allowed)
+            for key in sorted(key for key in needed if row.get(key) in {None, ""}):
+                raise Unclear(f"{key} in {where} is not filled in")
+            _known(f" in the lens of {where}", set(row.get("lens", ())), _LENS)
+            _known(f" in the certificate of {where}", set(row.get("certificate", ())), _CERTIFICATE)
+
+
+def _known(where: str, found: set[str], allowed: set[str]) -> None:
+    for name in sorted(found - allowed):
+        raise Unclear(f"{name!r}{where} is unknown; there may be {', '.join(sorted(allowed))}")
+
+
+def _rule(row: dict[str, Any]) -> Rule:
+    if row["role"] not in ROLES:
+        raise Unclear(f"role {row['role']!r} in frames is unknown; there are {', '.join(ROLES)}")
+    if not {"pattern", "first", "last"} & set(row):
+        raise Unclear(f"frames with the role {row['role']} need a pattern, or first and last")
+    exposure = {name: row.pop(name) for name in _EXPOSURE & set(row)}
+    return Rule(**row, details=cast("FrameDetails", exposure))
+
+
+def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
+    if len(said) > 1:
+        raise Unclear("region takes one of polygon, imagej and file")
+    if "polygon" in said:
+        return {"polygon": tuple((float(x), float(y)) for x, y in said["polygon"])}
+    if "file" in said:
+        return {"imagej": _text(folder / said["file"])}
+    return {"imagej": said.get("imagej")}
+
+
+def _text(path: Path) -> str:
+    """As it is; a spreadsheet's other encodings are told to the person here, before anything is sent."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise Unclear(f"{path} is not UTF-8. Save it as CSV UTF-8.") from error
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401  whatever TOML holds
+    """Dates and times as texts, as the service reads them."""
+    match value:
+        case dict():
+            return {name: _plain(member) for name, member in value.items()}
+        case list():
+            return [_plain(member) for member in value]
+        case datetime() if value.tzinfo is None:
+            raise Unclear(f"{value.isoformat()} has no time zone: write 2026-05-01T20:30:00Z or ...+02:00")
+        case datetime() | date() | time():
+            return value.isoformat()
+        case _:
+            return value

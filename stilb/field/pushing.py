@@ -1,0 +1,229 @@
+"""From a folder to a campaign: hash, ask what is there, send the rest, wait until it is read, tell."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from stilb.client import Client
+from stilb.field.files import FieldFile
+from stilb.field.journal import Journal
+from stilb.problem import JobFailed
+from stilb.records import Frame, KnownFrame, Reason
+from stilb.upload import OnProgress, Upload
+
+_UNREAD = frozenset({"not_read", "not_extracted"})
+_ORDER = ("pass", "warn", "fail", "pending")
+_POLL_S = 1.0
+_PATIENCE_S = 60.0  # without any frame being read in that time
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listener:
+    """Who is told how far it is; ``on_count``: of what is done, how many, of how many."""
+
+    on_count: Callable[[str, int, int], None] = lambda *_: None
+    on_progress: OnProgress | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What became of one file. ``frame_id`` is empty where it did not arrive; the reasons then say why."""
+
+    name: str
+    sha256: str
+    frame_id: str
+    outcome: str
+    reasons: tuple[str, ...] = ()
+    codes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What became of all files; ``sent`` counts those that went over the network this time."""
+
+    campaign_id: str
+    files: tuple[Told, ...]
+    sent: int
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def received(self) -> int:
+        return sum(bool(file.frame_id) for file in self.files)
+
+    @property
+    def outcomes(self) -> dict[str, int]:
+        """How many of those that arrived pass, warn, fail, or wait to be read."""
+        counts = Counter(file.outcome for file in self.files if file.frame_id)
+        return {outcome: counts[outcome] for outcome in _ORDER if counts[outcome]}
+
+    @property
+    def is_well(self) -> bool:
+        return self.received == len(self.files) and "fail" not in self.outcomes
+
+    def sentence(self) -> str:
+        counts = [f"{count} {outcome}" for outcome, count in self.outcomes.items()]
+        return ", ".join([f"{self.received} of {len(self.files)} received", *counts])
+
+
+@dataclass(kw_only=True)
+class _Push:
+    """One push on its way: each step knows what those before it have found."""
+
+    client: Client
+    campaign_id: str
+    files: Sequence[FieldFile]
+    listener: Listener
+    hashes: dict[str, str] = field(default_factory=dict)  # by name
+    frames: dict[str, str] = field(default_factory=dict)  # ids, by hash
+    errors: dict[str, str] = field(default_factory=dict)  # by name
+    notes: dict[str, str] = field(default_factory=dict)  # by name
+    jobs: list[str] = field(default_factory=list)
+
+
+def push_files(
+    client: Client,
+    campaign_id: str,
+    files: Sequence[FieldFile],
+    journal: Journal,
+    *,
+    listener: Listener | None = None,
+    wait: bool = True,
+) -> Report:
+    """Bring files to a campaign. Called again after whatever ended it, it goes on where it was."""
+    push = _Push(client=client, campaign_id=campaign_id, files=files, listener=listener or Listener())
+    _hash(push, journal)
+    sent = _send(push, _choose(push))
+    told = _wait_until_read(push) if wait else {}
+    return Report(campaign_id=campaign_id, files=tuple(_tell(push, file, told) for file in files), sent=sent)
+
+
+def _hash(push: _Push, journal: Journal) -> None:
+    for number, file in enumerate(push.files, start=1):
+        try:
+            push.hashes[file.name] = journal.hash_of(file.path)
+        except OSError as error:
+            push.errors[file.name] = str(error)
+        push.listener.on_count("hashed", number, len(push.files))
+
+
+def _choose(push: _Push) -> list[FieldFile]:
+    """The files that the service has not, each content once."""
+    known = push.client.known_frames(push.campaign_id, push.hashes.values())
+    there = {frame.sha256: frame for frame in known}
+    push.frames |= {sha256: frame.frame_id for sha256, frame in there.items()}
+    chosen: dict[str, FieldFile] = {}
+    for file in push.files:
+        sha256 = push.hashes.get(file.name)
+        if sha256 in there:
+            _compare(push, file, there[sha256])
+        elif sha256 is not None:
+            chosen.setdefault(sha256, file)
+    return list(chosen.values())
+
+
+def _compare(push: _Push, file: FieldFile, known: KnownFrame) -> None:
+    if (known.role, known.scene) != (file.role, file.scene):
+        push.notes[file.name] = (
+            f"is there already as {_words(known.role, known.scene)} ({known.filename}), here it is "
+            f"{_words(file.role, file.scene)}: it stays as it is until somebody corrects the frame"
+        )
+
+
+def _send(push: _Push, files: list[FieldFile]) -> int:
+    uploads = [
+        Upload(
+            campaign_id=push.campaign_id,
+            path=file.path,
+            role=file.role,
+            scene=file.scene,
+            sha256=push.hashes[file.name],
+            **file.details,
+        )
+        for file in files
+    ]
+    outcomes = push.client.push_each(uploads, on_progress=push.listener.on_progress) if uploads else []
+    for file, outcome in zip(files, outcomes, strict=True):
+        if isinstance(outcome, Exception):
+            push.errors[file.name] = str(outcome)
+            continue
+        push.frames[outcome.sha256] = outcome.id
+        if outcome.job_id is not None:
+            push.jobs.append(outcome.job_id)
+    return sum(isinstance(outcome, Frame) for outcome in outcomes)
+
+
+def _wait_until_read(push: _Push) -> dict[str, Frame]:
+    """The frames of this push, by id, when nothing of them is being computed, or nobody computes it."""
+    total = len(push.jobs)
+    for number, job_id in enumerate(push.jobs, start=1):
+        with suppress(JobFailed):  # the frame's verdict says it
+            push.client.wait(job_id)
+        push.listener.on_count("read", number, total)
+    wanted = set(push.frames.values())
+    least, patient_until = len(wanted) + 1, 0.0
+    while True:
+        found = {frame.id: frame for frame in push.client.frames(push.campaign_id) if frame.id in wanted}
+        unread = sum(_is_unread(frame) for frame in found.values())
+        if unread < least:
+            least, patient_until = unread, time.monotonic() + _PATIENCE_S
+        if not unread or time.monotonic() > patient_until:
+            return found
+        time.sleep(_POLL_S)
+
+
+def _is_unread(frame: Frame) -> bool:
+    return frame.outcome == "pending" and any(reason.code in _UNREAD for reason in frame.reasons)
+
+
+def _tell(push: _Push, file: FieldFile, frames: dict[str, Frame]) -> Told:
+    sha256 = push.hashes.get(file.name, "")
+    frame_id = push.frames.get(sha256, "")
+    frame = frames.get(frame_id)
+    if not frame_id:
+        reason = push.errors.get(file.name) or push.errors.get(_twin(push, sha256), "it was not sent")
+        return Told(name=file.name, sha256=sha256, frame_id="", outcome="not received", reasons=(reason,))
+    reasons: tuple[Reason, ...] = () if frame is None else frame.reasons
+    note = push.notes.get(file.name)
+    return Told(
+        name=file.name,
+        sha256=sha256,
+        frame_id=frame_id,
+        outcome="pending" if frame is None else frame.outcome,
+        reasons=tuple(reason.detail for reason in reasons) + ((note,) if note else ()),
+        codes=tuple(reason.code for reason in reasons),
+    )
+
+
+def _twin(push: _Push, sha256: str) -> str:
+    """The file of the same content that was sent in this one's place."""
+    return next((name for name, each in push.hashes.items() if each == sha256 and name in push.errors), "")
+
+
+def _words(role: str, scene: str | None) -> str:
+    return f"{role} of {scene}" if scene else role
+
+
+def as_json(report: Report) -> dict[str, Any]:
+    """The report for a machine."""
+    return {
+        "campaign_id": report.campaign_id,
+        "expected": len(report.files),
+        "received": report.received,
+        "sent": report.sent,
+        "outcomes": report.outcomes,
+        "files": [
+            {
+                "name": file.name,
+                "outcome": file.outcome,
+                "reasons": [*file.reasons],
+                "codes": [*file.codes],
+                **({"sha256": file.sha256} if file.sha256 else {}),
+                **({"frame_id": file.frame_id} if file.frame_id else {}),
+            }
+            for file in report.files
+        ],
+        "left_out": [*report.left_out],
+    }

@@ -1,0 +1,73 @@
+"""From campaign.toml to a campaign that lacks nothing but its frames. Every step may be done again."""
+
+import hashlib
+import itertools
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from stilb.client import Client
+from stilb.field.plan import Plan
+from stilb.records import Campaign, Reading
+
+
+def find_planned(client: Client, plan: Plan) -> Campaign | None:
+    """The campaign that the plan has made before: of its camera, with its project number."""
+    serials = [
+        each.id
+        for each in client.cameras()
+        if (each.make, each.model, each.serial) == (plan.make, plan.model, plan.serial)
+    ]
+    for known in client.campaigns():
+        if known.camera_id in serials and known.project_number == plan.project_number:
+            return known
+    return None
+
+
+def ensure_campaign(client: Client, plan: Plan) -> Campaign:
+    """The plan's campaign, made where there is none, with its region."""
+    campaign = find_planned(client, plan) or _create(client, plan)
+    if plan.polygon is not None:
+        client.set_roi(campaign.id, polygon=plan.polygon)
+    elif plan.imagej is not None:
+        client.set_roi(campaign.id, imagej=plan.imagej)
+    return campaign
+
+
+def ensure_readings(client: Client, plan: Plan, campaign_id: str) -> tuple[int, list[str]]:
+    """Send the plan's readings once: how many they are, and the ids of others that the campaign has."""
+    meters = [client.create_meter(**meter).id for meter in plan.meters]
+    own: set[str] = set()
+    for readings in (plan.readings_csv, plan.readings):
+        if readings:
+            own |= _send_once(client, campaign_id, readings, meters)
+    others = [each["id"] for each in _in_use(client, campaign_id) if each["id"] not in own]
+    return len(own), others
+
+
+def _create(client: Client, plan: Plan) -> Campaign:
+    camera = client.create_camera(plan.make, plan.model, plan.serial, **plan.camera)
+    # Two runs that begin at once, or one that is killed before its answer, make one campaign.
+    key = _digest("campaign", camera.id, plan.method, plan.campaign)
+    return client.create_campaign(camera.id, method=plan.method, idempotency_key=key, **plan.campaign)
+
+
+def _send_once(
+    client: Client, campaign_id: str, readings: str | Sequence[Reading], meters: list[str]
+) -> set[str]:
+    """The same readings again are those that are there, unless all of them have been withdrawn since."""
+    for attempt in itertools.count():
+        key = _digest("readings", campaign_id, readings, meters, attempt)
+        answer = client.add_readings(campaign_id, readings, meter_ids=meters, idempotency_key=key)
+        ids = {each["id"] for each in answer}
+        if ids & {each["id"] for each in _in_use(client, campaign_id)}:
+            return ids
+    raise AssertionError("unreachable")
+
+
+def _in_use(client: Client, campaign_id: str) -> list[dict[str, Any]]:
+    return [each for each in client.readings(campaign_id) if "withdrawn_at" not in each]
+
+
+def _digest(*said: object) -> str:
+    return hashlib.sha256(json.dumps(said, sort_keys=True, default=list).encode()).hexdigest()

@@ -1,0 +1,109 @@
+"""Signing in: the key is checked, kept for its owner alone, and goes to no other service."""
+
+import json
+import stat
+
+import pytest
+
+from stilb.commands.exits import Exit
+
+
+def test_a_key_is_checked_and_kept_for_its_owner_alone(stilb_command, team, config):
+    ended = stilb_command("login", f"{team.url}/", "--key", team.key)
+    assert (ended.code, ended.err) == (Exit.DONE, "")
+    assert "may read, upload, calibrate, publish, admin" in ended.out
+    kept = config / "login.json"
+    assert json.loads(kept.read_text()) == {"url": team.url, "key": team.key}
+    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
+    assert stat.S_IMODE(config.stat().st_mode) == 0o700
+
+
+def test_a_file_that_others_could_read_is_replaced(stilb_command, team, config):
+    config.mkdir(parents=True)
+    (config / "login.json").write_text("{}")
+    (config / "login.json").chmod(0o644)
+    (config / "login.json.draft").write_text("left by a crash")
+    assert stilb_command("login", team.url, "--key", team.key).code == Exit.DONE
+    assert stat.S_IMODE((config / "login.json").stat().st_mode) == 0o600
+
+
+def test_a_wrong_key_is_not_kept(stilb_command, team, config):
+    ended = stilb_command("login", team.url, "--key", "stilb_wrong")
+    assert ended.code == Exit.KEY
+    assert "unauthenticated" in ended.err
+    assert "stilb login URL" in ended.err
+    assert not (config / "login.json").exists()
+
+
+def test_a_key_of_any_scope_can_sign_in(stilb_command, team):
+    with team.http() as http:
+        weak = http.post("/v1/keys", json={"name": "card", "scopes": ["upload"]}).json()["secret"]
+    assert "may upload" in stilb_command("login", team.url, "--key", weak).out
+    ended = stilb_command("jobs", "--json")
+    assert (ended.code, ended.json["error"]["code"]) == (Exit.KEY, "scope_missing")
+    assert "Ask an admin" in ended.err
+
+
+def test_the_key_may_come_from_the_environment(stilb_command, team, monkeypatch):
+    monkeypatch.setenv("STILB_KEY", team.key)
+    monkeypatch.setenv("STILB_URL", team.url)
+    assert stilb_command("whoami", "--json").json["url"] == team.url
+
+
+def test_the_key_may_be_typed(stilb_command, team, monkeypatch):
+    monkeypatch.setattr(
+        "typer.prompt", lambda *_, hide_input, err: f" {team.key} " if hide_input and err else ""
+    )
+    ended = stilb_command("login", team.url, "--json")
+    assert ended.json["scopes"] == ["read", "upload", "calibrate", "publish", "admin"]
+
+
+def test_whoami_and_logout(signed_in, team, config):
+    told = signed_in("whoami", "--json").json
+    assert (told["url"], told["name"]) == (team.url, "first")
+    assert signed_in("logout").out == "Signed out.\n"
+    assert not (config / "login.json").exists()
+    ended = signed_in("whoami")
+    assert (ended.code, ended.out) == (Exit.USAGE, "")
+    assert "Sign in first: stilb login URL" in ended.err
+    assert signed_in("logout", "--json").json == {"signed_out": False}
+
+
+def test_the_kept_key_goes_to_no_other_service(signed_in, service):
+    ended = signed_in("whoami", "--url", service.url)
+    assert ended.code == Exit.USAGE
+    assert f"stilb login {service.url}" in ended.err
+    assert service.asked == []
+
+
+@pytest.mark.parametrize("address", ["stilb.example.org", "ftp://stilb.example.org"])
+def test_an_address_that_is_none(stilb_command, address):
+    ended = stilb_command("login", address, "--key", "k")
+    assert ended.code == Exit.USAGE
+    assert "begins with http" in ended.err
+
+
+def test_a_service_that_is_not_there(stilb_command):
+    ended = stilb_command("login", "http://127.0.0.1:9", "--key", "k", "--json")
+    assert (ended.code, ended.json["error"]["code"]) == (Exit.NETWORK, "unreachable")
+    assert "stilb doctor" in ended.err
+
+
+def test_something_else_that_answers(stilb_command, service):
+    service.will_answer(b"<h1>It works!</h1>", headers={"Content-Type": "text/html"})
+    ended = stilb_command("login", service.url, "--key", "k")
+    assert ended.code == Exit.NETWORK
+    assert "is this a stilb service?" in ended.err
+
+
+def test_a_kept_file_that_is_broken(signed_in, config):
+    (config / "login.json").write_text("[]")
+    ended = signed_in("whoami")
+    assert ended.code == Exit.USAGE
+    assert "Sign in anew" in ended.err
+
+
+def test_a_mistyped_option_is_told_on_stderr(stilb_command):
+    ended = stilb_command("push", "--json", "--no-such-option")
+    assert (ended.code, ended.out) == (Exit.USAGE, "")
+    assert "--no-such-option" in ended.err
