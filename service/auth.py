@@ -79,12 +79,16 @@ def require_csrf_token(request: Request, context: Context, given: str) -> None:
         raise Problem(403, HttpCode.CSRF_TOKEN_WRONG, detail)
 
 
+def require(caller: Caller, scope: Scope) -> None:
+    """Refuse who lacks a scope."""
+    if scope not in caller.scopes:
+        detail = f"This needs a key with the scope {scope!r}; yours lacks it."
+        raise Problem(403, HttpCode.SCOPE_MISSING, detail)
+
+
 def _require(scope: Scope) -> Callable[[Caller], Caller]:
     def check(caller: Annotated[Caller, Depends(get_caller)]) -> Caller:
-        if scope not in caller.scopes:
-            raise Problem(
-                403, HttpCode.SCOPE_MISSING, f"This needs a key with the scope {scope!r}; yours lacks it."
-            )
+        require(caller, scope)
         return caller
 
     return check

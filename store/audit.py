@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from store.columns import utc_now
 from store.tables.audit import AuditEntry, AuditHead
-from store.tables.base import Audited
+from store.tables.base import Audited, Base
 
 _COVERED = (
     *("seq", "organisation_id", "actor", "action", "subject_type", "subject_id", "before", "after"),
@@ -29,6 +29,14 @@ def record_changes(session: Session, _context: object) -> None:
     entries += [_entry(session, row, "change") for row in session.dirty if _is_changed(session, row)]
     entries += [_entry(session, row, "delete") for row in session.deleted if isinstance(row, Audited)]
     session.info.setdefault("audit_entries", []).extend(entries)
+
+
+def record_act(
+    session: Session, action: str, subject: Base, before: dict[str, Any], after: dict[str, Any]
+) -> None:
+    """Note what a person did to a row whose own changes are too many to be audited."""
+    entry = _named(session, subject, action, before, after)
+    session.info.setdefault("audit_entries", []).append(entry)
 
 
 def append_entries(session: Session) -> None:
@@ -60,15 +68,21 @@ def _is_changed(session: Session, row: object) -> bool:
 
 
 def _entry(session: Session, row: Audited, verb: str) -> dict[str, Any]:
-    before, after = _difference(row, verb)
-    mapper = inspect(row).mapper
+    return _named(session, row, verb, *_difference(row, verb))  # type: ignore[arg-type]
+
+
+def _named(
+    session: Session, row: Base, verb: str, before: dict[str, Any], after: dict[str, Any]
+) -> dict[str, Any]:
+    table = row.__tablename__
+    key = inspect(row).mapper.primary_key_from_instance(row)
     return {
         "organisation_id": session.info["organisation_id"],
         "at": utc_now(),
         "actor": session.info["actor"],
-        "action": f"{mapper.local_table.name}.{verb}",
-        "subject_type": mapper.local_table.name,
-        "subject_id": str(mapper.primary_key_from_instance(row)[0]),
+        "action": f"{table}.{verb}",
+        "subject_type": table,
+        "subject_id": str(key[0]),
         "before": before,
         "after": after,
     }

@@ -128,6 +128,26 @@ def retry_later(session: Session, held: Claim, error: dict[str, Any]) -> None:
     _held(session, held, state="queued", error=error, lease_until=None, due_at=due, hinted_at=None)
 
 
+def retry(session: Session, job_id: str) -> bool:
+    """Queue a job that failed or was set aside as if it had never been tried; whether it was such a one."""
+    now = utc_now()
+    given_up = (Job.id == job_id) & Job.state.in_(("failed", "quarantined"))
+    renewed = _update(
+        session,
+        given_up,
+        state="queued",
+        attempt=0,
+        lost=0,
+        progress=0.0,
+        error=None,
+        traceback=None,
+        due_at=now,
+        hinted_at=now,
+        finished_at=None,
+    )
+    return renewed > 0
+
+
 def sweep(session: Session) -> list[str]:
     """Take back what dead workers held; the ids of the jobs that wait for a hint."""
     now = utc_now()
@@ -160,11 +180,12 @@ def sweep(session: Session) -> list[str]:
     return waiting
 
 
-def oldest_wait_s(session: Session) -> float:
-    """How long the job that has waited longest has been due [s]; 0 when none waits."""
-    oldest: datetime | None = session.scalar(
-        select(Job.due_at).where(Job.state == "queued", Job.due_at <= utc_now()).order_by(Job.due_at).limit(1)
-    )
+def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float:
+    """How long the job that has waited longest has been due [s], of all or of one; 0 when none waits."""
+    waiting = select(Job.due_at).where(Job.state == "queued", Job.due_at <= utc_now())
+    if organisation_id is not None:
+        waiting = waiting.where(Job.organisation_id == organisation_id)
+    oldest: datetime | None = session.scalar(waiting.order_by(Job.due_at).limit(1))
     return (utc_now() - oldest).total_seconds() if oldest else 0.0
 
 

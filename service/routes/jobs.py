@@ -5,22 +5,29 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Query, Request, Response
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from service.auth import Caller, Reader
+from service.auth import Caller, Reader, Scope, require
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
+from service.problems import HttpCode, Problem
 from service.routes import problems
 from service.schemas.base import Text
-from service.schemas.jobs import JobAnswer, State
+from service.schemas.jobs import JobAnswer, QueueAnswer, State
+from service.writing import Reply, Writes
+from store import jobs
+from store.audit import record_act
 from store.jobs import FINAL_STATES
+from store.queries.jobs import frames_of, summarise_queue
 from store.tables import Job
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 _WAIT = re.compile(r"\bwait=(\d{1,4})\b")
 _LONGEST_WAIT_S = 60
+_SCOPES: dict[str, Scope] = {"extract": "upload", "fit": "calibrate", "measure": "upload"}
 
 
 @router.get("", response_model=Page[JobAnswer], responses=problems())
@@ -48,8 +55,16 @@ def list_jobs(
             limit=limit,
             cursor=cursor,
             newest_first=True,
-            shape=lambda found: [JobAnswer.of(row) for row in found],
+            shape=lambda found: _answers(session, found),
         )
+
+
+# before the route of one job, whose id it would be taken for
+@router.get("/summary", response_model=QueueAnswer, responses=problems())
+def get_queue(caller: Reader, context: UsesContext) -> Response:
+    """How many jobs of your organisation are in which state, and how long the oldest has waited."""
+    with context.database.reading() as session:
+        return QueueAnswer.of(summarise_queue(session, caller.organisation_id)).respond()
 
 
 @router.get("/{job_id}", response_model=JobAnswer, responses=problems(404))
@@ -73,6 +88,31 @@ async def get_job(
     return answer.respond(headers)
 
 
+@router.post("/{job_id}/retry", status_code=202, response_model=JobAnswer, responses=problems(404, 409))
+def retry_job(job_id: Id, caller: Reader, writing: Writes) -> Response:
+    """Try a job again that failed or was quarantined. It needs the scope that starting it needed."""
+
+    def change(session: Session) -> Reply:
+        job = owned(session, Job, job_id, caller)
+        require(caller, _SCOPES[job.kind])
+        before = {"state": job.state, "error": job.error}
+        if not jobs.retry(session, job.id):
+            detail = f"This job is {job.state}. Only one that failed or was quarantined can be tried again."
+            raise Problem(409, HttpCode.CONFLICT, detail)
+        record_act(session, "retry", job, before, {"state": "queued"})
+        session.refresh(job)
+        (answer,) = _answers(session, [job])
+        return Reply(status=202, body=answer, headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job])
+
+    return writing.run(caller, change)
+
+
 def _read(context: Context, caller: Caller, job_id: str) -> JobAnswer:
     with context.database.reading() as session:
-        return JobAnswer.of(owned(session, Job, job_id, caller))
+        (answer,) = _answers(session, [owned(session, Job, job_id, caller)])
+    return answer
+
+
+def _answers(session: Session, found: list[Job]) -> list[JobAnswer]:
+    frames = frames_of(session, found)
+    return [JobAnswer.of(row, frames.get(row.subject_id)) for row in found]

@@ -1,12 +1,13 @@
 """Jobs, as a client sees them."""
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import ConfigDict, Field
 
 from service.problems import problem_body
 from service.schemas.base import Answer, Instant, ProblemAnswer
-from store.tables import Job
+from store.queries.jobs import Queue
+from store.tables import FrameRow, Job
 
 State = Literal["queued", "running", "succeeded", "failed", "quarantined"]
 
@@ -19,6 +20,7 @@ class JobAnswer(Answer):
                     "id": "job_1",
                     "kind": "fit",
                     "subject_id": "cmp_1",
+                    "campaign_id": "cmp_1",
                     "state": "succeeded",
                     "progress": 1.0,
                     "attempt": 1,
@@ -37,11 +39,13 @@ class JobAnswer(Answer):
     attempt: int
     error: ProblemAnswer | None = None
     result: dict[str, Any] | None = Field(default=None, description="Ids and links of what was made.")
+    filename: str | None = Field(default=None, description="Of the frame that it works on, where it is one.")
+    campaign_id: str | None = Field(default=None, description="The campaign of that frame, or its subject.")
     created_at: Instant
     finished_at: Instant | None = None
 
     @classmethod
-    def of(cls, row: Job) -> "JobAnswer":
+    def of(cls, row: Job, frame: FrameRow | None = None) -> "JobAnswer":
         error = None
         if row.error is not None:
             status = 422 if row.state == "failed" and row.traceback is None else 500
@@ -49,9 +53,40 @@ class JobAnswer(Answer):
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
             error=error,
+            filename=frame.filename if frame else None,
+            campaign_id=frame.campaign_id if frame else row.subject_id if row.kind == "fit" else None,
         )
 
 
 _FROM_ROW = (
     *("id", "kind", "subject_id", "state", "progress", "attempt", "result", "created_at", "finished_at"),
 )
+
+
+class QueueAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "queued": 12,
+                    "running": 2,
+                    "succeeded": 38,
+                    "failed": 1,
+                    "quarantined": 0,
+                    "oldest_wait_s": 4.2,
+                }
+            ]
+        }
+    )
+
+    queued: int
+    running: int
+    succeeded: int
+    failed: int
+    quarantined: int
+    oldest_wait_s: float = Field(ge=0, description="How long the job that waits longest has been due.")
+
+    @classmethod
+    def of(cls, queue: Queue) -> "QueueAnswer":
+        counts = {state: queue.counts.get(state, 0) for state in get_args(State)}
+        return cls(**counts, oldest_wait_s=queue.oldest_wait_s)

@@ -139,3 +139,40 @@ def test_the_oldest_wait(database, organisation_id):
         session.execute(update(Job).values(due_at=utc_now() - timedelta(seconds=90)))
     with database.reading() as session:
         assert 90 <= jobs.oldest_wait_s(session) < 100
+
+
+def test_a_job_that_was_given_up_is_tried_again_as_if_new(database, job_id):
+    held = claim(database, job_id)
+    with database.writing("test") as session:
+        jobs.fail(session, held, {"code": "internal_error", "detail": "x", "retryable": False}, "Traceback")
+    with database.writing("test") as session:
+        assert jobs.retry(session, job_id)
+    renewed = state(database, job_id)
+    assert (renewed.state, renewed.attempt, renewed.lost, renewed.error) == ("queued", 0, 0, None)
+    assert (renewed.traceback, renewed.finished_at) == (None, None)
+    # the fence goes on rising: whoever held it before stores nothing
+    assert claim(database, job_id).fence == held.fence + 1
+
+
+@pytest.mark.parametrize("stands", ["queued", "running", "succeeded"])
+def test_a_job_that_goes_on_or_is_done_is_not_tried_again(database, job_id, stands):
+    if stands != "queued":
+        held = claim(database, job_id)
+    with database.writing("test") as session:
+        if stands == "succeeded":
+            jobs.succeed(session, held, {})
+        assert not jobs.retry(session, job_id)
+    assert state(database, job_id).state == stands
+
+
+def test_the_oldest_wait_of_one_organisation_is_its_own(database, job_id, organisation_id):
+    with database.writing("test") as session:
+        other = Organisation(name="another")
+        session.add(other)
+        session.flush()
+        jobs.enqueue(
+            session, kind="fit", subject_id="cmp_1", organisation_id=other.id, by="test", parameters={}
+        )
+        session.execute(update(Job).where(Job.id == job_id).values(due_at=utc_now() - timedelta(seconds=90)))
+        assert 90 <= jobs.oldest_wait_s(session, organisation_id) < 100
+        assert jobs.oldest_wait_s(session, other.id) < 10
