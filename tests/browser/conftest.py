@@ -52,7 +52,7 @@ def stranger_context(browser, service):
 
 @pytest.fixture(params=["desktop"])
 def context(request, browser, service):
-    """A browser at 1440 px, or, with ``@pytest.mark.parametrize("context", ["phone"], indirect=True)``, at 390."""
+    """A browser at 1440 px; at 390 with ``parametrize("context", ["phone"], indirect=True)``."""
     with visit(browser, service.url, width=request.param) as opened:
         yield opened
 

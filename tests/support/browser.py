@@ -1,4 +1,4 @@
-"""A browser that looks at the pages as people do: its console is quiet, its pictures are kept, axe has its say."""
+"""A browser that looks at the pages as people do: its console is quiet, its pictures are kept, axe asked."""
 
 import os
 import shutil

@@ -1,0 +1,123 @@
+"""What the pages are sent with: the policy, the files that they stand on, and problems as pages."""
+
+import gzip
+import re
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from service.sessions import COOKIE
+
+STATIC = Path(__file__).parents[2] / "service" / "web" / "static"
+TEMPLATES = STATIC.parent / "templates"
+PAGE = {"Accept": "text/html,application/xhtml+xml;q=0.9,*/*;q=0.8"}
+
+
+@pytest.fixture
+def house(sqlite_house):
+    """One for all: nothing here depends on the database."""
+    return sqlite_house
+
+
+@pytest.fixture
+def visitor(house):
+    """A browser that is signed in."""
+    with house.with_key("none") as client:
+        del client.headers["Authorization"]
+        key_id = house.get("/v1/keys")["items"][0]["id"]
+        client.cookies[COOKIE] = house.app.state.context.sessions.open(key_id)
+        yield client
+
+
+def test_a_page_runs_and_loads_only_what_is_ours(visitor):
+    answer = visitor.get("/jobs", headers=PAGE)
+    policy = dict(part.split(" ", 1) for part in answer.headers["content-security-policy"].split("; "))
+    assert policy["default-src"] == "'none'"
+    assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
+    assert policy["frame-ancestors"] == policy["base-uri"] == "'none'"
+    assert "unsafe" not in answer.headers["content-security-policy"]
+    assert answer.headers["cache-control"] == "no-store"
+    assert answer.headers["referrer-policy"] == "same-origin"
+    assert answer.headers["x-frame-options"] == "DENY"
+    assert "https:" not in answer.text
+
+
+def test_every_answer_forbids_guessing_its_kind(visitor):
+    for path in ("/", "/v1/cameras", "/docs", "/livez", "/nowhere", "/static/x/y"):
+        assert visitor.get(path).headers["x-content-type-options"] == "nosniff", path
+
+
+@pytest.mark.parametrize("path", sorted(TEMPLATES.rglob("*.html")), ids=lambda path: path.name)
+def test_no_template_holds_what_the_policy_refuses(path):
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r"<style|\sstyle=|\son\w+=|javascript:|<script(?![^>]*\ssrc=)", text)
+    assert not re.search(r"\|\s*safe\b", text)
+
+
+@pytest.mark.parametrize("path", sorted(STATIC.rglob("*.js")), ids=lambda path: path.name)
+def test_no_module_reads_html_or_asks_another_host(path):
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(", text)
+    assert not re.search(r"""["'`](https?:)?//""", text)
+
+
+def test_files_are_kept_for_ever_under_the_address_of_their_release(visitor):
+    (style,) = re.findall(r'rel="stylesheet" href="([^"]+)"', visitor.get("/jobs", headers=PAGE).text)
+    answer = visitor.get(style)
+    assert answer.text == (STATIC / "stilb.css").read_text(encoding="utf-8")
+    assert answer.headers["content-type"] == "text/css; charset=utf-8"
+    assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"
+    again = visitor.get(style, headers={"If-None-Match": answer.headers["etag"]})
+    assert (again.status_code, again.headers["etag"]) == (304, answer.headers["etag"])
+    plain = visitor.get(style, headers={"Accept-Encoding": "identity"})
+    assert "content-encoding" not in plain.headers
+    assert plain.headers["vary"] == "Accept-Encoding"
+    assert plain.content == answer.content
+
+
+def test_bokehs_own_script_is_served_packed(house):
+    assets = house.app.state.assets
+    origin = Path(find_spec("bokeh").origin).parent / "server" / "static" / "js" / "bokeh.min.js"
+    with house.http.stream("GET", assets.bokeh_url) as answer:
+        packed = b"".join(answer.iter_raw())
+    assert answer.headers["content-encoding"] == "gzip"
+    assert gzip.decompress(packed) == origin.read_bytes()
+    assert len(packed) < 0.4 * origin.stat().st_size
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../__init__.py", "%2e%2e/__init__.py", "bokeh.min.js", "/etc/passwd", "pages", "", "stilb.css/"],
+)
+def test_nothing_else_is_served(house, name):
+    release = house.app.state.assets.release
+    assert house.http.get(f"/static/{release}/{name}").status_code == 404
+    assert house.http.get("/static/0000/stilb.css").status_code == 404
+
+
+def test_a_browser_gets_a_problem_as_a_page_and_a_program_as_json(visitor):
+    page = visitor.get("/nowhere", headers=PAGE)
+    assert (page.status_code, page.headers["content-type"]) == (404, "text/html; charset=utf-8")
+    assert "<h1>Not found</h1>" in page.text
+    for path, accept in (("/nowhere", "*/*"), ("/v1/nowhere", PAGE["Accept"])):
+        answer = visitor.get(path, headers={"Accept": accept})
+        assert answer.headers["content-type"] == "application/problem+json", path
+
+
+def test_what_is_not_taken_says_what_is(visitor):
+    answer = visitor.post("/docs", headers=PAGE)
+    assert (answer.status_code, answer.headers["allow"]) == (405, "GET")
+    assert "<h1>Method not allowed</h1>" in answer.text
+
+
+def test_our_own_fault_is_a_page_too(visitor, monkeypatch):
+    def fail(*_, **__):
+        raise RuntimeError("on purpose")
+
+    monkeypatch.setattr("service.web.pages.jobs.show_jobs.__code__", fail.__code__)
+    answer = visitor.get("/jobs", headers=PAGE)
+    assert answer.status_code == 500
+    assert "on purpose" not in answer.text
+    assert "<h1>Internal error</h1>" in answer.text
+    assert 'href="/jobs">Try again' in answer.text

@@ -1,0 +1,221 @@
+"""Signing in to the pages: the cookie, the token against forged requests, and when a session ends."""
+
+import stat
+import time
+
+import pytest
+
+from service.sessions import COOKIE, SESSION_S, Sessions, sessions_of
+from store.settings import Settings
+from tests.support.house import CAMERA, KEY
+
+PAGE = {"Accept": "text/html"}
+
+
+@pytest.fixture
+def house(sqlite_house):
+    """One for all: nothing here depends on the database."""
+    return sqlite_house
+
+
+@pytest.fixture
+def visitor(house):
+    """A browser that is not signed in."""
+    with house.with_key("none") as client:
+        del client.headers["Authorization"]
+        yield client
+
+
+def sign_in(client, key=KEY, **headers):
+    form = {"key": key, "next": "/jobs"}
+    return client.post("/sign-in", data=form, headers={**PAGE, **headers}, follow_redirects=False)
+
+
+def token_of(house, client):
+    return house.app.state.context.sessions.csrf_token(client.cookies[COOKIE])
+
+
+def test_a_key_opens_a_session_and_the_cookie_holds_nothing_of_it(visitor):
+    answer = sign_in(visitor)
+    assert (answer.status_code, answer.headers["location"]) == (303, "/jobs")
+    cookie = answer.headers["set-cookie"]
+    assert KEY not in cookie
+    assert cookie.startswith(f"{COOKIE}=key_")
+    parts = {part.strip().lower() for part in cookie.split(";")[1:]}
+    assert parts == {"httponly", f"max-age={SESSION_S}", "path=/", "samesite=strict"}
+    assert visitor.get("/v1/cameras").status_code == 200
+
+
+def test_over_https_the_cookie_is_secure(house):
+    with house.with_key("none") as client:
+        client.base_url = "https://testserver"
+        assert "Secure" in sign_in(client).headers["set-cookie"]
+
+
+def test_a_page_asks_for_a_key_and_remembers_where_one_wanted_to_go(visitor):
+    answer = visitor.get("/jobs?state=failed", headers=PAGE, follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (303, "/sign-in?next=%2Fjobs%3Fstate%3Dfailed")
+
+
+@pytest.mark.parametrize("key", ["", "stilb_unknown", "ключ", "\x00"])
+def test_an_unknown_key_opens_nothing(visitor, key):
+    answer = sign_in(visitor, key)
+    assert answer.status_code == 401
+    assert "This key is not known" in answer.text
+    assert "set-cookie" not in answer.headers
+    assert f'value="{key}"' not in answer.text or not key
+
+
+def test_a_key_that_may_not_read_opens_nothing(house, visitor):
+    made = house.post("/v1/keys", {"name": "camera car", "scopes": ["upload"]})
+    answer = sign_in(visitor, made["secret"])
+    assert (answer.status_code, "set-cookie" in answer.headers) == (401, False)
+    assert "scope read" in answer.text
+
+
+@pytest.mark.parametrize(
+    "elsewhere",
+    [
+        "https://evil.example/",
+        "//evil.example",
+        "/\\evil.example",
+        "\\\\evil",
+        "/a\tb",
+        "javascript:x",
+        "",
+        "é",
+    ],
+)
+def test_signing_in_leads_nowhere_else(visitor, elsewhere):
+    answer = visitor.post("/sign-in", data={"key": KEY, "next": elsewhere}, follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Sec-Fetch-Site": "cross-site"},
+        {"Sec-Fetch-Site": "same-site"},
+        {"Origin": "https://evil.example"},
+        {"Origin": "null"},
+    ],
+)
+def test_another_sites_form_signs_nobody_in(visitor, headers):
+    answer = sign_in(visitor, **headers)
+    assert answer.status_code == 403
+    assert "set-cookie" not in answer.headers
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"Sec-Fetch-Site": "same-origin", "Origin": "http://testserver"}, {"Origin": "http://testserver"}],
+)
+def test_our_own_form_does(visitor, headers):
+    assert sign_in(visitor, **headers).status_code == 303
+
+
+def test_a_change_with_the_cookie_needs_the_pages_token(house, visitor):
+    sign_in(visitor)
+    token = token_of(house, visitor)
+    camera = CAMERA | {"serial": "made with a cookie"}
+    assert token in visitor.get("/jobs", headers=PAGE).text
+    for wrong in ({}, {"X-CSRF-Token": ""}, {"X-CSRF-Token": token[:-1] + "é"}, {"X-CSRF-Token": "0" * 64}):
+        encoded = {name: value.encode() for name, value in wrong.items()}
+        answer = visitor.post("/v1/cameras", json=camera, headers=encoded)
+        assert (answer.status_code, answer.json()["code"]) == (403, "csrf_token_wrong")
+    assert camera["serial"] not in house.http.get("/v1/cameras").text
+    assert visitor.post("/v1/cameras", json=camera, headers={"X-CSRF-Token": token}).status_code == 201
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "PATCH", "DELETE"])
+def test_every_method_that_changes_needs_it(visitor, method):
+    sign_in(visitor)
+    path = {"DELETE": "/v1/keys/x", "PUT": "/v1/campaigns/x/roi", "PATCH": "/v1/organisation"}
+    answer = visitor.request(method, path.get(method, "/v1/cameras"), json={})
+    assert (answer.status_code, answer.json()["code"]) == (403, "csrf_token_wrong")
+
+
+def test_the_token_of_another_session_is_none_of_this_one(house, visitor):
+    sign_in(visitor)
+    earlier = token_of(house, visitor)
+    sign_in(visitor)
+    answer = visitor.post("/v1/cameras", json=CAMERA, headers={"X-CSRF-Token": earlier})
+    assert answer.json()["code"] == "csrf_token_wrong"
+
+
+def test_what_is_sent_with_a_key_needs_no_token_and_the_key_counts(visitor):
+    sign_in(visitor)
+    by_key = {"Authorization": f"Bearer {KEY}"}
+    assert visitor.post("/v1/cameras", json=CAMERA, headers=by_key).status_code in {200, 201}
+    for authorization in ("Bearer stilb_wrong", "Basic eDp5", ""):
+        answer = visitor.get("/v1/cameras", headers={"Authorization": authorization})
+        assert answer.status_code == 401, authorization
+
+
+def test_a_session_ends_when_its_key_is_revoked(house, visitor):
+    made = house.post("/v1/keys", {"name": "guest", "scopes": ["read"]})
+    sign_in(visitor, made["secret"])
+    assert visitor.get("/v1/cameras").status_code == 200
+    assert house.http.delete(f"/v1/keys/{made['id']}").status_code == 200
+    assert visitor.get("/v1/cameras").status_code == 401
+    assert visitor.get("/", headers=PAGE, follow_redirects=False).status_code == 303
+
+
+def test_a_session_has_the_scopes_of_its_key(house, visitor):
+    made = house.post("/v1/keys", {"name": "guest", "scopes": ["read"]})
+    sign_in(visitor, made["secret"])
+    headers = {"X-CSRF-Token": token_of(house, visitor)}
+    answer = visitor.post("/v1/cameras", json=CAMERA, headers=headers)
+    assert answer.json()["code"] == "scope_missing"
+    assert 'content="read"' in visitor.get("/", headers=PAGE).text
+
+
+def test_signing_out_needs_the_token_and_takes_the_cookie(house, visitor):
+    sign_in(visitor)
+    assert visitor.post("/sign-out", follow_redirects=False).status_code == 403
+    token = token_of(house, visitor)
+    answer = visitor.post("/sign-out", data={"csrf_token": token}, follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (303, "/sign-in")
+    assert COOKIE not in visitor.cookies
+    assert visitor.get("/v1/cameras").status_code == 401
+
+
+def test_a_token_is_known_again_until_it_ends(monkeypatch):
+    sessions = Sessions(b"secret")
+    token = sessions.open("key_1")
+    assert sessions.key_id_of(token) == "key_1"
+    now = time.time()
+    monkeypatch.setattr("service.sessions.time.time", lambda: now + SESSION_S - 2)
+    assert sessions.key_id_of(token) == "key_1"
+    monkeypatch.setattr("service.sessions.time.time", lambda: now + SESSION_S + 1)
+    assert sessions.key_id_of(token) is None
+
+
+def test_a_token_that_was_touched_or_made_elsewhere_is_none():
+    sessions = Sessions(b"secret")
+    _, expires, nonce, signature = sessions.open("key_1").split(".")
+    later = str(int(expires) + 1)
+    for forged in (
+        f"key_2.{expires}.{nonce}.{signature}",
+        f"key_1.{later}.{nonce}.{signature}",
+        f"key_1.{expires}.{nonce}.",
+        f"key_1.{expires}.{nonce}",
+        Sessions(b"another").open("key_1"),
+        sessions.csrf_token("key_1"),
+        "",
+        "...",
+        "\udcff",
+    ):
+        assert sessions.key_id_of(forged) is None, forged
+
+
+def test_the_secret_is_kept_for_nobody_else_to_read(tmp_path):
+    settings = Settings(data=tmp_path / "new")
+    token = sessions_of(settings).open("key_1")
+    assert sessions_of(settings).key_id_of(token) == "key_1"
+    (kept,) = (tmp_path / "new").iterdir()
+    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
+    assert len(kept.read_bytes()) == 32
+    given = Settings(data=tmp_path / "other", session_secret="given")
+    assert sessions_of(given).key_id_of(token) is None
+    assert not (tmp_path / "other").exists()
