@@ -189,6 +189,30 @@ class Flag(StrEnum):
         "No position lies near the middle of the frame: the falloff cannot be given.",
     )
     REGION_LEFT_OUT = "region_left_out", "A channel of a region cannot be used, and was left out."
+    # of a geometry fit
+    VIEW_OUTLIER = (
+        "view_outlier",
+        "A view fits more than three times worse than the median view, and was used all the same.",
+    )
+    CORNER_WINDOW_WIDE = (
+        "corner_window_wide",
+        "Squares are so small that the fixed window reaches the next corner: corners are pulled aside.",
+    )
+    FEW_VIEWS = "few_views", "Fewer than ten views of the board were used."
+    COVERAGE_POOR = (
+        "coverage_poor",
+        "Corners fill less than 70 % of the frame's cells, or end before 80 % of the way to its corner.",
+    )
+    TILT_POOR = (
+        "tilt_poor",
+        "Fewer than three views are tilted by 15 degrees or more, or all about one axis.",
+    )
+    REPROJECTION_LARGE = "reprojection_large", "Corners lie further than 1 px (rms) from where they should."
+    PIXELS_NOT_SQUARE = "pixels_not_square", "fx and fy differ by more than 1 %."
+    DISTORTION_FOLDS = (
+        "distortion_folds",
+        "The distortion curve turns back inside the frame: beyond, it means nothing.",
+    )
     # of a measurement
     OUTSIDE_EXPOSURE_TIMES = "outside_exposure_times", "The exposure time was not among those calibrated."
     OUTSIDE_F_NUMBERS = "outside_f_numbers", "The f-number is outside the calibrated range."

@@ -63,6 +63,10 @@ class ReasonCode(StrEnum):
     # of a frame of a chart
     CHART_UNUSABLE = "chart_unusable", "A channel of a region shows no edge or star that can be measured."
     BLURRED = "blurred", "It is less sharp than another frame of the same position."
+    # of a picture of a board
+    BOARD_NOT_FOUND = "board_not_found", "The board was not found: the fit leaves the frame out."
+    BOARD_BLURRED = "board_blurred", "The edges of the board's squares rise over more than 5 px."
+    BOARD_SMALL = "board_small", "The board fills less than a twentieth of the frame."
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,106 @@
+"""What to know about a geometry fit, as flags."""
+
+import statistics
+from collections.abc import Sequence
+from typing import Final
+
+from radiometry.flags import Flag, Raised
+from radiometry.geometry.camera import CameraModel
+from radiometry.geometry.coverage import TILTED_DEG, measure_one_sidedness, measure_tilt_deg
+from radiometry.geometry.curve import find_farthest_radius_px, find_turning_radius_px
+from radiometry.geometry.detecting import FIXED_WINDOW_PX
+from radiometry.geometry.results import Coverage, Point
+from radiometry.geometry.rows import Params
+from radiometry.geometry.solving import Solution
+from radiometry.geometry.views import Candidate
+
+GOOD_VIEWS: Final = 10
+OUTLIER_RATIO: Final = 3.0
+GOOD_SHARE: Final = 0.7
+GOOD_RADIUS_SHARE: Final = 0.8
+FEWEST_TILTED: Final = 3
+MOST_ONE_SIDED: Final = 0.9
+LARGEST_RMS_PX: Final = 1.0
+LARGEST_ASPECT_DIFFERENCE: Final = 0.01
+_OUTLIER_FLOOR_PX: Final = 0.3
+
+
+def check_views(used: Sequence[Candidate], points: Sequence[Point], params: Params) -> list[Raised]:
+    """Look at the pictures that were used, one by one and together."""
+    errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
+    usual = statistics.median(errors.values())
+    flags = [
+        _raise(
+            Flag.VIEW_OUTLIER,
+            f"frame {frame}",
+            f"It fits to {error:.2f} px, the median view to {usual:.2f} px.",
+        )
+        for frame, error in sorted(errors.items())
+        if error > max(OUTLIER_RATIO * usual, _OUTLIER_FLOOR_PX)
+    ]
+    wide = [
+        each.features
+        for each in used
+        if each.features
+        and each.features.target.kind == "checkerboard"
+        and each.features.fitted_window_px < FIXED_WINDOW_PX
+    ]
+    if wide and params.corner_window == "fixed":
+        closest = min(features.spacing_px for features in wide)
+        detail = f"Views: {len(wide)} of {len(used)}; the closest corners are {closest:.1f} px apart."
+        flags.append(_raise(Flag.CORNER_WINDOW_WIDE, "", detail))
+    rendered = sum(each.row.header.rendered for each in used)
+    if rendered:
+        flags.append(_raise(Flag.RENDERED, "", f"Rendered frames: {rendered} of {len(used)}."))
+    if len(used) < GOOD_VIEWS:
+        flags.append(_raise(Flag.FEW_VIEWS, "", f"Views: {len(used)}."))
+    return flags
+
+
+def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
+    """Look at what came out, and at what it stands on."""
+    flags = _check_coverage(coverage) + _check_tilts(solution) + _check_model(solution.camera)
+    if solution.rms_px > LARGEST_RMS_PX:
+        detail = f"Root mean square {solution.rms_px:.2f} px."
+        flags.append(_raise(Flag.REPROJECTION_LARGE, "", detail))
+    return flags
+
+
+def _raise(flag: Flag, where: str, detail: str) -> Raised:
+    return Raised(flag=flag.value, where=where, detail=detail)
+
+
+def _check_coverage(coverage: Coverage) -> list[Raised]:
+    if coverage.share >= GOOD_SHARE and coverage.radius_share >= GOOD_RADIUS_SHARE:
+        return []
+    detail = (
+        f"Cells with a corner: {coverage.share:.0%}; the outermost corner lies {coverage.radius_share:.0%} "
+        "of the way to the corner of the frame."
+    )
+    return [_raise(Flag.COVERAGE_POOR, "", detail)]
+
+
+def _check_tilts(solution: Solution) -> list[Raised]:
+    tilts = [measure_tilt_deg(pose) for pose in solution.poses]
+    tilted = sum(tilt >= TILTED_DEG for tilt in tilts)
+    if tilted < FEWEST_TILTED:
+        detail = f"Views tilted by {TILTED_DEG:g} degrees or more: {tilted}; the steepest {max(tilts):.0f}."
+        return [_raise(Flag.TILT_POOR, "", detail)]
+    if measure_one_sidedness(solution.poses) > MOST_ONE_SIDED:
+        return [_raise(Flag.TILT_POOR, "", f"All {tilted} tilted views turn about one axis.")]
+    return []
+
+
+def _check_model(camera: CameraModel) -> list[Raised]:
+    flags = []
+    aspect = camera.fx_px / camera.fy_px
+    if abs(aspect - 1.0) > LARGEST_ASPECT_DIFFERENCE:
+        flags.append(_raise(Flag.PIXELS_NOT_SQUARE, "", f"fx / fy is {aspect:.4f}."))
+    turning = find_turning_radius_px(camera)
+    if turning is not None:
+        farthest = find_farthest_radius_px(camera)
+        detail = (
+            f"It turns back {turning:.0f} px from the principal point, the corner lies at {farthest:.0f} px."
+        )
+        flags.append(_raise(Flag.DISTORTION_FOLDS, "", detail))
+    return flags

@@ -1,0 +1,94 @@
+"""A camera for other programs: OpenCV's YAML, ROS's camera_info YAML, plain JSON."""
+
+import json
+from collections.abc import Sequence
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.geometry.camera import PARAMETERS
+from radiometry.geometry.results import Fit
+
+_ROS_MODEL: Final = "plumb_bob"
+
+
+def export_opencv(fit: Fit) -> str:
+    """Write the file that OpenCV's calibration sample writes, for `cv::FileStorage`.
+
+    camera_matrix (3, 3) and distortion_coefficients (1, 5: k1, k2, p1, p2, k3), beside the size of the frame,
+    the board, and the errors of the views that were used.
+    """
+    storage = cv2.FileStorage("camera.yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage.write("nframes", fit.views)
+    storage.write("image_width", fit.camera.width_px)
+    storage.write("image_height", fit.camera.height_px)
+    storage.write("board_width", fit.target.corner_columns)
+    storage.write("board_height", fit.target.corner_rows)
+    storage.write("square_size", fit.target.square_size_mm)
+    storage.write("camera_matrix", fit.camera.matrix)
+    storage.write("distortion_coefficients", fit.camera.distortion.reshape(1, -1))
+    storage.write("avg_reprojection_error", fit.rms_px)
+    errors = [point.rms_px for point in fit.points if point.used and point.rms_px is not None]
+    storage.write("per_view_reprojection_errors", np.array(errors).reshape(-1, 1))
+    text: str = storage.releaseAndGetString()
+    return text
+
+
+def export_ros(fit: Fit, *, camera_name: str) -> str:
+    """Write the file that ROS's camera_calibration_parsers reads into a sensor_msgs/CameraInfo.
+
+    The rectification is the identity and the projection the camera's own matrix: one camera, whose
+    undistorted picture keeps its scale.
+    """
+    camera = fit.camera
+    projection = np.hstack([camera.matrix, np.zeros((3, 1))])
+    lines = [
+        f"image_width: {camera.width_px}",
+        f"image_height: {camera.height_px}",
+        f"camera_name: {json.dumps(camera_name)}",
+        *_write_matrix("camera_matrix", camera.matrix),
+        f"distortion_model: {_ROS_MODEL}",
+        *_write_matrix("distortion_coefficients", camera.distortion.reshape(1, -1)),
+        *_write_matrix("rectification_matrix", np.eye(3)),
+        *_write_matrix("projection_matrix", projection),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def export_json(fit: Fit, *, camera_name: str) -> str:
+    """Write camera, standard uncertainties and covariance as JSON, with the model spelt out."""
+    values = {
+        each.name: {"value": each.value, "standard_uncertainty": each.standard_uncertainty, "unit": each.unit}
+        for each in fit.coefficients
+    }
+    content = {
+        "camera_name": camera_name,
+        "model": fit.model,
+        "convention": "first pixel's centre is (0, 0), x right, y down; OpenCV's order and signs",
+        "image_width_px": fit.camera.width_px,
+        "image_height_px": fit.camera.height_px,
+        "parameters": values,
+        "covariance": {"order": list(PARAMETERS), "matrix": fit.covariance},
+        "views": fit.views,
+        "corners": fit.corners,
+        "pixel_pitch_um": fit.pixel_pitch_um,
+    }
+    stated = {name: value for name, value in content.items() if value is not None}
+    return json.dumps(stated, indent=2, allow_nan=False) + "\n"
+
+
+def _write_matrix(name: str, matrix: NDArray[np.float64]) -> list[str]:
+    rows, cols = matrix.shape
+    return [f"{name}:", f"  rows: {rows}", f"  cols: {cols}", f"  data: [{_join(matrix.ravel().tolist())}]"]
+
+
+def _join(numbers: Sequence[float]) -> str:
+    return ", ".join(_write(number) for number in numbers)
+
+
+def _write(number: float) -> str:
+    """Write a number so that it reads back to the last bit, as a number: YAML 1.1 takes 1e-05 for text."""
+    text = repr(number)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -1,0 +1,81 @@
+"""What one picture of a board says: where its corners are."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from radiometry.evidence import Extracted, Region
+from radiometry.frame import Frame, FrameHeader
+from radiometry.geometry.detecting import Found, find_corners
+from radiometry.geometry.grey import make_grey
+from radiometry.geometry.target import Target
+from radiometry.roi import Window, mask
+from radiometry.statistics import ChannelStatistics, compute_statistics
+
+
+@dataclass(frozen=True, kw_only=True)
+class Features:
+    """The corners in one picture, ready for JSON.
+
+    ``target`` : the board that was looked for; ``not_found`` : why there are no corners, else ""
+    ``height_px``, ``width_px`` : of the whole frame
+    ``indices`` : of the corners on the board, row by row
+    ``fixed_px``, ``fitted_px`` : (row, col) of each corner [px], from the centre of the frame's first pixel,
+        as placed in OpenCV's fixed window and in one fitted to the squares
+    ``fitted_window_px`` : half side of that window; ``spacing_px`` : shortest distance between neighbours
+    ``edge_rise_px`` : 10 to 90 % rise of the squares' edges, None where the board is not seen whole
+    ``board_share`` : of the frame that the corners span
+    """
+
+    target: Target
+    not_found: str
+    height_px: int
+    width_px: int
+    indices: tuple[int, ...] = ()
+    fixed_px: tuple[tuple[float, float], ...] = ()
+    fitted_px: tuple[tuple[float, float], ...] = ()
+    fitted_window_px: int = 0
+    spacing_px: float = 0.0
+    edge_rise_px: float | None = None
+    board_share: float = 0.0
+
+
+def extract_features(
+    frame: Frame, regions: Sequence[Region], *, header: FrameHeader, target: Target
+) -> Extracted[Features]:
+    """Find the board in a window of a frame; a board that is not there is an answer and no error.
+
+    The statistics are of the first region: whether the white squares are clipped shows there.
+    """
+    found = find_corners(make_grey(frame, bits_per_sample=header.bits_per_sample), target)
+    return Extracted(statistics=_count(frame, regions[0]), features=_describe(frame, found, target))
+
+
+def _count(frame: Frame, region: Region) -> tuple[ChannelStatistics, ...]:
+    height, width = frame.samples_dn.shape[:2]
+    inside = mask(region.polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    return compute_statistics(frame, inside)
+
+
+def _describe(frame: Frame, found: Found, target: Target) -> Features:
+    if found.not_found:
+        return Features(
+            target=target, not_found=found.not_found, height_px=frame.height_px, width_px=frame.width_px
+        )
+    corner = np.array([frame.row0, frame.col0])
+    hull = cv2.convexHull(found.fitted.astype(np.float32))
+    return Features(
+        target=target,
+        not_found="",
+        height_px=frame.height_px,
+        width_px=frame.width_px,
+        indices=tuple(int(index) for index in found.indices),
+        fixed_px=tuple((float(row), float(col)) for row, col in found.fixed + corner),
+        fitted_px=tuple((float(row), float(col)) for row, col in found.fitted + corner),
+        fitted_window_px=found.fitted_window_px,
+        spacing_px=found.spacing_px,
+        edge_rise_px=found.edge_rise_px,
+        board_share=float(cv2.contourArea(hull)) / (frame.height_px * frame.width_px),
+    )

@@ -1,0 +1,58 @@
+"""The verdict on every picture of a board while it still stands there."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from radiometry.geometry.features import Features
+from radiometry.geometry.rows import CHART, FrameRow
+from radiometry.roi import Polygon
+from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+
+BLURRED_RISE_PX: Final = 5.0
+SMALL_SHARE: Final = 0.05
+
+
+def judge_frames(frames: Sequence[Taken], rows: Sequence[FrameRow]) -> dict[str, Verdict]:
+    """Give the verdict on each frame of a campaign, by name.
+
+    Where nobody has drawn a region the board is looked for in the whole frame: no region is no reason.
+
+    Reasons, beside those of any frame
+      board_not_found (fail), board_blurred, board_small (warn)
+    """
+    reasons = inspect_frames([_with_region(frame) for frame in frames])
+    for row in rows:
+        if row.role == CHART and row.features is not None and row.frame in reasons:
+            reasons[row.frame] += _inspect(row.features)
+    return {frame: conclude(found) for frame, found in reasons.items()}
+
+
+def _with_region(frame: Taken) -> Taken:
+    if frame.region is not None or frame.format is None:
+        return frame
+    width, height, _ = frame.format
+    return replace(frame, region=Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)]))
+
+
+def _inspect(features: Features) -> list[Reason]:
+    if features.not_found:
+        detail = (
+            f"The board cannot be used: {features.not_found}. Show all of a checkerboard with a white "
+            "margin, sharp, flat and free of glare, and check the numbers of its corners in the campaign."
+        )
+        return [Reason(code=ReasonCode.BOARD_NOT_FOUND, outcome="fail", detail=detail)]
+    found = []
+    if features.edge_rise_px is not None and features.edge_rise_px > BLURRED_RISE_PX:
+        detail = (
+            f"The edges of the squares rise over {features.edge_rise_px:.1f} px, {BLURRED_RISE_PX:g} px are "
+            "tolerable. Focus, hold still, and take a shorter time."
+        )
+        found.append(Reason(code=ReasonCode.BOARD_BLURRED, outcome="warn", detail=detail))
+    if features.board_share < SMALL_SHARE:
+        detail = (
+            f"The board spans {features.board_share:.1%} of the frame: come closer, so that it fills a tenth "
+            "to a half."
+        )
+        found.append(Reason(code=ReasonCode.BOARD_SMALL, outcome="warn", detail=detail))
+    return found

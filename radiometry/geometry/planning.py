@@ -1,0 +1,74 @@
+"""What a set of pictures still lacks for a good fit, beyond what any fit needs."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import InputRejected
+from radiometry.flags import Flag
+from radiometry.geometry.caveats import GOOD_SHARE, GOOD_VIEWS
+from radiometry.geometry.coverage import CELLS, count_cells
+from radiometry.geometry.fitting import fit_geometry
+from radiometry.geometry.rows import FrameRow, Params
+from radiometry.geometry.views import Candidate, collect_candidates, list_missing, make_view
+
+_ADVICE: Final[dict[str, str]] = {
+    Flag.TILT_POOR: "tilt the board by 20 to 45 degrees, to the left, to the right, up and down",
+    Flag.VIEW_OUTLIER: "take {where} again, or leave it out: {detail}",
+    Flag.CORNER_WINDOW_WIDE: "come closer or take larger squares, or fit with corner_window fitted: {detail}",
+    Flag.DISTORTION_FOLDS: "bring the board into the corners of the frame: the distortion there is not held",
+    Flag.REPROJECTION_LARGE: "the board does not fit the model: is it flat, and are the pictures sharp?",
+}
+_ROWS: Final = ("top", "middle", "bottom")
+_COLS: Final = ("left", "centre", "right")
+
+
+def plan_views(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
+    """Say by name what to add while the board still stands there; fragments, the gravest first."""
+    usable = [each for each in collect_candidates(rows, params) if not each.left_out]
+    found = []
+    if 0 < len(usable) < GOOD_VIEWS:
+        found.append(f"{len(usable)} usable views: add {GOOD_VIEWS - len(usable)} more")
+    return (*found, *_plan_coverage(usable, params), *_plan_by_flags(rows, params))
+
+
+def _plan_coverage(usable: Sequence[Candidate], params: Params) -> list[str]:
+    """Name the ninths of the frame in which most cells hold no corner."""
+    features = [each.features for each in usable if each.features]
+    if not features:
+        return []
+    counts = count_cells(
+        [make_view(each, params).seen_px for each in features],
+        height_px=features[0].height_px,
+        width_px=features[0].width_px,
+    )
+    if np.count_nonzero(counts) >= GOOD_SHARE * counts.size:
+        return []
+    empty = [
+        f"{row_name} {col_name}"
+        for row_name, rows in zip(_ROWS, _ninths(), strict=True)
+        for col_name, cols in zip(_COLS, _ninths(), strict=True)
+        if np.count_nonzero(counts[np.ix_(rows, cols)]) * 2 < len(rows) * len(cols)
+    ]
+    where = f": {', '.join(empty)}" if empty else ""
+    return [f"bring the board into the parts of the frame that hold few corners{where}"]
+
+
+def _ninths() -> list[NDArray[np.int64]]:
+    return np.array_split(np.arange(CELLS), 3)
+
+
+def _plan_by_flags(rows: Sequence[FrameRow], params: Params) -> list[str]:
+    if list_missing(rows, params):
+        return []
+    try:
+        fit = fit_geometry(rows, params)
+    except InputRejected:
+        return [_ADVICE[Flag.TILT_POOR]]
+    return [
+        _ADVICE[raised.flag].format(where=raised.where, detail=raised.detail.rstrip("."))
+        for raised in fit.flags
+        if raised.flag in _ADVICE
+    ]

@@ -1,0 +1,129 @@
+"""Which pictures are views of the fit, which are left out and why, and what is missing."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.geometry.features import Features
+from radiometry.geometry.rows import CHART, FrameRow, Params
+from radiometry.geometry.solving import Freedom, Solution, View, solve
+from radiometry.geometry.target import locate_corners_mm
+
+FEWEST_VIEWS: Final = 3
+"""Zhang's method needs three for a camera of five unknowns; a good one needs ten."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A picture of a board; ``left_out`` is "" when it counts."""
+
+    row: FrameRow
+    features: Features | None
+    left_out: str
+
+
+@dataclass(frozen=True)
+class Settled:
+    """``used`` and their solution; ``rejected`` : those that fitted too badly, each with its rms."""
+
+    used: tuple[Candidate, ...]
+    solution: Solution
+    rejected: tuple[tuple[Candidate, float], ...]
+
+
+def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """Say by name what keeps a fit from starting, in fragments that can be joined by "; "."""
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    found = [
+        f"frame {name} is to be left out, but the campaign has no such frame"
+        for name in sorted(excluded - {row.frame for row in rows} - set(unread))
+    ]
+    found += [f"frame {name} has not been read yet" for name in sorted({*unread} - excluded)]
+    charts = [row for row in rows if row.role == CHART and row.frame not in excluded]
+    found += [
+        f"frame {row.frame} waits for its board to be looked for"
+        for row in sorted(charts, key=lambda row: row.frame)
+        if row.features is None
+    ]
+    waiting = len(unread) + sum(row.features is None for row in charts)
+    usable = sum(not candidate.left_out for candidate in collect_candidates(rows, params))
+    if usable + waiting < FEWEST_VIEWS:
+        found.append(f"{FEWEST_VIEWS} views of the board are needed at least, {usable} can be used")
+    return tuple(found)
+
+
+def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
+    """Gather the pictures of a board in the order of their names: that of the input changes nothing."""
+    reasons = {exclusion.frame: f"{exclusion.reason} ({exclusion.by})" for exclusion in params.exclude}
+    charts = sorted((row for row in rows if row.role == CHART), key=lambda row: row.frame)
+    usual = _find_usual([row for row in charts if row.frame not in reasons])
+    return tuple(
+        Candidate(row, row.features, reasons.get(row.frame, "") or _inspect(row, usual)) for row in charts
+    )
+
+
+_Form = tuple[int, int, str]
+
+
+def _form(features: Features) -> _Form:
+    return features.height_px, features.width_px, repr(features.target)
+
+
+def _find_usual(charts: Sequence[FrameRow]) -> _Form | None:
+    """Give the size and board of most pictures with a board; of equally many, the smallest by its numbers."""
+    counts = Counter(_form(row.features) for row in charts if row.features and not row.features.not_found)
+    return min(counts, key=lambda form: (-counts[form], form), default=None)
+
+
+def _inspect(row: FrameRow, usual: _Form | None) -> str:
+    features = row.features
+    if features is None:
+        return "not extracted"
+    if features.not_found:
+        return features.not_found
+    if usual is not None and _form(features)[:2] != usual[:2]:
+        return (
+            f"it is {features.width_px} x {features.height_px} pixels, most are {usual[1]} x {usual[0]}: "
+            "another crop or sensor mode"
+        )
+    return "it was searched for another board than most" if _form(features) != usual else ""
+
+
+def make_view(features: Features, params: Params) -> View:
+    """Give a picture's corners as the solver wants them."""
+    seen = features.fixed_px if params.corner_window == "fixed" else features.fitted_px
+    return View(locate_corners_mm(features.target, np.array(features.indices)), np.array(seen))
+
+
+def settle(candidates: Sequence[Candidate], params: Params, freedom: Freedom) -> Settled:
+    """Solve, and leave out views that fit worse than the limit: the worst first, then all others anew.
+
+    A rejected view never costs the fit: with three views left no more are rejected.
+    """
+    kept = [candidate for candidate in candidates if not candidate.left_out]
+    rejected: list[tuple[Candidate, float]] = []
+    while True:
+        solution = _solve(kept, params, freedom)
+        errors = [measure_rms_px(residual) for residual in solution.residuals_px]
+        worst = int(np.argmax(errors))
+        limit = params.reject_above_px
+        if limit is None or errors[worst] <= limit or len(kept) <= FEWEST_VIEWS:
+            return Settled(tuple(kept), solution, tuple(rejected))
+        rejected.append((kept.pop(worst), errors[worst]))
+
+
+def measure_rms_px(residual_px: NDArray[np.float64]) -> float:
+    """Give the root mean square distance of a view's corners from the model."""
+    return math.sqrt(float((residual_px**2).sum()) / len(residual_px))
+
+
+def _solve(kept: Sequence[Candidate], params: Params, freedom: Freedom) -> Solution:
+    views = [make_view(each.features, params) for each in kept if each.features]
+    first = kept[0].features
+    assert first is not None  # noqa: S101  a candidate that counts has features
+    return solve(views, freedom, height_px=first.height_px, width_px=first.width_px)

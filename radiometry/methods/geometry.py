@@ -1,0 +1,79 @@
+"""Geometry: the camera's principal distance, principal point and distortion, from pictures of a board.
+
+    col = fx x' + cx,  row = fy y' + cy
+
+(x', y') the direction (X/Z, Y/Z) distorted by k1, k2, k3, p1, p2.
+
+Corners of a checkerboard or ChArUco board in three views or more, best in ten, fitted together with the
+board's pose in each.
+Source: Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11), 2000; the distortion is
+Brown's (1966), in OpenCV's notation.
+"""
+
+from collections.abc import Sequence
+
+from radiometry.evidence import Extracted, Region
+from radiometry.exposure import Exposure
+from radiometry.frame import Frame, FrameHeader
+from radiometry.geometry.camera import CameraModel
+from radiometry.geometry.exports import export_json, export_opencv, export_ros
+from radiometry.geometry.features import Features, extract_features
+from radiometry.geometry.fitting import fit_geometry as fit
+from radiometry.geometry.fitting import list_figures
+from radiometry.geometry.judging import judge_frames
+from radiometry.geometry.planning import plan_views as plan
+from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, Point
+from radiometry.geometry.rows import CHART, FrameRow, Params
+from radiometry.geometry.target import Target
+from radiometry.geometry.undistortion import undistort
+from radiometry.geometry.views import list_missing as missing
+from radiometry.verdicts import Taken, Verdict
+
+__all__ = [
+    "ROLES",
+    "SCHEMA_VERSION",
+    "CameraModel",
+    "Coefficient",
+    "Coverage",
+    "CurvePoint",
+    "Features",
+    "Fit",
+    "FrameRow",
+    "Params",
+    "Point",
+    "Target",
+    "export_json",
+    "export_opencv",
+    "export_ros",
+    "extract",
+    "fit",
+    "judge",
+    "list_figures",
+    "missing",
+    "plan",
+    "undistort",
+]
+
+SCHEMA_VERSION = 1
+ROLES = frozenset({CHART})
+
+
+def extract(
+    frame: Frame,
+    regions: Sequence[Region],
+    *,
+    header: FrameHeader,
+    exposure: Exposure | None,  # noqa: ARG001  a chart's shapes do not depend on it
+    target: Target,
+) -> Extracted[Features]:
+    """Give the corners of the board in a window of a frame; a board that is not there is told in them."""
+    return extract_features(frame, regions, header=header, target=target)
+
+
+def judge(
+    frames: Sequence[Taken],
+    rows: Sequence[FrameRow],
+    params: Params,  # noqa: ARG001  one picture is judged alike whatever the fit
+) -> dict[str, Verdict]:
+    """Give the verdict on each frame of a campaign, by name."""
+    return judge_frames(frames, rows)

@@ -1,0 +1,263 @@
+"""A fit: OpenCV's published numbers, any order, what is left out, and what is flagged."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from boards import (
+    BOARD,
+    CAMERA,
+    CHARUCO,
+    FREE,
+    SQUARE,
+    errors,
+    raised,
+    simulate,
+    transpose,
+    values,
+    with_features,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import TypeAdapter
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Exclusion
+from radiometry.geometry.camera import project
+from radiometry.geometry.simulation import draw_poses, make_row, simulate_rows
+from radiometry.geometry.solving import Pose
+from radiometry.geometry.target import locate_corners_mm
+from radiometry.methods import geometry
+
+PUBLISHED = {
+    "fx_px": 535.9157,
+    "fy_px": 535.9157,
+    "cx_px": 342.2832,
+    "cy_px": 235.5708,
+    "k1": -0.26637,
+    "k2": -0.03859,
+    "k3": 0.23839,
+    "rms_px": 0.39259,
+}
+
+
+def spoil(row, by_px):
+    """Move every other corner of a view."""
+    moved = tuple(
+        (place[0] + by_px * (number % 2), place[1]) for number, place in enumerate(row.features.fixed_px)
+    )
+    return with_features(row, fixed_px=moved)
+
+
+@pytest.fixture(scope="module")
+def opencv_fit(opencv_rows):
+    return geometry.fit(opencv_rows, geometry.Params(pixel_pitch_um=4.65))
+
+
+def test_opencv_s_set_gives_opencv_s_published_numbers(opencv_fit):
+    """Within a fiftieth of a standard error: today's corner finder starts elsewhere than that of 2012."""
+    for name, published in PUBLISHED.items():
+        tolerance = errors(opencv_fit)[name] / 20.0
+        assert values(opencv_fit)[name] == pytest.approx(published, abs=tolerance), name
+    assert values(opencv_fit)["fx_px"] == pytest.approx(535.9157, abs=0.005)
+    assert values(opencv_fit)["rms_px"] == pytest.approx(0.39259, abs=0.0005)
+    assert (opencv_fit.views, opencv_fit.corners) == (13, 13 * 54)
+
+
+def test_left02_is_named_as_an_outlier_and_rejected_on_request(opencv_rows, opencv_fit):
+    point = {each.frame: each for each in opencv_fit.points}["left02.jpg"]
+    assert point.rms_px == pytest.approx(1.18, abs=0.005)
+    assert point.used
+    outliers = [flag.where for flag in opencv_fit.flags if flag.flag == "view_outlier"]
+    assert outliers == ["frame left02.jpg"]
+    strict = geometry.fit(opencv_rows, geometry.Params(reject_above_px=1.0))
+    rejected = {each.frame: each for each in strict.points}["left02.jpg"]
+    assert not rejected.used
+    assert rejected.left_out == "it fits to 1.18 px, worse than the limit of 1 px"
+    assert (strict.views, strict.points[0].used) == (12, True)
+    assert strict.rms_px == pytest.approx(0.220, abs=0.001)
+    # against a camera that it had no part in it fits no better
+    assert rejected.rms_px > 1.1
+
+
+def test_left02_is_an_outlier_of_the_window_alone(opencv_rows):
+    """Its corners are 21.8 px apart: a window of 23 px reaches the next one."""
+    fit = geometry.fit(opencv_rows, geometry.Params(corner_window="fitted"))
+    assert "view_outlier" not in raised(fit)
+    assert "corner_window_wide" not in raised(fit)
+    assert fit.rms_px == pytest.approx(0.181, abs=0.001)
+    assert {each.frame: each for each in fit.points}["left02.jpg"].rms_px < 0.18
+    wide = geometry.fit(opencv_rows, geometry.Params())
+    assert "corner_window_wide" in raised(wide)
+
+
+def test_what_is_reported_in_millimetres(opencv_fit):
+    distance = opencv_fit.principal_distance_mm
+    assert distance.value == pytest.approx(535.918 * 0.00465, rel=1e-5)
+    assert distance.standard_uncertainty == pytest.approx(errors(opencv_fit)["fx_px"] * 0.00465)
+    assert opencv_fit.offset_col.value == values(opencv_fit)["cx_px"] - 319.5
+    assert opencv_fit.offset_col_um.value == pytest.approx(opencv_fit.offset_col.value * 4.65)
+    plain = geometry.fit(simulate(seed=2, count=4, noise_px=0.1), FREE)
+    assert plain.principal_distance_mm is None
+    assert plain.offset_row_um is None
+    assert {each.distortion_um for each in plain.curve} == {None}
+
+
+def test_figures_and_json(opencv_fit):
+    figures = geometry.list_figures(opencv_fit)
+    assert [each.name for each in figures] == [
+        *("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2", "rms_px")
+    ]
+    assert {each.unit for each in figures} == {"px", "1"}
+    assert {each.model for each in figures} == {"brown_conrady"}
+    rms = figures[-1]
+    assert rms.standard_uncertainty == pytest.approx(rms.value / math.sqrt(2 * (13 * 108 - 8 - 78)))
+    adapter = TypeAdapter(geometry.Fit)
+    assert adapter.validate_json(adapter.dump_json(opencv_fit)) == opencv_fit
+    assert b"NaN" not in adapter.dump_json(opencv_fit)
+
+
+@settings(max_examples=20, deadline=None)
+@given(order=st.permutations(range(15)))
+def test_the_order_of_frames_changes_no_bit(order, simulated):
+    rows = [simulated[place] for place in order]
+    assert geometry.fit(rows, FREE) == geometry.fit(simulated, FREE)
+
+
+def test_parameters_of_a_charuco_board():
+    """Every view shows another part of the board."""
+    random = np.random.default_rng(3)
+    rows = []
+    for number, pose in enumerate(draw_poses(SQUARE, CHARUCO, random, count=14)):
+        indices = np.sort(random.choice(CHARUCO.corners, 18, replace=False))
+        seen = project(SQUARE, locate_corners_mm(CHARUCO, indices), pose.rotation, pose.shift)
+        seen = seen + random.normal(0.0, 0.1, seen.shape)
+        rows.append(make_row(f"view-{number}", SQUARE, CHARUCO, indices, seen))
+    fit = geometry.fit(rows, geometry.Params())
+    for name in ("fx_px", "cx_px", "cy_px", "k1", "p1", "p2"):
+        assert abs(values(fit)[name] - getattr(SQUARE, name)) < 4.0 * errors(fit)[name], name
+    assert fit.corners == 14 * 18
+
+
+def test_views_that_fit_badly_are_rejected_the_worst_first(simulated):
+    rows = list(simulated)
+    rows[3], rows[7] = spoil(rows[3], 30.0), spoil(rows[7], 12.0)
+    fit = geometry.fit(rows, FREE)
+    left_out = {each.frame: each.left_out for each in fit.points if not each.used}
+    assert set(left_out) == {rows[3].frame, rows[7].frame}
+    assert all("worse than the limit of 2 px" in reason for reason in left_out.values())
+    others = geometry.fit([row for row in simulated if row.frame not in left_out], FREE)
+    assert values(fit) == values(others)
+    kept = geometry.fit(rows, dataclasses.replace(FREE, reject_above_px=None))
+    assert kept.views == 15
+    assert "reprojection_large" in raised(kept)
+
+
+def test_three_views_are_never_rejected():
+    rows = list(simulate(seed=8, count=3, noise_px=0.1))
+    rows[0] = spoil(rows[0], 7.0)
+    fit = geometry.fit(rows, geometry.Params(radial_terms=1, tangential=False))
+    assert fit.views == 3
+    assert {"few_views", "reprojection_large"} <= raised(fit)
+
+
+def test_frames_that_are_left_out_say_why(simulated):
+    rows = list(simulated)
+    rows[0] = with_features(
+        rows[0], not_found="the board was not found", indices=(), fixed_px=(), fitted_px=()
+    )
+    rows[1] = transpose(rows[1])
+    rows[2] = with_features(rows[2], target=dataclasses.replace(BOARD, square_size_mm=20.0))
+    rows[4] = dataclasses.replace(rows[4], role="field")
+    exclusion = Exclusion(frame=rows[3].frame, reason="glare", by="Ann")
+    fit = geometry.fit(rows, dataclasses.replace(FREE, exclude=(exclusion,)))
+    reasons = {each.frame: each.left_out for each in fit.points}
+    assert reasons[rows[0].frame] == "the board was not found"
+    assert reasons[rows[1].frame].startswith("it is 480 x 640 pixels, most are 640 x 480")
+    assert reasons[rows[2].frame] == "it was searched for another board than most"
+    assert reasons[rows[3].frame] == "glare (Ann)"
+    assert rows[4].frame not in reasons
+    assert fit.views == 10
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda rows: rows[:2], "3 views of the board are needed at least, 2 can be used"),
+        (lambda _: [], "3 views of the board are needed at least, 0 can be used"),
+        (
+            lambda rows: [dataclasses.replace(rows[0], features=None), *rows[1:]],
+            "frame view-000 waits for its board to be looked for",
+        ),
+    ],
+)
+def test_what_a_fit_lacks(change, said, simulated):
+    rows = change(list(simulated))
+    assert said in geometry.missing(rows, FREE)
+    with pytest.raises(InputRejected, match=said) as caught:
+        geometry.fit(rows, FREE)
+    assert caught.value.code is Code.FIT_INCOMPLETE
+
+
+def test_what_is_missing_by_name(simulated):
+    assert geometry.missing(simulated, FREE) == ()
+    exclude = (Exclusion(frame="nobody", reason="x", by="y"), Exclusion(frame="later", reason="x", by="y"))
+    params = dataclasses.replace(FREE, exclude=exclude)
+    assert geometry.missing(simulated, params, unread=["later", "soon"]) == (
+        "frame nobody is to be left out, but the campaign has no such frame",
+        "frame soon has not been read yet",
+    )
+
+
+def test_a_good_set_raises_nothing():
+    rows = simulate(seed=13, count=40, noise_px=0.1, camera=SQUARE, tilt_deg=45.0)
+    assert raised(geometry.fit(rows, geometry.Params())) == set()
+
+
+def test_poor_sets_are_flagged(simulated):
+    middle = [
+        Pose(np.array([0.02 * n, 0.02, 0.0]), np.array([-100.0, -60.0, 900.0 + 40 * n])) for n in range(6)
+    ]
+    rows = simulate_rows(SQUARE, BOARD, middle, np.random.default_rng(2), noise_px=0.01)
+    poor = geometry.fit(rows, geometry.Params(radial_terms=1, tangential=False))
+    assert {"few_views", "coverage_poor", "tilt_poor"} <= raised(poor)
+    assert poor.coverage.share < 0.3
+    nodding = [
+        Pose(np.array([angle, 0.0, 0.0]), np.array([-100.0, -60.0, 450.0]))
+        for angle in np.linspace(-0.6, 0.6, 8)
+    ]
+    rows = simulate_rows(SQUARE, BOARD, nodding, np.random.default_rng(2), noise_px=0.01)
+    fit = geometry.fit(rows, geometry.Params(radial_terms=1, tangential=False))
+    told = {flag.flag: flag.detail for flag in fit.flags}
+    assert "turn about one axis" in told["tilt_poor"]
+    wide = dataclasses.replace(CAMERA, fy_px=540.0)
+    skewed = simulate(seed=3, count=12, noise_px=0.05, camera=wide)
+    assert "pixels_not_square" in raised(geometry.fit(skewed, FREE))
+    assert "pixels_not_square" not in raised(geometry.fit(simulated, FREE))
+
+
+def test_tilts_and_distances():
+    turned = np.radians(30.0)
+    poses = [Pose(np.array([turned, 0.0, 0.0]), np.array([-100.0, -60.0, 600.0]))]
+    poses += list(draw_poses(CAMERA, BOARD, np.random.default_rng(5), count=11))
+    rows = simulate_rows(CAMERA, BOARD, poses, np.random.default_rng(5), noise_px=0.02)
+    point = geometry.fit(rows, FREE).points[0]
+    assert point.tilt_deg == pytest.approx(30.0, abs=0.2)
+    assert point.distance_mm == pytest.approx(math.hypot(100, 60, 600), rel=0.005)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"pixel_pitch_um": 0.0},
+        {"pixel_pitch_um": math.nan},
+        {"reject_above_px": 0.0},
+        {"reject_above_px": math.inf},
+        {"radial_terms": 4},
+        {"corner_window": "wide"},
+    ],
+)
+def test_parameters_that_cannot_be(change):
+    with pytest.raises(ValueError, match=r"."):
+        geometry.Params(**change)

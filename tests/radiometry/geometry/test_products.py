@@ -1,0 +1,152 @@
+"""What other programs read, and the undistorted picture."""
+
+import dataclasses
+import json
+import math
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from boards import CAMERA, FREE, SQUARE
+
+from radiometry.errors import Code, InputRejected
+from radiometry.geometry.camera import find_directions
+from radiometry.geometry.exports import _write
+from radiometry.methods import geometry
+
+SMALL = dataclasses.replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_px=128, cx_px=83, cy_px=57)
+
+
+@pytest.fixture(scope="module")
+def fit(simulated):
+    return geometry.fit(simulated, dataclasses.replace(FREE, pixel_pitch_um=4.65))
+
+
+def test_opencv_reads_its_file(fit, tmp_path):
+    path = tmp_path / "camera.yml"
+    path.write_text(geometry.export_opencv(fit), encoding="ascii")
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    np.testing.assert_array_equal(storage.getNode("camera_matrix").mat(), fit.camera.matrix)
+    distortion = storage.getNode("distortion_coefficients").mat()
+    np.testing.assert_array_equal(distortion, fit.camera.distortion.reshape(1, 5))
+    assert storage.getNode("image_width").real() == 640
+    assert storage.getNode("image_height").real() == 480
+    assert storage.getNode("board_width").real() == 9
+    assert storage.getNode("avg_reprojection_error").real() == fit.rms_px
+    assert storage.getNode("per_view_reprojection_errors").mat().shape == (15, 1)
+    storage.release()
+
+
+def test_ros_reads_its_file(fit):
+    text = geometry.export_ros(fit, camera_name='FC6520 "two": 0AB')
+    read = yaml.safe_load(text)
+    assert list(read) == [
+        "image_width",
+        "image_height",
+        "camera_name",
+        "camera_matrix",
+        "distortion_model",
+        "distortion_coefficients",
+        "rectification_matrix",
+        "projection_matrix",
+    ]
+    assert (read["image_width"], read["image_height"]) == (640, 480)
+    assert read["camera_name"] == 'FC6520 "two": 0AB'
+    assert read["distortion_model"] == "plumb_bob"
+    shapes = {
+        "camera_matrix": (3, 3),
+        "distortion_coefficients": (1, 5),
+        "rectification_matrix": (3, 3),
+        "projection_matrix": (3, 4),
+    }
+    for name, (rows, cols) in shapes.items():
+        matrix = read[name]
+        assert (matrix["rows"], matrix["cols"], len(matrix["data"])) == (rows, cols, rows * cols), name
+        assert all(isinstance(value, float) for value in matrix["data"]), name
+    assert read["camera_matrix"]["data"] == fit.camera.matrix.ravel().tolist()
+    assert read["distortion_coefficients"]["data"] == fit.camera.distortion.tolist()
+    assert read["projection_matrix"]["data"][:4] == [fit.camera.fx_px, 0.0, fit.camera.cx_px, 0.0]
+
+
+@pytest.mark.parametrize("number", [1e-5, -3e-7, 1e300, 0.0, -0.1, 535.9, 1.5e-9])
+def test_numbers_are_numbers_in_yaml(number):
+    assert yaml.safe_load(_write(number)) == number
+
+
+def test_json_holds_all_that_the_others_hold(fit):
+    read = json.loads(geometry.export_json(fit, camera_name="camera"))
+    assert {name: each["value"] for name, each in read["parameters"].items()} == {
+        each.name: each.value for each in fit.coefficients
+    }
+    order = read["covariance"]["order"]
+    place = order.index("k3")
+    variance = read["covariance"]["matrix"][place][place]
+    assert math.sqrt(variance) == pytest.approx(read["parameters"]["k3"]["standard_uncertainty"])
+    assert read["pixel_pitch_um"] == 4.65
+    plain = json.loads(geometry.export_json(dataclasses.replace(fit, pixel_pitch_um=None), camera_name="c"))
+    assert "pixel_pitch_um" not in plain
+
+
+def make_picture(camera, kind):
+    """A picture whose numbers say which direction a pixel sees: 5000 + 2000 x + 500 y."""
+    places = np.stack(np.indices((camera.height_px, camera.width_px)), axis=-1).reshape(-1, 2)
+    directions = find_directions(camera, places.astype(np.float64))
+    told = 5000.0 + directions @ np.array([2000.0, 500.0])
+    return told.reshape(camera.height_px, camera.width_px).astype(kind)
+
+
+def test_an_undistorted_pixel_shows_its_own_direction():
+    plain, inside = geometry.undistort(make_picture(SMALL, np.float32), SMALL)
+    rows, cols = np.indices(plain.shape)
+    expected = 5000 + 2000 * (cols - SMALL.cx_px) / SMALL.fx_px + 500 * (rows - SMALL.cy_px) / SMALL.fy_px
+    # between pixels of a curved picture straight lines err by some tenths of 2000 / 130 per pixel
+    np.testing.assert_allclose(plain[inside], expected[inside], atol=0.5)
+    assert inside.all()
+
+
+def test_what_no_pixel_saw_is_nothing():
+    pincushion = dataclasses.replace(SMALL, k1=0.3, k2=0.0, k3=0.0)
+    plain, inside = geometry.undistort(make_picture(pincushion, np.float32), pincushion)
+    assert 0.5 < inside.mean() < 1.0
+    assert not inside[0, 0]
+    np.testing.assert_array_equal(np.isnan(plain), ~inside)
+    whole, same = geometry.undistort(make_picture(pincushion, np.uint16), pincushion)
+    np.testing.assert_array_equal(same, inside)
+    assert whole.dtype == np.uint16
+    assert not whole[~inside].any()
+    assert whole[inside].all()
+
+
+def test_a_lens_without_distortion_changes_nothing():
+    straight = dataclasses.replace(SMALL, k1=0.0, k2=0.0, p1=0.0, p2=0.0, k3=0.0)
+    samples = np.random.default_rng(1).integers(0, 65_536, (120, 160, 3), np.uint16)
+    plain, inside = geometry.undistort(samples, straight)
+    np.testing.assert_array_equal(plain[inside], samples[inside])
+    assert inside[1:-1, 1:-1].all()
+
+
+def test_the_transposed_picture_is_undistorted_alike():
+    picture = make_picture(SMALL, np.float32)
+    turned = dataclasses.replace(
+        SMALL,
+        height_px=SMALL.width_px,
+        width_px=SMALL.height_px,
+        fx_px=SMALL.fy_px,
+        fy_px=SMALL.fx_px,
+        cx_px=SMALL.cy_px,
+        cy_px=SMALL.cx_px,
+        p1=SMALL.p2,
+        p2=SMALL.p1,
+    )
+    here, _ = geometry.undistort(picture, SMALL)
+    there, _ = geometry.undistort(np.ascontiguousarray(picture.T), turned)
+    np.testing.assert_allclose(there.T, here, atol=0.3)
+
+
+def test_a_picture_of_another_size_is_refused():
+    with pytest.raises(
+        InputRejected, match="160 x 120 pixels, the calibration holds for 640 x 480"
+    ) as caught:
+        geometry.undistort(make_picture(SMALL, np.uint8), SQUARE)
+    assert caught.value.code is Code.WRONG_CAMERA
