@@ -10,6 +10,7 @@ from radiometry.errors import InputRejected
 from radiometry.methods import vignetting
 from radiometry.roi import Polygon, Window, mask
 from radiometry.vignetting.application import require_format
+from radiometry.vignetting.curve import evaluate_slopes
 from radiometry.vignetting.simulation import FALLOFFS, simulate_flat
 from tests.radiometry.vignetting.flats import NONE, SMALL, coefficient, dark, flat
 
@@ -34,6 +35,20 @@ def test_v_and_its_uncertainty_at_a_calibrated_f_number():
     assert float(found.standard_uncertainty) == pytest.approx(expected, rel=1e-9)
     assert float(found.gain) == pytest.approx(1 / V_2)
     assert float(found.gain_standard_uncertainty) == pytest.approx(expected / V_2**2)
+
+
+def test_slopes_are_those_of_v_for_each_parameter():
+    place, k, centre = (np.array(130.0), np.array(350.0)), (-0.4, 0.1, -0.05), (100.0, 200.0)
+
+    def share(parameters):
+        return evaluate_slopes(*place, parameters[:3], centre_px=tuple(parameters[3:]), radius_px=250.0)[0]
+
+    _, slopes = evaluate_slopes(*place, k, centre_px=centre, radius_px=250.0)
+    for index in range(5):
+        up, down = np.array([*k, *centre]), np.array([*k, *centre])
+        up[index] += 1e-4
+        down[index] -= 1e-4
+        assert float(slopes[index]) == pytest.approx(float(share(up) - share(down)) / 2e-4, rel=1e-6)
 
 
 def test_misfit_adds_to_the_uncertainty():
