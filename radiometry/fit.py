@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from radiometry import models
 from radiometry.gls import Component, Matrix, Solution, Vector, shared_structure, solve
@@ -93,7 +93,7 @@ class CurveFit:
 
 def coverage_factor(dof: float) -> float:
     """Give k for a level of confidence of 95 %: Student's t, 1.96 for infinite degrees of freedom."""
-    return float(student_t.ppf((1 + _COVERAGE) / 2, dof))
+    return float(stdtrit(dof, (1 + _COVERAGE) / 2))
 
 
 def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
