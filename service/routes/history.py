@@ -1,4 +1,4 @@
-"""What publishing a version would change."""
+"""What publishing a version would change, and what was decided until now."""
 
 from typing import Annotated
 
@@ -9,15 +9,17 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.routes import problems
 from service.schemas.base import Instant
+from service.schemas.decisions import DecisionAnswer, DecisionsAnswer
 from service.schemas.history import ImpactAnswer
 from store.columns import utc_now
 from store.impact import assess, find_in_force
-from store.tables import Calibration
+from store.queries.decisions import key_names, list_decisions
+from store.tables import Calibration, Camera
 
-router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
+router = APIRouter(prefix="/v1", tags=["calibrations"])
 
 
-@router.get("/{calibration_id}/impact", response_model=ImpactAnswer, responses=problems(404))
+@router.get("/calibrations/{calibration_id}/impact", response_model=ImpactAnswer, responses=problems(404))
 def get_impact(
     calibration_id: Id,
     caller: Reader,
@@ -44,3 +46,13 @@ def get_impact(
                 f"publishing version {calibration.version} would take its place."
             )
         return ImpactAnswer.of(calibration, instant, said, assess(session, calibration, against)).respond()
+
+
+@router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer, responses=problems(404))
+def list_camera_decisions(camera_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """Who made, published and revoked which version of a camera, when and why; newest first, all at once."""
+    with context.database.reading() as session:
+        owned(session, Camera, camera_id, caller)
+        found = list_decisions(session, camera_id)
+        names = key_names(session, caller.organisation_id)
+    return DecisionsAnswer(items=[DecisionAnswer.of(row, names) for row in found]).respond()

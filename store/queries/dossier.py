@@ -9,10 +9,9 @@ from sqlalchemy.orm import Session
 
 from store.queries.calibrations import Standing, standings
 from store.queries.checklist import ChecklistItem, read_checklist, read_signature
+from store.queries.decisions import Act, key_names, list_publishings
 from store.queries.frames import channel_rows
 from store.tables import (
-    ApiKey,
-    AuditEntry,
     Blob,
     Calibration,
     Camera,
@@ -28,14 +27,6 @@ from store.tables import (
     Revocation,
     Roi,
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Act:
-    """One publishing of a version: by whom, when, and what was said."""
-
-    by: str
-    publication: Publication
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,9 +70,6 @@ def gather_dossier(session: Session, calibration: Calibration) -> Dossier:
     """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
     campaign = session.get_one(Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
-    names = session.execute(
-        select(ApiKey.id, ApiKey.name).where(ApiKey.organisation_id == calibration.organisation_id)
-    )
     return Dossier(
         calibration=calibration,
         camera=session.get_one(Camera, calibration.camera_id),
@@ -95,25 +83,15 @@ def gather_dossier(session: Session, calibration: Calibration) -> Dossier:
         frames=_frames_used(session, calibration),
         checklist=read_checklist(session, campaign),
         signature=read_signature(session, campaign),
-        names={row[0]: row[1] for row in names},
+        names=key_names(session, calibration.organisation_id),
     )
 
 
 def _acts(session: Session, calibration: Calibration) -> list[Act]:
-    """The publishings of this version, oldest first.
-
-    When a newer version takes a part of an older one's time, the older one's rest is written anew in the same
-    instant: of the rows of one instant only the last one written is what somebody published.
-    """
+    """The publishings of this version, oldest first."""
     slots = select(Publication.slot_id).where(Publication.calibration_id == calibration.id)
-    rows = session.execute(
-        select(Publication, AuditEntry)
-        .join(AuditEntry, AuditEntry.subject_id == Publication.id)
-        .where(AuditEntry.action == "publication.create", Publication.slot_id.in_(slots))
-        .order_by(AuditEntry.seq)
-    )
-    last = {row[0].known_from: Act(by=row[1].actor, publication=row[0]) for row in rows}
-    return [act for _, act in sorted(last.items()) if act.publication.calibration_id == calibration.id]
+    acts = list_publishings(session, slots)
+    return [act for act in acts if act.publication.calibration_id == calibration.id]
 
 
 def _readings_used(session: Session, calibration: Calibration) -> list[Reading | None]:

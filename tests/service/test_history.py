@@ -172,3 +172,29 @@ def test_a_version_in_force_changes_nothing_against_itself(house, pair):
 
 def test_a_stranger_learns_nothing(pair, stranger):
     assert stranger.get(f"/v1/calibrations/{pair[0]['id']}/impact").status_code == 404
+
+
+def test_a_cameras_decisions_tell_who_did_what_when_and_why(house, pair):
+    first, second = pair
+    made = house.post("/v1/keys", {"name": "A. Meier", "scopes": ["read", "publish"]})
+    publish(house, first)
+    with house.with_key(made["secret"]) as reviewer:
+        # the newer takes the later part of the older one's time, whose rest nobody published anew
+        body = {"valid_from": MAY, "valid_to": "2027-05-10T00:00:00Z", "reason": "yearly"}
+        assert reviewer.post(f"/v1/calibrations/{second['id']}/publish", json=body).status_code == 200
+    revoke(house, first)
+    items = house.get(f"/v1/cameras/{first['camera_id']}/decisions")["items"]
+    assert [(each["act"], each["version"]) for each in items] == [
+        ("revoked", 1),
+        ("published", 2),
+        ("published", 1),
+        ("made", 2),
+        ("made", 1),
+    ]
+    revoked, yearly, earlier, _, oldest = items
+    assert (revoked["reason"], "valid_from" in revoked) == ("meter", False)
+    assert (yearly["by"], yearly["by_name"], yearly["reason"]) == (made["id"], "A. Meier", "yearly")
+    assert (yearly["valid_from"], yearly["valid_to"]) == (MAY, "2027-05-10T00:00:00Z")
+    # as it was published, whatever became of it
+    assert (earlier["valid_from"], "valid_to" in earlier) == (APRIL, False)
+    assert (oldest["calibration_id"], "reason" in oldest) == (first["id"], False)
