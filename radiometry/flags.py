@@ -234,6 +234,19 @@ class Flag(StrEnum):
         "observer_differs",
         "The camera looks from where it hung: not the observer of EN 13201 or RP-8.",
     )
+    # of a fleet's verdict
+    REPEATS_EXCEED_UNCERTAINTY = (
+        "repeats_exceed_uncertainty",
+        "Repeated calibrations of a camera scatter by more than their stated uncertainties.",
+    )
+    REPEATS_OF_ONE_DAY = (
+        "repeats_of_one_day",
+        "All repeats of each camera are of one day: what changes between days is not in the repeatability.",
+    )
+    BODY_AND_LENS_CONFOUNDED = (
+        "body_and_lens_confounded",
+        "No swaps link all bodies and lenses: whose difference it is cannot be told.",
+    )
     # of a measurement's calibration, as it stands when it is asked for
     CALIBRATION_NOT_PUBLISHED = (
         "calibration_not_published",

@@ -15,6 +15,8 @@ NUMBERS_WITHOUT_UNIT = {
     *("i_sq", "i_sq_standard_uncertainty", "i_ss"),  # of a sensor's own unit, which stands beside them
     *("diffuse_share", "refractive_index"),
     *("saturated_share", "zero_share", "variance_share", "reflectance"),
+    *("f_statistic", "f_p_value", "equivalence_p_value", "exceedance_p_value", "slope_p_value"),
+    "limit",  # of a tolerance, whose unit stands beside it
 }
 UNIT = re.compile(r"_(s|km_h|um|mm|px|dn|rel|deg|m|cd_m2|bytes)$")
 

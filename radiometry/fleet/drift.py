@@ -1,0 +1,245 @@
+"""How a coefficient of one camera changes from campaign to campaign, and until when it may be used."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import stdtr, stdtrit
+
+from radiometry.evidence import Quantity
+from radiometry.fleet.determinations import Determination, Key, LeftOut, Source, keep_repeats
+from radiometry.fleet.meaning import NOT_SHARED, give_meaning, is_clear_of_zero, main_unit
+from radiometry.fleet.results import Tolerance
+
+CONFIDENCE = 0.95
+
+DAYS_PER_YEAR = 365.25
+
+HORIZON_DAYS = 10 * DAYS_PER_YEAR
+"""A straight line is not believed for longer."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """y = value + slope (t - origin), t in days; ``covariance`` : of (value, slope); v = ``dof``."""
+
+    origin: datetime
+    value: float
+    slope_per_day: float
+    covariance: tuple[tuple[float, float], tuple[float, float]]
+    dof: int
+
+    def at(self, days: float) -> tuple[float, float]:
+        """Give the line and its standard error so many days after its origin."""
+        (a, b), (_, c) = self.covariance
+        return self.value + self.slope_per_day * days, math.sqrt(a + 2 * b * days + c * days * days)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drift:
+    """One coefficient's trend.
+
+    ``determinations`` : those used, in time
+    ``slope`` [unit per year], ``slope_interval`` : for 95 %; ``slope_p_value`` : of no drift at all
+    ``cost_per_year`` : the slope as it is felt; ``scatter`` : of one determination about the line
+    ``recalibrate_by`` : before this time the camera is within the tolerance with 95 % on either side
+    ``why`` : None with a date; else the sentence that says why there is none. What a field lacks is None.
+    """
+
+    key: Key
+    determinations: tuple[Determination, ...]
+    slope: Quantity | None
+    slope_interval: tuple[float, float] | None
+    slope_p_value: float | None
+    cost_per_year: Quantity | None
+    scatter: Quantity | None
+    tolerance: Tolerance | None
+    recalibrate_by: datetime | None
+    why: str | None
+
+
+def judge_drift(
+    determinations: Sequence[Determination], *, method: str, tolerance: float | None
+) -> tuple[tuple[Drift, ...], tuple[LeftOut, ...]]:
+    """Fit each coefficient of one camera against time, over its campaigns with the lens that it has now.
+
+    Takes
+      determinations : of one camera
+      tolerance : of parameters that are felt in the method's main unit, as in `verdict.judge_fleet`;
+        None: no date
+    Source: `fit_line`, `find_date`
+    """
+    sources, left_out = keep_repeats(list(dict.fromkeys(row.source for row in determinations)))
+    sources, others = _keep_lens(sources)
+    order = {source: number for number, source in enumerate(sources)}
+    by_key: dict[Key, list[Determination]] = {}
+    for row in sorted(
+        (row for row in determinations if row.source in order), key=lambda row: order[row.source]
+    ):
+        if row.key.name not in NOT_SHARED:
+            by_key.setdefault(row.key, []).append(row)
+    latest = {key.name: rows[-1].value for key, rows in by_key.items()}
+    drifts = tuple(
+        _judge(key, rows, method=method, tolerance=tolerance, latest=latest) for key, rows in by_key.items()
+    )
+    return drifts, (*left_out, *others)
+
+
+def fit_line(rows: Sequence[Determination]) -> Line | None:
+    """Fit a straight line by weighted least squares, with its uncertainty from the scatter about it.
+
+        w_i = 1 / u_i^2,   cov = s^2 (A' W A)^-1,   s^2 = sum w_i (y_i - line_i)^2 / (n - 2)
+
+    The stated uncertainties say how much each counts, the scatter how well all is known, in both directions:
+    an error that all campaigns share (the meter's) is in every u_i, moves no slope, and would hide a drift.
+    Where one is stated as 0 all count alike.
+
+    Returns None for fewer than three, or all of one time
+    Source: JCGM 100:2008, H.3, with weights
+    """
+    origin = rows[-1].source.at
+    days = np.array([(row.source.at - origin) / timedelta(days=1) for row in rows])
+    if len(rows) < 3 or np.ptp(days) == 0.0:
+        return None
+    values = np.array([row.value for row in rows])
+    stated = np.array([row.standard_uncertainty for row in rows])
+    weights = 1.0 / (stated / stated.max()) ** 2 if np.all(stated > 0.0) else np.ones(len(rows))
+    # in units of the span the normal equations are well scaled
+    span = float(np.ptp(days))
+    design = np.column_stack([np.ones(len(rows)), days / span])
+    unit = np.linalg.inv(design.T @ (weights[:, None] * design))
+    offset = float(values.mean())
+    value, slope = unit @ (design.T @ (weights * (values - offset)))
+    residual = values - offset - design @ np.array([value, slope])
+    variance = float(np.sum(weights * residual**2)) / (len(rows) - 2)
+    (a, b), (_, c) = (unit * variance).tolist()
+    return Line(
+        origin=origin,
+        value=offset + float(value),
+        slope_per_day=float(slope) / span,
+        covariance=((a, b / span), (b / span, c / span**2)),
+        dof=len(rows) - 2,
+    )
+
+
+def find_date(line: Line, *, reference: float, limit: float) -> tuple[datetime | None, str | None]:
+    """Find when the line may first have left reference +-limit, from its origin on.
+
+        |line(t) - reference| + t_{0.95,v} u(line(t)) = limit
+
+    At any time before, the true line is within the tolerance with 95 % on either side: this is the lower
+    limit of the time in which it leaves. It rests on the drift's going on as it did.
+
+    Takes
+      reference : the value in use; limit : largest accepted difference [both in the coefficient's unit]
+    Returns the time, or why there is none
+    """
+    quantile = float(stdtrit(line.dof, CONFIDENCE))
+
+    def excess(days: float) -> float:
+        value, error = line.at(days)
+        return abs(value - reference) + quantile * error - limit
+
+    if abs(line.value - reference) > limit:
+        return line.origin, None
+    if excess(0.0) > 0.0:
+        return None, (
+            "The line is known too poorly: already at the last version its uncertainty reaches beyond the "
+            "tolerance. Calibrate again, or accept more."
+        )
+    if excess(HORIZON_DAYS) <= 0.0:
+        return None, "The tolerance is not left within ten years, and a line is not believed for longer."
+    # convex, not above 0 at the one end and above it at the other: there is one crossing
+    days = float(brentq(excess, 0.0, HORIZON_DAYS, xtol=1e-6))
+    return line.origin + timedelta(days=days), None
+
+
+def _keep_lens(sources: Sequence[Source]) -> tuple[tuple[Source, ...], tuple[LeftOut, ...]]:
+    """Keep the versions with the lens of the last one: another lens is another camera, not a drift."""
+    if not sources:
+        return (), ()
+    lens = sources[-1].lens
+    kept = tuple(source for source in sources if source.lens in {lens, None} or lens is None)
+    others = tuple(
+        LeftOut(version=source.version, why=f"It was made with lens {source.lens}; the last one with {lens}.")
+        for source in sources
+        if source not in kept
+    )
+    return kept, others
+
+
+def _judge(
+    key: Key,
+    rows: Sequence[Determination],
+    *,
+    method: str,
+    tolerance: float | None,
+    latest: Mapping[str, float],
+) -> Drift:
+    reference = rows[-1]
+    meaning = give_meaning(method, key, latest, mean=reference.value)
+    felt = is_clear_of_zero(meaning, reference.value, reference.standard_uncertainty)
+    limit = None
+    if tolerance is not None and meaning.unit == main_unit(method):
+        limit = Tolerance(limit=meaning.limit(tolerance), unit=meaning.unit, kind=meaning.kind, of=meaning.of)
+    line = fit_line(rows)
+    date, why = None, None
+    if line is None:
+        why = f"A trend needs three campaigns at different times; there are {len(rows)}."
+    elif limit is None:
+        why = "No tolerance was given that holds for it."
+    elif not felt:
+        why = "Its value is not clear of 0, so that a share of it means nothing."
+    else:
+        date, why = find_date(line, reference=reference.value, limit=limit.limit / meaning.factor)
+    return _describe(key, rows, line, limit, meaning.factor if felt else None, meaning.unit, date, why)
+
+
+def _describe(
+    key: Key,
+    rows: Sequence[Determination],
+    line: Line | None,
+    limit: Tolerance | None,
+    factor: float | None,
+    felt_unit: str,
+    date: datetime | None,
+    why: str | None,
+) -> Drift:
+    slope = interval = p_value = felt = None
+    if line is not None:
+        error = DAYS_PER_YEAR * math.sqrt(line.covariance[1][1])
+        value = DAYS_PER_YEAR * line.slope_per_day
+        half = float(stdtrit(line.dof, 0.5 + CONFIDENCE / 2.0)) * error
+        slope = Quantity(value=value, standard_uncertainty=error, unit=f"{key.unit}/a")
+        interval = (value - half, value + half)
+        p_value = 2.0 * float(stdtr(line.dof, -abs(value) / error)) if error > 0.0 else None
+        if factor is not None:
+            felt = Quantity(value=factor * value, standard_uncertainty=factor * error, unit=f"{felt_unit}/a")
+    return Drift(
+        key=key,
+        determinations=tuple(rows),
+        slope=slope,
+        slope_interval=interval,
+        slope_p_value=p_value,
+        cost_per_year=felt,
+        scatter=_scatter(rows, line),
+        tolerance=limit,
+        recalibrate_by=date,
+        why=why,
+    )
+
+
+def _scatter(rows: Sequence[Determination], line: Line | None) -> Quantity | None:
+    """Give the root mean square about the line over n - 2, not weighted; u(s) = s / sqrt(2 v)."""
+    if line is None:
+        return None
+    squares = [
+        (row.value - line.at((row.source.at - line.origin) / timedelta(days=1))[0]) ** 2 for row in rows
+    ]
+    scatter = math.sqrt(sum(squares) / line.dof)
+    return Quantity(
+        value=scatter, standard_uncertainty=scatter / math.sqrt(2.0 * line.dof), unit=rows[0].key.unit
+    )

@@ -1,0 +1,104 @@
+"""What a difference in a coefficient does to somebody who uses it: per cent of light, or pixels."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from radiometry.fleet.determinations import Key
+
+Kind = Literal["relative", "absolute"]
+
+PERCENT = "%"
+
+_OF = {
+    "luminance_k": "of the luminance",
+    "reflectance_k": "of the reflectance",
+    "corner_falloff": "of the signal in the corner",
+}
+_GEOMETRY_RADIAL = {"k1": 3, "k2": 5, "k3": 7}
+_VIGNETTING = {"k1", "k2", "k3"}
+
+NOT_SHARED = frozenset({"rms_px"})
+"""Figures of a fit's quality: they stand among the coefficients, and nobody applies them to an image."""
+
+CLEAR_OF_ZERO = 3.0
+"""A share of a mean says something when the mean is this many of its standard errors away from 0."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meaning:
+    """How a parameter's difference is felt: cost = factor * difference.
+
+    ``kind`` : relative: tolerances are shares of what is felt (0.04), costs in %; absolute: both in ``unit``
+    ``unit`` : of the cost; ``of`` : what it is a cost in, for sentences
+    ``factor`` : [unit per unit of the parameter]
+    """
+
+    kind: Kind
+    unit: str
+    of: str
+    factor: float
+
+    def limit(self, tolerance: float) -> float:
+        """Give a tolerance, as it is entered, in the unit of the cost."""
+        return 100.0 * tolerance if self.kind == "relative" else tolerance
+
+
+def main_unit(method: str) -> str:
+    """Give the unit in which a method's tolerance is meant when it is one number: px of geometry, else %."""
+    return "px" if method == "geometry" else PERCENT
+
+
+def give_meaning(method: str, key: Key, means: Mapping[str, float], *, mean: float) -> Meaning:
+    """Say what a difference of a parameter is felt as.
+
+    luminance_k, reflectance_k  L and R are inverse to K: a camera whose K is d above the shared one gives
+                                L_shared / L - 1 = d / K, in %
+    corner_falloff, k1..k3 of vignetting  what is added to V in the corner, where r = 1, in % of the signal
+    k1..k3, p1, p2 of geometry  displacement of the image point in the frame's corner, in px:
+        k_m: f r^(2m+1);  p1: f |(2xy, r^2 + 2y^2)|;  p2: f |(r^2 + 2x^2, 2xy)|,  x = cx / fx, y = cy / fy
+    names that end in _px or _dn  the difference itself
+    all others  their difference in % of their mean
+
+    Each counts alone. k1..k3 of one fit compensate each other, so that their costs are upper limits; of
+    vignetting, corner_falloff is what decides.
+
+    Takes
+      means : the fleet's mean of each parameter by name; mean : of this one
+    Source: the models' own equations, to first order in the difference
+    """
+    if method == "vignetting" and key.name in _VIGNETTING | {"corner_falloff"}:
+        factor = 1.0 if key.unit == PERCENT else 100.0
+        return Meaning(kind="relative", unit=PERCENT, of=_OF["corner_falloff"], factor=factor)
+    if method == "geometry" and key.name in {*_GEOMETRY_RADIAL, "p1", "p2"}:
+        factor = _move_corner(key.name, means)
+        return Meaning(kind="absolute", unit="px", of="in the corner of the frame", factor=factor)
+    for ending, unit in (("_px", "px"), ("_dn", "DN")):
+        if key.name.endswith(ending):
+            return Meaning(kind="absolute", unit=unit, of=f"of {key.name}", factor=1.0)
+    factor = 100.0 / abs(mean) if mean else math.nan
+    return Meaning(kind="relative", unit=PERCENT, of=_OF.get(key.name, f"of {key.name}"), factor=factor)
+
+
+def is_clear_of_zero(meaning: Meaning, mean: float, standard_error: float) -> bool:
+    """Tell whether the factor means anything: a share of a mean that may be 0 does not."""
+    if meaning.kind == "absolute":
+        return math.isfinite(meaning.factor)
+    return math.isfinite(meaning.factor) and abs(mean) > CLEAR_OF_ZERO * standard_error
+
+
+def _move_corner(name: str, means: Mapping[str, float]) -> float:
+    """Give the image motion in the frame's corner per unit of a distortion coefficient [px]."""
+    try:
+        fx, fy, cx, cy = (means[f"{each}_px"] for each in ("fx", "fy", "cx", "cy"))
+    except KeyError:
+        return math.nan
+    x, y = cx / fx, cy / fy
+    squared = x * x + y * y
+    if name in _GEOMETRY_RADIAL:
+        power = (_GEOMETRY_RADIAL[name] - 1) / 2
+        return float(math.hypot(fx * x, fy * y) * squared**power)
+    if name == "p1":
+        return math.hypot(fx * 2 * x * y, fy * (squared + 2 * y * y))
+    return math.hypot(fx * (squared + 2 * x * x), fy * 2 * x * y)

@@ -1,0 +1,53 @@
+"""How many repeats of each camera it takes to show that a fleet is alike."""
+
+import math
+
+import numpy as np
+from scipy.special import chdtri, ndtr, stdtrit
+
+from radiometry.fleet.judging import ALPHA, LEAST_DOF
+
+POWER = 0.9
+"""How surely equal cameras are to be found equal."""
+
+MOST_REPEATS = 100
+
+_STEPS = 400
+
+
+def compute_power(*, cameras: int, repeats: int, tolerance_in_repeatabilities: float) -> float:
+    """Give a lower limit of the probability that equal cameras are found to be shared.
+
+    A camera's deviation has the standard deviation c = sqrt((1 - 1 / k) / n) repeatabilities, v = k (n - 1),
+    and passes when |d| + t_{1-alpha,v} s c < T. With s^2 v ~ chi^2_v, per camera
+
+        p = E_s[2 Phi((T - t s c) / c) - 1]+,     power >= 1 - k (1 - p)         (Bonferroni)
+
+    Takes
+      repeats : n of each camera; tolerance_in_repeatabilities : T, tolerance / repeatability
+    Source: `judging.judge_deviations`
+    """
+    dof = cameras * (repeats - 1)
+    if dof < LEAST_DOF:
+        return 0.0
+    spread = math.sqrt((1.0 - 1.0 / cameras) / repeats)
+    quantile = float(stdtrit(dof, 1.0 - ALPHA))
+    # the mean over s, at the middles of slices of equal probability
+    scatter = np.sqrt(chdtri(dof, (np.arange(_STEPS) + 0.5) / _STEPS) / dof)
+    room = tolerance_in_repeatabilities / spread - quantile * scatter
+    passing = float(np.mean(np.where(room > 0.0, 2.0 * ndtr(room) - 1.0, 0.0)))
+    return max(0.0, 1.0 - cameras * (1.0 - passing))
+
+
+def count_repeats(*, cameras: int, tolerance_in_repeatabilities: float) -> int | None:
+    """Give the repeats of each camera with which equal cameras are found shared in `POWER` of the cases.
+
+    Returns None where `MOST_REPEATS` do not suffice
+    """
+    for repeats in range(2, MOST_REPEATS + 1):
+        power = compute_power(
+            cameras=cameras, repeats=repeats, tolerance_in_repeatabilities=tolerance_in_repeatabilities
+        )
+        if power >= POWER:
+            return repeats
+    return None

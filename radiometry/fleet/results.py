@@ -1,0 +1,100 @@
+"""What comes out of judging a fleet: plain numbers, ready for JSON; what does not exist is None."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from radiometry.evidence import Quantity
+from radiometry.flags import Raised
+from radiometry.fleet.determinations import Key, LeftOut
+from radiometry.fleet.judging import Judgement, Outcome
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """The largest deviation from the shared value that is accepted.
+
+    ``limit``, ``unit`` : as the cost is given; ``kind`` : relative | absolute; ``of`` : of what it is a limit
+    """
+
+    limit: float
+    unit: str
+    kind: str
+    of: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deviation:
+    """One level's distance from the mean of all; ``cost`` : the same as it is felt, None where unknown.
+
+    ``label`` : a serial number, or "body with lens" where a body had several lenses
+    """
+
+    label: str
+    repeats: int
+    deviation: Quantity
+    cost: Quantity | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """What the levels of one factor do.
+
+    ``factor`` : camera; body and lens, where swaps tell them apart
+    ``between_variance`` : variance component, not below 0
+    ``judgement`` : None where the tests could not be made
+    """
+
+    factor: Literal["camera", "body", "lens"]
+    deviations: tuple[Deviation, ...]
+    between_variance: Quantity
+    dof: int
+    f_statistic: float | None
+    f_p_value: float | None
+    judgement: Judgement | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterVerdict:
+    """Whether one value of a parameter serves all cameras that have it.
+
+    ``judged`` : False where no tolerance was given for it
+    ``mean`` : the shared value, the unweighted mean; its uncertainty is from repeatability alone
+    ``within_variance`` : of one determination repeated on one camera, with ``dof`` degrees of freedom
+    ``f_statistic`` : of all that makes cameras differ, bodies and lenses together
+    ``repeatability`` : its root, as it is felt
+    ``cost`` : the largest that sharing has for a camera, ``costliest`` : which one
+    ``repeats_needed`` : of each camera, to show that they are alike, where that is open and nothing was found
+    ``cameras_without`` : that have no such coefficient
+    """
+
+    key: Key
+    outcome: Outcome
+    judged: bool
+    said: str
+    cameras: int
+    repeats: int
+    mean: Quantity
+    within_variance: Quantity | None
+    between_variance: Quantity | None
+    dof: int
+    f_statistic: float | None
+    f_p_value: float | None
+    effects: tuple[Effect, ...]
+    judgement: Judgement | None
+    tolerance: Tolerance | None
+    repeatability: Quantity | None
+    cost: Quantity | None
+    costliest: str | None
+    repeats_needed: int | None
+    cameras_without: tuple[str, ...]
+    flags: tuple[Raised, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetVerdict:
+    """The verdict on a fleet: per_camera when any parameter is; shared when all that were judged are."""
+
+    outcome: Outcome
+    said: str
+    parameters: tuple[ParameterVerdict, ...]
+    left_out: tuple[LeftOut, ...]
