@@ -55,9 +55,9 @@ def test_the_curve_is_where_the_model_puts_a_direction():
 
 def test_the_band_is_that_of_many_draws():
     random = np.random.default_rng(2)
-    spread = np.diag([0.8, 0.8, 0.5, 0.5, 4e-3, 6e-3, 1e-4, 1e-4, 3e-3]) ** 2
+    spread = np.diag([8.0, 8.0, 0.5, 0.5, 4e-3, 6e-3, 1e-4, 1e-4, 3e-3]) ** 2
     # fx and fy move together, k1 and k2 against each other
-    spread[0, 1] = spread[1, 0] = 0.9 * 0.8**2
+    spread[0, 1] = spread[1, 0] = 0.9 * 8.0**2
     spread[4, 5] = spread[5, 4] = -0.8 * 4e-3 * 6e-3
     points = curve_of(SQUARE, spread)
     ideal = np.array([point.ideal_radius_px for point in points])

@@ -97,6 +97,8 @@ def test_corners_in_a_window_are_told_in_the_whole_frame(picture):
     there = extract(cut, target=BIG_BOARD).features
     assert max(top, left) > 0
     np.testing.assert_allclose(there.fitted_px, places, atol=2e-3)
+    # stopped after a step below a tenth of a pixel, wherever it began
+    np.testing.assert_allclose(there.fixed_px, whole.fixed_px, atol=0.2)
     assert (there.height_px, there.width_px) == (240, 320)
 
 

@@ -208,6 +208,11 @@ def test_what_is_missing_by_name(simulated):
         "frame nobody is to be left out, but the campaign has no such frame",
         "frame soon has not been read yet",
     )
+    # what is still coming may be enough
+    assert geometry.missing(simulated[:1], FREE, unread=["b", "a"]) == (
+        "frame a has not been read yet",
+        "frame b has not been read yet",
+    )
 
 
 def test_a_good_set_raises_nothing():
