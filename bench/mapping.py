@@ -17,8 +17,9 @@ from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
 from radiometry.luminance.maps import MapScale
 from worker.decode.pool import DecoderPool
-from worker.maps.making import Subject, write_map
+from worker.maps.making import write_map
 from worker.maps.tiff import LEVEL, TILE_PX, MapFacts
+from worker.measuring.luminance import make_subject
 
 OURS = "ours, as the worker does it, without the picture"
 PLAIN = "plain numpy over rawpy's full decode"
@@ -65,7 +66,7 @@ def map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
     """What the worker does for one frame."""
     header: FrameHeader = pool.read_header(path)
     facts = MapFacts(header=header, exposure=_EXPOSURE, software="stilb", description={"unit": "cd/m2"})
-    write_map(pool, Subject(path=path, header=header, scale=_SCALE), facts, target)
+    write_map(pool, make_subject(path, header, _SCALE), facts, target)
 
 
 def map_plainly(path: Path, target: Path) -> None:

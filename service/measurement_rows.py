@@ -3,7 +3,7 @@
 from typing import Any
 
 from service.schemas.base import Quantity
-from service.schemas.measurements import MeasurementAnswer
+from service.schemas.measured import MeasurementAnswer
 
 _FIGURES = {
     "mean": "cd_m2",
@@ -20,6 +20,7 @@ _FIGURES = {
     "grid_illuminance": "lx",
 }
 _PLAIN = ("id", "frame_id", "filename", "taken_at", "latitude_deg", "longitude_deg", "altitude_m")
+_PIXELS = ("mean", "min", "max", "median")
 PERCENTS = (5, 10, 90, 95)
 
 
@@ -27,12 +28,27 @@ def _name(figure: str) -> str:
     return f"{figure}_{_FIGURES[figure]}" if _FIGURES[figure] else figure
 
 
+def _name_of_band(answer: MeasurementAnswer, figure: str) -> str:
+    return "index_value" if answer.index is not None else f"{figure}_reflectance"
+
+
 COLUMNS = [
     *_PLAIN,
     *("calibration_id", "calibration_version", "calibration_state", "region_origin", "pixels"),
     *(f"{_name(figure)}{suffix}" for figure in _FIGURES for suffix in ("", "_standard_uncertainty")),
     *(f"p{percent}_cd_m2" for percent in PERCENTS),
-    *("saturated_share", "vignetting", "signal", "flags", "created_at"),
+    *(f"{figure}_reflectance{suffix}" for figure in _PIXELS for suffix in ("", "_standard_uncertainty")),
+    *(f"p{percent}_reflectance" for percent in PERCENTS),
+    *("index", "index_value", "index_value_standard_uncertainty"),
+    *(
+        "below_zero_share",
+        "above_one_share",
+        "saturated_share",
+        "vignetting",
+        "signal",
+        "flags",
+        "created_at",
+    ),
 ]
 
 
@@ -49,9 +65,19 @@ def flatten(answer: MeasurementAnswer) -> dict[str, Any]:
     for figure in _FIGURES:
         quantity: Quantity | None = getattr(answer, figure)
         if quantity is not None:
-            row[_name(figure)] = quantity.value
-            row[f"{_name(figure)}_standard_uncertainty"] = quantity.standard_uncertainty
-    row |= {f"p{entry.percent}_cd_m2": entry.luminance.value for entry in answer.percentiles}
+            name = _name(figure) if answer.method == "luminance" else _name_of_band(answer, figure)
+            row[name] = quantity.value
+            row[f"{name}_standard_uncertainty"] = quantity.standard_uncertainty
+    for entry in answer.percentiles:
+        if entry.luminance is not None:
+            row[f"p{entry.percent}_cd_m2"] = entry.luminance.value
+        if entry.reflectance is not None:
+            row[f"p{entry.percent}_reflectance"] = entry.reflectance.value
+    if answer.index is not None:
+        row["index"] = answer.index.name
+    if answer.reflected is not None:
+        row["below_zero_share"] = answer.reflected.below_zero_share
+        row["above_one_share"] = answer.reflected.above_one_share
     row |= {
         "saturated_share": answer.saturated_share,
         "vignetting": answer.vignetting,

@@ -12,7 +12,8 @@ from sqlalchemy.orm import Session
 from radiometry.comparison import Comparison, LuminanceChange, change_luminance, compare_quantities
 from radiometry.evidence import Quantity
 from store.codec import decode_exposure
-from store.measuring import read_coefficients, read_time
+from store.measuring.record import read_coefficients
+from store.measuring.version import read_time
 from store.publications import InForce
 from store.queries.calibrations import coefficients_of
 from store.tables import Calibration, CoefficientRow, FrameRow, Measurement, Publication, Slot

@@ -76,6 +76,7 @@ __all__ = [
     "compute_map",
     "configure",
     "extract",
+    "extract_features",
     "find_scale_of_frame",
     "fit",
     "judge",

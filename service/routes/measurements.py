@@ -20,9 +20,9 @@ from service.routes import UNCHANGED, problems, sends_file
 from service.routes.campaigns import read_roi
 from service.schemas.base import Text
 from service.schemas.jobs import JobAnswer
+from service.schemas.measured import MeasurementAnswer
 from service.schemas.measurements import (
     CampaignMeasurementsAnswer,
-    MeasurementAnswer,
     MeasurementOptions,
     NewMeasurement,
     NotMeasured,
@@ -31,7 +31,7 @@ from service.tabular import write_csv
 from service.writing import Reply, Writes
 from store import jobs
 from store.errors import Conflict
-from store.measuring import Asked, plan_measurement
+from store.measuring.plan import Asked, find_subject, plan_measurement
 from store.queries.calibrations import standings
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
@@ -213,6 +213,8 @@ def _read_asked(body: MeasurementOptions) -> Asked:
         polygon=read_roi(body.roi).polygon if body.roi is not None else None,
         grid=grid,
         reflectance=body.reflectance,
+        incidence_angle_deg=body.incidence_angle_deg,
+        index=body.index,
         products=tuple(body.products or ()),
     )
 
@@ -224,13 +226,14 @@ def _named(session: Session, body: MeasurementOptions, caller: Caller) -> Calibr
 def _enqueue(
     session: Session, frame: FrameRow, asked: Asked, named: Calibration | None, caller: Caller
 ) -> Job:
+    subject = find_subject(session, frame, asked)
     return jobs.enqueue(
         session,
         kind="measure",
-        subject_id=frame.id,
+        subject_id=subject.id,
         organisation_id=caller.organisation_id,
         by=caller.key_id,
-        parameters=plan_measurement(session, frame, asked, named),
+        parameters=plan_measurement(session, subject, asked, named),
     )
 
 

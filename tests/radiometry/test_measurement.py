@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from radiometry.advice import advise
 from radiometry.errors import InputRejected
 from radiometry.exposure import Exposure
 from radiometry.flags import Flag
 from radiometry.frame import Frame
-from radiometry.luminance.advice import advise
 from radiometry.measurement import Request, find_window, measure
 from radiometry.roi import Polygon
 from radiometry.surface import Grid

@@ -1,8 +1,12 @@
 """A real Sequoia capture of four bands, over HTTP: what its files say, its fit, its coefficients."""
 
+import io
+import json
 import math
 
+import numpy as np
 import pytest
+import tifffile
 
 from tests.support.data import data_file
 
@@ -125,3 +129,110 @@ def test_without_the_sunshine_sensor_k_holds_for_one_light(house, contents):
     assert row["model"] == "panel_only"
     assert "panel_only" in row["flags"]
     assert "sunshine_sensor" not in version["configuration"]
+
+
+def measure(house, frame, **more):
+    job = house.post("/v1/measurements", {"frame_id": frame["id"], **more}, status=202)
+    house.work()
+    job = house.get(f"/v1/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job
+    return house.get(f"/v1/measurements/{job['result']['measurement_id']}")
+
+
+def read_map(house, measurement):
+    answer = house.http.get(measurement["links"]["map_tif"])
+    with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
+        return file.asarray(), json.loads(file.pages[0].description)
+
+
+def test_the_panel_measures_itself_and_the_map_agrees(house, contents):
+    campaign = begin(house, contents)
+    version = fit(house, campaign)
+    frame = frames_of(house, campaign)["green"]
+    found = measure(house, frame, calibration_id=version["id"], products=["map"])
+    assert found["method"] == "reflectance"
+    assert found["mean"]["value"] == pytest.approx(0.18, rel=1e-6)
+    assert found["mean"]["unit"] == "1"
+    assert found["reflected"]["i_sq"] == pytest.approx(I_SQ["green"], rel=2e-6)
+    assert found["min"]["value"] < found["median"]["value"] < found["max"]["value"]
+    assert sum(row["variance_share"] for row in found["budget"]) == pytest.approx(1.0)
+    assert "shared_u_cd_m2" not in found
+
+    plane, said = read_map(house, found)
+    assert (plane.dtype, plane.shape) == (np.float32, (960, 1280))
+    assert float(plane[440:520, 600:680].mean(dtype=float)) == pytest.approx(0.18, rel=1e-5)
+    counts = {
+        "pixels": plane.size,
+        "below_zero": int((plane < 0).sum()),
+        "above_one": int((plane > 1).sum()),
+        "saturated": int(np.isnan(plane).sum()),
+    }
+    assert found["map"] == counts
+    assert (said["quantity"], said["unit"], said["band"], said["wavelength_nm"]) == (
+        "reflectance",
+        "1",
+        "Green",
+        550.0,
+    )
+    tilted = measure(house, frame, calibration_id=version["id"], incidence_angle_deg=60)
+    assert tilted["mean"]["value"] == pytest.approx(0.36, rel=1e-6)
+
+
+def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
+    campaign = begin(house, contents)
+    version = fit(house, campaign)
+    frame = frames_of(house, campaign)["red"]
+    found = measure(house, frame, calibration_id=version["id"], index="ndvi", products=["map"])
+    # both bands were made 0.18 in this region: the index of equals is 0
+    assert found["index"]["name"] == "ndvi"
+    assert [band["band"] for band in found["index"]["bands"]] == ["nir", "red"]
+    assert found["mean"]["value"] == pytest.approx(0.0, abs=1e-6)
+    u = [band["reflectance"]["standard_uncertainty"] for band in found["index"]["bands"]]
+    expected = math.hypot(*u) * 2 * 0.18 / 0.36**2
+    assert found["mean"]["standard_uncertainty"] == pytest.approx(expected, rel=1e-5)
+    plane, said = read_map(house, found)
+    assert said["quantity"] == "ndvi"
+    assert plane.shape == (960, 1280)
+    assert found["map"] == {"pixels": plane.size, "undefined": int(np.isnan(plane).sum())}
+    assert np.isfinite(plane).sum() > 0.9 * plane.size
+    # nothing is clipped: where one band's noise falls below zero the index leaves [-1, 1]
+    assert np.mean(np.abs(plane[np.isfinite(plane)]) <= 1.0) > 0.99
+
+
+def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, contents):
+    campaign = begin(house, {"green": contents["green"], "red": contents["red"]})
+    fit_of_green = fit(house, campaign, exclude=[])
+    flight = house.post(
+        "/v1/campaigns", {"camera_id": campaign["camera_id"], "method": "reflectance", "comments": "flight"}
+    )
+    for band in ("green", "nir"):
+        house.upload(flight, contents[band], role="field", filename=NAMES[band])
+    house.work()
+    body = {"calibration_id": fit_of_green["id"]}
+    answer = house.post(f"/v1/campaigns/{flight['id']}/measurements", body, status=202)
+    assert len(answer["jobs"]) == 1
+    assert [(each["filename"], each["code"]) for each in answer["not_measured"]] == [
+        (NAMES["nir"], "band_not_calibrated")
+    ]
+    house.work()
+    (row,) = house.get("/v1/measurements", campaign_id=flight["id"])["items"]
+    assert row["region_origin"] == "whole_frame"
+    assert row["pixels"] == 960 * 1280
+    lines = house.http.get(f"/v1/campaigns/{flight['id']}/measurements.csv").text.splitlines()
+    columns = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
+    assert float(columns["mean_reflectance"]) == pytest.approx(row["mean"]["value"])
+
+
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        ({"reflectance": 0.5}, "option_not_of_method"),
+        ({"index": "ndvi"}, "capture_incomplete"),
+    ],
+)
+def test_what_cannot_be_measured_is_said_before_the_job(house, contents, body, code):
+    campaign = begin(house, {"green": contents["green"]})
+    version = fit(house, campaign)
+    (frame,) = frames_of(house, campaign).values()
+    body = {"frame_id": frame["id"], "calibration_id": version["id"], **body}
+    assert house.post("/v1/measurements", body, status=422)["code"] == code

@@ -1,36 +1,56 @@
 """A frame's map in one pass: read, computed, written and reduced band by band."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from radiometry.frame import Frame, FrameHeader
-from radiometry.luminance.maps import RIM_PX, MapScale, compute_map
 from worker.decode.pool import DecoderPool
-from worker.maps.picture import Part, Reduction, draw_picture
+from worker.maps.picture import Part, Reduction, Style, draw_picture
 from worker.maps.strips import StripReader, cut_bands
-from worker.maps.tiff import TILE_PX, MapFacts, encode_band, write_tiff
+from worker.maps.tiff import TILE_PX, MapFacts, Plane, encode_band, write_tiff
 
 _THREADS: Final = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """The frame's file and how its raw numbers become luminance."""
+    """The frame's file, and how a window of its raw numbers becomes a window of the map.
+
+    ``rim_px`` : how far beyond a window ``compute`` must see; ``report`` : is told the share that is done
+    """
 
     path: Path
     header: FrameHeader
-    scale: MapScale
+    compute: Callable[[Frame], Plane]
+    rim_px: int = 0
+    report: Callable[[float], None] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """A map's picture as PNG, and how many of the map's pixels leave [0, 1] or are unknown."""
+
+    picture: bytes
+    below_zero: int
+    above_one: int
+    unknown: int
 
 
 def make_map(
-    decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path, *, caption: str
-) -> bytes:
-    """Write the TIFF to ``target``; the picture as PNG."""
-    return draw_picture(write_map(decoders, subject, facts, target).means(), caption)
+    decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path, *, style: Style, caption: str
+) -> Made:
+    """Write the TIFF to ``target``, and draw its picture."""
+    reduction = write_map(decoders, subject, facts, target)
+    return Made(
+        picture=draw_picture(reduction.means(), caption, style),
+        below_zero=reduction.below_zero,
+        above_one=reduction.above_one,
+        unknown=reduction.unknown,
+    )
 
 
 def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path) -> Reduction:
@@ -52,13 +72,15 @@ def _make_tiles(
     height = subject.header.height_px
 
     def work(frame: Frame, top: int, bottom: int) -> tuple[list[bytes], Part]:
-        band = compute_map(frame, subject.scale)[top - frame.row0 : bottom - frame.row0]
+        band = subject.compute(frame)[top - frame.row0 : bottom - frame.row0]
         return encode_band(band), reduction.reduce(band, top=top)
 
     waiting: deque[Future[tuple[list[bytes], Part]]] = deque()
     for top, bottom in cut_bands(height, TILE_PX):
-        frame = reader.rows(max(0, top - RIM_PX), min(height, bottom + RIM_PX))
+        frame = reader.rows(max(0, top - subject.rim_px), min(height, bottom + subject.rim_px))
         waiting.append(threads.submit(work, frame, top, bottom))
+        if subject.report is not None:
+            subject.report(bottom / height)
         if len(waiting) > _THREADS:
             yield from _collect(waiting.popleft(), reduction)
     for future in waiting:

@@ -1,4 +1,4 @@
-"""The map's picture: false colours on a logarithmic scale, with a bar, its ticks and the unit."""
+"""The map's picture: false colours on a logarithmic or an even scale, with a bar, its ticks and the unit."""
 
 import io
 import math
@@ -26,10 +26,13 @@ Plane = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Part:
-    """What a band adds to the squares of the lines [first, first + len(sums))."""
+    """What a band adds to the squares of the lines [first, first + len(sums)), and its odd pixels."""
 
     first: int
     sums: NDArray[np.float32]
+    below_zero: int
+    above_one: int
+    unknown: int
 
 
 class Reduction:
@@ -42,52 +45,80 @@ class Reduction:
         self.factor = max(1, math.ceil(width_px / (WIDEST_PX - _BAR_PX)))
         self.shape = max(1, height_px // self.factor), max(1, width_px // self.factor)
         self._sums = np.zeros(self.shape, np.float64)
+        self.below_zero = self.above_one = self.unknown = 0
 
     def reduce(self, band: Plane, *, top: int) -> Part:
         """A band's own part; changes nothing, so that several threads may do it."""
         rows, cols = self.shape
+        odd = [int(np.count_nonzero(found)) for found in (band < 0.0, band > 1.0, np.isnan(band))]
         used = band[: max(0, rows * self.factor - top), : cols * self.factor]
         if not len(used):
-            return Part(rows, np.empty((0, cols), np.float32))
+            return Part(rows, np.empty((0, cols), np.float32), *odd)
         targets = (top + np.arange(len(used))) // self.factor
         # lines first: whole lines add up faster than the few pixels of a square
         lines = np.add.reduceat(used, np.flatnonzero(np.diff(targets, prepend=-1)), axis=0)
         sums = lines[:, :: self.factor].copy()
         for offset in range(1, self.factor):
             sums += lines[:, offset :: self.factor]
-        return Part(int(targets[0]), sums)
+        return Part(int(targets[0]), sums, *odd)
 
     def add(self, part: Part) -> None:
         self._sums[part.first : part.first + len(part.sums)] += part.sums
+        self.below_zero += part.below_zero
+        self.above_one += part.above_one
+        self.unknown += part.unknown
 
     def means(self) -> NDArray[np.float64]:
-        """(row, col) [cd/m2], NaN where unknown."""
+        """(row, col), in the map's unit, NaN where unknown."""
         return self._sums / self.factor**2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """What a map shows. ``ends`` : of an even scale; None: logarithmic, its ends chosen from the map."""
+
+    unit: str
+    unknown: str = "saturated"
+    ends: tuple[float, float] | None = None
+
+
+LUMINANCE: Final = Style(unit="cd/m²")
+REFLECTANCE: Final = Style(unit="R", ends=(0.0, 1.0))
 
 
 @dataclass(frozen=True)
 class Scale:
-    """The luminances at the two ends of the colours [cd/m2], > 0."""
+    """The numbers at the two ends of the colours; both > 0 where it is logarithmic."""
 
     low: float
     high: float
+    logarithmic: bool = True
 
-    def place(self, luminance: NDArray[np.float64]) -> NDArray[np.intp]:
-        """The index of each luminance's colour; beyond the ends that of the end."""
+    def share(self, values: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        """How far along the colours each number lies: 0 at the low end, 1 at the high."""
+        if not self.logarithmic:
+            return np.asarray((np.asarray(values) - self.low) / (self.high - self.low))
         decades = math.log10(self.high / self.low)
-        share = np.log10(np.maximum(luminance, self.low) / self.low) / decades
-        return np.minimum((share * COLOURS).astype(np.intp), COLOURS - 1)
+        return np.asarray(np.log10(np.maximum(values, self.low) / self.low) / decades)
+
+    def place(self, values: NDArray[np.float64]) -> NDArray[np.intp]:
+        """The index of each number's colour; beyond the ends that of the end."""
+        return np.clip((self.share(values) * COLOURS).astype(np.intp), 0, COLOURS - 1)
 
     def ticks(self) -> list[float]:
-        """Round numbers within: 1, 2, 5, 10, ..., or decades only where those are many."""
+        """Round numbers within: 1, 2, 5, 10, ..., or decades only where those are many; or even fifths."""
+        if not self.logarithmic:
+            return [round(self.low + n * (self.high - self.low) / 5.0, 6) for n in range(6)]
         decades = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
         steps = (1, 2, 5) if self.high / self.low < 1e4 else (1,)
         numbers = [step * 10.0**decade for decade in decades for step in steps]
         return [number for number in numbers if self.low * 0.999 <= number <= self.high * 1.001]
 
 
-def choose_scale(means: NDArray[np.float64]) -> Scale:
-    """From the 0.5th to the 99.9th percentile of what is above zero: lamps are not all of it."""
+def choose_scale(means: NDArray[np.float64], style: Style = LUMINANCE) -> Scale:
+    """The style's own ends, or the 0.5th and 99.9th percentile of what is above zero: lamps are few."""
+    if style.ends is not None:
+        return Scale(*style.ends, logarithmic=False)
     lit = means[np.isfinite(means) & (means > 0.0)]
     if not lit.size:
         return Scale(0.1, 1.0)
@@ -98,10 +129,10 @@ def choose_scale(means: NDArray[np.float64]) -> Scale:
     return Scale(low, high)
 
 
-def draw_picture(means: NDArray[np.float64], caption: str) -> bytes:
-    """PNG: the map, to its right the bar from the lowest to the highest luminance, below the caption."""
+def draw_picture(means: NDArray[np.float64], caption: str, style: Style = LUMINANCE) -> bytes:
+    """PNG: the map, to its right the bar from the lowest to the highest number, below the caption."""
     height, width = means.shape
-    scale, table = choose_scale(means), make_colours()
+    scale, table = choose_scale(means, style), make_colours()
     unknown = np.isnan(means)
     pixels = table[scale.place(np.where(unknown, scale.low, means))]
     pixels[unknown] = _SATURATED
@@ -110,8 +141,9 @@ def draw_picture(means: NDArray[np.float64], caption: str) -> bytes:
     image.paste(Image.fromarray(pixels), (0, 0))
     draw = ImageDraw.Draw(image)
     font = ImageFont.load_default(_FONT_PX)
+    draw.text((width + _MARGIN_PX, _FONT_PX), style.unit, fill=_INK, font=font)
     _draw_bar(image, draw, font, scale, left=width + _MARGIN_PX, height=tall, table=table)
-    note = f"{caption}{'; blue: saturated' if unknown.any() else ''}"
+    note = f"{caption}{'; blue: {style.unknown}' if unknown.any() else ''}"
     draw.text((_MARGIN_PX, tall + _FONT_PX), note, fill=_INK, font=font)
     out = io.BytesIO()
     image.save(out, "PNG", compress_level=1)
@@ -133,9 +165,7 @@ def _draw_bar(
     shown = table[(COLOURS - 1) - rows * COLOURS // len(rows)]
     image.paste(Image.fromarray(np.repeat(shown[:, None], 2 * _MARGIN_PX, axis=1)), (left, top))
     draw.rectangle((left, top, left + 2 * _MARGIN_PX, bottom), outline=_INK)
-    draw.text((left, _FONT_PX), "cd/m²", fill=_INK, font=font)
     for tick in scale.ticks():
-        share = math.log10(tick / scale.low) / math.log10(scale.high / scale.low)
-        y = bottom - share * (bottom - top)
+        y = bottom - float(scale.share(tick)) * (bottom - top)
         draw.line((left + 2 * _MARGIN_PX, y, left + 2 * _MARGIN_PX + 6, y), fill=_INK)
         draw.text((left + 2 * _MARGIN_PX + 10, y), f"{tick:g}", fill=_INK, font=font, anchor="lm")

@@ -21,8 +21,10 @@ from worker.decode.metadata import read_metadata
 from worker.decode.pool import DecoderPool
 from worker.decode.tiff import read_directories
 from worker.maps import strips
-from worker.maps.making import Subject, make_map
+from worker.maps.making import make_map
+from worker.maps.picture import LUMINANCE
 from worker.maps.tiff import MapFacts
+from worker.measuring.luminance import make_subject
 
 SCALE = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
 EXPOSURE = Exposure(
@@ -58,10 +60,10 @@ def make(decoders, path, *, scale=SCALE, **place):
     header = dataclasses.replace(decoders.read_header(path), **place)
     facts = MapFacts(header=header, exposure=EXPOSURE, software="stilb test", description={"unit": "cd/m2"})
     target = path.with_suffix(".tif")
-    picture = make_map(
-        decoders, Subject(path=path, header=header, scale=scale), facts, target, caption="frame"
+    made = make_map(
+        decoders, make_subject(path, header, scale), facts, target, style=LUMINANCE, caption="frame"
     )
-    return target, picture
+    return target, made.picture
 
 
 @pytest.mark.parametrize("channel", ["green", "grey"])
@@ -150,7 +152,9 @@ from radiometry.measurement import Request, find_window, measure
 from radiometry.roi import Polygon
 from tests.radiometry.coefficients import COEFFICIENT
 from worker.decode.pool import DecoderPool
-from worker.maps.making import Subject, make_map
+from worker.maps.making import make_map
+from worker.maps.picture import LUMINANCE
+from worker.measuring.luminance import make_subject
 from worker.maps.tiff import MapFacts
 
 path = Path(sys.argv[1])
@@ -165,8 +169,8 @@ with DecoderPool(1) as decoders:
     del frame
     scale = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
     facts = MapFacts(header=header, exposure=exposure, software="stilb", description={})
-    make_map(decoders, Subject(path=path, header=header, scale=scale), facts, path.with_suffix(".tif"),
-             caption="whole")
+    make_map(decoders, make_subject(path, header, scale), facts, path.with_suffix(".tif"),
+             style=LUMINANCE, caption="whole")
 status = Path("/proc/self/status").read_text()
 print(wide * high, status.partition("VmHWM:")[2].split()[0])
 """

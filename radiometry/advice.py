@@ -37,6 +37,12 @@ _BY_SOURCE = {
     "f-number": "Have the apertures measured, or calibrate and measure at one aperture: the marking of the "
     "f-number is the largest source.",
     "ISO setting": "Calibrate at this very ISO setting: it is the largest source.",
+    "K": "Take the panel again, before and after the flight, in even light, and state its uncertainty: K is "
+    "the largest source.",
+    "sunshine readings": "Fly under a steady sky, or take the mean of more readings: the scatter of the "
+    "sunshine sensor is the largest source.",
+    "sunshine gain": "Take the panel in the light of the flight, so that the sunshine sensor chooses the same "
+    "gain: the gain's ratio is the largest source.",
     "pixel noise": "Average several frames or a larger region: the noise of the pixels is the largest "
     "source.",
 }

@@ -1,0 +1,211 @@
+"""A band's frame measured with a reflectance calibration: a region, its pixels; and an index of two bands."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Quantity
+from radiometry.exposure import Exposure
+from radiometry.flags import Raised
+from radiometry.frame import Frame, FrameHeader
+from radiometry.reflectance.application import apply_features
+from radiometry.reflectance.features import extract_features
+from radiometry.reflectance.imaging import compute_signal
+from radiometry.reflectance.indices import Index
+from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
+from radiometry.roi import Polygon, Window, mask
+
+PERCENTILES = (5, 10, 90, 95)
+_OUTLIER_SIGMAS = 5.0
+_MAD_TO_SIGMA = 1.4826
+
+
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """One source's share of the mean's uncertainty [1]; ``shared`` : the same error in every pixel."""
+
+    source: str
+    shared: bool
+    standard_uncertainty: float
+    variance_share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Percentile:
+    """``percent`` of the region's pixels do not reflect more than ``reflectance``."""
+
+    percent: int
+    reflectance: Quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredReflectance:
+    """A region's reflectance with its whole budget; nothing is clipped to [0, 1].
+
+    ``mean`` : of the region's signal, as K was made; ``shared_u``, ``noise_u`` : its two parts [1]
+    ``smallest``, ``largest``, ``percentiles`` : of single pixels, with a single pixel's noise
+    ``below_zero_share``, ``above_one_share`` : of the region's pixels
+    """
+
+    band: str
+    pixels: int
+    mean: Quantity
+    shared_u: float
+    noise_u: float
+    smallest: Quantity
+    largest: Quantity
+    median: Quantity
+    percentiles: tuple[Percentile, ...]
+    budget: tuple[Share, ...]
+    i_sq: float
+    i_ss: float | None
+    reflectance_k: float
+    incidence_angle_deg: float
+    below_zero_share: float
+    above_one_share: float
+    saturated_share: float
+    flags: tuple[Raised, ...]
+
+
+def measure_region(
+    frame: Frame,
+    polygon: Polygon,
+    *,
+    header: FrameHeader,
+    exposure: Exposure,
+    coefficients: Sequence[Coefficient],
+    incidence_angle_deg: float = 0.0,
+) -> MeasuredReflectance:
+    """Measure a region; ``frame`` holds its window.
+
+    The mean is `apply_features` of the region's signal: what was calibrated is what is measured. A single
+    pixel's noise is estimated from second differences a - 2 b + c of neighbours, of variance 6 times a
+    pixel's, without outliers beyond 5 sigma, so that texture hardly enters.
+
+    Flags, raises  as `apply_features` and `extract_features`
+    """
+    features = extract_features(frame, polygon, header=header, exposure=exposure)
+    applied = apply_features(
+        features, header=header, coefficients=coefficients, incidence_angle_deg=incidence_angle_deg
+    )
+    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    height, width = signal.shape
+    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    factor = applied.reflectance.value / features.i_sq if features.i_sq else 0.0
+    values = signal[inside] * factor
+    noise = estimate_noise(signal * factor, inside)
+    shared_rel = _part(applied.effects, shared=True) / abs(applied.reflectance.value or 1.0)
+
+    def pixel(value: float, own: float = noise) -> Quantity:
+        return _quantity(value, math.hypot(value * shared_rel, own))
+
+    middle, *ranks = np.percentile(values, [50, *PERCENTILES]).tolist()
+    return MeasuredReflectance(
+        band=features.band,
+        pixels=int(values.size),
+        mean=applied.reflectance,
+        shared_u=_part(applied.effects, shared=True),
+        noise_u=_part(applied.effects, shared=False),
+        smallest=pixel(float(values.min())),
+        largest=pixel(float(values.max())),
+        # the median of n has sqrt(pi / 2) times a mean's noise
+        median=pixel(middle, noise * math.sqrt(math.pi / 2 / values.size)),
+        percentiles=tuple(
+            Percentile(percent=percent, reflectance=pixel(value))
+            for percent, value in zip(PERCENTILES, ranks, strict=True)
+        ),
+        budget=_share_out(applied),
+        i_sq=applied.i_sq,
+        i_ss=applied.i_ss,
+        reflectance_k=applied.reflectance_k,
+        incidence_angle_deg=incidence_angle_deg,
+        below_zero_share=float(np.mean(values < 0.0)),
+        above_one_share=float(np.mean(values > 1.0)),
+        saturated_share=features.statistics.saturated_share,
+        flags=applied.flags,
+    )
+
+
+def estimate_noise(values: NDArray[np.float64], inside: NDArray[np.bool_]) -> float:
+    """Give the noise of one pixel of a region, (row, col); 0 where no three neighbours lie in it."""
+    found = []
+    for axis in (0, 1):
+        size = values.shape[axis] - 2
+        if size <= 0:
+            continue
+        places = [(slice(None),) * axis + (slice(at, at + size),) for at in range(3)]
+        chosen = np.logical_and.reduce([inside[place] for place in places])
+        a, b, c = (values[place][chosen] for place in places)
+        found.append(a - 2.0 * b + c)
+    differences = np.concatenate(found) if found else np.empty(0)
+    if not differences.size:
+        return 0.0
+    spread = _MAD_TO_SIGMA * float(np.median(np.abs(differences)))
+    kept = differences[np.abs(differences) <= _OUTLIER_SIGMAS * spread] if spread > 0.0 else differences
+    return math.sqrt(float(np.mean(kept**2)) / 6.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredIndex:
+    """An index of a region's mean reflectances; ``bands`` : those means, near infrared first."""
+
+    index: Index
+    value: Quantity
+    bands: tuple[AppliedReflectance, ...]
+    flags: tuple[Raised, ...]
+
+
+def measure_index(index: Index, nir: AppliedReflectance, other: AppliedReflectance) -> MeasuredIndex:
+    """Give (a - b) / (a + b) of a region's reflectances a (near infrared) and b.
+
+    u^2 = (2 b / (a + b)^2)^2 u_a^2 + (2 a / (a + b)^2)^2 u_b^2, taken as independent: what panel and light do
+    alike to both bands would cancel, so this is no less than the true uncertainty where they do.
+
+    Raises InputRejected(index_undefined) if a + b is not positive
+    """
+    a, b = nir.reflectance, other.reflectance
+    total = a.value + b.value
+    if not total > 0.0:
+        raise InputRejected(
+            Code.INDEX_UNDEFINED,
+            f"{index.upper()} does not exist here: the reflectances of {nir.band} and {other.band} add up to "
+            f"{total:.4g}. Draw the region on something that reflects.",
+        )
+    u = math.hypot(2.0 * b.value * a.standard_uncertainty, 2.0 * a.value * b.standard_uncertainty) / total**2
+    return MeasuredIndex(
+        index=index,
+        value=_quantity((a.value - b.value) / total, u),
+        bands=(nir, other),
+        flags=tuple(
+            Raised(flag=raised.flag, where=f"band {band.band}", detail=raised.detail)
+            for band in (nir, other)
+            for raised in band.flags
+        ),
+    )
+
+
+def _quantity(value: float, standard_uncertainty: float) -> Quantity:
+    return Quantity(value=value, standard_uncertainty=standard_uncertainty, unit=REFLECTANCE_UNIT)
+
+
+def _part(effects: Sequence[Effect], *, shared: bool) -> float:
+    return math.hypot(*(effect.effect for effect in effects if effect.shared == shared))
+
+
+def _share_out(applied: AppliedReflectance) -> tuple[Share, ...]:
+    """List the sources, the largest first."""
+    variance = applied.reflectance.standard_uncertainty**2
+    shares = [
+        Share(
+            source=effect.source,
+            shared=effect.shared,
+            standard_uncertainty=abs(effect.effect),
+            variance_share=effect.effect**2 / variance if variance > 0.0 else 0.0,
+        )
+        for effect in applied.effects
+    ]
+    return tuple(sorted(shares, key=lambda share: (-share.variance_share, share.source)))

@@ -1,0 +1,316 @@
+"""Measurements: what is answered."""
+
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from radiometry.advice import advise
+from radiometry.flags import Flag
+from radiometry.reflectance.indices import Index
+from service.schemas.base import Answer, Instant, Quantity
+from store.queries.calibrations import Standing
+from store.tables import Calibration, FrameRow, Measurement
+
+_CORNERS: list[Any] = [[2200, 1600], [3100, 1620], [3160, 2300], [2140, 2290]]
+
+
+class CalibrationUsed(Answer):
+    id: str
+    version: int
+    why: str
+    state: Literal["draft", "published", "superseded", "revoked"] = Field(description="As it stands now.")
+    superseded_by: str | None = None
+    revoked_reason: str | None = None
+
+
+class FlagAnswer(Answer):
+    flag: str
+    where: str = Field(description='"" for the whole, "grid" for its cells.')
+    detail: str
+
+
+class BudgetRow(Answer):
+    """One source's share of the mean's uncertainty, in the unit of the mean."""
+
+    source: str
+    shared: bool = Field(description="The same error in every pixel: no mean over pixels reduces it.")
+    standard_uncertainty_cd_m2: float | None = Field(default=None, description="Of a luminance.")
+    standard_uncertainty: float | None = Field(default=None, description="Of a reflectance.")
+    variance_share: float
+
+
+class ReflectedAnswer(Answer):
+    """How a band's reflectance came about: R = K I_sq / (I_ss cos(incidence))."""
+
+    band: str
+    i_sq: float
+    i_ss: float | None = Field(default=None, description="None of a panel-only K.")
+    reflectance_k: float = Field(description="At the time of the frame.")
+    incidence_angle_deg: float
+    shared_u: float = Field(description="The part of the mean's uncertainty that all pixels share.")
+    noise_u: float = Field(description="The part that is the mean's own noise.")
+    below_zero_share: float = Field(description="Of the region's pixels; nothing is clipped.")
+    above_one_share: float
+
+
+class BandAnswer(Answer):
+    band: str
+    i_sq: float
+    i_ss: float | None = None
+    reflectance_k: float
+    reflectance: Quantity
+
+
+class IndexAnswer(Answer):
+    """(a - b) / (a + b) of the region's mean reflectances, near infrared first."""
+
+    name: Index
+    bands: list[BandAnswer]
+
+
+class MapCounts(Answer):
+    """Of all pixels of the map: how many leave [0, 1], are saturated, or have no index."""
+
+    pixels: int
+    below_zero: int | None = None
+    above_one: int | None = None
+    saturated: int | None = None
+    undefined: int | None = None
+
+
+class PercentileAnswer(Answer):
+    percent: int
+    luminance: Quantity | None = None
+    reflectance: Quantity | None = None
+
+
+class GridAnswer(Answer):
+    """The cells as the surface runs, row by row."""
+
+    corners: list[list[float]]
+    rows: int
+    columns: int
+    cell_model: str = Field(description="`projective`: equal cells of the surface, not of its image.")
+    cells: list[list[Quantity]]
+
+
+def _quantity(value: float, uncertainty: float, unit: str = "cd/m2") -> dict[str, Any]:
+    return {"value": value, "standard_uncertainty": uncertainty, "unit": unit}
+
+
+_EXAMPLE: dict[str, Any] = {
+    "id": "msr_1",
+    "frame_id": "frm_1",
+    "campaign_id": "cmp_1",
+    "camera_id": "cam_1",
+    "filename": "DJI_0100.DNG",
+    "method": "luminance",
+    "calibration": {
+        "id": "cal_1",
+        "version": 3,
+        "why": "version 3 is in force from 2026-05-01T00:00:00Z on",
+        "state": "published",
+    },
+    "region": _CORNERS,
+    "region_origin": "campaign",
+    "pixels": 310000,
+    "mean": _quantity(0.787, 0.028),
+    "shared_u_cd_m2": 0.028,
+    "noise_u_cd_m2": 0.0001,
+    "min": _quantity(0.44, 0.022),
+    "max": _quantity(1.23, 0.046),
+    "median": _quantity(0.8, 0.028),
+    "percentiles": [{"percent": 5, "luminance": _quantity(0.48, 0.023)}],
+    "budget": [
+        {
+            "source": "f-number",
+            "shared": True,
+            "standard_uncertainty_cd_m2": 0.0236,
+            "variance_share": 0.71,
+        }
+    ],
+    "saturated_share": 0.0,
+    "vignetting": "none",
+    "signal": "green",
+    "flags": [
+        {
+            "flag": "no_vignetting_correction",
+            "where": "",
+            "detail": "Vignetting was corrected with: none.",
+        }
+    ],
+    "to_do_better": ["Calibrate the vignetting of this lens from flat fields."],
+    "links": {"map_tif": "/v1/measurements/msr_1/map.tif", "map_png": "/v1/measurements/msr_1/map.png"},
+    "parameters": {"products": ["map"]},
+    "software": {"stilb": "0.1.0"},
+    "content_sha256": "0" * 64,
+    "created_at": "2026-05-03T08:00:00Z",
+    "created_by": "key_1",
+}
+
+
+class MeasurementAnswer(Answer):
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    id: str
+    frame_id: str
+    campaign_id: str
+    camera_id: str
+    filename: str
+    taken_at: str | None = None
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_m: float | None = None
+    method: str
+    calibration: CalibrationUsed
+    region: list[list[float]]
+    region_origin: Literal["request", "frame", "campaign", "grid", "whole_frame"]
+    pixels: int | None = Field(default=None, description="How many measured pixels the region holds.")
+    mean: Quantity = Field(description="Of a luminance in cd/m2; of a reflectance or an index without unit.")
+    shared_u_cd_m2: float | None = Field(
+        default=None, description="The part of the mean's standard uncertainty that all pixels share [cd/m2]."
+    )
+    noise_u_cd_m2: float | None = Field(
+        default=None, description="The part that is the mean's own noise [cd/m2]."
+    )
+    min: Quantity | None = None
+    max: Quantity | None = None
+    median: Quantity | None = None
+    percentiles: list[PercentileAnswer] = Field(description="Of single pixels, with a single pixel's noise.")
+    budget: list[BudgetRow]
+    reflected: ReflectedAnswer | None = Field(default=None, description="Of a band's reflectance.")
+    index: IndexAnswer | None = None
+    map: MapCounts | None = Field(default=None, description="Of a map of reflectance or of an index.")
+    illuminance: Quantity | None = Field(default=None, description="E = pi L / rho of the region's mean.")
+    grid: GridAnswer | None = None
+    l_av_cd_m2: Quantity | None = None
+    l_min_cd_m2: Quantity | None = None
+    l_max_cd_m2: Quantity | None = None
+    u_o: Quantity | None = Field(default=None, description="L_min / L_av over the cells.")
+    u_l: list[Quantity] | None = Field(default=None, description="L_min / L_max along each row of cells.")
+    average_to_min: Quantity | None = None
+    max_to_min: Quantity | None = None
+    grid_illuminance: Quantity | None = Field(default=None, description="E = pi L_av / rho.")
+    saturated_share: float | None = None
+    vignetting: str = Field(description="What vignetting was corrected with.")
+    signal: str = Field(description="The channel or the band.")
+    flags: list[FlagAnswer]
+    to_do_better: list[str]
+    links: dict[str, str]
+    parameters: dict[str, Any]
+    software: dict[str, Any]
+    content_sha256: str
+    created_at: Instant
+    created_by: str
+
+    @classmethod
+    def of(
+        cls, row: Measurement, frame: FrameRow, calibration: Calibration, standing: Standing
+    ) -> "MeasurementAnswer":
+        result, header = row.result, frame.header or {}
+        place: dict[str, Any] = {name: header.get(name) for name in _FROM_HEADER}
+        flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]] + _flags_of(standing)
+        budget = [(share["source"], share["variance_share"]) for share in result.get("budget", [])]
+        return cls(
+            **{name: getattr(row, name) for name in _FROM_ROW},
+            **place,
+            **_figures(row),
+            camera_id=calibration.camera_id,
+            filename=frame.filename,
+            calibration=CalibrationUsed(
+                id=calibration.id,
+                version=calibration.version,
+                why=result["why"],
+                state=standing.state,
+                superseded_by=standing.superseded_by,
+                revoked_reason=standing.revoked_reason,
+            ),
+            region=row.parameters["polygon"],
+            region_origin=row.parameters["region_origin"],
+            budget=result.get("budget", []),
+            percentiles=result.get("percentiles", []),
+            map=result.get("map"),
+            flags=flags,
+            to_do_better=list(advise([raised.flag for raised in flags], budget=budget)),
+            links=_links(row),
+        )
+
+
+_FROM_ROW = (
+    *("id", "frame_id", "campaign_id", "method", "parameters", "software", "content_sha256"),
+    *("created_at", "created_by"),
+)
+_FROM_HEADER = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
+_LIT = ("l_av_cd_m2", "l_min_cd_m2", "l_max_cd_m2", "u_o", "average_to_min", "max_to_min")
+
+
+_SHARED = ("pixels", "mean", "median", "saturated_share")
+_REFLECTED = ("band", "i_sq", "i_ss", "reflectance_k", "incidence_angle_deg", "shared_u", "noise_u")
+_OUTSIDE = ("below_zero_share", "above_one_share")
+
+
+def _figures(row: Measurement) -> dict[str, Any]:
+    """What the method measured."""
+    result = row.result
+    if row.method == "luminance":
+        return {
+            **{name: result[name] for name in (*_SHARED, "vignetting", "shared_u_cd_m2", "noise_u_cd_m2")},
+            **_surface(row),
+            "min": result["smallest"],
+            "max": result["largest"],
+            "illuminance": result["illuminance_lx"],
+            "signal": result["channel"],
+        }
+    if "index" in result:
+        index = IndexAnswer(name=result["index"], bands=[_band(band) for band in result["bands"]])
+        return {"mean": result["value"], "index": index, "vignetting": "file", "signal": result["index"]}
+    return {
+        **{name: result[name] for name in _SHARED},
+        "min": result["smallest"],
+        "max": result["largest"],
+        "vignetting": "file",
+        "signal": result["band"],
+        "reflected": ReflectedAnswer(**{name: result[name] for name in (*_REFLECTED, *_OUTSIDE)}),
+    }
+
+
+def _band(applied: dict[str, Any]) -> BandAnswer:
+    names = ("band", "i_sq", "i_ss", "reflectance_k", "reflectance")
+    return BandAnswer(**{name: applied[name] for name in names})
+
+
+def _surface(row: Measurement) -> dict[str, Any]:
+    surface = row.result["surface"]
+    if surface is None:
+        return {}
+    grid = row.parameters["grid"]
+    lines = surface["u_l"]
+    return {
+        "grid": GridAnswer(**grid, cell_model=surface["cell_model"], cells=surface["cells"]),
+        **{name: surface[name] for name in _LIT},
+        # a row without a positive luminance has no ratio, and null is no answer
+        "u_l": lines if all(lines) else None,
+        "grid_illuminance": surface["illuminance_lx"],
+    }
+
+
+def _links(row: Measurement) -> dict[str, str]:
+    own = f"/v1/measurements/{row.id}"
+    links = {"frame": f"/v1/frames/{row.frame_id}", "calibration": f"/v1/calibrations/{row.calibration_id}"}
+    if row.map_tif_sha256 is not None:
+        links |= {"map_tif": f"{own}/map.tif", "map_png": f"{own}/map.png"}
+    return links
+
+
+def _flags_of(standing: Standing) -> list[FlagAnswer]:
+    """What has become of the version since."""
+    match standing.state:
+        case "draft":
+            flag, detail = Flag.CALIBRATION_NOT_PUBLISHED, "It is a draft."
+        case "superseded":
+            flag, detail = Flag.CALIBRATION_SUPERSEDED, f"By {standing.superseded_by or 'another version'}."
+        case "revoked":
+            flag, detail = Flag.CALIBRATION_REVOKED, f"Because: {standing.revoked_reason}."
+        case _:
+            return []
+    return [FlagAnswer(flag=flag.value, where="", detail=detail)]

@@ -1,0 +1,195 @@
+"""From a frame and a request to a plan for the worker."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import TypeAdapter
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry import methods
+from radiometry.errors import Code, InputRejected
+from radiometry.luminance.application import choose_coefficient
+from radiometry.luminance.maps import find_map_scale
+from radiometry.measurement import Request, find_window
+from radiometry.methods import reflectance
+from radiometry.reflectance.indices import Index
+from radiometry.roi import Polygon, bounding_window
+from radiometry.surface import Grid, outline
+from store.codec import decode_exposure, decode_header, encode
+from store.measuring.record import read_band_coefficients, read_coefficients
+from store.measuring.version import choose_version
+from store.queries.frames import current_roi, whole_frame_of
+from store.tables import Calibration, Campaign, FrameRow
+
+_GRID = TypeAdapter(Grid)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What a request says; None where it leaves the choice to what is recorded."""
+
+    polygon: Polygon | None = None
+    grid: Grid | None = None
+    reflectance: float | None = None
+    incidence_angle_deg: float | None = None
+    index: Index | None = None
+    products: tuple[str, ...] = field(default=())
+
+
+def plan_measurement(
+    session: Session, frame: FrameRow, asked: Asked, named: Calibration | None
+) -> dict[str, Any]:
+    """The parameters of the job that measures: what is decided here cannot change while it waits.
+
+    Raises InputRejected or Conflict, saying what to do, for whatever can be known before the pixels are read.
+    """
+    campaign = session.get_one(Campaign, frame.campaign_id)
+    _require_read(frame)
+    _refuse_foreign_options(campaign.method, asked)
+    calibration, chosen, why = choose_version(session, frame, campaign, named)
+    polygon, origin = _find_region(session, frame, campaign, asked)
+    plan = {
+        "calibration_id": calibration.id,
+        "calibration_chosen": chosen,
+        "why": why,
+        "polygon": [list(point) for point in polygon.points],
+        "region_origin": origin,
+        "products": list(asked.products),
+    }
+    if campaign.method == "luminance":
+        return plan | _plan_luminance(frame, calibration, polygon, asked)
+    return plan | _plan_reflectance(session, frame, calibration, polygon, asked)
+
+
+def find_subject(session: Session, frame: FrameRow, asked: Asked) -> FrameRow:
+    """The frame that a measurement is of: of an index, its capture's near infrared one."""
+    if asked.index is None:
+        return frame
+    return _find_band(session, frame, reflectance.name_bands(asked.index)[0])
+
+
+def _refuse_foreign_options(method: methods.Method, asked: Asked) -> None:
+    """What only another method could do is said, not left out in silence."""
+    options: dict[methods.Method, dict[str, object]] = {
+        "luminance": {"grid": asked.grid, "reflectance": asked.reflectance},
+        "reflectance": {"incidence_angle_deg": asked.incidence_angle_deg, "index": asked.index},
+    }
+    if method not in options:
+        raise InputRejected(
+            Code.OPTION_NOT_OF_METHOD,
+            f"A frame of a {method} campaign has nothing to be measured. Upload it with role=field to a "
+            f"campaign of one of these methods: {', '.join(options)}.",
+        )
+    foreign = [
+        name
+        for other, values in options.items()
+        if other != method
+        for name, value in values.items()
+        if value is not None
+    ]
+    if foreign:
+        raise InputRejected(
+            Code.OPTION_NOT_OF_METHOD,
+            f"{', '.join(foreign)}: no option of a {method} measurement. Leave it out.",
+        )
+
+
+def _plan_luminance(
+    frame: FrameRow, calibration: Calibration, polygon: Polygon, asked: Asked
+) -> dict[str, Any]:
+    coefficients, exposure = read_coefficients(calibration), decode_exposure(frame.exposure or {})
+    choose_coefficient(coefficients, iso=exposure.iso)
+    if "map" in asked.products:
+        find_map_scale(coefficients, exposure)
+    header = frame.header or {}
+    request = Request(polygon=polygon, grid=asked.grid, reflectance=asked.reflectance)
+    find_window(request, height_px=header["height_px"], width_px=header["width_px"])
+    return {
+        **({"grid": encode(asked.grid)} if asked.grid else {}),
+        **({"reflectance": asked.reflectance} if asked.reflectance is not None else {}),
+    }
+
+
+def _plan_reflectance(
+    session: Session, frame: FrameRow, calibration: Calibration, polygon: Polygon, asked: Asked
+) -> dict[str, Any]:
+    coefficients, angle_deg = read_band_coefficients(calibration), asked.incidence_angle_deg or 0.0
+    plan: dict[str, Any] = {"incidence_angle_deg": angle_deg}
+    frames = [frame]
+    if asked.index is not None:
+        other = _find_band(session, frame, reflectance.name_bands(asked.index)[1])
+        plan |= {"index": asked.index, "other": {"frame_id": other.id, "sha256": other.sha256}}
+        frames.append(other)
+    for each in frames:
+        header = decode_header(each.header or {})
+        bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
+        reflectance.find_scale_of_frame(header, coefficients=coefficients, incidence_angle_deg=angle_deg)
+    return plan
+
+
+def _find_band(session: Session, frame: FrameRow, band: str) -> FrameRow:
+    """The frame of a band in the capture, and campaign, of a frame."""
+    shown = decode_header(frame.header or {}).multispectral
+    if shown is not None and shown.band == band:
+        return frame
+    rows = session.scalars(
+        select(FrameRow)
+        .where(FrameRow.campaign_id == frame.campaign_id, FrameRow.exposure_time_s.is_not(None))
+        .order_by(FrameRow.id)
+    )
+    for row in rows:
+        other = decode_header(row.header or {}).multispectral
+        if other is None or shown is None or shown.capture_id is None:
+            continue
+        if (other.capture_id, other.band) == (shown.capture_id, band):
+            return row
+    raise InputRejected(
+        Code.CAPTURE_INCOMPLETE,
+        f"The campaign holds no frame of band {band} of the capture that {frame.filename} belongs to, or it "
+        "has not been read yet. Upload the capture's other files.",
+    )
+
+
+def read_request(parameters: dict[str, Any]) -> Request:
+    """A plan's request, as the science wants it."""
+    grid = parameters.get("grid")
+    return Request(
+        polygon=Polygon.from_points(parameters["polygon"]),
+        grid=_GRID.validate_python(grid) if grid else None,
+        reflectance=parameters.get("reflectance"),
+    )
+
+
+def _require_read(frame: FrameRow) -> None:
+    if frame.state == "refused":
+        raise InputRejected(
+            Code.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"
+        )
+    if frame.header is None:
+        raise InputRejected(
+            Code.FRAME_NOT_READ,
+            f"Frame {frame.filename} has not been read yet: wait for its job and ask again.",
+        )
+    if frame.exposure is None:
+        raise InputRejected(
+            Code.EXPOSURE_MISSING,
+            f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in.",
+        )
+
+
+def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: Asked) -> tuple[Polygon, str]:
+    """The request's own region, else the frame's or the campaign's, else the grid's outline."""
+    if asked.polygon is not None:
+        return asked.polygon, "request"
+    roi = current_roi(session, frame, campaign)
+    if roi is not None:
+        return Polygon.from_points(roi.points), "frame" if frame.roi_id else "campaign"
+    if asked.grid is not None:
+        return outline(asked.grid), "grid"
+    if campaign.method == "reflectance":
+        return whole_frame_of(frame), "whole_frame"
+    raise InputRejected(
+        Code.REGION_MISSING,
+        f"Neither the request nor frame {frame.filename} nor its campaign has a region: send roi or set one.",
+    )

@@ -1,0 +1,110 @@
+"""A measurement as it is kept, and a version's coefficients as the science wants them."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from importlib.metadata import version as package_version
+from typing import Any
+
+from pydantic import TypeAdapter
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.luminance.results import Coefficient
+from radiometry.methods import reflectance
+from radiometry.roi import Polygon
+from store.columns import new_id
+from store.software import CODE_VERSION, MEASURER
+from store.tables import Blob, Calibration, Campaign, FrameRow, Measurement
+
+RESULT_SCHEMA = 1
+
+_COEFFICIENTS = TypeAdapter(tuple[Coefficient, ...])
+_BAND_COEFFICIENTS = TypeAdapter(tuple[reflectance.Coefficient, ...])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Products:
+    """The map's two blobs."""
+
+    tif: Blob
+    png: Blob
+
+
+def read_coefficients(calibration: Calibration) -> tuple[Coefficient, ...]:
+    fits = calibration.result["iso_fits"]
+    return _COEFFICIENTS.validate_python([iso_fit["coefficient"] for iso_fit in fits])
+
+
+def read_band_coefficients(calibration: Calibration) -> tuple[reflectance.Coefficient, ...]:
+    fits = calibration.result["band_fits"]
+    return _BAND_COEFFICIENTS.validate_python([band_fit["coefficient"] for band_fit in fits])
+
+
+def read_regions(calibration: Calibration) -> tuple[Polygon, ...]:
+    """The regions that the version was calibrated in."""
+    return tuple(Polygon.from_points(points) for points in calibration.inputs["rois"].values())
+
+
+def find_measurement(
+    session: Session, frame: FrameRow, calibration: Calibration, parameters: dict[str, Any]
+) -> Measurement | None:
+    """The measurement with this content, if it was made before."""
+    return session.scalar(
+        select(Measurement).where(
+            Measurement.frame_id == frame.id,
+            Measurement.content_sha256 == hash_content(frame, calibration, parameters),
+        )
+    )
+
+
+def hash_content(frame: FrameRow, calibration: Calibration, parameters: dict[str, Any]) -> str:
+    """Over the frame's bytes and exposure, the version, what was asked for and the code that answers."""
+    asked = {name: value for name, value in parameters.items() if name != "why"}
+    content = [frame.sha256, frame.exposure, calibration.content_sha256, asked, MEASURER]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def write_measurement(
+    session: Session,
+    frame: FrameRow,
+    calibration: Calibration,
+    parameters: dict[str, Any],
+    measured: dict[str, Any],
+    products: Products | None,
+    *,
+    by: str,
+) -> Measurement:
+    """Write it once; the same content again is the measurement that exists."""
+    found = find_measurement(session, frame, calibration, parameters)
+    if found is not None:
+        return found
+    for blob in (products.tif, products.png) if products else ():
+        if session.get(Blob, blob.sha256) is None:
+            session.add(Blob(sha256=blob.sha256, size_bytes=blob.size_bytes))
+    session.flush()
+    campaign = session.get_one(Campaign, frame.campaign_id)
+    measurement = Measurement(
+        id=new_id("msr"),
+        organisation_id=campaign.organisation_id,
+        campaign_id=campaign.id,
+        frame_id=frame.id,
+        calibration_id=calibration.id,
+        method=calibration.method,
+        parameters={name: value for name, value in parameters.items() if name != "why"},
+        result=measured | {"why": parameters["why"]},
+        result_schema=RESULT_SCHEMA,
+        software=_software(),
+        content_sha256=hash_content(frame, calibration, parameters),
+        map_tif_sha256=products.tif.sha256 if products else None,
+        map_png_sha256=products.png.sha256 if products else None,
+        created_by=by,
+    )
+    session.add(measurement)
+    session.flush()
+    return measurement
+
+
+def _software() -> dict[str, Any]:
+    packages = ("numpy", "rawpy", "imagecodecs", "tifffile", "pillow")
+    return {"stilb": CODE_VERSION, "measurer": MEASURER} | {name: package_version(name) for name in packages}

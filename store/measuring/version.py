@@ -1,0 +1,97 @@
+"""Which version a frame is measured with: the one that is named, or the one in force when it was taken."""
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from pydantic import TypeAdapter
+from sqlalchemy.orm import Session
+
+from radiometry.errors import Code, InputRejected
+from store.columns import utc_now
+from store.errors import Conflict
+from store.publications import InForce, in_force
+from store.tables import Calibration, Campaign, FrameRow, Revocation
+
+# A time without an offset is somewhere between UTC+14 and UTC-12.
+_EARLIEST, _LATEST = timedelta(hours=-14), timedelta(hours=12)
+
+
+def choose_version(
+    session: Session, frame: FrameRow, campaign: Campaign, named: Calibration | None
+) -> tuple[Calibration, str, str]:
+    """The version, whether it was named or found in force, and the sentence that says why."""
+    if named is None:
+        held, why = _find_in_force(session, frame, campaign)
+        return held.calibration, "in_force", why
+    if named.camera_id != campaign.camera_id:
+        raise InputRejected(
+            Code.WRONG_CAMERA,
+            f"Frame {frame.filename} was taken by another camera than calibration {named.id} is for. "
+            "Name a calibration of the frame's camera, or leave calibration_id out.",
+        )
+    if named.method != campaign.method:
+        raise Conflict(
+            "method_mismatch",
+            f"Calibration {named.id} is of {named.method}; measuring this frame needs {campaign.method}.",
+        )
+    if session.get(Revocation, named.id):
+        raise Conflict("calibration_revoked", "This version was revoked: measure with one that stands.")
+    return named, "named", f"version {named.version} was named in the request"
+
+
+def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tuple[InForce, str]:
+    earliest, latest = read_time(frame)
+    found = in_force(
+        session, camera_id=campaign.camera_id, method=campaign.method, at=earliest, known_at=utc_now()
+    )
+    found = [held for held in found if _fits(held.calibration.configuration, frame)]
+    whole = [held for held in found if _holds_until(held, latest)]
+    taken = (frame.header or {})["taken_at"]
+    if len(whole) != 1:
+        reason = f"no {campaign.method} calibration of its camera is in force"
+        if len(whole) > 1:
+            reason = "several, for different lenses, are in force"
+        elif found or earliest != latest:
+            reason = "none is in force at every time that this may be, since the file names no time zone"
+        raise Conflict(
+            "no_calibration_in_force",
+            f"Frame {frame.filename} was taken at {taken}, and {reason}. Publish a version for that time, or "
+            "name one with calibration_id.",
+        )
+    publication = whole[0].publication
+    end = f"to {_stamp(publication.valid_to)}" if publication.valid_to else "on"
+    return whole[0], (
+        f"version {whole[0].calibration.version} is in force from {_stamp(publication.valid_from)} {end}, "
+        f"the frame was taken at {taken}: {publication.reason}"
+    )
+
+
+def _fits(configuration: dict[str, Any], frame: FrameRow) -> bool:
+    """Whether a version holds for the frame's sunshine sensor, where it holds for one."""
+    held = configuration.get("sunshine_sensor", {}).get("serial")
+    said = ((frame.header or {}).get("multispectral") or {}).get("sunshine_serial")
+    return held is None or said is None or held.casefold() == said.casefold()
+
+
+def _holds_until(held: InForce, latest: datetime) -> bool:
+    return held.publication.valid_to is None or held.publication.valid_to > latest
+
+
+def read_time(frame: FrameRow) -> tuple[datetime, datetime]:
+    """The earliest and the latest instant that the frame's time may mean."""
+    taken = (frame.header or {}).get("taken_at")
+    if taken is None:
+        raise InputRejected(
+            Code.FRAME_TIME_MISSING,
+            f"Frame {frame.filename} does not say when it was taken, so no calibration can be looked up: "
+            "name one with calibration_id.",
+        )
+    instant: datetime = TypeAdapter(datetime).validate_python(taken)
+    if instant.tzinfo is not None:
+        return instant, instant
+    instant = instant.replace(tzinfo=UTC)
+    return instant + _EARLIEST, instant + _LATEST
+
+
+def _stamp(instant: datetime) -> str:
+    return instant.isoformat(timespec="seconds").replace("+00:00", "Z")

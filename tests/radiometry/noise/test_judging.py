@@ -1,0 +1,83 @@
+"""What a field team is told of each frame of a noise campaign."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from radiometry.methods import noise
+from radiometry.noise.simulation import SimulatedSensor, shoot
+from radiometry.packing import pack, unpack
+from radiometry.verdicts import Taken
+
+SENSOR = SimulatedSensor(rows=32, cols=32)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return shoot(
+        SENSOR,
+        np.random.default_rng(1),
+        light_e_per_s=30_000.0,
+        times_s=(0.1, 0.3, 2.0),
+        dark_times_s=(0.1,),
+    )
+
+
+def verdicts(rows):
+    frames = [
+        Taken(
+            frame=row.frame,
+            role=row.role,
+            scene=None,
+            state="extracted",
+            refusal="",
+            flags=(),
+            format=(32, 32, "grey"),
+            region=None,
+        )
+        for row in rows
+    ]
+    found = noise.judge(frames, rows, noise.Params())
+    return {
+        frame: (verdict.outcome, [reason.code.value for reason in verdict.reasons])
+        for frame, verdict in found.items()
+    }
+
+
+def test_good_pairs_pass_and_white_ones_say_so(rows):
+    found = verdicts(rows)
+    assert found["flat-100-0.1-0"] == found["dark-100-0.1-1"] == ("pass", [])
+    assert found["flat-100-2-0"] == ("warn", ["clipped"])
+
+
+def test_a_frame_alone_is_told_to_be_taken_again(rows):
+    found = verdicts([row for row in rows if row.frame != "flat-100-0.3-1"])
+    assert found["flat-100-0.3-0"] == ("warn", ["unpaired"])
+
+
+def test_a_copy_fails(rows):
+    copy = dataclasses.replace(rows[0], frame="zz")
+    assert verdicts([*rows, copy])["zz"] == ("fail", ["redundant"])
+
+
+def brighten(row, factor):
+    (block,) = row.features.blocks
+    samples = np.rint((unpack(block.samples_dn) - 256) * factor + 256)
+    changed = dataclasses.replace(block, samples_dn=pack(samples, dtype="<u2"))
+    return dataclasses.replace(row, features=noise.Features(blocks=(changed,)))
+
+
+@pytest.mark.parametrize(("factor", "outcome"), [(1.005, "pass"), (1.05, "warn"), (1.3, "fail")])
+def test_light_that_drifts_between_frames_is_told(rows, factor, outcome):
+    changed = [brighten(row, factor) if row.frame == "flat-100-0.1-0" else row for row in rows]
+    found = verdicts(changed)
+    assert found["flat-100-0.1-0"][0] == found["flat-100-0.1-1"][0] == outcome
+    assert ("pair_drift" in found["flat-100-0.1-0"][1]) is (outcome != "pass")
+
+
+def test_a_dark_frame_that_saw_light_fails(rows):
+    lit = [
+        dataclasses.replace(row, role="dark") if row.frame.startswith("flat-100-0.3") else row for row in rows
+    ]
+    assert verdicts(lit)["flat-100-0.3-0"] == ("fail", ["dark_not_dark"])

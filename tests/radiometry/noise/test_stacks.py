@@ -1,0 +1,128 @@
+"""Stacks: means and variances by hand, what drift and copies do, and predicted errors."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from radiometry.exposure import Exposure
+from radiometry.frame import Frame
+from radiometry.noise.simulation import SimulatedSensor, make_row
+from radiometry.noise.stacks import make_stacks
+
+SENSOR = SimulatedSensor(rows=32, cols=32, black_level_dn=0.0)
+
+
+def row(samples, name, *, role="flat", time_s=1.0, **changes):
+    picture = Frame(
+        samples_dn=np.asarray(samples, np.uint16),
+        row0=0,
+        col0=0,
+        height_px=32,
+        width_px=32,
+        cfa="grey",
+        black_level_dn=(0.0,),
+        white_level_dn=(SENSOR.white_level_dn,),
+    )
+    made = make_row(SENSOR, picture, name=name, role=role, exposure_time_s=time_s)
+    return dataclasses.replace(made, **changes)
+
+
+def noisy(rng, *, mean=1000.0, std=20.0, pattern=0.0, shape=(32, 32)):
+    return np.rint(mean + pattern + std * rng.standard_normal(shape))
+
+
+def test_the_variance_of_a_pair_is_half_that_of_its_difference():
+    rng = np.random.default_rng(1)
+    a, b = noisy(rng), noisy(rng)
+    (stack,) = make_stacks([row(a, "a"), row(b, "b")])
+    assert stack.temporal.value_dn2 == pytest.approx(np.var(a - b, ddof=1) / 2)
+    assert stack.temporal.u_dn2 == pytest.approx(stack.temporal.value_dn2 * np.sqrt(2 / 1023))
+    assert stack.mean_dn == pytest.approx((a.mean() + b.mean()) / 2)
+
+
+def test_light_that_changes_between_frames_makes_no_noise():
+    rng = np.random.default_rng(2)
+    frames = [noisy(rng), noisy(rng), noisy(rng)]
+    steady = make_stacks([row(f, str(n)) for n, f in enumerate(frames)])[0]
+    moved = make_stacks([row(f + 50 * n, str(n)) for n, f in enumerate(frames)])[0]
+    assert moved.temporal.value_dn2 == pytest.approx(steady.temporal.value_dn2)
+    assert moved.drift_rel == pytest.approx(100 / moved.mean_dn, rel=0.02)
+    assert steady.drift_rel < 0.003
+
+
+def test_a_pattern_is_no_temporal_noise_and_the_other_way_round():
+    rng = np.random.default_rng(3)
+    pattern = 15.0 * rng.standard_normal((32, 32))
+    frames = [noisy(rng, pattern=pattern) for _ in range(6)]
+    (stack,) = make_stacks([row(f, str(n)) for n, f in enumerate(frames)])
+    assert stack.temporal.value_dn2 == pytest.approx(400 + 1 / 12, abs=3 * stack.temporal.u_dn2)
+    assert stack.pattern.value_dn2 == pytest.approx(np.var(pattern, ddof=1), abs=3 * stack.pattern.u_dn2)
+
+
+def test_a_slope_and_a_bowl_are_no_pattern_once_detrended():
+    rng = np.random.default_rng(4)
+    r, c = np.meshgrid(np.linspace(-1, 1, 32), np.linspace(-1, 1, 32), indexing="ij")
+    slow = 80 * r - 40 * c - 60 * (r**2 + c**2) + 30 * r * c
+    (stack,) = make_stacks([row(noisy(rng, pattern=slow), str(n)) for n in range(4)])
+    assert abs(stack.detrended.value_dn2) < 3 * stack.detrended.u_dn2
+    assert stack.pattern.value_dn2 > 20 * stack.pattern.u_dn2
+
+
+def test_variances_scatter_as_they_say():
+    rng = np.random.default_rng(5)
+    pattern = 4.0 * rng.standard_normal((200, 32, 32))
+    pulls = []
+    for each in pattern:
+        frames = [np.asarray(noisy(rng, pattern=each), np.uint16) for _ in range(2)]
+        (stack,) = make_stacks([row(f, str(n)) for n, f in enumerate(frames)])
+        truths = ((stack.temporal, 400 + 1 / 12), (stack.pattern, 16.0), (stack.detrended, 16.0))
+        pulls.append([(found.value_dn2 - true) / found.u_dn2 for found, true in truths])
+    # of 200 pulls: mean within 3.5 / sqrt(200), standard deviation within 3.5 / sqrt(400)
+    assert np.abs(np.mean(pulls, axis=0)).max() < 3.5 / np.sqrt(200)
+    assert np.abs(np.std(pulls, axis=0) - 1.0).max() < 3.5 / np.sqrt(400)
+
+
+def test_frames_of_one_setting_share_a_stack_and_no_others():
+    rng = np.random.default_rng(6)
+
+    def exposure(**changes):
+        return dataclasses.replace(Exposure(exposure_time_s=1.0, f_number=4.0, iso=100.0), **changes)
+
+    def make(name, role, scene=None, **changes):
+        return row(noisy(rng), name, role=role, scene=scene, exposure=exposure(**changes))
+
+    rows = [
+        make("1", "flat"),
+        make("2", "flat"),
+        make("3", "light"),
+        make("4", "flat", scene="a"),
+        make("5", "flat", f_number=8.0),
+        make("6", "flat", iso=200.0),
+        make("7", "flat", exposure_time_s=2.0),
+        make("8", "dark"),
+        make("9", "dark", f_number=8.0, scene="cap"),
+    ]
+    found = sorted(stack.frames for stack in make_stacks(reversed(rows)))
+    assert found == [("1", "2"), ("3",), ("4",), ("5",), ("6",), ("7",), ("8", "9")]
+
+
+def test_a_copy_shows_no_noise_and_is_named():
+    rng = np.random.default_rng(7)
+    a, b = noisy(rng), noisy(rng)
+    (stack,) = make_stacks([row(a, "a"), row(a, "copy"), row(b, "z")])
+    assert stack.frames == ("a", "z")
+    assert stack.copies == {"copy": "a"}
+
+
+def test_white_frames_are_equal_and_no_copies():
+    white = np.full((32, 32), SENSOR.white_level_dn)
+    (stack,) = make_stacks([row(white, "a"), row(white, "b")])
+    assert (stack.frames, stack.copies, stack.clipped) == (("a", "b"), {}, True)
+
+
+def test_the_step_between_numbers_is_seen():
+    rng = np.random.default_rng(8)
+    assert make_stacks([row(noisy(rng), "a")])[0].step_dn == 1.0
+    coarse = 16 * np.rint(noisy(rng, mean=8000.0, std=200.0) / 16)
+    assert make_stacks([row(coarse, "a")])[0].step_dn == 16.0

@@ -1,0 +1,1 @@
+"""Measuring a frame, one file a method; what they share is in `task`."""

@@ -1,0 +1,69 @@
+"""A frame's luminance: its region, its grid, its map."""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from radiometry import measurement
+from radiometry.frame import FrameHeader
+from radiometry.luminance.maps import RIM_PX, MapScale, compute_map, find_map_scale
+from radiometry.measured import Measured
+from store.codec import encode
+from store.measuring.plan import read_request
+from store.measuring.record import Products, read_coefficients, read_regions
+from store.software import CODE_VERSION
+from worker.maps.making import Subject, make_map
+from worker.maps.picture import LUMINANCE
+from worker.maps.tiff import MapFacts
+from worker.measuring.task import Task, keep, keep_file
+
+
+def measure(task: Task) -> tuple[dict[str, Any], Products | None]:
+    measured: dict[str, Any] = encode(_measure(task))
+    task.report(0.2)
+    return measured, _map(task) if task.wants_map else None
+
+
+def make_subject(path: Path, header: FrameHeader, scale: MapScale) -> Subject:
+    """A frame whose map is its luminance."""
+    return Subject(path=path, header=header, compute=lambda frame: compute_map(frame, scale), rim_px=RIM_PX)
+
+
+def _measure(task: Task) -> Measured:
+    request, header = read_request(task.parameters), task.header
+    window = measurement.find_window(request, height_px=header.height_px, width_px=header.width_px)
+    pixels = task.context.decoders.read_window(
+        task.path, (window.row0, window.col0, window.height, window.width)
+    )
+    return measurement.measure(
+        pixels,
+        request,
+        exposure=task.exposure,
+        coefficients=read_coefficients(task.calibration),
+        calibrated=read_regions(task.calibration),
+        rendered=header.rendered,
+    )
+
+
+def _map(task: Task) -> Products:
+    scale = find_map_scale(read_coefficients(task.calibration), task.exposure)
+    facts = MapFacts(
+        header=task.header,
+        exposure=task.exposure,
+        software=f"stilb {CODE_VERSION}",
+        description=task.describe(
+            quantity="luminance", unit="cd/m2", saturated="NaN", signal=scale.channel, vignetting="none"
+        ),
+    )
+    with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
+        target = Path(folder) / "map.tif"
+        made = make_map(
+            task.context.decoders,
+            make_subject(task.path, task.header, scale),
+            facts,
+            target,
+            style=LUMINANCE,
+            caption=f"{task.frame.filename}, calibration version {task.calibration.version}",
+        )
+        blobs = task.context.blobs
+        return Products(tif=keep_file(blobs, target), png=keep(blobs, made.picture))

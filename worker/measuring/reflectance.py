@@ -1,0 +1,176 @@
+"""A band's reflectance: its region and its map; or an index of two bands of one capture."""
+
+import tempfile
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiometry.frame import Frame, FrameHeader
+from radiometry.methods import reflectance
+from radiometry.methods.reflectance import AppliedReflectance, BandMap
+from radiometry.reflectance.measurement import measure_index, measure_region
+from radiometry.roi import Polygon, bounding_window
+from store.codec import decode_header, encode
+from store.measuring.record import Products, read_band_coefficients
+from store.software import CODE_VERSION
+from store.tables import FrameRow
+from worker.maps.making import Made, Subject, make_map
+from worker.maps.picture import REFLECTANCE, Style
+from worker.maps.strips import cut_strips
+from worker.maps.tiff import MapFacts, Plane
+from worker.measuring.task import Task, keep, keep_file
+
+_INDEX_ENDS = (-1.0, 1.0)
+
+
+def measure(task: Task) -> tuple[dict[str, Any], Products | None]:
+    """The result as it is stored, and the map where one was asked for."""
+    if "index" in task.parameters:
+        return _measure_index(task)
+    pixels = _read_region(task)
+    measured = measure_region(
+        pixels,
+        _region(task),
+        header=task.header,
+        exposure=task.exposure,
+        coefficients=read_band_coefficients(task.calibration),
+        incidence_angle_deg=_angle(task),
+    )
+    task.report(0.1)
+    result: dict[str, Any] = encode(measured)
+    if not task.wants_map:
+        return result, None
+    made, products = _map_band(task)
+    total = task.header.height_px * task.header.width_px
+    counts = {"pixels": total, "below_zero": made.below_zero, "above_one": made.above_one}
+    return result | {"map": counts | {"saturated": made.unknown}}, products
+
+
+def _angle(task: Task) -> float:
+    return float(task.parameters.get("incidence_angle_deg", 0.0))
+
+
+def _region(task: Task) -> Polygon:
+    return Polygon.from_points(task.parameters["polygon"])
+
+
+def _read_region(task: Task) -> Frame:
+    header = task.header
+    window = bounding_window(_region(task), height_px=header.height_px, width_px=header.width_px)
+    return task.context.decoders.read_window(
+        task.path, (window.row0, window.col0, window.height, window.width)
+    )
+
+
+def _map_band(task: Task) -> tuple[Made, Products]:
+    header, exposure = task.header, task.exposure
+    scale = reflectance.find_scale_of_frame(
+        header, coefficients=read_band_coefficients(task.calibration), incidence_angle_deg=_angle(task)
+    )
+
+    def compute(frame: Frame) -> Plane:
+        return reflectance.compute_map(frame, header=header, exposure=exposure, scale=scale).reflectance
+
+    subject = Subject(
+        path=task.path,
+        header=header,
+        compute=compute,
+        report=lambda share: task.report(0.1 + 0.9 * share),
+    )
+    return _draw(task, subject, header, REFLECTANCE, _describe(task, header, quantity="reflectance"))
+
+
+def _describe(task: Task, header: FrameHeader, **more: Any) -> dict[str, Any]:  # noqa: ANN401
+    band = header.multispectral
+    assert band is not None  # noqa: S101  the plan refused files without one
+    said = {
+        "band": band.band_name,
+        "wavelength_nm": band.wavelength_nm,
+        "width_nm": band.width_nm,
+        "capture_id": band.capture_id,
+    }
+    known = {name: value for name, value in said.items() if value is not None}
+    return task.describe(**more, unit="1", saturated="NaN", incidence_angle_deg=_angle(task), **known)
+
+
+def _draw(
+    task: Task, subject: Subject, header: FrameHeader, style: Style, description: dict[str, Any]
+) -> tuple[Made, Products]:
+    facts = MapFacts(
+        header=header,
+        exposure=task.exposure,
+        software=f"stilb {CODE_VERSION}",
+        description=description,
+    )
+    with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
+        target = Path(folder) / "map.tif"
+        made = make_map(
+            task.context.decoders,
+            subject,
+            facts,
+            target,
+            style=style,
+            caption=f"{task.frame.filename}, calibration version {task.calibration.version}",
+        )
+        blobs = task.context.blobs
+        return made, Products(tif=keep_file(blobs, target), png=keep(blobs, made.picture))
+
+
+def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
+    """``task.frame`` shows the near infrared; the plan names the other band's frame."""
+    with task.context.database.reading() as session:
+        other_row = session.get_one(FrameRow, task.parameters["other"]["frame_id"])
+    index = task.parameters["index"]
+    with ExitStack() as stack:
+        path = stack.enter_context(task.context.blobs.local_path(other_row.sha256))
+        other = replace(task, frame=other_row, header=decode_header(other_row.header or {}), path=path)
+        # the second band's region is the first one's: bands of one capture differ by some pixels
+        result: dict[str, Any] = encode(measure_index(index, _apply(task), _apply(other)))
+        task.report(0.1)
+        if not task.wants_map:
+            return result, None
+        names = reflectance.name_bands(index)
+        bands = {name: _whole(each) for name, each in zip(names, (task, other), strict=True)}
+    found = reflectance.compute_index(index, bands)
+    task.report(0.6)
+    values = found.values
+    subject = Subject(
+        path=task.path,
+        header=task.header,
+        compute=lambda frame: values[frame.row0 : frame.row0 + frame.samples_dn.shape[0]],
+        report=lambda share: task.report(0.6 + 0.4 * share),
+    )
+    style = Style(unit=index.upper(), unknown="none", ends=_INDEX_ENDS)
+    description = _describe(task, task.header, quantity=index, other=task.parameters["other"])
+    _, products = _draw(task, subject, task.header, style, description)
+    counts = {"pixels": int(values.size), "undefined": found.undefined}
+    return result | {"map": counts}, products
+
+
+def _apply(task: Task) -> AppliedReflectance:
+    features = reflectance.extract_features(
+        _read_region(task), _region(task), header=task.header, exposure=task.exposure
+    )
+    return reflectance.apply(
+        features,
+        header=task.header,
+        coefficients=read_band_coefficients(task.calibration),
+        incidence_angle_deg=_angle(task),
+    )
+
+
+def _whole(task: Task) -> BandMap:
+    """The reflectance of a whole frame, strip by strip into one array."""
+    header, exposure = task.header, task.exposure
+    scale = reflectance.find_scale_of_frame(
+        header, coefficients=read_band_coefficients(task.calibration), incidence_angle_deg=_angle(task)
+    )
+    plane = np.empty((header.height_px, header.width_px), np.float32)
+    for top, height in cut_strips(header):
+        frame = task.context.decoders.read_window(task.path, (top, 0, height, header.width_px))
+        computed = reflectance.compute_map(frame, header=header, exposure=exposure, scale=scale)
+        plane[top : top + height] = computed.reflectance
+    return BandMap(header=header, reflectance=plane)

@@ -1,0 +1,67 @@
+"""What every method's measuring is given, and the products that it leaves."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from radiometry.exposure import Exposure
+from radiometry.frame import FrameHeader
+from store.blobs.surface import Blobs
+from store.codec import decode_exposure
+from store.software import CODE_VERSION, MEASURER
+from store.tables import Blob, Calibration, FrameRow
+from worker.context import Context
+
+_COPY_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A frame, its file and what the plan says. ``report`` is told the share that is done."""
+
+    context: Context
+    frame: FrameRow
+    header: FrameHeader
+    path: Path
+    calibration: Calibration
+    parameters: dict[str, Any]
+    report: Callable[[float], None]
+
+    @property
+    def exposure(self) -> Exposure:
+        return decode_exposure(self.frame.exposure or {})
+
+    @property
+    def wants_map(self) -> bool:
+        return "map" in self.parameters["products"]
+
+    def describe(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401
+        """What ImageDescription says, so that a map that has left its place still names what it is."""
+        calibration, exposure = self.calibration, self.frame.exposure or {}
+        return {
+            **more,
+            "calibration": {
+                "id": calibration.id,
+                "version": calibration.version,
+                "content_sha256": calibration.content_sha256,
+            },
+            "frame": {"id": self.frame.id, "sha256": self.frame.sha256, "filename": self.frame.filename},
+            "exposure": {name: exposure[name] for name in ("exposure_time_s", "f_number", "iso")},
+            "software": {"stilb": CODE_VERSION, "measurer": MEASURER},
+        }
+
+
+def keep_file(blobs: Blobs, path: Path) -> Blob:
+    with blobs.writer() as writer, path.open("rb") as file:
+        while piece := file.read(_COPY_BYTES):
+            writer.write(piece)
+        stored = writer.commit()
+    return Blob(sha256=stored.sha256, size_bytes=stored.size_bytes)
+
+
+def keep(blobs: Blobs, content: bytes) -> Blob:
+    with blobs.writer() as writer:
+        writer.write(content)
+        stored = writer.commit()
+    return Blob(sha256=stored.sha256, size_bytes=stored.size_bytes)
