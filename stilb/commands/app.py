@@ -1,6 +1,7 @@
 """The `stilb` command, put together, and how it ends."""
 
 import sys
+import traceback
 
 import typer
 
@@ -39,6 +40,9 @@ def main(arguments: list[str] | None = None) -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(Exit.USAGE)
     except (Problem, Unclear, TimeoutError, OSError) as error:
+        return _end(error, as_json="--json" in given)
+    except Exception as error:  # noqa: BLE001  a fault of ours must not look like a finding
+        traceback.print_exc()
         return _end(error, as_json="--json" in given)
     return Exit.DONE
 

@@ -17,6 +17,7 @@ class Exit(IntEnum):
     NETWORK = 6
     SERVER = 7
     STILL_AT_WORK = 8
+    BROKEN = 70
     INTERRUPTED = 130
 
 
@@ -42,7 +43,7 @@ def exit_of(error: BaseException) -> Exit:
         case Unclear() | OSError():
             return Exit.USAGE
         case _:
-            return Exit.SERVER
+            return Exit.BROKEN
 
 
 def next_step(error: BaseException) -> str:

@@ -1,9 +1,9 @@
 """Frames from a folder or a card to a campaign."""
 
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from time import sleep
 from typing import Annotated
 
 import typer
@@ -108,7 +108,7 @@ def follow(
                     total += report.sent
                     sent |= {file.path: file for file in settled}
                     talk.note("\n".join(lines(report)))
-            time.sleep(every_s)
+            sleep(every_s)
     except KeyboardInterrupt:
         report = transfer(talk, folder, campaign_id, list(sent.values()), wait=wait)
         finish(talk, Report(campaign_id=campaign_id, files=report.files, sent=total + report.sent))

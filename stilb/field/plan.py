@@ -138,7 +138,10 @@ def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
     if len(said) > 1:
         raise Unclear("region takes one of polygon, imagej and file")
     if "polygon" in said:
-        return {"polygon": tuple((float(x), float(y)) for x, y in said["polygon"])}
+        try:
+            return {"polygon": tuple((float(x), float(y)) for x, y in said["polygon"])}
+        except (ValueError, TypeError):
+            raise Unclear("polygon in region must be corners: [[x, y], [x, y], [x, y]]") from None
     if "file" in said:
         return {"imagej": _text(folder / said["file"])}
     return {"imagej": said.get("imagej")}

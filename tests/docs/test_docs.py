@@ -132,6 +132,7 @@ def test_every_make_target_exists(page):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_setting_that_is_named_exists(page):
     settings = {f"STILB_{name.upper()}" for name in Settings.model_fields}
+    settings |= set(re.findall(r'envvar="(\w+)"', read(ROOT / "stilb" / "commands" / "talk.py")))
     for named in re.findall(r"\bSTILB_[A-Z_*]+", read(page)):
         if named.endswith("*"):
             assert any(setting.startswith(named[:-1]) for setting in settings), named

@@ -3,13 +3,13 @@
 import socket
 import struct
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 _RESET = struct.pack("ii", 1, 0)  # linger 0: the close is a reset, as from a modem that lost its network
 
 
 class Line:
-    """Passes bytes on. ``cut_after`` counts those of the client, once: then every connection is reset."""
+    """Passes bytes on. ``cut_after`` counts those of the client, once: then their connection is reset."""
 
     def __init__(self, host: str, port: int):
         self._to = (host, port)
@@ -20,36 +20,47 @@ class Line:
         self._passed = 0
 
     def serve(self) -> None:
-        while True:
-            try:
+        carriers = []
+        with suppress(OSError):  # the line was closed
+            while True:
                 client, _ = self._listening.accept()
-            except OSError:
-                return
-            service = socket.create_connection(self._to)
-            for one, other in ((client, service), (service, client)):
-                pair = {"one": one, "other": other, "counts": one is client}
-                threading.Thread(target=self._pass, kwargs=pair, daemon=True).start()
-
-    def _pass(self, *, one: socket.socket, other: socket.socket, counts: bool) -> None:
-        try:
-            while chunk := one.recv(65536):
-                self._passed += len(chunk) if counts else 0
-                if self.cut_after is not None and self._passed > self.cut_after:
-                    self.cut_after, self.cuts = None, self.cuts + 1
-                    break
-                other.sendall(chunk)
-            else:
-                other.shutdown(socket.SHUT_WR)
-                return
-        except OSError:
-            pass
-        for each in (one, other):
-            each.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
-            each.close()
+                carriers.append(threading.Thread(target=self._carry, args=(client,)))
+                carriers[-1].start()
+        for carrier in carriers:
+            carrier.join()
 
     def close(self) -> None:
         self._listening.shutdown(socket.SHUT_RDWR)
         self._listening.close()
+
+    def _carry(self, client: socket.socket) -> None:
+        with client, socket.create_connection(self._to) as service:
+            back = threading.Thread(target=self._answer, args=(service, client))
+            back.start()
+            self._ask(client, service)
+            back.join()
+
+    def _ask(self, client: socket.socket, service: socket.socket) -> None:
+        with suppress(OSError):
+            while chunk := client.recv(65536):
+                self._passed += len(chunk)
+                if self.cut_after is not None and self._passed > self.cut_after:
+                    self.cut_after, self.cuts = None, self.cuts + 1
+                    client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+                    break
+                service.sendall(chunk)
+        _end(service)
+
+    def _answer(self, service: socket.socket, client: socket.socket) -> None:
+        with suppress(OSError):
+            while chunk := service.recv(65536):
+                client.sendall(chunk)
+        _end(client)
+
+
+def _end(side: socket.socket) -> None:
+    with suppress(OSError):
+        side.shutdown(socket.SHUT_RDWR)
 
 
 @contextmanager

@@ -1,0 +1,177 @@
+"""A campaign in a folder: one command goes from card to draft, and once more changes nothing."""
+
+import pytest
+
+from stilb.commands.exits import Exit
+from stilb.field.plan import read_plan
+from stilb.problem import Unclear
+from tests.support.campaigns import K_TRUE, LEVELS
+from tests.support.cards import write_card, write_plan
+
+NUMBERS = "readings.csv"
+
+
+@pytest.fixture
+def card(tmp_path, shots):
+    folder = write_card(tmp_path / "card", [shot for shot in shots if "-3200-" in shot.path.name])
+    write_plan(folder)
+    return folder
+
+
+def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
+    ended = signed_in("campaign", "run", card, "--json")
+    assert ended.code == Exit.DONE, ended.err
+    draft = ended.json["calibration"]
+    assert (ended.json["received"], draft["state"], draft["parameters"]["tolerance_rel"]) == (
+        15,
+        "draft",
+        0.04,
+    )
+    (k,) = [row for row in draft["coefficients"] if row["name"] == "luminance_k"]
+    assert abs(k["value"] - K_TRUE) <= 3 * k["standard_uncertainty"]
+    meters = {reading["meter_id"] for reading in team.client.readings(ended.json["campaign_id"])}
+    assert meters == {meter.id for meter in team.client.meters()}
+    publish = ("publish", draft["id"], "--from", "2026-05-01", "--reason", "spring")
+    dry = signed_in(*publish, "--dry-run")
+    assert "Nothing is in force then" in dry.out
+    assert signed_in("k", "0K1XE8").code == Exit.NOT_FOUND
+    assert "version 1 is in force from 2026-05-01T00:00:00Z on" in signed_in(*publish).out
+    shown = signed_in("k", "0K1XE8", "--iso", 3200, "--at", "2026-06-01")
+    assert f"{k['value']:.6g} ± {k['standard_uncertainty']:.2g} DN*m2/(cd*s)" in shown.out
+    assert "version 1 is in force" in shown.out
+
+
+def test_once_more_changes_nothing(signed_in, card, team):
+    first = signed_in("campaign", "run", card, "--json").json
+    again = signed_in("campaign", "run", card, "--json").json
+    assert (first["sent"], again["sent"]) == (15, 0)
+    assert again["calibration"]["id"] == first["calibration"]["id"]
+    assert len(list(team.client.campaigns())) == 1
+    assert len(list(team.client.readings(first["campaign_id"]))) == 2 * len(LEVELS)
+
+
+def test_corrected_readings_take_the_place_of_the_others(signed_in, card, team):
+    campaign_id = signed_in("campaign", "run", card, "--no-fit", "--json").json["campaign_id"]
+    text = (card / NUMBERS).read_text()
+    (card / NUMBERS).write_text(text.replace("luminance,39.92", "luminance,39.9"))
+    kept = signed_in("campaign", "run", card, "--no-fit")
+    assert "8 more readings are in the campaign than the folder holds" in kept.err
+    assert "--replace-readings" in kept.err
+    signed_in("campaign", "run", card, "--no-fit", "--replace-readings")
+    assert 39.9 in in_use(team, campaign_id)
+    (card / NUMBERS).write_text(text)
+    signed_in("campaign", "run", card, "--no-fit", "--replace-readings")
+    assert in_use(team, campaign_id) == sorted(value * f for value in LEVELS.values() for f in (0.998, 1.002))
+
+
+def in_use(team, campaign_id):
+    return sorted(r["value"] for r in team.client.readings(campaign_id) if "withdrawn_at" not in r)
+
+
+def test_bad_rows_are_named_with_their_lines(signed_in, card):
+    with (card / NUMBERS).open("a") as file:
+        file.write("level-1,luminance,bright,cd/m2\nlevel-1,luminance,5,lx\n")
+    ended = signed_in("campaign", "run", card)
+    assert ended.code == Exit.REFUSED
+    assert "line 10.value" in ended.err
+    assert "line 11" in ended.err
+    assert "lx is no unit of luminance" in ended.err
+
+
+def test_american_units_and_a_decimal_comma(signed_in, team, tmp_path):
+    campaign = team.campaign()
+    path = tmp_path / "lambert.csv"
+    path.write_text("scene;quantity;value;unit\na;luminance;1,5;fL\n", encoding="utf-8-sig")
+    ended = signed_in("campaign", "readings", campaign.id, path, "--json")
+    (row,) = ended.json["items"]
+    assert (row["unit"], row["entered_value"]) == ("cd/m2", 1.5)
+    assert row["value"] == pytest.approx(1.5 * 3.4262590996)
+    path.write_bytes("scene;Größe".encode("latin-1"))
+    assert "not UTF-8" in signed_in("campaign", "readings", campaign.id, path).err
+
+
+def test_a_fit_that_lacks_something_says_what(signed_in, card):
+    (card / NUMBERS).write_text("scene,quantity,value,unit\nlevel-1,luminance,40,cd/m2\n")
+    plan = (card / "campaign.toml").read_text()
+    (card / "campaign.toml").write_text(plan.replace("[region]\nimagej", "[region]\n# imagej"))
+    ended = signed_in("campaign", "run", card, "--json")
+    assert (ended.code, ended.json["error"]["code"]) == (Exit.REFUSED, "campaign_incomplete")
+    assert "stilb campaign show" in ended.err
+    shown = signed_in("campaign", "show", "P-17").out
+    assert "missing: " in shown
+    assert "15 frames" in shown
+
+
+def test_init_writes_what_run_reads_once_it_is_filled_in(signed_in, card):
+    (card / "campaign.toml").unlink()
+    ended = signed_in("campaign", "init", card, "--make", "DJI", "--model", 'FC"6520')
+    assert f"stilb campaign run {card}" in ended.out
+    unfilled = signed_in("campaign", "run", card)
+    assert unfilled.code == Exit.USAGE
+    assert "serial in camera is not filled in" in unfilled.err
+    text = (card / "campaign.toml").read_text()
+    (card / "campaign.toml").write_text(text.replace('serial = ""', 'serial = "0K1XE8"', 1))
+    plan = read_plan(card)
+    assert (plan.model, plan.serial, plan.project_number) == ('FC"6520', "0K1XE8", "card")
+    assert plan.fit == {"model": "proportional", "tolerance": 0.04}
+    assert plan.readings_csv == (card / NUMBERS).read_text()
+    again = signed_in("campaign", "init", card)
+    assert (again.code, read_plan(card)) == (Exit.USAGE, plan)
+
+
+def test_everything_that_is_commented_out_in_the_template_can_be_used(signed_in, card):
+    (card / "campaign.toml").unlink()
+    signed_in("campaign", "init", card, "--make", "DJI", "--model", "M", "--serial", "S")
+    lines = (card / "campaign.toml").read_text().splitlines()
+    used = [
+        line[2:] if line.startswith(("# [", "# ")) and ("=" in line or "[" in line) else line
+        for line in lines
+    ]
+    used = [line for line in used if not line.startswith(("What the", "last =", "The ", "One "))]
+    (card / "campaign.toml").write_text("\n".join(used))
+    plan = read_plan(card)
+    assert plan.campaign["started_at"] == "2026-05-01T20:30:00+00:00"
+    assert plan.meters[0]["certificate"]["issued_on"] == "2026-01-17"
+    assert plan.imagej.startswith("makePolygon(")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('serial = "0K1XE8"', "", "serial in camera is not filled in"),
+        ("[camera]", "[kamera]", "'kamera' is unknown; there may be camera, campaign"),
+        ("[fit]", "[[fit]]", "fit must be written as [fit]"),
+        ("[[meter]]", "[meter]", "meter must be written as [[meter]]"),
+        ('kind = "luminance"', 'art = "x"', "'art' in meter 1 is unknown"),
+        ('number = "1"', "nummer = 1", "'nummer' in the certificate of meter 1 is unknown"),
+        ('role = "dark"', 'role = "black"', "role 'black' in frames is unknown; there are light, dark"),
+        ('pattern = "dark/*"\n', "", "frames with the role dark need a pattern, or first and last"),
+        ("[fit]", "[fit", "at line"),
+        ("[campaign]", "[campaign]\nstarted_at = 2026-05-01T20:00:00", "has no time zone"),
+        ("imagej =", "polygon = [[1, 2]]\nimagej =", "region takes one of polygon, imagej and file"),
+        ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "polygon = [[1], [2]]", "must be corners"),
+        ('file = "readings.csv"', 'file = "no.csv"', "No such file"),
+    ],
+)
+def test_a_plan_that_is_wrong_says_where(card, old, new, message):
+    path = card / "campaign.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises((Unclear, OSError)) as found:
+        read_plan(card)
+    assert message in str(found.value)
+
+
+def test_a_plan_that_is_not_there(signed_in, tmp_path):
+    ended = signed_in("campaign", "run", tmp_path)
+    assert ended.code == Exit.USAGE
+    assert f"stilb campaign init {tmp_path}" in ended.err
+
+
+def test_campaigns_are_listed(signed_in, team):
+    camera = team.client.find_camera(team.campaign().camera_id)
+    named = team.client.create_campaign(camera.id, project_number="P-17 [x]")
+    listed = signed_in("campaign", "list")
+    assert named.id in listed.out
+    assert "P-17 [x]" in listed.out

@@ -1,0 +1,298 @@
+"""Each command asks, answers a person and a machine, and ends with the code that is documented."""
+
+import json
+import re
+from datetime import UTC, datetime, timedelta
+from email.utils import format_datetime
+
+import pytest
+
+import stilb
+from stilb.commands.doctor import examine_health
+from stilb.commands.exits import Exit, exit_of, next_step
+from stilb.commands.moments import read_moment
+from tests.support.campaigns import K_TRUE
+from tests.support.compose import ROOT
+from tests.support.frames import write_frame
+
+PUBLISHED = "2026-04-01T00:00:00Z"
+
+
+@pytest.fixture(scope="module")
+def calibrated(live, shots):
+    """A team with a version in force and a frame of the field; nobody changes it."""
+    with live.team() as team:
+        campaign = team.campaign()
+        frames = team.push(campaign, [shot for shot in shots if not shot.path.stem.endswith("-2")])
+        for frame in frames:
+            team.client.wait(frame.job_id)
+        version = team.client.calibrate(campaign.id)
+        team.client.publish(version.id, valid_from=PUBLISHED, reason="first")
+        path = write_frame(live.house.folder / "field.DNG", signal_dn=320.0, seed=99)
+        field = team.client.push(campaign.id, path, role="field")
+        team.client.wait(field.job_id)
+        yield team, campaign, version, field
+
+
+@pytest.fixture
+def command(calibrated, stilb_command, monkeypatch):
+    team = calibrated[0]
+    monkeypatch.setenv("STILB_URL", team.url)
+    monkeypatch.setenv("STILB_KEY", team.key)
+    return stilb_command
+
+
+def test_k_of_a_camera_by_its_serial(command, calibrated):
+    _, _, version, _ = calibrated
+    items = command("k", "0K1XE8", "--json").json["items"]
+    assert [(item["name"], item["iso"]) for item in items] == [("luminance_k", 3200), ("luminance_k", 6400)]
+    shown = command("k", version.camera_id, "--iso", 6400).out
+    assert "6400" in shown
+    assert "3200" not in shown
+    assert "version 1 is in force" in shown
+
+
+def test_k_where_nothing_is_in_force(command):
+    ended = command("k", "0K1XE8", "--at", "2026-03-31", "--json")
+    assert (ended.code, ended.json["error"]["code"]) == (Exit.NOT_FOUND, "no_calibration_in_force")
+    assert "stilb publish" in ended.err
+
+
+def test_k_of_a_camera_that_nobody_knows(command):
+    ended = command("k", "DJI")
+    assert ended.code == Exit.NOT_FOUND
+    assert "There are: DJI FC6520 0K1XE8" in ended.err
+
+
+def test_the_client_gives_one_k(calibrated):
+    team, _, version, _ = calibrated
+    k = team.client.k(camera="0K1XE8", iso=3200)
+    assert (k.calibration_id, k.iso, k.unit) == (version.id, 3200, "DN*m2/(cd*s)")
+    assert abs(k.value - K_TRUE) <= 3 * k.standard_uncertainty
+    assert team.client.k(camera="DJI FC6520 0K1XE8", iso=3200, at=datetime(2026, 5, 1, tzinfo=UTC)) == k
+    with pytest.raises(stilb.Unclear, match="3200, 6400"):
+        team.client.k(camera="0K1XE8")
+
+
+def test_series_are_rows_of_one_shape_with_real_times(calibrated):
+    team, _, version, _ = calibrated
+    rows = team.client.series(camera_id=version.camera_id)
+    assert {tuple(row) for row in rows} == {tuple(rows[0])}
+    assert {row["valid_from"] for row in rows} == {datetime.fromisoformat(PUBLISHED)}
+    assert {row["name"] for row in rows} >= {"luminance_k", "dark_signal_dn"}
+
+
+def test_measure_a_frame_and_save_its_map(command, calibrated, tmp_path):
+    *_, field = calibrated
+    # the signal over K t S / f^2, by hand: 320 / (2.0 * 0.01 * 3200 / 16) = 80 cd/m2
+    (item,) = command("measure", field.id, "--map", tmp_path / "maps", "--json").json["items"]
+    mean = item["mean"]
+    assert abs(mean["value"] - 80.0) <= 3 * mean["standard_uncertainty"]
+    assert (tmp_path / "maps" / f"{item['id']}.tif").read_bytes()[:2] in {b"II", b"MM"}
+    grid = command("measure", field.id, "--grid", "2x3 10,10 80,10 80,50 10,50", "--json").json["items"][0]
+    assert [len(row) for row in grid["grid"]["cells"]] == [3, 3]
+    shown = command("measure", field.id, "--region", "10,10 20,10 20,20", "--reflectance", 0.1).out
+    assert "field.DNG" in shown
+    assert "cd/m2" in shown
+
+
+def test_measure_a_campaign(command, calibrated):
+    _, campaign, _, field = calibrated
+    told = command("measure", "--campaign", campaign.id, "--json").json
+    assert ([item["frame_id"] for item in told["items"]], told["not_measured"]) == ([field.id], [])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("measure",), "give frames, or --campaign"),
+        (("measure", "f", "--grid", "3x5 1,2"), "--grid takes rows x columns and four corners"),
+        (("measure", "f", "--region", "1,2"), "--polygon takes three corners or more"),
+        (("roi", "c", "--polygon", "1,2 3,4 5,6", "--imagej", "makePolygon()"), "give one of"),
+        (("calibrate", "c", "--set", "x"), "must be written as NAME=VALUE"),
+        (("k",), "Missing argument"),
+        (("jobs", "--limit", "0"), "--limit"),
+    ],
+)
+def test_what_is_typed_wrong(command, arguments, message):
+    ended = command(*arguments)
+    assert (ended.code, ended.out) == (Exit.USAGE, "")
+    assert message in " ".join(re.sub("[│|]", " ", ended.err).split())
+
+
+def test_a_region_is_set_and_shown(signed_in, team, tmp_path):
+    campaign = team.campaign()
+    assert signed_in("roi", campaign.id).out == "8,8 88,8 88,56 8,56\n"
+    signed_in("roi", campaign.id, "--polygon", "8,8 80,8 80,56")
+    assert signed_in("roi", campaign.id, "--json").json["polygon"] == [[8, 8], [80, 8], [80, 56]]
+    macro = tmp_path / "roi.ijm"
+    macro.write_text("makePolygon(9,9,70,9,70,50);\n")
+    assert signed_in("roi", campaign.id, "--imagej", macro).out == "9,9 70,9 70,50\n"
+    assert signed_in("roi", campaign.id, "--imagej", "makePolygon(1,1").code == Exit.REFUSED
+    assert signed_in("roi", campaign.id, "--imagej", tmp_path / "none.ijm").code == Exit.USAGE
+
+
+def test_calibrate_with_a_frame_left_out(command, calibrated):
+    team, campaign, version, _ = calibrated
+    frame = next(frame for frame in team.client.frames(campaign.id) if frame.role == "light")
+    ended = command(
+        "calibrate", campaign.id, "--tolerance", 0.05, "--model", "proportional",
+        "--set", "channel=grey", "--set", "f_number_u_rel=0.02", "--exclude", f"{frame.filename}=a moth",
+        "--json",
+    )  # fmt: skip
+    parameters = ended.json["parameters"]
+    assert (parameters["tolerance_rel"], parameters["channel"], parameters["f_number_u_rel"]) == (
+        0.05,
+        "grey",
+        0.02,
+    )
+    (point,) = [point for point in ended.json["points"] if point["frame_id"] == frame.id]
+    assert "a moth" in point["left_out"]
+    shown = command("calibrate", campaign.id).out
+    assert f"{version.id}: version 1, published" in shown
+    assert "no frame is called 'x.DNG'" in " ".join(
+        command("calibrate", campaign.id, "--exclude", "x.DNG=r").err.split()
+    )
+
+
+def test_publishing_tells_what_it_changes(command, calibrated):
+    _, campaign, version, _ = calibrated
+    draft = command("calibrate", campaign.id, "--set", "channel=grey").out
+    assert "stilb publish cal_" in draft
+    ended = command("publish", version.id, "--from", "2026-05-01", "--reason", "r", "--dry-run")
+    assert "publishing it changes nothing there" in ended.out
+
+
+def test_export_lays_everything_down(command, calibrated, tmp_path):
+    *_, version, _ = calibrated
+    ended = command("export", version.id, tmp_path / "out", "--json")
+    assert ended.json == {"folder": str(tmp_path / "out")}
+    assert re.search(r"^20/20 ", ended.err, re.MULTILINE)
+    assert (tmp_path / "out" / "certificate.json").exists()
+    unknown = command("export", "cal_x", tmp_path / "none")
+    assert (unknown.code, unknown.out) == (Exit.NOT_FOUND, "")
+
+
+def test_jobs_and_one_of_them(command, calibrated):
+    _, _, _, field = calibrated
+    found = command("jobs", "--kind", "extract", "--limit", 3, "--json").json["items"]
+    assert [job["kind"] for job in found] == ["extract"] * 3
+    shown = command("jobs", field.job_id, "--wait")
+    assert (shown.code, "extract succeeded 100%" in shown.out) == (Exit.DONE, True)
+    assert "succeeded" in command("jobs", "--state", "succeeded").out
+
+
+def test_a_failed_job_is_a_finding(command, calibrated, tmp_path):
+    team, campaign, *_ = calibrated
+    (tmp_path / "broken.DNG").write_bytes(b"no raw file")
+    frame = team.client.push(campaign.id, tmp_path / "broken.DNG", role="field")
+    with pytest.raises(stilb.JobFailed):
+        team.client.wait(frame.job_id)
+    ended = command("jobs", frame.job_id)
+    assert ended.code == Exit.FINDINGS
+    assert "failed" in ended.out
+
+
+def test_doctor_finds_a_service_well(command):
+    ended = command("doctor", "--json")
+    checks = {check["check"]: check["state"] for check in ended.json["checks"]}
+    assert list(checks) == ["ready", "version", "queue", "quarantine", "disk", "clock", "key"]
+    assert (checks["ready"], checks["version"], checks["clock"], checks["key"]) == ("ok",) * 4
+    assert ended.json["version"] == "0.1.0"
+    assert abs(ended.json["clock_ahead_s"]) < 2
+
+
+HEALTHY = stilb.Health(
+    ready=True,
+    detail="d",
+    answered_in_s=0.1,
+    clock_ahead_s=0.2,
+    version="1",
+    oldest_queued_s=1.0,
+    quarantined_jobs=0,
+    free_bytes=10**12,
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "check", "state"),
+    [
+        ({"ready": False}, "ready", "fail"),
+        ({"oldest_queued_s": 61.0}, "queue", "warn"),
+        ({"quarantined_jobs": 1}, "quarantine", "warn"),
+        ({"free_bytes": 19 * 10**9}, "disk", "warn"),
+        ({"free_bytes": 10**8}, "disk", "fail"),
+        ({"clock_ahead_s": -6.0}, "clock", "warn"),
+        ({"clock_ahead_s": 301.0}, "clock", "fail"),
+        ({"clock_ahead_s": None}, "clock", "unknown"),
+        ({"version": None}, "version", "unknown"),
+        ({"free_bytes": None}, "disk", "unknown"),
+        ({"oldest_queued_s": None}, "queue", "unknown"),
+        ({"quarantined_jobs": None}, "quarantine", "unknown"),
+    ],
+)
+def test_doctor_judges(changes, check, state):
+    assert {finding.state for finding in examine_health(HEALTHY)} == {"ok"}
+    findings = {
+        each.check: each.state for each in examine_health(stilb.Health(**{**vars(HEALTHY), **changes}))
+    }
+    assert findings == {**dict.fromkeys(findings, "ok"), check: state}
+
+
+def test_doctor_where_a_proxy_keeps_the_metrics_and_the_clock_is_wrong(stilb_command, service):
+    there = format_datetime(datetime.now(UTC) + timedelta(hours=1), usegmt=True)
+    service.will_answer({"status": "ok"}, headers={"Date": there})
+    service.will_refuse(404, "not_found")
+    own = {"id": "k", "name": "n", "scopes": ["read"], "organisation": {"id": "o", "name": "O"}}
+    service.will_answer(own)
+    ended = stilb_command("doctor", "--url", service.url, "--key", "k", "--json")
+    states = {check["check"]: check["state"] for check in ended.json["checks"]}
+    assert (ended.code, states["clock"], states["queue"], states["disk"]) == (1, "fail", "unknown", "unknown")
+    assert "behind the service's" in ended.out
+
+
+def test_doctor_where_nothing_answers(stilb_command):
+    ended = stilb_command("doctor", "--url", "http://127.0.0.1:9", "--key", "k")
+    assert ended.code == Exit.NETWORK
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (stilb.Problem(status=0, code="unreachable", detail="", retryable=True), Exit.NETWORK),
+        (stilb.Problem(status=401, code="unauthenticated", detail="", retryable=False), Exit.KEY),
+        (stilb.Problem(status=403, code="scope_missing", detail="", retryable=False), Exit.KEY),
+        (stilb.Problem(status=404, code="not_found", detail="", retryable=False), Exit.NOT_FOUND),
+        (stilb.Problem(status=409, code="conflict", detail="", retryable=False), Exit.REFUSED),
+        (stilb.Problem(status=422, code="roi_empty", detail="", retryable=False), Exit.REFUSED),
+        (stilb.Problem(status=503, code="storage_unavailable", detail="", retryable=True), Exit.SERVER),
+        (stilb.Unclear("which"), Exit.USAGE),
+        (FileNotFoundError("x"), Exit.USAGE),
+        (TimeoutError("job"), Exit.STILL_AT_WORK),
+        (ZeroDivisionError(), Exit.BROKEN),
+    ],
+)
+def test_every_error_has_its_code(error, code):
+    assert exit_of(error) == code
+    if code in {Exit.NETWORK, Exit.KEY, Exit.SERVER, Exit.STILL_AT_WORK}:
+        assert next_step(error)
+
+
+def test_a_fault_of_ours_looks_like_no_finding(stilb_command, monkeypatch):
+    monkeypatch.setattr("stilb.commands.talk.read_login", lambda _: 1 / 0)
+    ended = stilb_command("whoami", "--json")
+    assert (ended.code, json.loads(ended.out)["error"]["exit_code"]) == (Exit.BROKEN, 70)
+    assert "Traceback" in ended.err
+
+
+def test_every_exit_code_is_told():
+    text = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| .+ \|$", text, re.MULTILINE)
+    assert sorted(map(int, rows)) == sorted(Exit)
+
+
+def test_times_as_people_type_them():
+    assert read_moment("2026-05-01") == "2026-05-01T00:00:00Z"
+    assert read_moment("2026-05-01T20:00:00+02:00") == "2026-05-01T20:00:00+02:00"
+    assert abs(datetime.fromisoformat(read_moment("now")) - datetime.now(UTC)) < timedelta(minutes=1)
+    assert read_moment(None) is None

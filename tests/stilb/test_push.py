@@ -1,0 +1,277 @@
+"""A push sends what is missing, goes on where it was, and tells what became of each file."""
+
+import hashlib
+import signal
+import subprocess
+import sys
+import threading
+from collections import Counter
+from contextlib import contextmanager
+
+import pytest
+
+from stilb.commands.exits import Exit
+from tests.support.cards import write_card, write_plan
+from tests.support.frames import write_frame
+from tests.support.line import line_to
+
+
+@pytest.fixture
+def card(tmp_path, shots):
+    """Ten frames: the darks and lights of one ISO and two settings."""
+    few = [shot for shot in shots if "-3200-" in shot.path.name and not shot.path.stem.endswith("-2")]
+    return write_card(tmp_path / "card", few)
+
+
+@pytest.fixture
+def campaign(team):
+    return team.campaign()
+
+
+@pytest.fixture
+def uploads(live, monkeypatch):
+    """How often each file went over the network, by its hash."""
+    counts = Counter()
+    app = live.house.app
+    stack = app.middleware_stack or app.build_middleware_stack()
+
+    async def counting(scope, receive, send):
+        if scope["type"] == "http" and scope["method"] == "POST" and scope["path"].endswith("/frames"):
+            counts[dict(scope["headers"])[b"x-content-sha256"].decode()] += 1
+        await stack(scope, receive, send)
+
+    monkeypatch.setattr(app, "middleware_stack", counting)
+    return counts
+
+
+def test_a_folder_goes_over_and_is_told_in_one_line(signed_in, campaign, card):
+    ended = signed_in("push", card, "--campaign", campaign.id)
+    assert ended.code == Exit.DONE, ended.err
+    assert ended.out.splitlines()[-1] == "10 of 10 received, 6 pass, 4 warn"
+
+
+def test_roles_and_scenes_follow_from_the_folders(signed_in, campaign, card, team):
+    signed_in("push", card, "--campaign", campaign.id, "--no-wait")
+    said = Counter((frame.role, frame.scene) for frame in team.client.frames(campaign.id))
+    lights = {("light", f"level-{n}"): 2 for n in (1, 2, 3, 4)}
+    assert said == {("dark", None): 2, **lights}
+
+
+def test_the_same_command_again_sends_nothing(signed_in, campaign, card, uploads):
+    first = signed_in("push", card, "--campaign", campaign.id, "--json").json
+    again = signed_in("push", card, "--campaign", campaign.id, "--json").json
+    assert (first["sent"], again["sent"]) == (10, 0)
+    assert again["received"] == again["expected"] == 10
+    assert again["outcomes"] == {"pass": 6, "warn": 4}
+    assert set(uploads.values()) == {1}
+
+
+def test_reasons_are_told_file_by_file(signed_in, campaign, card):
+    clipped = write_frame(card / "level-1" / "clipped.DNG", signal_dn=9000.0)
+    (card / "level-9").mkdir()
+    write_frame(card / "level-9" / "lonely.DNG", signal_dn=900.0)
+    (card / "level-1" / "broken.DNG").write_bytes(b"no raw file")
+    ended = signed_in("push", card, "--campaign", campaign.id)
+    assert ended.code == Exit.FINDINGS
+    assert ended.out.splitlines()[-1] == "13 of 13 received, 5 pass, 6 warn, 2 fail"
+    name, reason = f"level-1/{clipped.name}  fail\n", "100.00% of the region is clipped"
+    assert name in ended.out
+    assert reason in ended.out
+    assert "level-9/lonely.DNG  warn" in ended.out
+    told = signed_in("push", card, "--campaign", campaign.id, "--json").json
+    codes = {file["name"]: file["codes"] for file in told["files"]}
+    assert codes["level-1/clipped.DNG"][0] == "clipped"
+    assert codes["level-1/broken.DNG"] == ["refused"]
+
+
+def test_what_no_rule_fits_is_left_out_by_name(signed_in, campaign, card):
+    (card / "loose.DNG").write_bytes(b"x")
+    (card / "level-1" / "DJI_0001.JPG").write_bytes(b"a preview")
+    (card / "level-1" / "._DJI_0001.DNG").write_bytes(b"half a copy")
+    told = signed_in("push", card, "--campaign", campaign.id, "--no-wait", "--json").json
+    assert (told["expected"], told["left_out"]) == (10, ["loose.DNG"])
+
+
+def test_one_role_for_a_whole_folder(signed_in, campaign, card, team):
+    ended = signed_in(
+        "push", card / "level-2", "--campaign", campaign.id, "--role", "light", "--scene", "bright"
+    )
+    assert "2 of 2 received" in ended.out
+    assert {(frame.role, frame.scene) for frame in team.client.frames(campaign.id)} == {("light", "bright")}
+
+
+def test_the_same_bytes_under_two_names_go_once(signed_in, campaign, card):
+    source = next((card / "dark").iterdir())
+    (card / "dark" / "copy.DNG").write_bytes(source.read_bytes())
+    told = signed_in("push", card, "--campaign", campaign.id, "--json").json
+    assert (told["expected"], told["received"], told["sent"]) == (11, 11, 10)
+
+
+def test_a_frame_that_was_said_to_be_another_is_told(signed_in, campaign, card):
+    signed_in("push", card / "level-2", "--campaign", campaign.id, "--role", "dark")
+    ended = signed_in("push", card, "--campaign", campaign.id)
+    assert "is there already as dark" in ended.out
+    assert "here it is light of level-2" in ended.out
+
+
+def test_a_file_that_cannot_be_read_does_not_keep_the_others(signed_in, campaign, card, monkeypatch):
+    bad = next((card / "level-3").iterdir())
+    monkeypatch.setattr("hashlib.file_digest", _refusing(bad))
+    ended = signed_in("push", card, "--campaign", campaign.id)
+    assert ended.code == Exit.FINDINGS
+    assert ended.out.splitlines()[-1].startswith("9 of 10 received")
+    assert f"level-3/{bad.name}  not received\n    the card is loose" in ended.out
+
+
+def _refusing(bad):
+    honest = hashlib.file_digest
+
+    def digest(file, name):
+        if file.name == str(bad):
+            raise OSError("the card is loose")
+        return honest(file, name)
+
+    return digest
+
+
+def test_a_connection_that_is_cut_is_taken_up_again(stilb_command, team, campaign, card):
+    with line_to(team.url) as line:
+        assert stilb_command("login", line.url, "--key", team.key).code == Exit.DONE
+        line.cut_after = 30_000
+        ended = stilb_command("push", card, "--campaign", campaign.id)
+        assert line.cuts == 1
+    assert ended.code == Exit.DONE, ended.err
+    assert ended.out.splitlines()[-1] == "10 of 10 received, 6 pass, 4 warn"
+    assert "; again in 0 s" in ended.err
+
+
+def test_killed_in_the_middle_it_goes_on_and_sends_nothing_twice(signed_in, campaign, card, team, live):
+    """The service lets only some uploads come to their end before the laptop's battery is pulled."""
+    command = [sys.executable, "-m", "stilb", "push", str(card), "--campaign", campaign.id]
+    with line_to(team.url) as line, _stopping(live, after=4) as stopped:
+        process = subprocess.Popen(
+            [*command, "--url", line.url, "--key", team.key], stderr=subprocess.DEVNULL
+        )
+        assert stopped.wait(60)
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL
+    there = {frame.sha256 for frame in team.client.frames(campaign.id)}
+    assert len(there) == 4
+    told = signed_in("push", card, "--campaign", campaign.id, "--json").json
+    assert (told["received"], told["sent"]) == (10, 6)
+    assert told["outcomes"] == {"pass": 6, "warn": 4}
+
+
+@contextmanager
+def _stopping(live, *, after):
+    """After so many uploads no other comes to its end; the event says that two others hang."""
+    app, stopped, lock, ended = live.house.app, threading.Event(), threading.Lock(), [0]
+    stack = app.middleware_stack
+
+    async def stopping(scope, receive, send):
+        if scope["type"] == "http" and scope["method"] == "POST" and scope["path"].endswith("/frames"):
+            with lock:
+                ended[0] += 1
+                hangs = ended[0] > after
+                if ended[0] == after + 2:  # both that are on their way: all others have been answered
+                    stopped.set()
+            if hangs:
+                return await _hang(receive)
+        return await stack(scope, receive, send)
+
+    app.middleware_stack = stopping
+    yield stopped
+    app.middleware_stack = stack
+
+
+async def _hang(receive):
+    """Until the sender is gone."""
+    while (await receive())["type"] != "http.disconnect":
+        pass
+
+
+def test_an_unknown_campaign(signed_in, card):
+    ended = signed_in("push", card, "--campaign", "P-99", "--json")
+    assert (ended.code, ended.json["error"]["code"]) == (Exit.NOT_FOUND, "not_found")
+    assert "stilb campaign list" in ended.err
+
+
+def test_a_campaign_by_its_project_number(signed_in, team, card):
+    camera = team.client.find_camera(team.campaign().raw["camera_id"])
+    named = team.client.create_campaign(camera.id, project_number="P-17")
+    told = signed_in("push", card, "--campaign", "P-17", "--no-wait", "--json").json
+    assert told["campaign_id"] == named.id
+    team.client.create_campaign(camera.id, project_number="P-17")
+    ended = signed_in("push", card, "--campaign", "P-17")
+    assert ended.code == Exit.USAGE
+    assert named.id in ended.err
+
+
+def test_a_service_that_went_away(signed_in, card):
+    ended = signed_in("push", card, "--campaign", "c", "--url", "http://127.0.0.1:9", "--key", "k")
+    assert (ended.code, ended.out) == (Exit.NETWORK, "")
+    assert "the same command again goes on" in ended.err
+
+
+def test_without_campaign_or_plan(signed_in, card):
+    ended = signed_in("push", card)
+    assert ended.code == Exit.USAGE
+    assert "stilb campaign init" in ended.err
+
+
+def test_a_plan_whose_campaign_nobody_made(signed_in, card):
+    write_plan(card)
+    ended = signed_in("push", card)
+    assert ended.code == Exit.NOT_FOUND
+    assert "stilb campaign run" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--role", "bright"), "'bright' is no role; there are light, dark"),
+        (("--scene", "level-1"), "--scene goes with --role"),
+    ],
+)
+def test_options_that_say_nothing(signed_in, card, arguments, message):
+    ended = signed_in("push", card, "--campaign", "c", *arguments)
+    assert ended.code == Exit.USAGE
+    assert message in " ".join(ended.err.split())
+
+
+def test_an_empty_folder(signed_in, campaign, tmp_path):
+    (tmp_path / "card").mkdir()
+    ended = signed_in("push", tmp_path / "card", "--campaign", campaign.id)
+    assert ended.code == Exit.USAGE
+    assert "It holds no raw file" in ended.err
+
+
+def test_watching_sends_what_has_settled(signed_in, campaign, card, tmp_path, monkeypatch, uploads):
+    """Each pause is a moment on site: a copy that grows, another file, the end."""
+    watched = tmp_path / "watched"
+    (watched / "dark").mkdir(parents=True)
+    first, second = sorted((card / "dark").iterdir())
+    whole = first.read_bytes()
+    target = watched / "dark" / first.name
+    seen = []
+
+    def copy_half():
+        target.write_bytes(whole[:100])
+
+    def copy_rest():
+        seen.append(dict(uploads))
+        target.write_bytes(whole)
+
+    def copy_second():
+        seen.append(dict(uploads))
+        (watched / "dark" / second.name).write_bytes(second.read_bytes())
+
+    def end():
+        raise KeyboardInterrupt
+
+    moments = iter([copy_half, copy_rest, lambda: None, copy_second, lambda: None, lambda: None, end])
+    monkeypatch.setattr("stilb.commands.push.sleep", lambda _: next(moments)())
+    ended = signed_in("push", watched, "--campaign", campaign.id, "--watch", "--json")
+    assert [len(each) for each in seen] == [0, 1]
+    assert (ended.code, ended.json["received"], ended.json["sent"]) == (Exit.DONE, 2, 2)
+    assert set(uploads.values()) == {1}
