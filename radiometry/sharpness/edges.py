@@ -1,6 +1,7 @@
 """One slanted edge in one channel: refused with the reason, or its whole response with uncertainties."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +9,11 @@ from numpy.typing import NDArray
 from radiometry.errors import Code, InputRejected
 from radiometry.sharpness.features import EdgeResponse, Estimate
 from radiometry.sharpness.location import Edge, locate_edge
-from radiometry.sharpness.profile import BINS_PER_PIXEL, Sums, form_profile, gather, measure_lengths
+from radiometry.sharpness.profile import BINS_PER_PIXEL, Profile, form_profile, gather, measure_lengths
 from radiometry.sharpness.sampling import Plane
 from radiometry.sharpness.spectrum import (
     NYQUIST_CYCLES_PER_PIXEL,
-    compute_mtf,
+    compute_mtfs,
     find_crossing,
     list_frequencies,
 )
@@ -57,10 +58,11 @@ def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
         for block in np.array_split(np.arange(lines), _BLOCKS)
     ]
     whole = gather(distance.ravel(), plane.values[:lines].ravel(), bins=bins)
-    reach = {"slope": edge.slope, "low_px": low_px, "high_px": high_px}
-    best = _measure(whole, **reach)
-    left = np.array([_measure(whole.without(part), **reach) for part in parts])
-    spread = np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((left - left.mean(axis=0)) ** 2, axis=0))
+    sums = [whole, *(whole.without(part) for part in parts)]
+    best, *left = _measure(
+        [form_profile(each, slope=edge.slope, low_px=low_px, high_px=high_px) for each in sums]
+    )
+    spread = np.sqrt((_BLOCKS - 1) / _BLOCKS * np.sum((left - np.mean(left, axis=0)) ** 2, axis=0))
     figures = [_estimate(value, u) for value, u in zip(best[:6], spread[:6], strict=True)]
     span_px = float(plane.line_px[lines - 1] - plane.line_px[0]) + _line_step(plane)
     return EdgeResponse(
@@ -83,23 +85,22 @@ def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
     )
 
 
-def _measure(sums: Sums, *, slope: float, low_px: float, high_px: float) -> Vector:
-    """Give MTF50, MTF at Nyquist, rise, width, over- and undershoot, then the whole MTF."""
-    profile = form_profile(sums, slope=slope, low_px=low_px, high_px=high_px)
+def _measure(profiles: Sequence[Profile]) -> list[Vector]:
+    """Give, per profile, MTF50, MTF at Nyquist, rise, width, over- and undershoot, then the whole MTF."""
     frequency = list_frequencies()
-    mtf = compute_mtf(profile, frequency=frequency)
-    lengths = measure_lengths(profile)
-    return np.array(
-        [
+    found = []
+    for profile, mtf in zip(profiles, compute_mtfs(profiles, frequency=frequency), strict=True):
+        lengths = measure_lengths(profile)
+        figures = (
             find_crossing(frequency, mtf, 0.5),
             np.interp(NYQUIST_CYCLES_PER_PIXEL, frequency, mtf),
             lengths.rise_px,
             lengths.lsf_fwhm_px,
             lengths.overshoot,
             lengths.undershoot,
-            *mtf,
-        ]
-    )
+        )
+        found.append(np.array([*figures, *mtf]))
+    return found
 
 
 def _estimate(value: float, u: float) -> Estimate | None:

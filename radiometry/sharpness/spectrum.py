@@ -19,8 +19,8 @@ def list_frequencies() -> Vector:
     return np.linspace(0.0, 1.0, round(1.0 / CURVE_STEP_CYCLES_PER_PIXEL) + 1)
 
 
-def compute_mtf(profile: Profile, *, frequency: Vector) -> Vector:
-    """Give the normalised modulus of the Fourier transform of the windowed line spread function.
+def compute_mtfs(profiles: Sequence[Profile], *, frequency: Vector) -> Vector:
+    """Give the normalised modulus of the Fourier transform of each profile's windowed line spread function.
 
     LSF_k = (e_{k+1} - e_{k-1}) / 2,   w_k = (1 + cos(2 pi k / n)) / 2 (Tukey, alpha 1, about the edge)
     MTF(f) = D(f) |sum_k w_k LSF_k exp(-2 pi i f x_k)| / |sum_k w_k LSF_k|,   D(f) = a / sin(a), a = 2 pi f h
@@ -29,18 +29,23 @@ def compute_mtf(profile: Profile, *, frequency: Vector) -> Vector:
     already taken it off, which sfrmat5 does not.
 
     Takes
-      frequency : [cycles per pixel], below 2
+      profiles : at the same distances; frequency : [cycles per pixel], below 2
+    Returns (profile, frequency)
+
     References
+    ----------
       ISO 12233:2023 annex D; P. D. Burns, sfrmat5
+
     """
-    signal = profile.signal
-    spread = np.zeros_like(signal)
-    spread[1:-1] = (signal[2:] - signal[:-2]) / 2.0
-    length = signal.size * profile.step_px
-    spread *= 0.5 * (1.0 + np.cos(2.0 * np.pi * profile.distance_px / length))
-    waves = np.exp(-2j * np.pi * np.outer(frequency, profile.distance_px))
-    modulus = np.abs(waves @ spread) / abs(float(spread.sum()))
-    return np.asarray(modulus / np.sinc(2.0 * frequency * profile.step_px), np.float64)
+    first = profiles[0]
+    signals = np.array([profile.signal for profile in profiles])
+    spread = np.zeros_like(signals)
+    spread[:, 1:-1] = (signals[:, 2:] - signals[:, :-2]) / 2.0
+    length = first.distance_px.size * first.step_px
+    spread *= 0.5 * (1.0 + np.cos(2.0 * np.pi * first.distance_px / length))
+    waves = np.exp(-2j * np.pi * np.outer(first.distance_px, frequency))
+    modulus = np.abs(spread @ waves) / np.abs(spread.sum(axis=1))[:, None]
+    return np.asarray(modulus / np.sinc(2.0 * frequency * first.step_px), np.float64)
 
 
 def find_crossing(

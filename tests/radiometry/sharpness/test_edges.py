@@ -111,6 +111,10 @@ def test_a_gaussian_blur_is_found(sigma_px, angle_deg):
     assert np.abs(np.array(response.mtf) - truth)[BELOW_NYQUIST].max() < 0.01
     assert response.mtf_nyquist.value == pytest.approx(math.exp(-((math.pi * sigma_px) ** 2) / 2), abs=0.003)
     assert response.angle_deg == pytest.approx(angle_deg, abs=0.02)
+    # of 100 lines those that hold whole passes over a pixel
+    assert response.lines == round(
+        math.floor(100 * math.tan(math.radians(angle_deg))) / math.tan(math.radians(angle_deg))
+    )
     assert response.overshoot.value < 1e-3
     assert response.undershoot.value < 1e-3
 
@@ -243,7 +247,7 @@ def test_a_tone_curve_is_undone_where_it_is_stated():
 
 def test_srgb_is_undone_on_both_of_its_branches():
     one = edge(blur_px=1.0)
-    camera = dataclasses.replace(SMALL, cfa="rgb", black_level_dn=0.0, dark_dn=200.0)
+    camera = dataclasses.replace(SMALL, cfa="rgb", black_level_dn=0.0, dark_dn=30.0)
     linear = render_chart(camera, [one], seeded())
     share = linear.samples_dn / 16383.0
     coded = np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
@@ -252,6 +256,7 @@ def test_srgb_is_undone_on_both_of_its_branches():
     )
     target = sharpness.Target(tone_curve="srgb")
     (region,) = extract(bent, [one.region], camera=camera, target=target).regions
+    assert region.edges[3].contrast == pytest.approx((9000 - 30) / (9000 + 30), abs=1e-3)
     assert region.edges[3].mtf50.value == pytest.approx(0.1874, rel=0.01)
 
 
