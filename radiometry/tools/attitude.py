@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from scipy.spatial.transform import Rotation
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from radiometry.errors import Code, InputRejected
 from radiometry.multispectral import Multispectral
@@ -98,9 +100,9 @@ def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
     """
     turns = []
     for first, second in itertools.pairwise(attitudes):
-        step = _rotate(first).inv() * _rotate(second)
+        step, _ = cv2.Rodrigues(_rotate(first).T @ _rotate(second))
         elapsed_s = second.time_s - first.time_s
-        roll, pitch, yaw = (math.degrees(angle) / elapsed_s for angle in step.as_rotvec())
+        roll, pitch, yaw = (math.degrees(angle) / elapsed_s for angle in step.ravel())
         turns.append(
             Turn(
                 start_s=first.time_s,
@@ -151,5 +153,13 @@ def _choose(shot: Shot, turns: Sequence[Turn]) -> tuple[Turn, Basis]:
     return nearest, "during" if nearest.start_s <= middle_s <= nearest.end_s else "nearest"
 
 
-def _rotate(attitude: Attitude) -> Rotation:
-    return Rotation.from_euler("ZYX", [attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg], degrees=True)
+def _rotate(attitude: Attitude) -> NDArray[np.float64]:
+    """Give Rz(yaw) Ry(pitch) Rx(roll), which turns the body's axes into north, east and down."""
+    yaw, pitch, roll = (
+        math.radians(angle) for angle in (attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg)
+    )
+    about_x = [[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]
+    about_y = [[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]
+    about_z = [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
+    turned: NDArray[np.float64] = np.array(about_z) @ np.array(about_y) @ np.array(about_x)
+    return turned
