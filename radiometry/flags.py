@@ -213,6 +213,35 @@ class Flag(StrEnum):
         "distortion_folds",
         "The distortion curve turns back inside the frame: beyond, it means nothing.",
     )
+    # of a noise fit
+    PAIR_LIGHT_DRIFT = (
+        "pair_light_drift",
+        "Frames of one setting differ by more than 1 % in their means: the light changed between them.",
+    )
+    DARK_CLIPPED = (
+        "dark_clipped",
+        "More than 0.5 % of a dark frame's samples are 0: its noise is cut off, and comes out too small.",
+    )
+    NO_PHOTON_TRANSFER = (
+        "no_photon_transfer",
+        "Fewer than three usable light levels: there is no system gain, and nothing in electrons.",
+    )
+    FULL_WELL_NOT_REACHED = (
+        "full_well_not_reached",
+        "No frame is saturated: the white level took the place of saturation, which may lie lower.",
+    )
+    READ_NOISE_BELOW_ROUNDING = (
+        "read_noise_below_rounding",
+        "Rounding hides the dark noise: the read noise is a limit, it may be anything below.",
+    )
+    PATTERN_NOT_RESOLVED = (
+        "pattern_not_resolved",
+        "DSNU or PRNU does not stand out of the noise: more frames of one setting would show it.",
+    )
+    DARK_CURRENT_COMPENSATED = (
+        "dark_current_compensated",
+        "The dark noise grows with time faster than the dark signal: the camera subtracts its dark current.",
+    )
     # of a measurement
     OUTSIDE_EXPOSURE_TIMES = "outside_exposure_times", "The exposure time was not among those calibrated."
     OUTSIDE_F_NUMBERS = "outside_f_numbers", "The f-number is outside the calibrated range."

@@ -138,7 +138,7 @@ def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Sit
             row, col = divmod(index, 2)
             part = slice((row - frame.row0) % 2, None, 2), slice((col - frame.col0) % 2, None, 2)
             planes.append(frame.samples_dn[part][inside[part]])
-            names.append(_site_name(frame.cfa, index))
+            names.append(name_site(frame.cfa, index))
     return [
         (
             name,
@@ -150,7 +150,7 @@ def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Sit
     ]
 
 
-def _site_name(cfa: str, index: int) -> str:
+def name_site(cfa: str, index: int) -> str:
     """Name a site of the 2 x 2 pattern: a green is G1 when its row holds the red."""
     if cfa[index] != "G":
         return cfa[index]

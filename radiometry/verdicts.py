@@ -58,6 +58,9 @@ class ReasonCode(StrEnum):
     PANEL_WEAK = "panel_weak", "The panel's signal cannot be told from black, or is no number."
     PANEL_UNKNOWN = "panel_unknown", "Nobody has said what the panel reflects in this band."
     SUNSHINE_UNUSABLE = "sunshine_unusable", "It carries no valid reading of a sunshine sensor."
+    # of a frame among equal ones
+    UNPAIRED = "unpaired", "No other frame has its settings: it shows no noise."
+    PAIR_DRIFT = "pair_drift", "The light changed between it and the other frames of its settings."
     # of a dark frame
     DARK_NOT_DARK = "dark_not_dark", "It is brighter than other dark frames, or than black, by too much."
     # of a frame of a chart

@@ -14,7 +14,10 @@ from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Exclusion
 from radiometry.flags import Flag
 from radiometry.methods import noise
+from radiometry.noise.levels import list_levels
 from radiometry.noise.simulation import SimulatedSensor, expose, make_row, shoot
+from radiometry.noise.stacks import make_stacks
+from radiometry.noise.transfer import find_saturation, fit_gain
 from radiometry.packing import pack, unpack
 
 PARAMS = noise.Params()
@@ -181,6 +184,33 @@ def test_faint_levels_share_the_error_of_their_dark_frames():
         pulls.append([(each.value - true) / each.standard_uncertainty for each, true in found])
     assert np.abs(np.mean(pulls, axis=0)).max() < 3.5 / math.sqrt(40)
     assert np.abs(np.std(pulls, axis=0) - 1.0).max() < 3.5 / math.sqrt(80)
+
+
+def test_a_dark_stack_moves_the_gain_as_its_covariance_says():
+    sensor = dataclasses.replace(SMALL, read_noise_e=20.0)
+    stacks = make_stacks(take(sensor, 25, times=(0.002, 0.005, 0.01), dark_times=(0.002, 0.01)))
+
+    def fit(shift_dn2):
+        moved = [
+            dataclasses.replace(
+                stack,
+                temporal=dataclasses.replace(stack.temporal, value_dn2=stack.temporal.value_dn2 + shift_dn2),
+            )
+            if stack.setting.role == "dark" and stack.setting.exposure_time_s == 0.002
+            else stack
+            for stack in stacks
+        ]
+        levels = list_levels(moved, PARAMS)
+        saturation = find_saturation(levels, white_signal_dn=16127.0)
+        return fit_gain(levels, saturation, range_share=0.7)
+
+    transfer = fit(0.0)
+    dark = transfer.levels[0].dark
+    slope = (fit(0.01).gain_dn_per_e - fit(-0.01).gain_dn_per_e) / 0.02
+    assert dark.setting.exposure_time_s == 0.002
+    assert slope < 0.0
+    # the weights follow the noise too, a little
+    assert transfer.covariance_with(dark) == pytest.approx(slope * dark.temporal.u_dn2**2, rel=0.05)
 
 
 @settings(max_examples=20)

@@ -1,0 +1,1 @@
+"""Noise after EMVA 1288: photon transfer, linearity, dark current and nonuniformity from stacks of frames."""

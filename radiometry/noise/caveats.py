@@ -1,0 +1,103 @@
+"""What to know about a noise fit."""
+
+import math
+from collections.abc import Sequence
+
+from radiometry.flags import Flag, Raised
+from radiometry.noise.blocks import FrameRow
+from radiometry.noise.fitting import FittedChannel
+
+GOOD_LEVELS = 6
+DRIFT_REL = 0.01
+TIME_RATIO = 2.0
+UNDERFLOW_SHARE = 0.005
+"""EMVA 1288, 6.5: no more samples of a dark frame may be zero."""
+
+_ERRORS = 3.0
+
+
+def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
+    """Look at every channel of every ISO value; by channel, then in the order of the flags."""
+    found: list[Raised] = []
+    for each in fitted:
+        where = f"iso {each.fit.iso:g} {each.fit.channel}"
+        for flag, detail in (*_check_stacks(each), *_check_transfer(each), *_check_figures(each)):
+            found.append(Raised(flag=flag.value, where=where, detail=detail))
+    return tuple(found)
+
+
+def check_rendered(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
+    """Say whether somebody's tone curve stands between light and numbers."""
+    rendered = sum(row.header.rendered for row in rows)
+    detail = f"Rendered frames: {rendered} of {len(rows)}."
+    return (Raised(flag=Flag.RENDERED.value, where="", detail=detail),) if rendered else ()
+
+
+def _check_stacks(each: FittedChannel) -> list[tuple[Flag, str]]:
+    found = []
+    drifting = max((level.lit.drift_rel for level in each.levels), default=0.0)
+    if drifting > DRIFT_REL:
+        detail = f"The means of frames of one setting differ by up to {drifting:.1%}."
+        found.append((Flag.PAIR_LIGHT_DRIFT, detail))
+    ratios = [level.time_ratio for level in each.levels if not level.left_out]
+    if max(ratios, default=1.0) > TIME_RATIO:
+        found.append((Flag.DARK_EXPOSURE_DIFFERS, f"By up to a factor of {max(ratios):.3g}."))
+    zeros = max(stack.zero_share for stack in each.stacks if stack.setting.role == "dark")
+    if zeros > UNDERFLOW_SHARE:
+        found.append((Flag.DARK_CLIPPED, f"Up to {zeros:.1%} of a dark frame's samples are 0."))
+    return found
+
+
+def _check_transfer(each: FittedChannel) -> list[tuple[Flag, str]]:
+    transfer = each.transfer
+    if transfer is None:
+        return [(Flag.NO_PHOTON_TRANSFER, _count_levels(each))]
+    found = []
+    if len(transfer.levels) < GOOD_LEVELS:
+        found.append((Flag.FEW_POINTS, f"Levels in the photon transfer: {len(transfer.levels)}."))
+    if transfer.birge_ratio > 1.0 and transfer.chi_squared > _chi_squared_limit(len(transfer.levels) - 1):
+        detail = f"Birge ratio {transfer.birge_ratio:.3f}: the noise does not follow the photon transfer."
+        found.append((Flag.SCATTER_EXCEEDS_UNCERTAINTY, detail))
+    figures = each.fit.transfer
+    if figures and figures.saturation_origin == "white_level_assumed":
+        top = max((level.signal_dn for level in each.levels), default=0.0)
+        found.append(
+            (
+                Flag.FULL_WELL_NOT_REACHED,
+                f"The brightest level is {top / figures.saturation_dn.value:.0%} of white.",
+            )
+        )
+    return found
+
+
+def _check_figures(each: FittedChannel) -> list[tuple[Flag, str]]:
+    fit, found = each.fit, []
+    if each.rounding_dominates:
+        detail = f"Given is the limit, {fit.read_noise_dn.value:.2g} DN."
+        found.append((Flag.READ_NOISE_BELOW_ROUNDING, detail))
+    names = [
+        name
+        for name, resolved in (("DSNU", each.dsnu_resolved), ("PRNU", each.prnu_resolved))
+        if not resolved
+    ]
+    if names:
+        found.append((Flag.PATTERN_NOT_RESOLVED, f"{' and '.join(names)}: add frames of one setting."))
+    current = fit.dark_current
+    mean = current.dark_current_e_per_s if current else None
+    variance = current.from_variance_e_per_s if current else None
+    if mean and variance:
+        u = math.hypot(mean.standard_uncertainty, variance.standard_uncertainty)
+        if variance.value - mean.value > _ERRORS * u:
+            detail = f"From the mean {mean.value:.3g} e-/s, from the variance {variance.value:.3g} e-/s."
+            found.append((Flag.DARK_CURRENT_COMPENSATED, detail))
+    return found
+
+
+def _count_levels(each: FittedChannel) -> str:
+    usable = sum(not level.left_out for level in each.levels)
+    return f"Usable levels: {usable} of {len(each.levels)}."
+
+
+def _chi_squared_limit(dof: int) -> float:
+    """Give what chance exceeds once in several hundred times: mean plus three standard deviations."""
+    return dof + 3.0 * math.sqrt(2.0 * dof)

@@ -1,0 +1,84 @@
+"""Dark current: how the dark signal, and its noise, grow with time."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.evidence import Quantity
+from radiometry.noise.rows import DARK
+from radiometry.noise.stacks import Stack
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DarkCurrent:
+    """Of the dark signal's mean [DN/s], and of the dark noise's variance [DN^2/s] where that is known."""
+
+    from_mean: Quantity
+    from_variance: Quantity | None
+
+
+def find_dark_current(stacks: Sequence[Stack]) -> DarkCurrent | None:
+    """Fit mu_dark = mu_0 + mu_I t to the means of all dark frames, and a line to their stacks' variances.
+
+        mu_I [DN/s] = slope of the mean,     mu_I [e-/s] = slope of the variance / K^2     [1, section 7.1]
+    A frame's mean is weighted by the noise of its samples; electronics move whole frames by more than that,
+    so where frames scatter more, the error grows with their scatter (Birge).
+
+    Returns None where dark frames are fewer than three or have one exposure time only
+    References [1] EMVA Standard 1288, release 3.1
+    """
+    darks = [stack for stack in stacks if stack.setting.role == DARK]
+    noise = max((stack.temporal.value_dn2 for stack in darks if stack.temporal), default=0.0)
+    points = [
+        (
+            stack.setting.exposure_time_s,
+            mean,
+            math.sqrt(_noise_dn2(stack, noise) / stack.samples),
+        )
+        for stack in darks
+        for mean in stack.frame_means_dn
+    ]
+    line = _fit_slope(points)
+    if line is None or noise <= 0.0:
+        return None
+    variances = [
+        (stack.setting.exposure_time_s, stack.temporal.value_dn2, stack.temporal.u_dn2)
+        for stack in darks
+        if stack.temporal
+    ]
+    growing = _fit_slope(variances, fewest=2)
+    return DarkCurrent(
+        from_mean=Quantity(value=line[0], standard_uncertainty=line[1], unit="DN/s"),
+        from_variance=Quantity(value=growing[0], standard_uncertainty=growing[1], unit="DN2/s")
+        if growing
+        else None,
+    )
+
+
+def _noise_dn2(stack: Stack, otherwise: float) -> float:
+    return stack.temporal.value_dn2 if stack.temporal else otherwise
+
+
+def _fit_slope(
+    points: Sequence[tuple[float, float, float]], *, fewest: int = 3
+) -> tuple[float, float] | None:
+    """Give slope and its standard uncertainty of a weighted line through (t, y, u)."""
+    if len(points) < fewest or len({time for time, _, _ in points}) < 2:
+        return None
+    t, y, u = (np.array(column) for column in zip(*points, strict=True))
+    if not np.all(u > 0.0):
+        return None
+    weights = 1.0 / u**2
+    middle = float(weights @ t / weights.sum())
+    spread = float(weights @ (t - middle) ** 2)
+    slope = float(weights @ ((t - middle) * y)) / spread
+    level = float(weights @ y / weights.sum())
+    residual = y - level - slope * (t - middle)
+    dof = len(points) - 2
+    excess = max(1.0, float(weights @ residual**2) / dof) if dof else 1.0
+    return slope, math.sqrt(excess / spread)

@@ -1,0 +1,92 @@
+"""The verdict on every frame of a noise campaign, from the same evidence that its fit will use."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from radiometry.noise.blocks import FrameRow
+from radiometry.noise.caveats import DRIFT_REL
+from radiometry.noise.points import collect_stacks
+from radiometry.noise.rows import DARK, Params
+from radiometry.noise.stacks import Stack
+from radiometry.roi import Polygon
+from radiometry.verdicts import Outcome, Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+
+LIT_SHARE = 0.05
+"""Of the span from black to white: more than the dark current of any sensor at the times of a flight."""
+
+
+def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
+    """Give the verdict on each frame of a campaign, by name; a reason of several channels is said once.
+
+    Takes
+      frames : all frames of the campaign; one without a region has the whole frame for it
+      rows : those of them that a fit would see
+
+    """
+    reasons = inspect_frames([_give_region(frame) for frame in frames])
+    found: dict[str, dict[ReasonCode, Reason]] = {}
+    for stacks in collect_stacks(rows, params).values():
+        for stack in stacks:
+            for frame, reason in _inspect(stack, params):
+                found.setdefault(frame, {}).setdefault(reason.code, reason)
+    for frame, by_code in found.items():
+        reasons[frame] += by_code.values()
+    return {frame: conclude(each) for frame, each in reasons.items()}
+
+
+def _give_region(frame: Taken) -> Taken:
+    if frame.region is not None or frame.format is None:
+        return frame
+    width, height = frame.format[:2]
+    return replace(frame, region=Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)]))
+
+
+def _inspect(stack: Stack, params: Params) -> list[tuple[str, Reason]]:
+    found = [
+        (copy, _reason(ReasonCode.REDUNDANT, "fail", f"Its samples are those of {original}: it is a copy."))
+        for copy, original in stack.copies.items()
+    ]
+    shared = [*_inspect_pairing(stack, params)]
+    if stack.setting.role == DARK:
+        shared += _inspect_dark(stack)
+    elif stack.clipped:
+        detail = (
+            f"{stack.clipped_share:.1%} of {stack.setting.channel} is at white: that shows where the signal "
+            "ends, and no noise. Expose the others shorter."
+        )
+        shared.append(_reason(ReasonCode.CLIPPED, "warn", detail))
+    return [*found, *((frame, reason) for frame in stack.frames for reason in shared)]
+
+
+def _inspect_pairing(stack: Stack, params: Params) -> list[Reason]:
+    if stack.temporal is None:
+        detail = (
+            "No other frame has its role, scene, ISO, exposure time and f-number: noise is seen between two "
+            "frames alike. Take it again with the same settings."
+        )
+        return [_reason(ReasonCode.UNPAIRED, "warn", detail)]
+    if stack.setting.role == DARK or stack.drift_rel <= DRIFT_REL:
+        return []
+    outcome: Outcome = "fail" if stack.drift_rel > params.largest_drift_rel else "warn"
+    detail = (
+        f"The means of the frames of this setting differ by {stack.drift_rel:.1%}: the light changed between "
+        "them. Let the lamp warm up, and take them one right after the other."
+    )
+    return [_reason(ReasonCode.PAIR_DRIFT, outcome, detail)]
+
+
+def _inspect_dark(stack: Stack) -> list[Reason]:
+    """Say whether a dark frame saw light; where the file states no black, nothing can be said."""
+    span = stack.white_level_dn - stack.black_level_dn
+    above = (stack.mean_dn - stack.black_level_dn) / max(1.0, span)
+    if stack.black_level_dn <= 0.0 or above <= LIT_SHARE:
+        return []
+    detail = (
+        f"Its mean lies {above:.1%} of the span from black to white above the black level that the file "
+        "states: this frame saw light. Cover the lens and take it again."
+    )
+    return [_reason(ReasonCode.DARK_NOT_DARK, "fail", detail)]
+
+
+def _reason(code: ReasonCode, outcome: Outcome, detail: str) -> Reason:
+    return Reason(code=code, outcome=outcome, detail=detail)

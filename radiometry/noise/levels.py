@@ -1,0 +1,98 @@
+"""The levels of a photon transfer: lit stacks beside the dark stack that belongs to each."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from radiometry.noise.rows import DARK, Params
+from radiometry.noise.stacks import Stack
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level:
+    """A lit stack and its dark: the one of the same exposure time, else of the nearest.
+
+    ``signal_dn`` : mean above the mean of ``dark``: electrons of light and, where the times differ, of dark
+        current, which the photon transfer does not tell apart
+    ``light_dn``, ``light_u_dn`` : mean above the dark signal of the same time, between dark stacks
+        interpolated: what light alone has made
+    ``time_ratio`` : how far the exposure lies outside those of the dark stacks, 1 within them
+    ``left_out`` : why its variance is not used at all, "" where it is
+    """
+
+    lit: Stack
+    dark: Stack
+    signal_dn: float
+    light_dn: float
+    light_u_dn: float
+    time_ratio: float
+    left_out: str
+
+    @property
+    def signal_u_dn(self) -> float:
+        """Of the signal, from the noise of both stacks' samples."""
+        return math.sqrt(self.lit.mean_variance_dn2 + self.dark.mean_variance_dn2)
+
+    @property
+    def excess_dn2(self) -> float:
+        """The temporal variance that light adds; only of a level that is not left out."""
+        if self.lit.temporal is None or self.dark.temporal is None:
+            raise AssertionError("a level without a variance is left out")
+        return self.lit.temporal.value_dn2 - self.dark.temporal.value_dn2
+
+
+def list_darks(stacks: Sequence[Stack]) -> list[Stack]:
+    """Give the dark stacks whose noise is known, the shortest time first."""
+    darks = [stack for stack in stacks if stack.setting.role == DARK and stack.temporal is not None]
+    return sorted(darks, key=lambda stack: (stack.setting.exposure_time_s, stack.setting))
+
+
+def list_levels(stacks: Sequence[Stack], params: Params) -> tuple[Level, ...]:
+    """Pair every lit stack with its dark, in the order of signal; none where no dark stack has a noise."""
+    darks = list_darks(stacks)
+    if not darks:
+        return ()
+    levels = [_pair(lit, darks, params) for lit in stacks if lit.setting.role != DARK]
+    return tuple(sorted(levels, key=lambda level: (level.signal_dn, level.lit.setting)))
+
+
+def _pair(lit: Stack, darks: Sequence[Stack], params: Params) -> Level:
+    time_s = lit.setting.exposure_time_s
+    dark = min(darks, key=lambda each: abs(math.log(each.setting.exposure_time_s / time_s)))
+    below, above, share = _find_neighbours(darks, time_s)
+    expected = (1.0 - share) * below.mean_dn + share * above.mean_dn
+    variance = (1.0 - share) ** 2 * below.mean_variance_dn2 + share**2 * above.mean_variance_dn2
+    shortest, longest = darks[0].setting.exposure_time_s, darks[-1].setting.exposure_time_s
+    return Level(
+        lit=lit,
+        dark=dark,
+        signal_dn=lit.mean_dn - dark.mean_dn,
+        light_dn=lit.mean_dn - expected,
+        light_u_dn=math.sqrt(lit.mean_variance_dn2 + variance),
+        time_ratio=max(1.0, shortest / time_s, time_s / longest),
+        left_out=_judge(lit, params),
+    )
+
+
+def _find_neighbours(darks: Sequence[Stack], time_s: float) -> tuple[Stack, Stack, float]:
+    """Give the dark stacks about a time and how far it lies from the first to the second, 0 to 1."""
+    below = [dark for dark in darks if dark.setting.exposure_time_s <= time_s]
+    above = [dark for dark in darks if dark.setting.exposure_time_s >= time_s]
+    if not below or not above:
+        only = (below or above)[-1 if below else 0]
+        return only, only, 0.0
+    first, second = below[-1], above[0]
+    span = second.setting.exposure_time_s - first.setting.exposure_time_s
+    return first, second, (time_s - first.setting.exposure_time_s) / span if span else 0.0
+
+
+def _judge(lit: Stack, params: Params) -> str:
+    if lit.clipped:
+        return f"{lit.clipped_share:.2%} of its samples are at white: its noise is cut off"
+    if lit.temporal is None:
+        return "no other frame has its role, scene, ISO, time and f-number: without a pair no noise is seen"
+    if lit.temporal.value_dn2 <= 0.0:
+        return "its frames do not differ at all: they show no noise"
+    if lit.drift_rel > params.largest_drift_rel:
+        return f"the light changed by {lit.drift_rel:.1%} between its frames"
+    return ""

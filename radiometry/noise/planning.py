@@ -1,0 +1,65 @@
+"""What a noise campaign still lacks for good figures, beyond what any fit needs."""
+
+from collections.abc import Sequence
+
+from radiometry.noise.blocks import FrameRow
+from radiometry.noise.fitting import FittedChannel, fit_channel
+from radiometry.noise.points import collect_stacks
+from radiometry.noise.rows import DARK, Params
+from radiometry.noise.stacks import Stack
+
+GOOD_LEVELS = 9
+"""EMVA 1288 asks for at least nine levels between 5 and 95 % of saturation for the linearity error."""
+
+GOOD_STACK = 16
+"""Frames of one setting for DSNU and PRNU: the temporal noise that is left is a quarter of one frame's."""
+
+
+def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
+    """Say by name what to add while the lamp still stands there; the gravest first, each once."""
+    gravest: list[str] = []
+    others: list[str] = []
+    for (iso, _), stacks in collect_stacks(rows, params).items():
+        where = f"ISO {iso:g}"
+        fitted = fit_channel(stacks, params)
+        if fitted is None:
+            gravest.append(f"{where} has no pair of dark frames: add two of one exposure time, lens covered")
+            continue
+        gravest += _plan_levels(where, fitted)
+        others += _plan_darks(where, stacks) + _plan_patterns(where, fitted)
+    return tuple(dict.fromkeys([*gravest, *others]))
+
+
+def _plan_levels(where: str, fitted: FittedChannel) -> list[str]:
+    name = f"{where} {fitted.fit.channel}"
+    usable = sum(not level.left_out for level in fitted.levels)
+    if fitted.transfer is None:
+        return [f"{name} has {usable} usable levels: add pairs at {max(1, 3 - usable)} more exposure times"]
+    found = []
+    if usable < GOOD_LEVELS:
+        found.append(f"{name} has {usable} usable levels: add {GOOD_LEVELS - usable} more up to white")
+    if fitted.fit.transfer and fitted.fit.transfer.saturation_origin == "white_level_assumed":
+        found.append(f"{name} was never saturated: add a pair that reaches white")
+    if fitted.fit.linearity is None:
+        found.append(f"{name} has no four exposure times of one scene and f-number: no linearity error")
+    return found
+
+
+def _plan_darks(where: str, stacks: Sequence[Stack]) -> list[str]:
+    times = {stack.setting.exposure_time_s for stack in stacks if stack.setting.role == DARK}
+    if len(times) > 1:
+        return []
+    return [
+        f"{where} has dark frames of one exposure time: add some of a much longer one for the dark current"
+    ]
+
+
+def _plan_patterns(where: str, fitted: FittedChannel) -> list[str]:
+    found = []
+    if not fitted.dsnu_resolved:
+        found.append(f"{where}: add dark frames of one setting up to {GOOD_STACK} for the DSNU")
+    if not fitted.prnu_resolved or (fitted.transfer and fitted.fit.prnu_rel is None):
+        found.append(
+            f"{where}: add frames about half of white of one setting up to {GOOD_STACK} for the PRNU"
+        )
+    return found

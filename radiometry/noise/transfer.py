@@ -1,0 +1,148 @@
+"""Photon transfer: the system gain from how the noise grows with the signal, and where it ends."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.noise.levels import Level
+from radiometry.noise.stacks import Stack
+
+FEWEST_LEVELS = 3
+_ROUNDS = 20
+_SETTLED_REL = 1e-12
+_FALL_IN_ERRORS = 3.0
+
+SaturationOrigin = Literal["white_level", "variance_maximum", "white_level_assumed"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Saturation:
+    """Where the signal ends [DN above dark].
+
+    ``origin`` : white_level: a level reaches white; variance_maximum: the variance falls again below it;
+        white_level_assumed: no level came near either
+    ``u_dn`` : of a variance maximum from the spacing of the levels; else 0, and the noise adds to it later
+    """
+
+    signal_dn: float
+    u_dn: float
+    origin: SaturationOrigin
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer:
+    """The gain and what its error shares with the dark noise.
+
+    ``gain_dn_per_e``, ``gain_u`` : K, with the Birge ratio; ``birge_ratio`` : 1 or more
+    ``weights`` : of each level's excess variance in K; ``levels`` : those that entered
+    """
+
+    gain_dn_per_e: float
+    gain_u: float
+    birge_ratio: float
+    chi_squared: float
+    weights: tuple[float, ...]
+    levels: tuple[Level, ...]
+
+    def covariance_with(self, dark: Stack) -> float:
+        """Give cov(K, sigma_dark^2) [DN^3/e-]: K falls by the weights of the levels that the dark serves."""
+        if dark.temporal is None:
+            return 0.0
+        served = [w for w, level in zip(self.weights, self.levels, strict=True) if level.dark is dark]
+        return -math.fsum(served) * dark.temporal.u_dn2**2
+
+
+def find_saturation(levels: Sequence[Level], *, white_signal_dn: float) -> Saturation:
+    """Find where the temporal variance has its maximum [1, 6.6], or where the numbers end.
+
+    Levels may be a fifth apart in the field: where the brighter ones are cut off by white, white itself is
+    where the maximum lies, but for two standard deviations of noise.
+
+    Takes
+      levels : in the order of signal; white_signal_dn : the white level above dark
+    References [1] EMVA Standard 1288, release 3.1
+    """
+    if any(level.lit.clipped for level in levels):
+        return Saturation(signal_dn=white_signal_dn, u_dn=0.0, origin="white_level")
+    seen = [level for level in levels if not level.left_out and level.lit.temporal]
+    variances = [level.lit.temporal for level in seen if level.lit.temporal]
+    if len(seen) > FEWEST_LEVELS:
+        top = max(range(len(seen)), key=lambda index: variances[index].value_dn2)
+        last = variances[-1]
+        fall = variances[top].value_dn2 - last.value_dn2
+        if fall > _FALL_IN_ERRORS * math.hypot(variances[top].u_dn2, last.u_dn2):
+            below = seen[max(0, top - 1)].signal_dn
+            above = seen[min(len(seen) - 1, top + 1)].signal_dn
+            return Saturation(
+                signal_dn=seen[top].signal_dn,
+                u_dn=(above - below) / 2 / math.sqrt(3.0),
+                origin="variance_maximum",
+            )
+    return Saturation(signal_dn=white_signal_dn, u_dn=0.0, origin="white_level_assumed")
+
+
+def fit_gain(levels: Sequence[Level], saturation: Saturation, *, range_share: float) -> Transfer | None:
+    """Fit the line through the origin from which K follows, by generalised least squares.
+
+        sigma_y^2 - sigma_dark^2 = K (mu_y - mu_dark)                                     [1, eq. 15]
+        V_ij = [i = j] (2 sigma_i^4 / nu_i + K^2 u(x_i)^2) + [same dark] 2 sigma_dark^4 / nu_dark
+    up to ``range_share`` of saturation. The sigma_i in V are those of the line, not the measured ones: a
+    level whose noise came out small by chance must not weigh more for it. chi^2 / (n - 1) above 1 enlarges
+    u(K).
+
+    Returns None when fewer than three levels are left, or the noise does not grow with the signal
+    References [1] EMVA Standard 1288, release 3.1
+    """
+    used = tuple(
+        level
+        for level in levels
+        if not level.left_out and 0.0 < level.signal_dn <= range_share * saturation.signal_dn
+    )
+    if len(used) < FEWEST_LEVELS:
+        return None
+    x = np.array([level.signal_dn for level in used])
+    y = np.array([level.excess_dn2 for level in used])
+    gain = float(y.sum() / x.sum())
+    for _ in range(_ROUNDS):
+        if gain <= 0.0:
+            return None
+        inverse = np.linalg.inv(_covariance(used, x, gain))
+        information = float(x @ inverse @ x)
+        weights = inverse @ x / information
+        settled = abs(float(weights @ y) - gain) <= _SETTLED_REL * gain
+        gain = float(weights @ y)
+        if settled:
+            break
+    residual = y - gain * x
+    chi_squared = float(residual @ inverse @ residual)
+    birge = math.sqrt(max(1.0, chi_squared / (len(used) - 1)))
+    if gain <= 0.0:
+        return None
+    return Transfer(
+        gain_dn_per_e=gain,
+        gain_u=birge / math.sqrt(information),
+        birge_ratio=birge,
+        chi_squared=chi_squared,
+        weights=tuple(float(weight) for weight in weights),
+        levels=used,
+    )
+
+
+def _covariance(used: Sequence[Level], x: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
+    n = len(used)
+    covariance = np.zeros((n, n))
+    for i, level in enumerate(used):
+        lit, dark = level.lit.temporal, level.dark.temporal
+        if lit is None or dark is None:
+            raise AssertionError("a level without a variance is left out")
+        relative = lit.u_dn2 / lit.value_dn2
+        own = relative * (dark.value_dn2 + gain * float(x[i]))
+        covariance[i, i] += own**2 + (gain * level.signal_u_dn) ** 2
+        for j, other in enumerate(used):
+            if other.dark is level.dark:
+                covariance[i, j] += dark.u_dn2**2
+    return covariance
