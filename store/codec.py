@@ -5,7 +5,7 @@ from dataclasses import asdict
 from functools import cache
 from typing import Any
 
-from pydantic import ConfigDict, TypeAdapter
+from pydantic import TypeAdapter
 
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
@@ -32,8 +32,8 @@ def decode(kind: type[Any], stored: Any) -> Any:  # noqa: ANN401
 
 def read_strictly(kind: type[Any], said: Any) -> Json:  # noqa: ANN401
     """Plain JSON values as a dataclass wants them, defaults written out; what it does not know is refused."""
-    adapter: TypeAdapter[Any] = TypeAdapter(kind, config=ConfigDict(extra="forbid", allow_inf_nan=False))
-    plain: Json = drop_absent(adapter.dump_python(adapter.validate_python(said), mode="json"))
+    found = _adapter(kind).validate_python(said, extra="forbid")
+    plain: Json = drop_absent(encode(found))
     return plain
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import fields
 from importlib.metadata import version as package_version
 from typing import Any
 
@@ -18,11 +19,14 @@ from store.software import CODE_VERSION
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 
 
-def make_params(campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the method's own)
-    """A fit's parameters: what somebody says, what the campaign says, and the method's defaults."""
+def make_params(session: Session, campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the method's own)
+    """A fit's parameters: what somebody says, what campaign and camera say, and the method's defaults."""
+    kind = methods.describe(campaign.method).params
     if campaign.method == "luminance":
         said["panel_rho"] = campaign.surface_reflectance
-    return decode(methods.describe(campaign.method).params, said)
+    if "pixel_pitch_um" in {field.name for field in fields(kind)}:
+        said.setdefault("pixel_pitch_um", session.get_one(Camera, campaign.camera_id).pixel_pitch_um)
+    return decode(kind, said)
 
 
 def read_params(campaign: Campaign, stored: dict[str, Any]) -> Any:  # noqa: ANN401 (the method's own)

@@ -25,7 +25,7 @@ class Stock:
 
 def take_stock(session: Session, campaign: Campaign) -> Stock:
     evidence = gather(session, campaign)
-    params = make_params(campaign)
+    params = make_params(session, campaign)
     return Stock(
         missing=list_missing(campaign, evidence, params),
         advice=list(methods.plan(campaign.method, evidence.frames, evidence.readings, params)),
@@ -44,7 +44,7 @@ def judge_frames(session: Session, campaign: Campaign) -> dict[str, Verdict]:
     names = {row.id: evidence.names.get(row.id, row.id) for row in rows}
     taken = [_take(row, names[row.id], _region(row, campaign, regions.get(of_frame[row.id]))) for row in rows]
     verdicts = methods.judge(
-        campaign.method, taken, evidence.frames, evidence.readings, make_params(campaign)
+        campaign.method, taken, evidence.frames, evidence.readings, make_params(session, campaign)
     )
     return {row.id: verdicts[names[row.id]] for row in rows}
 

@@ -12,10 +12,10 @@ from typing import Any, Literal, assert_never, get_args
 from radiometry.evidence import Extracted, Figure, FrameEvidence, Region
 from radiometry.exposure import Exposure
 from radiometry.frame import Frame, FrameHeader
-from radiometry.methods import luminance, reflectance
+from radiometry.methods import geometry, luminance, noise, reflectance, sharpness, vignetting
 from radiometry.verdicts import Taken, Verdict
 
-Method = Literal["luminance", "reflectance"]
+Method = Literal["luminance", "reflectance", "vignetting", "sharpness", "geometry", "noise"]
 
 METHODS: tuple[Method, ...] = get_args(Method)
 
@@ -56,6 +56,41 @@ def describe(method: Method) -> Room:
                 features=reflectance.Features,
                 manual_exposure=False,
             )
+        case "vignetting":
+            return Room(
+                schema_version=vignetting.SCHEMA_VERSION,
+                roles=vignetting.ROLES,
+                params=vignetting.Params,
+                features=vignetting.Features,
+                whole_frame=True,
+            )
+        case "sharpness":
+            return Room(
+                schema_version=sharpness.SCHEMA_VERSION,
+                roles=sharpness.ROLES,
+                params=sharpness.Params,
+                features=sharpness.Features,
+                target=sharpness.Target,
+                manual_exposure=False,
+            )
+        case "geometry":
+            return Room(
+                schema_version=geometry.SCHEMA_VERSION,
+                roles=geometry.ROLES,
+                params=geometry.Params,
+                features=geometry.Features,
+                target=geometry.Target,
+                whole_frame=True,
+                manual_exposure=False,
+            )
+        case "noise":
+            return Room(
+                schema_version=noise.SCHEMA_VERSION,
+                roles=noise.ROLES,
+                params=noise.Params,
+                features=noise.Features,
+                whole_frame=True,
+            )
         case _:
             assert_never(method)
 
@@ -67,7 +102,7 @@ def extract(
     *,
     header: FrameHeader,
     exposure: Exposure | None,
-    target: Any = None,  # noqa: ANN401, ARG001 (the method's own)
+    target: Any = None,  # noqa: ANN401 (the method's own)
 ) -> Extracted[Any]:
     """Give what one frame says in its regions; ``exposure`` is None only for a chart that states none."""
     match method:
@@ -75,6 +110,14 @@ def extract(
             return Extracted(statistics=luminance.extract(frame, regions[0].polygon), features=None)
         case "reflectance":
             return reflectance.extract(frame, regions, header=header, exposure=exposure)
+        case "vignetting":
+            return vignetting.extract(frame, regions, header=header, exposure=exposure)
+        case "sharpness":
+            return sharpness.extract(frame, regions, header=header, exposure=exposure, target=target)
+        case "geometry":
+            return geometry.extract(frame, regions, header=header, exposure=exposure, target=target)
+        case "noise":
+            return noise.extract(frame, regions, header=header, exposure=exposure)
         case _:
             assert_never(method)
 
@@ -86,6 +129,8 @@ def make_row(method: Method, evidence: FrameEvidence[Any]) -> Any:  # noqa: ANN4
             return luminance.make_row(evidence)
         case "reflectance":
             return reflectance.make_row(evidence)
+        case "vignetting" | "sharpness" | "geometry" | "noise":
+            return evidence
         case _:
             assert_never(method)
 
@@ -104,6 +149,14 @@ def missing(
             return luminance.missing(rows, readings, params, unread=unread)
         case "reflectance":
             return reflectance.missing(rows, readings, params, unread=unread)
+        case "vignetting":
+            return vignetting.missing(rows, params, unread=unread)
+        case "sharpness":
+            return sharpness.missing(rows, params, unread=unread)
+        case "geometry":
+            return geometry.missing(rows, params, unread=unread)
+        case "noise":
+            return noise.missing(rows, params, unread=unread)
         case _:
             assert_never(method)
 
@@ -121,6 +174,14 @@ def judge(
             return luminance.judge(frames, rows, readings, params)
         case "reflectance":
             return reflectance.judge(frames, rows, readings, params)
+        case "vignetting":
+            return vignetting.judge(frames, rows, params)
+        case "sharpness":
+            return sharpness.judge(frames, rows, params)
+        case "geometry":
+            return geometry.judge(frames, rows, params)
+        case "noise":
+            return noise.judge(frames, rows, params)
         case _:
             assert_never(method)
 
@@ -137,6 +198,14 @@ def plan(
             return luminance.plan(rows, readings, params)
         case "reflectance":
             return reflectance.plan(rows, readings, params)
+        case "vignetting":
+            return vignetting.plan(rows, params)
+        case "sharpness":
+            return sharpness.plan(rows, params)
+        case "geometry":
+            return geometry.plan(rows, params)
+        case "noise":
+            return noise.plan(rows, params)
         case _:
             assert_never(method)
 
@@ -153,6 +222,14 @@ def fit(
             return luminance.fit(rows, readings, params)
         case "reflectance":
             return reflectance.fit(rows, readings, params)
+        case "vignetting":
+            return vignetting.fit(rows, params)
+        case "sharpness":
+            return sharpness.fit(rows, params)
+        case "geometry":
+            return geometry.fit(rows, params)
+        case "noise":
+            return noise.fit(rows, params)
         case _:
             assert_never(method)
 
@@ -164,6 +241,14 @@ def list_figures(method: Method, fitted: Any) -> tuple[Figure, ...]:  # noqa: AN
             return luminance.list_figures(fitted)
         case "reflectance":
             return reflectance.list_figures(fitted)
+        case "vignetting":
+            return vignetting.list_figures(fitted)
+        case "sharpness":
+            return sharpness.list_figures(fitted)
+        case "geometry":
+            return geometry.list_figures(fitted)
+        case "noise":
+            return noise.list_figures(fitted)
         case _:
             assert_never(method)
 
@@ -171,7 +256,7 @@ def list_figures(method: Method, fitted: Any) -> tuple[Figure, ...]:  # noqa: AN
 def configure(method: Method, fitted: Any) -> Mapping[str, Any]:  # noqa: ANN401 (the method's own)
     """Give what a fit holds for beside the camera and its lens, ready for JSON."""
     match method:
-        case "luminance":
+        case "luminance" | "vignetting" | "sharpness" | "geometry" | "noise":
             return {}
         case "reflectance":
             return reflectance.configure(fitted)

@@ -54,7 +54,7 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
         if body.panel_id is not None:
             campaign.panel_id = owned(session, Panel, body.panel_id, caller).id
         evidence = gather(session, campaign)
-        params = _read_params(body, campaign, evidence, caller)
+        params = _read_params(session, body, campaign, evidence, caller)
         missing = list_missing(campaign, evidence, params)
         if missing:
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
@@ -201,7 +201,9 @@ def revoke_calibration(
     return writing.run(caller, change)
 
 
-def _read_params(body: NewCalibration, campaign: Campaign, evidence: Evidence, caller: Caller) -> Any:  # noqa: ANN401
+def _read_params(
+    session: Session, body: NewCalibration, campaign: Campaign, evidence: Evidence, caller: Caller
+) -> Any:  # noqa: ANN401
     said = body.parameters()
     known = {field.name for field in fields(methods.describe(campaign.method).params)}
     foreign = sorted({"tolerance" if name == "tolerance_rel" else name for name in said.keys() - known})
@@ -218,7 +220,7 @@ def _read_params(body: NewCalibration, campaign: Campaign, evidence: Evidence, c
             )
         name = evidence.names[exclusion.frame_id]
         exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_id))
-    return make_params(campaign, **said, exclude=tuple(sorted(exclusions, key=lambda e: e.frame)))
+    return make_params(session, campaign, **said, exclude=tuple(sorted(exclusions, key=lambda e: e.frame)))
 
 
 def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> Response:  # noqa: ANN401

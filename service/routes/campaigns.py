@@ -128,14 +128,14 @@ def read_roi(body: NewRoi) -> Drawing:
 
 def _read_target(method: methods.Method, said: dict[str, Any] | None) -> dict[str, Any] | None:
     """What is photographed, as the method wants it said; with every default written out."""
-    if said is None:
-        return None
     kind = methods.describe(method).target
+    if kind is None and said is None:
+        return None
     if kind is None:
         message = f"a {method} campaign photographs nothing that must be described: leave it out"
         raise invalid([{"type": "target", "loc": ("body", "target"), "msg": message}])
     try:
-        return read_strictly(kind, said)
+        return read_strictly(kind, said or {})
     except ValidationError as error:
         raise invalid(located(error, "body", "target")) from error
 

@@ -60,6 +60,22 @@ class NewCalibration(Form):
     ] = None
     incidence_angle_u_deg: Annotated[Number | None, Field(ge=0, lt=90)] = None
     tilt: Annotated[Tilt | None, Field(description="Correct the sunshine sensor's own tilt.")] = None
+    pixel_pitch_um: Annotated[
+        Number | None, Field(gt=0, le=100, description="Left out: the camera's, where it is registered.")
+    ] = None
+    star_contrast: Annotated[Number | None, Field(gt=0, lt=1)] = None
+    corner_window: Literal["fixed", "fitted"] | None = None
+    fix_aspect_ratio: bool | None = None
+    radial_terms: Literal[0, 1, 2, 3] | None = None
+    tangential: bool | None = None
+    reject_above_px: Annotated[
+        Number | None, Field(gt=0, le=1000, description="A view that fits worse is left out.")
+    ] = None
+    gain_range_share: Annotated[Number | None, Field(gt=0, lt=1)] = None
+    linearity_range_share: Annotated[
+        list[Number] | None, Field(min_length=2, max_length=2, description="From and to, of saturation.")
+    ] = None
+    largest_drift_rel: Annotated[Number | None, Field(gt=0, lt=1)] = None
     panel_id: Annotated[
         Text | None, Field(description="Of a reflectance campaign: its panel from now on.")
     ] = None

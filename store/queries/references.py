@@ -36,6 +36,8 @@ def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameR
             if panel is None:
                 return Reference(readings=[], sources={"panels": []})
             return Reference(readings=_read_panel(panel), sources={"panels": [_describe_panel(panel)]})
+        case "vignetting" | "sharpness" | "geometry" | "noise":
+            return Reference(readings=[], sources={})
 
 
 def find_panel(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> Panel | None:

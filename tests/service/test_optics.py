@@ -1,0 +1,162 @@
+"""Vignetting, sharpness, geometry and noise over HTTP: from uploaded frames to published coefficients."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from demo.dng import Camera, write_dng
+from demo.exif import Exposure
+from radiometry.noise.simulation import SimulatedSensor, expose
+from radiometry.vignetting.simulation import FALLOFFS, SimulatedLens, simulate_campaign
+from tests.support.data import data_file
+
+SERIAL = "0K1XE8"
+F_NUMBERS = (2.0, 4.0)
+EDGE_CAMERA = {"make": "Canon", "model": "EOS 5D", "serial": "1"}
+
+
+def raw_bytes(house, samples, *, exposure_time_s=0.01, f_number=4.0, iso=100, white=4095):
+    path = house.folder / "optics.dng"
+    exposure = Exposure(
+        exposure_time_s=exposure_time_s,
+        f_number=f_number,
+        iso=iso,
+        taken_at=datetime(2026, 5, 1, 12, 0, tzinfo=UTC),
+        body_serial=SERIAL,
+        lens_make="DJI",
+        lens_model="15mm",
+        lens_serial="L1",
+        focal_length_mm=15.0,
+    )
+    camera = Camera(black_level_dn=256, white_level_dn=white, serial=SERIAL)
+    write_dng(path, samples, camera=camera, exposure=exposure)
+    return path.read_bytes()
+
+
+def begin(house, method, *, camera=None, roi=None, **more):
+    camera = house.camera(**(camera or {}))
+    campaign = house.post("/v1/campaigns", {"camera_id": camera["id"], "method": method, **more})
+    if roi:
+        answer = house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=roi)
+        assert answer.status_code == 200, answer.text
+    return campaign
+
+
+def fit(house, campaign, **params):
+    house.work()
+    assert house.get(f"/v1/campaigns/{campaign['id']}")["missing"] == []
+    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", params, status=202)
+    house.work()
+    job = house.get(f"/v1/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job
+    return house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+
+
+def publish(house, version):
+    publication = {"valid_from": "2026-01-01T00:00:00Z", "reason": "spring"}
+    house.post(f"/v1/calibrations/{version['id']}/publish", publication, status=200)
+    path = f"/v1/cameras/{version['camera_id']}/coefficients"
+    return house.get(path, method=version["method"], at="2026-06-01T00:00:00Z")["items"]
+
+
+def test_the_falloff_of_a_lens(house):
+    lens = SimulatedLens(height_px=160, width_px=240, centre_px=(84.0, 110.0))
+    campaign = begin(house, "vignetting")
+    for shot in simulate_campaign(lens, np.random.default_rng(1), f_numbers=F_NUMBERS, flats=2, darks=2):
+        content = raw_bytes(house, shot.frame.samples_dn, f_number=shot.exposure.f_number)
+        house.upload(campaign, content, role=shot.role, filename=f"{shot.name}.DNG")
+    version = fit(house, campaign)
+    rows = {(row["name"], row["f_number"]): row for row in publish(house, version) if row["channel"] == "G1"}
+    assert {key[0] for key in rows} == {
+        *("k1", "k2", "k3", "centre_row_px", "centre_col_px", "corner_falloff")
+    }
+    for f_number in F_NUMBERS:
+        corner = rows["corner_falloff", f_number]
+        row, col = lens.true_centre_px
+        radius = np.hypot(160, 240) / 2
+        distances = [np.hypot(r - row, c - col) / radius for r in (0, 159) for c in (0, 239)]
+        k1, k2, k3 = FALLOFFS[f_number]
+        r2 = max(distances) ** 2
+        truth = -(k1 * r2 + k2 * r2**2 + k3 * r2**3)
+        assert abs(corner["value"] - truth) < 4 * corner["standard_uncertainty"]
+    centre = rows["centre_col_px", 2.0]
+    assert abs(centre["value"] - 110.0) < 4 * centre["standard_uncertainty"]
+
+
+def test_the_board_of_opencv(house):
+    target = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}
+    campaign = begin(house, "geometry", camera=EDGE_CAMERA, target=target)
+    for number in (1, 3, 4, 5, 6, 7, 8, 9):
+        name = f"left{number:02d}.jpg"
+        house.upload(campaign, data_file(f"checkerboard/{name}").read_bytes(), role="chart", filename=name)
+    version = fit(house, campaign)
+    rows = {row["name"]: row for row in publish(house, version)}
+    assert set(rows) == {"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2", "rms_px"}
+    # eight of the thirteen pictures: the published figures within their errors
+    for name, published in (("fx_px", 535.9157), ("cx_px", 342.2832), ("cy_px", 235.5708)):
+        assert abs(rows[name]["value"] - published) < 4 * rows[name]["standard_uncertainty"]
+    assert version["parameters"]["fix_aspect_ratio"] is True
+
+
+def test_geometry_needs_a_board_and_says_which_field_is_wrong(house):
+    camera = house.camera()
+    body = {"camera_id": camera["id"], "method": "geometry"}
+    problem = house.post("/v1/campaigns", body, status=422)
+    assert "body.target.kind" in {error["field"] for error in problem["errors"]}
+    body["target"] = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25, "colour": "red"}
+    problem = house.post("/v1/campaigns", body, status=422)
+    assert [error["field"] for error in problem["errors"]] == ["body.target.colour"]
+    body = {"camera_id": camera["id"], "method": "luminance", "target": {"kind": "checkerboard"}}
+    problem = house.post("/v1/campaigns", body, status=422)
+    assert [error["field"] for error in problem["errors"]] == ["body.target"]
+
+
+def test_the_edge_of_sfrmat(house):
+    edge = {"name": "centre", "polygon": [[0, 0], [343, 0], [343, 124], [0, 124]]}
+    campaign = begin(
+        house, "sharpness", camera=EDGE_CAMERA, roi={"regions": [edge]}, target={"kind": "slanted_edge"}
+    )
+    house.upload(campaign, data_file("edge/Test_edge1.tif").read_bytes(), role="chart", filename="edge.tif")
+    version = fit(house, campaign, pixel_pitch_um=5.0)
+    rows = [row for row in publish(house, version) if row["name"] == "mtf50_cycles_per_pixel"]
+    values = {row["channel"]: row["value"] for row in rows}
+    assert values["luminance"] == pytest.approx(0.26981, abs=0.01)
+    assert all(row["model"] == "slanted_edge:centre" for row in rows)
+    (frame,) = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]
+    assert house.get(f"/v1/campaigns/{campaign['id']}/roi")["regions"] == [
+        {"name": "centre", "polygon": [[0, 0], [343, 0], [343, 124], [0, 124]]}
+    ]
+    assert frame["state"] == "extracted"
+
+
+def test_a_region_in_parts_that_changes_is_computed_anew(house):
+    parts = [{"name": "a", "polygon": [[0, 0], [100, 0], [100, 124], [0, 124]]}]
+    campaign = begin(house, "sharpness", camera=EDGE_CAMERA, roi={"regions": parts})
+    house.upload(campaign, data_file("edge/Test_edge1.tif").read_bytes(), role="chart", filename="edge.tif")
+    house.work()
+    path = f"/v1/campaigns/{campaign['id']}"
+    house.http.patch(path, json={"target": {"kind": "slanted_edge", "edge_order": 1}})
+    assert house.work() == 1
+    answer = house.http.patch(path, json={"target": {"kind": "slanted_edge", "edge_order": 9}})
+    assert answer.status_code == 422
+
+
+def test_the_noise_of_a_sensor(house):
+    sensor = SimulatedSensor(cfa="RGGB", rows=64, cols=64, white_level_dn=16383.0, system_gain_dn_per_e=0.5)
+    campaign = begin(house, "noise")
+    rng = np.random.default_rng(2)
+    times = (0.002, 0.004, 0.008, 0.016, 0.03, 0.05)
+    for index, exposure_time_s in enumerate(times):
+        for role, light in (("light", 500_000.0), ("dark", 0.0)):
+            for take in (1, 2):
+                frame = expose(sensor, rng, light_e_per_s=light, exposure_time_s=exposure_time_s)
+                content = raw_bytes(house, frame.samples_dn, exposure_time_s=exposure_time_s, white=16383)
+                house.upload(campaign, content, role=role, filename=f"{role}-{index}-{take}.DNG")
+    version = fit(house, campaign)
+    rows = {(row["name"], row["channel"]): row for row in publish(house, version)}
+    gain = rows["system_gain_dn_per_e", "G1"]
+    assert abs(gain["value"] - 0.5) < 4 * gain["standard_uncertainty"]
+    assert gain["standard_uncertainty"] < 0.02
+    noise = rows["read_noise_e", "G1"]
+    assert abs(noise["value"] - 4.0) < 4 * noise["standard_uncertainty"]
