@@ -133,6 +133,10 @@ def list_frames(
     context: UsesContext,
     limit: Limit = 100,
     cursor: Cursor = None,
+    *,
+    brief: Annotated[
+        bool, Query(description="Without `metadata` and `verdict`: quick however large the campaign.")
+    ] = False,
 ) -> Response:
     """A campaign's frames, oldest first."""
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
@@ -145,7 +149,11 @@ def list_frames(
             by=FrameRow.id,
             limit=limit,
             cursor=cursor,
-            shape=lambda found: _answers(session, found, judge_frames(session, campaign)),
+            shape=lambda found: (
+                [answer.model_copy(update={"metadata": None}) for answer in _answers(session, found, {})]
+                if brief
+                else _answers(session, found, judge_frames(session, campaign))
+            ),
         )
 
 

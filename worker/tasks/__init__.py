@@ -4,6 +4,7 @@ from store.jobs import Claim
 from worker.context import Context
 from worker.tasks.extract import extract
 from worker.tasks.fit import fit
+from worker.tasks.look import look
 from worker.tasks.measure import measure
 from worker.tasks.outcome import Outcome
 
@@ -13,6 +14,8 @@ __all__ = ["Outcome", "work"]
 def work(context: Context, claim: Claim) -> Outcome:
     """Compute what a job asks for, without storing it."""
     match claim.kind:
+        case "extract" if "polygon" in claim.parameters:
+            return look(context, claim)
         case "extract":
             return extract(context, claim)
         case "fit":

@@ -1,0 +1,65 @@
+"""What the pages ask while somebody draws and while frames arrive: quick looks that record nothing."""
+
+from fastapi import APIRouter, Response
+from sqlalchemy.orm import Session
+
+from radiometry.errors import Code
+from radiometry.roi import Polygon, bounding_window
+from service.auth import Calibrator, Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.problems import Problem
+from service.routes import problems
+from service.schemas.jobs import JobAnswer
+from service.schemas.looks import NewLook, VerdictsAnswer
+from service.writing import Reply, Writes
+from store import jobs
+from store.judging import judge_frames
+from store.tables import Campaign, FrameRow
+
+router = APIRouter(prefix="/v1", tags=["frames"])
+
+
+@router.post(
+    "/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=problems(404, 409)
+)
+def look_at_region(frame_id: Id, body: NewLook, caller: Calibrator, writing: Writes) -> Response:
+    """Look at a region without setting it. The job's result holds its statistics, histogram and clipping.
+
+    `histogram`: counts per channel, bin i from first_dn + i * step_dn. `clipping`: the cells of cell_px
+    pixels from (row0_px, col0_px) that hold samples at the white level, with the share of such pixels.
+    """
+    polygon = Polygon.from_points(body.polygon)
+
+    def change(session: Session) -> Reply:
+        frame = owned(session, FrameRow, frame_id, caller)
+        if frame.header is None or frame.state == "refused":
+            raise Problem(
+                409,
+                Code.FRAME_NOT_READ,
+                f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it.",
+                retryable=frame.state == "received",
+            )
+        bounding_window(polygon, height_px=frame.header["height_px"], width_px=frame.header["width_px"])
+        job = jobs.enqueue(
+            session,
+            kind="extract",
+            subject_id=frame.id,
+            organisation_id=caller.organisation_id,
+            by=caller.key_id,
+            parameters={"polygon": [list(point) for point in polygon.points]},
+        )
+        session.flush()
+        return Reply(
+            status=202, body=JobAnswer.of(job, frame), headers={"Location": f"/v1/jobs/{job.id}"}, jobs=[job]
+        )
+
+    return writing.run(caller, change)
+
+
+@router.get("/campaigns/{campaign_id}/verdicts", response_model=VerdictsAnswer, responses=problems(404))
+def list_verdicts(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """The verdict on every frame of a campaign, in one answer: to be asked again while frames arrive."""
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        return VerdictsAnswer.of(judge_frames(session, campaign)).respond()

@@ -1,0 +1,67 @@
+"""A region that is being drawn, and the verdicts of a whole campaign."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import ConfigDict, Field
+
+from radiometry.verdicts import Verdict
+from service.schemas.base import Answer, Form
+from service.schemas.campaigns import Point
+from service.schemas.frames import VerdictAnswer
+
+
+class NewLook(Form):
+    """The corners of a region that nobody has set yet."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"polygon": [[2200, 1600], [3100, 1600], [3100, 2300], [2200, 2300]]}]
+        }
+    )
+
+    polygon: Annotated[
+        list[Point],
+        Field(min_length=3, max_length=1000, description="Corners [x, y] in pixels, x right, y down."),
+    ]
+
+
+class FrameVerdict(VerdictAnswer):
+    frame_id: str
+
+
+class VerdictsAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "items": [
+                        {
+                            "frame_id": "frm_1",
+                            "outcome": "warn",
+                            "reasons": [
+                                {
+                                    "code": "reading_missing",
+                                    "outcome": "warn",
+                                    "detail": "Its scene has no luminance reading.",
+                                }
+                            ],
+                        }
+                    ]
+                }
+            ]
+        }
+    )
+
+    items: list[FrameVerdict]
+
+    @classmethod
+    def of(cls, verdicts: Mapping[str, Verdict]) -> "VerdictsAnswer":
+        return cls(
+            items=[
+                FrameVerdict(
+                    frame_id=frame_id, **VerdictAnswer.model_validate(verdicts[frame_id]).model_dump()
+                )
+                for frame_id in sorted(verdicts)
+            ]
+        )
