@@ -358,3 +358,27 @@ def test_a_plan_says_what_would_be_good(rows):
     )
     upright = [change_edges(each, orientation="vertical") for each in rows]
     assert any("add a horizontal one" in each for each in sharpness.plan(upright, PARAMS))
+
+
+def set_mtf50(one, value, u):
+    return change_edges(one, mtf50=Estimate(value=value, standard_uncertainty=u))
+
+
+@pytest.mark.parametrize(
+    ("value", "u", "blurred"), [(0.17, 0.002, True), (0.19, 0.002, False), (0.17, 0.02, False)]
+)
+def test_a_frame_is_blurred_only_beyond_a_tenth_and_its_noise(rows, value, u, blurred):
+    """Against 0.2: a tenth is 0.02, three standard uncertainties of the difference are 4.24 u."""
+    found = verdicts([set_mtf50(rows[0], 0.2, u), set_mtf50(rows[1], value, u)])
+    assert found["frame-1"] == (("warn", {"blurred"}) if blurred else ("pass", set()))
+
+
+def test_picture_height_is_the_shorter_side_however_the_camera_is_held(rows):
+    upright = [
+        dataclasses.replace(each, features=dataclasses.replace(each.features, height_px=320, width_px=240))
+        for each in rows
+    ]
+    found = [sharpness.fit(each, PARAMS).positions[0] for each in (rows, upright)]
+    first, second = (each.find("mtf50_lp_per_ph").quantity for each in found)
+    assert first == second
+    assert first.value == pytest.approx(240 * found[0].find("mtf50_cycles_per_pixel").quantity.value)

@@ -87,6 +87,24 @@ def test_bars_and_odd_cycles_do_as_well(changes):
     assert found.centre_row_px == pytest.approx(95.3, abs=0.1)
 
 
+def test_uneven_light_does_not_hide_the_centre():
+    """Three times as bright on the right as on the left."""
+    frame = photograph()
+    light = np.linspace(0.5, 1.5, CAMERA.width_px)
+    signal = (frame.samples_dn - 256.0) * light + 256.0
+    (region,) = extract(
+        dataclasses.replace(frame, samples_dn=np.round(signal).astype(np.uint16)),
+        [STAR.region],
+        target=TARGET,
+    ).regions
+    found = region.stars[0]
+    assert (found.centre_row_px, found.centre_col_px) == (
+        pytest.approx(95.3, abs=0.1),
+        pytest.approx(107.7, abs=0.1),
+    )
+    assert np.abs(np.array(found.whole.contrast) - expect(found, 0.8)).max() < 0.03
+
+
 def smear(frame, axis):
     samples = gaussian_filter1d(frame.samples_dn.astype(np.float64), 0.8, axis=axis)
     return dataclasses.replace(frame, samples_dn=np.round(samples).astype(np.uint16))
