@@ -17,6 +17,7 @@ from store.tables import (
     Job,
     Measurement,
     Meter,
+    Panel,
     Purge,
     Reading,
 )
@@ -34,6 +35,7 @@ _WORDS: dict[type[Base], str] = {
     Job: "job",
     Measurement: "measurement",
     Meter: "meter",
+    Panel: "panel",
     Purge: "purge",
     Reading: "reading",
 }

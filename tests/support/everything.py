@@ -1,0 +1,27 @@
+"""An organisation that has one of each thing that a path can name."""
+
+from tests.support.campaigns import published_campaign
+from tests.support.house import House
+from tests.support.measuring import measure
+
+METER = {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
+PANEL = {"serial": "RP04", "bands": [{"band": "red", "reflectance": 0.5}], "measured_on": "2026-04-01"}
+
+
+def make_one_of_each(house: House) -> dict[str, str]:
+    """Their ids, by the names that they have in paths. The key is none that anybody uses."""
+    version = published_campaign(house, isos=(3200,))
+    campaign_id, frame_id = version["campaign_id"], version["points"][0]["frame_id"]
+    return {
+        "campaign_id": campaign_id,
+        "camera_id": version["camera_id"],
+        "calibration_id": version["id"],
+        "frame_id": frame_id,
+        "job_id": house.get("/v1/jobs")["items"][0]["id"],
+        "reading_id": house.get(f"/v1/campaigns/{campaign_id}/readings")["items"][0]["id"],
+        "meter_id": house.post("/v1/meters", METER)["id"],
+        "panel_id": house.post("/v1/panels", PANEL)["id"],
+        "key_id": house.post("/v1/keys", {"name": "spare", "scopes": ["read"]})["id"],
+        "measurement_id": measure(house, {"id": frame_id}, version)["id"],
+        "purge_id": house.post("/v1/purges", {"cause": {"software": "0.1.0"}, "reason": "r"})["id"],
+    }
