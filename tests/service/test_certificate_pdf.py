@@ -16,20 +16,32 @@ from tests.support.certificates import certificate_of, complete_version
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
 
 
-@pytest.fixture
-def version(staged):
-    return staged(complete_version, isos=(3200, 6400))
-
-
 def read(pdf: bytes) -> list[str]:
     reader = pypdf.PdfReader(io.BytesIO(pdf))
     return [page.extract_text().replace("\u200b", "").replace("\u2212", "-") for page in reader.pages]
 
 
-def fetch(house, version) -> list[str]:
-    answer = house.http.get(f"/v1/calibrations/{version['id']}/certificate.pdf")
+def print_certificate(house):
+    """The certificate as JSON, its plots, and the pages of the PDF: all as they are fetched."""
+    version = complete_version(house, isos=(3200, 6400))
+    path = f"/v1/calibrations/{version['id']}"
+    answer = house.http.get(f"{path}/certificate.pdf")
     assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
-    return read(answer.content)
+    return certificate_of(house, version), house.http.get(f"{path}/plot.svg").text, read(answer.content)
+
+
+@pytest.fixture
+def printed(staged):
+    return staged(print_certificate)
+
+
+@pytest.fixture
+def certificate(printed):
+    return printed[0]
+
+
+# what sets a given certificate asks no database
+alone = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 
 
 def leaves(value):
@@ -53,13 +65,12 @@ def is_printed(token: str, numbers: list[float]) -> bool:
     return any(abs(float(f"{n:.{digits}{kind}}") - float(token)) <= 1e-12 * abs(n) for n in numbers)
 
 
-def test_every_number_on_paper_is_one_of_the_jsons(house, version):
-    certificate = certificate_of(house, version)
-    plots = house.http.get(f"/v1/calibrations/{version['id']}/plot.svg").text
+def test_every_number_on_paper_is_one_of_the_jsons(printed):
+    certificate, plots, pages = printed
     quoted = set(_NUMBER.findall(" ".join(leaf for leaf in leaves(certificate) if isinstance(leaf, str))))
     ticks = set(_NUMBER.findall(" ".join(re.findall(r">([^<]*)<", plots))))
     numbers = numbers_of(certificate)
-    tokens = [token for page in fetch(house, version) for token in _NUMBER.findall(page)]
+    tokens = [token for page in pages for token in _NUMBER.findall(page)]
     assert len(tokens) > 300
     assert [t for t in tokens if t not in quoted | ticks and not is_printed(t, numbers)] == []
     # and the check can fail
@@ -75,9 +86,9 @@ def rounded(value: float, uncertainty: float) -> tuple[str, str]:
     return str(Decimal(value).quantize(step)), str(u.quantize(step))
 
 
-def test_the_results_stand_on_the_first_page(house, version):
-    certificate = certificate_of(house, version)
-    first = " ".join(fetch(house, version)[0].split())
+def test_the_results_stand_on_the_first_page(printed):
+    certificate, _, pages = printed
+    first = " ".join(pages[0].split())
     for fit in certificate["result"]["iso_fits"]:
         c = fit["coefficient"]
         k, u = rounded(c["luminance_k"], c["luminance_k_standard_uncertainty"])
@@ -90,9 +101,9 @@ def test_the_results_stand_on_the_first_page(house, version):
     assert "page 1 of" in first
 
 
-def test_every_frame_reading_item_and_share_is_printed(house, version):
-    certificate = certificate_of(house, version)
-    text = "".join("".join(page.split()) for page in fetch(house, version))
+def test_every_frame_reading_item_and_share_is_printed(printed):
+    certificate, _, pages = printed
+    text = "".join("".join(page.split()) for page in pages)
     for frame in certificate["frames"]:
         assert frame["sha256"] in text
         assert rounded(frame["signal_dn"], frame["signal_standard_uncertainty_dn"])[0] in text
@@ -108,16 +119,17 @@ def test_every_frame_reading_item_and_share_is_printed(house, version):
     assert certificate["content_sha256"] in text
 
 
-def test_a_change_of_any_result_shows_on_paper(house, version):
-    certificate = certificate_of(house, version)
+@alone
+def test_a_change_of_any_result_shows_on_paper(printed):
+    certificate, _, pages = printed
     changed = copy.deepcopy(certificate)
     changed["result"]["iso_fits"][0]["coefficient"]["luminance_k"] = 77.77
-    assert "77.77" not in "".join(read(render_pdf(certificate)))
+    assert "77.77" not in "".join(pages)
     assert "77.77" in read(render_pdf(changed))[0]
 
 
-def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(house, version):
-    certificate = certificate_of(house, version)
+@alone
+def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(certificate):
     long = copy.deepcopy(certificate)
     long["frames"] = [
         frame | {"frame": f"{'N' * 60}-{i}.DNG"} for i in range(4) for frame in certificate["frames"]
@@ -134,13 +146,13 @@ def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(hou
         assert "It relates only to the item named on it." in " ".join(page.split())
 
 
-def test_the_same_certificate_gives_the_same_bytes(house, version):
-    certificate = certificate_of(house, version)
+@alone
+def test_the_same_certificate_gives_the_same_bytes(certificate):
     assert render_pdf(certificate) == render_pdf(copy.deepcopy(certificate))
 
 
-def test_words_are_text_and_never_markup(house, version):
-    certificate = certificate_of(house, version)
+@alone
+def test_words_are_text_and_never_markup(certificate):
     hostile = '#eval("1") *bold* $x$ <b> \\ "quoted" #include "/etc/passwd"'
     certificate["work"]["place"] = hostile
     certificate["checklist"]["items"][0]["note"] = hostile

@@ -1,9 +1,10 @@
-"""Publications against a plain list of what was said, replayed: 10,000 random steps on each database.
+"""Publications against a plain list of what was said, replayed: 10,000 random steps, a quarter on PostgreSQL.
 
 The model knows nothing of rows, slots or closed knowledge: who holds an instant is whoever was last published
 over it, unless that version was revoked since; as known then, only what had been said by then counts.
 """
 
+import itertools
 import random
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -19,7 +20,8 @@ from store.errors import Conflict
 from store.queries.calibrations import history, standings
 from store.tables import Calibration, Camera, Campaign, Organisation, Publication, Revocation
 
-STEPS = 10_000
+# the decisions are the same code on both; what PostgreSQL does otherwise, it does within a few hundred steps
+STEPS = {"sqlite": 10_000, "postgresql": 2_500}
 SEED = 20260501
 TICK = timedelta(microseconds=1)
 INSTANTS = [datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=7 * number) for number in range(24)]
@@ -72,15 +74,16 @@ class Model:
     def published(self, slot):
         return {event.version for event in self.said.get(slot, []) if event.start is not None}
 
-    def hull(self, slot, version):
-        """From when to when a version holds now, gaps included; None where it holds nothing."""
+    def hulls(self, slot):
+        """From when to when each version that holds anything now does so, gaps included."""
         events = self.said.get(slot, [])
         edges = sorted({edge for event in events for edge in (event.start, event.end) if edge})
-        held = [edge for edge in edges if self.holder(slot, edge, events[-1].known) == version]
-        if not held:
-            return None
-        after = [edge for edge in edges if edge > held[-1]]
-        return held[0], after[0] if after else None
+        hulls = {}
+        for edge, after in itertools.zip_longest(edges, edges[1:]):
+            version = self.holder(slot, edge, events[-1].known)
+            first, _ = hulls.get(version, (edge, None))
+            hulls[version] = first, after
+        return hulls
 
 
 class World:
@@ -162,16 +165,15 @@ class World:
 
     def check_states(self, session):
         for slot, versions in self.slots.items():
-            now = standings(session, versions)
+            now, hulls = standings(session, versions), self.model.hulls(slot)
             for version in versions:
-                self._check_state(slot, version, now[version])
+                self._check_state(slot, version, now[version], hulls.get(version))
             for state in ("draft", "published", "superseded", "revoked"):
                 rows = session.scalars(history(slot[0], method="luminance", state=state))
                 listed = {row.id for row in rows} & set(versions)
                 assert listed == {version for version in versions if now[version].state == state}
 
-    def _check_state(self, slot, version, standing):
-        hull = self.model.hull(slot, version)
+    def _check_state(self, slot, version, standing, hull):
         if version in self.model.revoked:
             assert standing.state == "revoked"
             assert hull is None
@@ -229,11 +231,12 @@ class RolledBack(Exception):  # noqa: N818
     pass
 
 
-def test_ten_thousand_random_steps_agree_with_the_model(database, monkeypatch):
+def test_thousands_of_random_steps_agree_with_the_model(database, monkeypatch):
     world = World(database, monkeypatch, versions=60)
     walk = Walk(world, SEED)
+    steps_in_all = STEPS["sqlite" if database.is_sqlite else "postgresql"]
     done = 0
-    while done < STEPS:
+    while done < steps_in_all:
         before, steps = world.model.copy(), walk.random.randint(1, 40)
         lost = walk.random.random() < 0.1
         try:
@@ -256,8 +259,8 @@ def test_ten_thousand_random_steps_agree_with_the_model(database, monkeypatch):
     with database.reading() as session:
         world.check_states(session)
         rows = list(session.scalars(select(Publication)))
-    assert len(rows) > 1000
-    assert len(world.model.revoked) > 50
+    assert len(rows) > steps_in_all / 10
+    assert len(world.model.revoked) > steps_in_all / 200
 
 
 places = st.integers(0, 4)

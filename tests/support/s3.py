@@ -2,11 +2,12 @@
 
 import httpx
 import pytest
-from moto.server import ThreadedMotoServer
 
 
 @pytest.fixture(scope="session")
 def s3_endpoint():
+    from moto.server import ThreadedMotoServer  # noqa: PLC0415 (half a second, which few tests need)
+
     server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
