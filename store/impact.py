@@ -73,7 +73,7 @@ def find_in_force(session: Session, calibration: Calibration, at: datetime) -> I
 def assess(session: Session, calibration: Calibration, against: InForce) -> Impact:
     """What publishing a version changes against the one in force."""
     old = against.calibration
-    shared, common_u_rel = _meter_calibration(old, calibration)
+    shared, common_u_rel = compare_meters(old, calibration)
     rows = coefficients_of(session, [old.id, calibration.id])
     isos = {key: {row.iso for row in rows[key] if row.iso is not None} for key in (old.id, calibration.id)}
     flags = {version.id: _flags(version) for version in (old, calibration)}
@@ -129,7 +129,7 @@ def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Cal
         read_coefficients(new),
         exposure=decode_exposure(frame.exposure),
         signal_dn=measurement.result.get("signal_dn"),
-        common_u_rel=_meter_calibration(old, new)[1],
+        common_u_rel=compare_meters(old, new)[1],
     )
     return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)
 
@@ -197,7 +197,7 @@ def _flags(calibration: Calibration) -> set[tuple[str, str]]:
     return {(flag["flag"], flag["where"]) for flag in calibration.result.get("flags", [])}
 
 
-def _meter_calibration(old: Calibration, new: Calibration) -> tuple[MeterCalibration, float]:
+def compare_meters(old: Calibration, new: Calibration) -> tuple[MeterCalibration, float]:
     """Whether both hang on the same certificates, and the error that they then share, relative to K."""
     if old.method != _METHOD_OF_CHANGE or new.method != _METHOD_OF_CHANGE:
         return "separate", 0.0

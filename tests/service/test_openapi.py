@@ -17,6 +17,7 @@ NUMBERS_WITHOUT_UNIT = {
     *("pixels", "below_zero", "above_one", "saturated", "undefined"),
     *("saturated_share", "zero_share", "variance_share", "reflectance"),
     *("f_statistic", "f_p_value", "equivalence_p_value", "exceedance_p_value", "slope_p_value"),
+    *("u_constant", "u_pixel"),  # of a map, whose unit stands beside them
     "limit",  # of a tolerance, whose unit stands beside it
 }
 UNIT = re.compile(r"_(s|km_h|um|mm|px|dn|rel|deg|m|cd_m2|bytes)$")

@@ -1,0 +1,104 @@
+"""Numbers out of a map: a window of it, pixel by pixel or as means over squares, tile by tile."""
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+MOST_VALUES = 250_000
+
+Values = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """Rows [top, bottom) and columns [left, right) of a map."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """Where the tiles of a map lie in its file."""
+
+    height_px: int
+    width_px: int
+    tile_px: int
+    offsets: tuple[int, ...]
+    sizes: tuple[int, ...]
+    description: str
+
+    @property
+    def across(self) -> int:
+        """Tiles in a row."""
+        return -(-self.width_px // self.tile_px)
+
+
+def read_layout(path: Path) -> Layout:
+    """The layout of a file of worker/maps/tiff.py: square tiles of float32, deflated, without a predictor."""
+    with tifffile.TiffFile(path) as file:
+        page = file.pages.first
+        return Layout(
+            height_px=page.imagelength,
+            width_px=page.imagewidth,
+            tile_px=page.tilewidth,
+            offsets=tuple(page.dataoffsets),
+            sizes=tuple(page.databytecounts),
+            description=page.description,
+        )
+
+
+def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Values:
+    """Means over squares of ``step`` pixels from the window's corner on, (row, col); NaN where unknown.
+
+    What is left at the right and the lower border, less than a square, is left out.
+    """
+    rows, cols = (window.bottom - window.top) // step, (window.right - window.left) // step
+    inner = Window(
+        top=window.top, left=window.left, bottom=window.top + rows * step, right=window.left + cols * step
+    )
+    sums = np.zeros((rows, cols), np.float64)
+    with path.open("rb") as file:
+        for index, tile in _tiles_of(layout, inner):
+            file.seek(layout.offsets[index])
+            numbers = np.frombuffer(zlib.decompress(file.read(layout.sizes[index])), "<f4")
+            plane = numbers.reshape(layout.tile_px, layout.tile_px)
+            top, left = (index // layout.across) * layout.tile_px, (index % layout.across) * layout.tile_px
+            part = plane[tile.top - top : tile.bottom - top, tile.left - left : tile.right - left]
+            _add(sums, part, row=tile.top - inner.top, col=tile.left - inner.left, step=step)
+    return (sums / step**2).astype(np.float32)
+
+
+def _tiles_of(layout: Layout, window: Window) -> Iterator[tuple[int, Window]]:
+    """The index of each tile that a window touches, and what it touches of it."""
+    size = layout.tile_px
+    for tile_row in range(window.top // size, -(-window.bottom // size)):
+        for tile_col in range(window.left // size, -(-window.right // size)):
+            yield (
+                tile_row * layout.across + tile_col,
+                Window(
+                    top=max(window.top, tile_row * size),
+                    left=max(window.left, tile_col * size),
+                    bottom=min(window.bottom, (tile_row + 1) * size),
+                    right=min(window.right, (tile_col + 1) * size),
+                ),
+            )
+
+
+def _add(sums: NDArray[np.float64], part: Values, *, row: int, col: int, step: int) -> None:
+    """Add a part's pixels, the first of which is (row, col) from the window's corner, to their squares."""
+    height, width = part.shape
+    if step == 1:
+        sums[row : row + height, col : col + width] = part
+        return
+    to_rows, to_cols = (row + np.arange(height)) // step, (col + np.arange(width)) // step
+    lines = np.add.reduceat(part, np.flatnonzero(np.diff(to_rows, prepend=-1)), axis=0, dtype=np.float64)
+    squares = np.add.reduceat(lines, np.flatnonzero(np.diff(to_cols, prepend=-1)), axis=1)
+    sums[to_rows[0] : to_rows[-1] + 1, to_cols[0] : to_cols[-1] + 1] += squares

@@ -1,0 +1,61 @@
+"""The numbers of a measurement's map, as JSON."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+
+from service.auth import Reader
+from service.context import UsesContext
+from service.immutable import immutable_headers, not_modified
+from service.lookup import Id, owned
+from service.map_values import MOST_VALUES, Layout, Window, read_layout, read_values
+from service.problems import HttpCode, Problem, invalid
+from service.routes import UNCHANGED, problems
+from service.schemas.maps import MapValuesAnswer, MapWindow
+from store.tables import Measurement
+
+router = APIRouter(prefix="/v1", tags=["measurements"])
+
+
+@router.get(
+    "/measurements/{measurement_id}/map.json",
+    response_model=MapValuesAnswer,
+    responses={**UNCHANGED, **problems(404)},
+)
+def get_measurement_map_values(
+    measurement_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    asked: Annotated[MapWindow, Query()],
+) -> Response:
+    """A window of the map: with step 1 the very values of map.tif, else the means of squares."""
+    with context.database.reading() as session:
+        row = owned(session, Measurement, measurement_id, caller)
+    if row.map_tif_sha256 is None:
+        detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
+        raise Problem(404, HttpCode.NOT_FOUND, detail)
+    tag = f"{row.map_tif_sha256}-{row.content_sha256[:16]}-{asked.tag}"
+    unchanged = not_modified(request, tag)
+    if unchanged is not None:
+        return unchanged
+    with context.blobs.local_path(row.map_tif_sha256) as path:
+        layout = read_layout(path)
+        window = _cut(layout, asked)
+        values = read_values(path, layout, window, step=asked.step)
+    answer = MapValuesAnswer.of(row, layout, window, values, step=asked.step)
+    return answer.respond(immutable_headers(tag))
+
+
+def _cut(layout: Layout, asked: MapWindow) -> Window:
+    bottom = min(layout.height_px, asked.top + (asked.height or layout.height_px))
+    right = min(layout.width_px, asked.left + (asked.width or layout.width_px))
+    rows, cols = (bottom - asked.top) // asked.step, (right - asked.left) // asked.step
+    if rows < 1 or cols < 1:
+        size = f"{layout.height_px} rows and {layout.width_px} columns"
+        message = f"the map has {size}: the window holds no whole square of it"
+        raise invalid([{"type": "window", "loc": ("query", "top"), "msg": message}])
+    if rows * cols > MOST_VALUES:
+        message = f"{rows * cols} values at once are too many: take a larger step, or a smaller window"
+        raise invalid([{"type": "window", "loc": ("query", "step"), "msg": message}])
+    return Window(top=asked.top, left=asked.left, bottom=bottom, right=right)

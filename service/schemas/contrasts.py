@@ -1,0 +1,107 @@
+"""Two measurements against each other, as it is answered."""
+
+from typing import Any
+
+from pydantic import ConfigDict, Field
+
+from radiometry.comparison import Comparison
+from service.schemas.base import Answer, Quantity
+from store.measuring.contrast import Contrast, Side
+
+_SURE = 2.0
+_CD_M2 = "cd/m2"
+
+
+class Compared(Answer):
+    """new - old, and new / old - 1."""
+
+    difference: Quantity
+    change: Quantity | None = Field(default=None, description="In %. Absent where the old value is 0.")
+    in_standard_uncertainties: float | None = Field(
+        default=None, description="|difference| over its own combined standard uncertainty."
+    )
+
+    @classmethod
+    def of(cls, comparison: Comparison) -> "Compared":
+        return cls.model_validate(comparison)
+
+
+class Measured(Answer):
+    measurement_id: str
+    filename: str
+    taken_at: str | None = None
+    mean: Quantity
+
+    @classmethod
+    def of(cls, side: Side) -> "Measured":
+        return cls(
+            measurement_id=side.measurement.id,
+            filename=side.frame.filename,
+            taken_at=(side.frame.header or {}).get("taken_at"),
+            mean=Quantity.model_validate(side.mean),
+        )
+
+
+_EXAMPLE: dict[str, Any] = {
+    "old": {
+        "measurement_id": "msr_1",
+        "filename": "DJI_0100.DNG",
+        "taken_at": "2026-05-02T21:14:00Z",
+        "mean": {"value": 0.787, "standard_uncertainty": 0.028, "unit": _CD_M2},
+    },
+    "new": {
+        "measurement_id": "msr_9",
+        "filename": "DJI_0311.DNG",
+        "taken_at": "2027-05-04T21:20:00Z",
+        "mean": {"value": 0.702, "standard_uncertainty": 0.025, "unit": _CD_M2},
+    },
+    "difference": {"value": -0.085, "standard_uncertainty": 0.004, "unit": _CD_M2},
+    "change": {"value": -10.8, "standard_uncertainty": 0.3, "unit": "%"},
+    "in_standard_uncertainties": 21.0,
+    "significant": True,
+    "said": "The mean fell by 10.80 %, 21.0 times the uncertainty of the difference: it changed.",
+    "common": ["dark signal", "exposure time", "f-number", "fit of K", "meter calibration"],
+    "same_region": True,
+}
+
+
+class ContrastAnswer(Compared):
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    old: Measured
+    new: Measured
+    significant: bool = Field(description="At least two standard uncertainties of the difference.")
+    said: str
+    common: list[str] = Field(description="Sources whose error is the same in both, so that it cancels.")
+    same_region: bool = Field(description="The same region of the image; of the ground nobody knows.")
+    cells: list[list[Compared]] | None = Field(
+        default=None, description="Of two grids with as many rows and columns: cell by cell."
+    )
+
+    @classmethod
+    def between(cls, old: Side, new: Side, found: Contrast) -> "ContrastAnswer":
+        mean = found.mean
+        sigmas = mean.in_standard_uncertainties
+        return cls(
+            **Compared.of(mean).model_dump(),
+            old=Measured.of(old),
+            new=Measured.of(new),
+            significant=sigmas is not None and sigmas >= _SURE,
+            said=_say(mean),
+            common=list(found.common),
+            same_region=old.measurement.parameters["polygon"] == new.measurement.parameters["polygon"],
+            cells=[[Compared.of(cell) for cell in line] for line in found.cells] if found.cells else None,
+        )
+
+
+def _say(mean: Comparison) -> str:
+    if mean.in_standard_uncertainties is None:
+        return "Both are exactly alike." if mean.difference.value == 0.0 else "Neither has an uncertainty."
+    by = f"{abs(mean.difference.value):.3g}"
+    if mean.change is not None:
+        by = f"{abs(mean.change.value):.3g} %"
+    moved = "rose" if mean.difference.value > 0.0 else "fell"
+    times = f"{mean.in_standard_uncertainties:.2g} times the uncertainty of the difference"
+    if mean.in_standard_uncertainties < _SURE:
+        return f"The mean {moved} by {by}, {times}: no change can be told from the uncertainty."
+    return f"The mean {moved} by {by}, {times}: it changed."

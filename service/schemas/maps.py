@@ -1,0 +1,118 @@
+"""A map's numbers, for whoever draws it or points at it."""
+
+import json
+import math
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import ConfigDict, Field, WithJsonSchema
+
+from service.map_values import Layout, Values, Window
+from service.schemas.base import Answer, Form
+from store.tables import Measurement
+
+_DARK = "dark signal"
+
+
+_Pixel = Annotated[int, Field(ge=0, lt=1_000_000)]
+_Size = Annotated[int | None, Field(ge=1, lt=1_000_000, description="Left out: up to the border.")]
+
+
+class MapWindow(Form):
+    """Which part of a map."""
+
+    step: Annotated[int, Field(ge=1, le=4096, description="The side of the squares, in pixels.")] = 1
+    top: _Pixel = 0
+    left: _Pixel = 0
+    height: _Size = None
+    width: _Size = None
+
+    @property
+    def tag(self) -> str:
+        return f"{self.step}-{self.top}-{self.left}-{self.height}-{self.width}"
+
+
+# here null is a value: that of a pixel which was saturated
+_Value = Annotated[float | None, WithJsonSchema({"type": ["number", "null"]})]
+
+
+class ValueUncertainty(Answer):
+    """Of one value v of the map: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
+
+    u_rel: float = Field(description="Of K, meter, time, f-number: the same share in every pixel.")
+    u_constant: float = Field(description="Of the dark signal: the same in every pixel.")
+    u_pixel: float = Field(
+        description="A single pixel's own, as it was found in the measured region; a mean over a square "
+        "of n x n pixels has about 1/n of it."
+    )
+
+
+class MapValuesAnswer(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "unit": "cd/m2",
+                    "height_px": 3956,
+                    "width_px": 5280,
+                    "top": 0,
+                    "left": 0,
+                    "step": 2000,
+                    "values": [[0.81, 1.12]],
+                    "uncertainty": {"u_rel": 0.021, "u_constant": 0.0004, "u_pixel": 0.012},
+                }
+            ]
+        }
+    )
+
+    unit: str = Field(description='As in map.tif: "cd/m2", or "1" of a reflectance or an index.')
+    height_px: int = Field(description="Of the whole map.")
+    width_px: int
+    top: int
+    left: int
+    step: int
+    values: list[list[_Value]] = Field(
+        description="Rows of columns; the mean of `step` x `step` pixels. null: saturated, or not defined."
+    )
+    uncertainty: ValueUncertainty | None = Field(
+        default=None, description="Absent of an index, whose uncertainty follows no such rule."
+    )
+
+    @classmethod
+    def of(
+        cls, row: Measurement, layout: Layout, window: Window, values: Values, *, step: int
+    ) -> "MapValuesAnswer":
+        return cls(
+            unit=json.loads(layout.description)["unit"],
+            height_px=layout.height_px,
+            width_px=layout.width_px,
+            top=window.top,
+            left=window.left,
+            step=step,
+            values=_plain(values),
+            uncertainty=uncertainty_of(row.method, row.result),
+        )
+
+
+def uncertainty_of(method: str, result: dict[str, Any]) -> ValueUncertainty | None:
+    """From a stored budget: all that is shared scales with the value, but for the dark signal."""
+    if method == "luminance":
+        mean, smallest = result["mean"]["value"], result["smallest"]
+        shared = {s["source"]: s["standard_uncertainty_cd_m2"] for s in result["budget"] if s["shared"]}
+    elif "budget" in result:
+        mean, smallest = result["mean"]["value"], result["smallest"]
+        shared = {s["source"]: s["standard_uncertainty"] for s in result["budget"] if s["shared"]}
+    else:
+        return None
+    if not mean:
+        return None
+    constant = shared.pop(_DARK, 0.0)
+    relative = math.hypot(*shared.values()) / abs(mean)
+    known = math.hypot(relative * smallest["value"], constant)
+    noise = math.sqrt(max(0.0, smallest["standard_uncertainty"] ** 2 - known**2))
+    return ValueUncertainty(u_rel=relative, u_constant=constant, u_pixel=noise)
+
+
+def _plain(values: Values) -> list[list[float | None]]:
+    """The shortest decimals that are the same float32: as doubles they would be twice as long."""
+    return [[None if np.isnan(value) else float(str(value)) for value in line] for line in values]

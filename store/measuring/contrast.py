@@ -1,0 +1,123 @@
+"""Two stored measurements as the science compares them: budgets, and which errors are the same in both."""
+
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+from radiometry.comparison import Comparison
+from radiometry.contrast import Budgeted, compare_measured, scale_effects, sign_effects
+from radiometry.exposure import Exposure
+from store.codec import decode_exposure
+from store.impact import compare_meters
+from store.measuring.record import read_coefficients
+from store.tables import Calibration, FrameRow, Measurement
+
+
+@dataclass(frozen=True, kw_only=True)
+class Side:
+    """A measurement with its frame and the version that it was made with."""
+
+    measurement: Measurement
+    frame: FrameRow
+    calibration: Calibration
+
+    @property
+    def result(self) -> dict[str, Any]:
+        return self.measurement.result
+
+    @property
+    def quantity(self) -> str:
+        """What was measured: only the same can be compared."""
+        return str(self.result.get("index") or self.result.get("band") or self.measurement.method)
+
+    @property
+    def mean(self) -> dict[str, Any]:
+        mean: dict[str, Any] = self.result["value"] if "index" in self.result else self.result["mean"]
+        return mean
+
+    @property
+    def cells(self) -> list[list[dict[str, Any]]] | None:
+        surface = self.result.get("surface")
+        return surface["cells"] if surface else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contrast:
+    """``common`` : sources whose error is the same in both; ``cells`` : of grids with as many each."""
+
+    mean: Comparison
+    common: tuple[str, ...]
+    cells: tuple[tuple[Comparison, ...], ...] | None
+
+
+def contrast(old: Side, new: Side) -> Contrast:
+    """Compare the means of two measurements of the same quantity, and their cells one by one."""
+    common = find_common(old, new)
+    before, after = _budget(old), _budget(new)
+    return Contrast(
+        mean=compare_measured(before, after, common=common),
+        common=tuple(sorted(common)),
+        cells=_compare_cells(old, new, before, after, common),
+    )
+
+
+def find_common(old: Side, new: Side) -> set[str]:
+    """Sources whose error is the same in both: of one version, of one meter, of one setting of a camera."""
+    same_version = old.calibration.id == new.calibration.id
+    if old.measurement.method == "reflectance":
+        k = [side.result.get("reflectance_k") for side in (old, new)]
+        return {"K"} if same_version and k[0] is not None and k[0] == k[1] else set()
+    if old.frame.exposure is None or new.frame.exposure is None:
+        return set()
+    before, after = decode_exposure(old.frame.exposure), decode_exposure(new.frame.exposure)
+    common = _common_settings(before, after) if _same_camera(old, new) else set()
+    if same_version and before.iso == after.iso:
+        common |= {"meter calibration", "dark signal"}
+        # more parameters than one have a correlation that the budget does not keep
+        models = {each.model for each in read_coefficients(old.calibration) if each.iso == before.iso}
+        common |= {"fit of K"} if models == {"proportional"} else set()
+    elif same_version or compare_meters(old.calibration, new.calibration)[0] == "common":
+        common |= {"meter calibration"}
+    return common
+
+
+def _common_settings(before: Exposure, after: Exposure) -> set[str]:
+    names = {"exposure time": "exposure_time_s", "f-number": "f_number", "ISO setting": "iso"}
+    return {source for source, name in names.items() if getattr(before, name) == getattr(after, name)}
+
+
+def _same_camera(old: Side, new: Side) -> bool:
+    return old.calibration.camera_id == new.calibration.camera_id
+
+
+def _budget(side: Side) -> Budgeted:
+    mean = side.mean
+    uncertainties: dict[str, float] = {}
+    for share in side.result.get("budget", []):
+        u = share.get("standard_uncertainty_cd_m2", share.get("standard_uncertainty"))
+        uncertainties[share["source"]] = u
+    if not uncertainties:
+        uncertainties["all"] = mean["standard_uncertainty"]
+    return Budgeted(
+        value=mean["value"], unit=mean["unit"], effects=sign_effects(mean["value"], uncertainties)
+    )
+
+
+def _compare_cells(
+    old: Side, new: Side, before: Budgeted, after: Budgeted, common: set[str]
+) -> tuple[tuple[Comparison, ...], ...] | None:
+    if old.cells is None or new.cells is None:
+        return None
+    shapes = [(len(cells), len(cells[0])) for cells in (old.cells, new.cells)]
+    if shapes[0] != shapes[1]:
+        return None
+    columns = shapes[0][1]
+    pairs = zip(chain.from_iterable(old.cells), chain.from_iterable(new.cells), strict=True)
+    flat = [
+        compare_measured(_cell(before, was), _cell(after, becomes), common=common) for was, becomes in pairs
+    ]
+    return tuple(tuple(flat[at : at + columns]) for at in range(0, len(flat), columns))
+
+
+def _cell(mean: Budgeted, cell: dict[str, Any]) -> Budgeted:
+    return scale_effects(mean, cell["value"], cell["standard_uncertainty"])

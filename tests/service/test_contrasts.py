@@ -1,0 +1,91 @@
+"""Two measurements against each other over HTTP."""
+
+import numpy as np
+import pytest
+
+from tests.support.campaigns import K_TRUE, ROI, calibrate, published_campaign
+from tests.support.frames import write_frame
+
+SETTINGS = {"exposure_time_s": 0.02, "f_number": 4.0}
+PER_DN = 4.0**2 / (K_TRUE * 0.02 * 3200)
+GRID = {"corners": [[8, 8], [88, 8], [88, 56], [8, 56]], "rows": 2, "columns": 2}
+
+
+@pytest.fixture(scope="module")
+def version(sqlite_house):
+    return published_campaign(sqlite_house, isos=(3200,), valid_from="2026-04-01T00:00:00Z")
+
+
+@pytest.fixture
+def house(sqlite_house):
+    """One for all: nothing here depends on the database."""
+    return sqlite_house
+
+
+def measure(house, version, luminance, name, *, signal=None, **asked):
+    campaign = house.campaign()
+    house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=ROI)
+    signal = luminance / PER_DN if signal is None else signal
+    path = write_frame(house.folder / name, signal_dn=signal, seed=len(name), **SETTINGS)
+    frame = house.upload(campaign, path.read_bytes(), role="field", filename=name)
+    house.work()
+    body = {"frame_id": frame["id"], "calibration_id": version["id"], **asked}
+    job = house.post("/v1/measurements", body, status=202)
+    house.work()
+    done = house.get(f"/v1/jobs/{job['id']}")
+    assert done["state"] == "succeeded", done
+    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+
+
+def test_two_nights_with_one_version_are_compared_better_than_either_is_known(house, version):
+    """K, meter, time and f-number cancel in the ratio: noise and dark signal remain."""
+    old, new = measure(house, version, 20.0, "a.dng"), measure(house, version, 19.0, "bb.dng")
+    found = house.get(f"/v1/measurements/{new['id']}/contrast", old=old["id"])
+    assert found["common"] == ["ISO setting", "dark signal", "exposure time", "f-number", "fit of K",
+                               "meter calibration"]  # fmt: skip
+    assert found["difference"]["value"] == pytest.approx(new["mean"]["value"] - old["mean"]["value"])
+    change = found["change"]
+    assert abs(change["value"] + 5.0) <= 3 * change["standard_uncertainty"]
+    relative = old["mean"]["standard_uncertainty"] / old["mean"]["value"]
+    assert change["standard_uncertainty"] < 10 * relative
+    assert found["significant"]
+    assert "fell by 5" in found["said"]
+    assert found["same_region"]
+    assert "cells" not in found
+
+
+def test_the_same_light_is_no_change(house, version):
+    old, new = measure(house, version, 20.0, "ccc.dng"), measure(house, version, 20.0, "dddd.dng")
+    found = house.get(f"/v1/measurements/{new['id']}/contrast", old=old["id"])
+    assert found["in_standard_uncertainties"] < 4
+    assert found["significant"] is (found["in_standard_uncertainties"] >= 2)
+
+
+def test_another_version_has_another_k_and_both_count(house, version):
+    other = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.03)
+    old, new = measure(house, version, 20.0, "e.dng"), measure(house, other, 20.0, "ff.dng")
+    found = house.get(f"/v1/measurements/{new['id']}/contrast", old=old["id"])
+    assert not {"fit of K", "meter calibration", "dark signal"} & set(found["common"])
+    by_k = [row["standard_uncertainty_cd_m2"] for side in (old, new) for row in side["budget"]
+            if row["source"] == "fit of K"]  # fmt: skip
+    assert found["difference"]["standard_uncertainty"] >= np.hypot(*by_k)
+
+
+def test_cells_are_compared_one_by_one(house, version):
+    half = np.full((64, 96), 20.0 / PER_DN)
+    darker = half.copy()
+    darker[:32, :48] *= 0.8
+    old = measure(house, version, 20.0, "g.dng", signal=half, grid=GRID)
+    new = measure(house, version, 20.0, "hh.dng", signal=darker, grid=GRID)
+    cells = house.get(f"/v1/measurements/{new['id']}/contrast", old=old["id"])["cells"]
+    changes = np.array([[cell["change"]["value"] for cell in line] for line in cells])
+    assert changes == pytest.approx(np.array([[-20.0, 0.0], [0.0, 0.0]]), abs=0.3)
+    assert cells[0][0]["in_standard_uncertainties"] > 10
+
+
+def test_what_is_not_there_or_not_alike_is_refused(house, version):
+    one = measure(house, version, 20.0, "i.dng")
+    assert (
+        house.get(f"/v1/measurements/{one['id']}/contrast", status=422)["errors"][0]["field"] == "query.old"
+    )
+    house.get(f"/v1/measurements/{one['id']}/contrast", status=404, old="msr_none")

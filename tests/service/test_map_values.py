@@ -1,0 +1,140 @@
+"""A map's numbers as JSON: the TIFF's own, whatever the window, and their means."""
+
+import io
+
+import numpy as np
+import pytest
+import tifffile
+
+from service.map_values import Layout, Window, read_layout, read_values
+from service.schemas.maps import uncertainty_of
+from tests.support.campaigns import published_campaign
+from worker.maps.tiff import TILE_PX, encode_band
+
+
+@pytest.fixture(scope="module")
+def measured(sqlite_house):
+    """A measurement of a ramp with one saturated spot, with its map."""
+    house = sqlite_house
+    published_campaign(house, isos=(3200,), valid_from="2026-04-01T00:00:00Z")
+    samples = np.tile(np.linspace(200.0, 2000.0, 96), (64, 1))
+    samples[40:42, 60:62] = 9000.0
+    content = house.frame_bytes(signal_dn=samples, exposure_time_s=0.02, f_number=4.0)
+    campaign = house.campaign()
+    frame = house.upload(campaign, content, role="field", filename="ramp.DNG")
+    house.work()
+    roi = {"polygon": [[8, 8], [40, 8], [40, 30], [8, 30]]}
+    job = house.post(
+        "/v1/measurements", {"frame_id": frame["id"], "roi": roi, "products": ["map"]}, status=202
+    )
+    house.work()
+    done = house.get(f"/v1/jobs/{job['id']}")
+    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+
+
+@pytest.fixture
+def house(sqlite_house):
+    """One for all: nothing here depends on the database."""
+    return sqlite_house
+
+
+def tiff_of(house, measurement):
+    return tifffile.imread(io.BytesIO(house.http.get(measurement["links"]["map_tif"]).content))
+
+
+def values_of(answer):
+    return np.array(answer["values"], dtype=np.float32)
+
+
+def test_every_value_is_the_tiffs_to_the_last_bit(house, measured):
+    answer = house.get(f"/v1/measurements/{measured['id']}/map.json")
+    plane = tiff_of(house, measured)
+    assert (answer["unit"], answer["height_px"], answer["width_px"]) == ("cd/m2", 64, 96)
+    assert np.array_equal(values_of(answer), plane, equal_nan=True)
+    assert answer["values"][40][60] is None
+
+
+def test_a_window_and_its_means(house, measured):
+    asked = {"top": 3, "left": 10, "height": 13, "width": 21, "step": 4}
+    answer = house.get(f"/v1/measurements/{measured['id']}/map.json", **asked)
+    part = tiff_of(house, measured)[3:15, 10:30]
+    assert values_of(answer) == pytest.approx(part.reshape(3, 4, 5, 4).mean((1, 3)), rel=1e-6)
+    whole = house.get(f"/v1/measurements/{measured['id']}/map.json", step=8)
+    assert values_of(whole).shape == (8, 12)
+    # a square with an unknown pixel is unknown: the spot and the neighbours that are made of it
+    assert whole["values"][5][7] is None
+
+
+def test_a_value_has_the_uncertainty_that_a_single_pixel_was_given(house, measured):
+    """``min`` is a pixel of the region, with the uncertainty that the measurement gave it."""
+    said = house.get(f"/v1/measurements/{measured['id']}/map.json", step=8)["uncertainty"]
+    pixel, mean = measured["min"], measured["mean"]
+    u = np.hypot(np.hypot(said["u_rel"] * pixel["value"], said["u_constant"]), said["u_pixel"])
+    assert u == pytest.approx(pixel["standard_uncertainty"], rel=1e-9)
+    shared = np.hypot(said["u_rel"] * mean["value"], said["u_constant"])
+    assert shared == pytest.approx(measured["shared_u_cd_m2"], rel=1e-9)
+
+
+def test_what_is_no_window_of_the_map_is_refused(house, measured):
+    address = f"/v1/measurements/{measured['id']}/map.json"
+    assert "64 rows and 96 columns" in house.get(address, status=422, top=64)["detail"]
+    assert "no whole square" in house.get(address, status=422, step=65)["detail"]
+    assert house.get(address, status=422, step=0)["errors"][0]["field"] == "query.step"
+
+
+def test_it_is_kept_for_ever_and_another_window_is_another_answer(house, measured):
+    address = f"/v1/measurements/{measured['id']}/map.json?step=8"
+    answer = house.http.get(address)
+    assert "immutable" in answer.headers["cache-control"]
+    again = house.http.get(address, headers={"If-None-Match": answer.headers["etag"]})
+    assert again.status_code == 304
+    other = house.http.get(f"{address}&top=8", headers={"If-None-Match": answer.headers["etag"]})
+    assert other.status_code == 200
+
+
+def write_tiles(path, plane):
+    """Tiles of a plane one after the other; the layout of the file."""
+    tiles = [
+        tile for top in range(0, len(plane), TILE_PX) for tile in encode_band(plane[top : top + TILE_PX])
+    ]
+    path.write_bytes(b"".join(tiles))
+    sizes = [len(tile) for tile in tiles]
+    return Layout(
+        height_px=plane.shape[0],
+        width_px=plane.shape[1],
+        tile_px=TILE_PX,
+        offsets=tuple(int(at) for at in np.cumsum([0, *sizes[:-1]])),
+        sizes=tuple(sizes),
+        description="{}",
+    )
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+@pytest.mark.parametrize(
+    ("window", "step"),
+    [((0, 0, 300, 600), 1), ((250, 250, 262, 522), 1), ((1, 3, 300, 600), 7), ((255, 511, 257, 513), 2)],
+)
+def test_squares_may_lie_across_tiles(tmp_path, window, step, transposed):
+    plane = np.random.default_rng(1).uniform(0.0, 9.0, (300, 600)).astype(np.float32)
+    top, left, bottom, right = window
+    if transposed:
+        plane, top, left, bottom, right = plane.T.copy(), left, top, right, bottom
+    layout = write_tiles(tmp_path / "map", plane)
+    found = read_values(
+        tmp_path / "map", layout, Window(top=top, left=left, bottom=bottom, right=right), step=step
+    )
+    rows, cols = (bottom - top) // step, (right - left) // step
+    part = plane[top : top + rows * step, left : left + cols * step].astype(np.float64)
+    assert found == pytest.approx(part.reshape(rows, step, cols, step).mean((1, 3)), rel=1e-6)
+
+
+def test_the_layout_is_that_of_the_file(tmp_path):
+    plane = np.arange(300 * 280, dtype=np.float32).reshape(300, 280)
+    tifffile.imwrite(tmp_path / "map.tif", plane, tile=(256, 256), compression="zlib", description="{}")
+    layout = read_layout(tmp_path / "map.tif")
+    whole = Window(top=0, left=0, bottom=300, right=280)
+    assert np.array_equal(read_values(tmp_path / "map.tif", layout, whole, step=1), plane)
+
+
+def test_an_index_has_no_such_uncertainty():
+    assert uncertainty_of("reflectance", {"index": "ndvi", "bands": []}) is None
