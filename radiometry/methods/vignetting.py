@@ -129,6 +129,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     return Fit(
         height_px=fitted[0].fit.coefficient.height_px,
         width_px=fitted[0].fit.coefficient.width_px,
+        cfa=next(each.row.features.cfa for each in used if each.row.features is not None),
         channel_fits=tuple(each.fit for each in fitted),
         thresholds=find_thresholds(fitted),
         points=describe_points(rows, candidates, params),

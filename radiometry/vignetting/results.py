@@ -129,10 +129,11 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """The result of a campaign."""
+    """The result of a campaign; ``cfa`` : the frames' pattern, "grey" or "rgb"."""
 
     height_px: int
     width_px: int
+    cfa: str
     channel_fits: tuple[ChannelFit, ...]
     thresholds: tuple[Threshold, ...]
     points: tuple[Point, ...]

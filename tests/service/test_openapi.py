@@ -13,7 +13,8 @@ NUMBERS_WITHOUT_UNIT = {
     *("iso", "f_number", "coverage_factor", "progress", "tolerance", "surface_reflectance"),
     *("in_standard_uncertainties", "horizontal", "vertical"),  # the last two in fov_deg
     *("i_sq", "i_sq_standard_uncertainty", "i_ss", "reflectance_k", "shared_u", "noise_u"),  # of a sensor's own unit, which stands beside them
-    *("diffuse_share", "refractive_index", "below_zero_share", "above_one_share"),
+    *("diffuse_share", "refractive_index", "below_zero_share", "above_one_share", "centre_x_share"),
+    "centre_y_share",
     *("pixels", "below_zero", "above_one", "saturated", "undefined"),
     *("saturated_share", "zero_share", "variance_share", "reflectance"),
     *("f_statistic", "f_p_value", "equivalence_p_value", "exceedance_p_value", "slope_p_value"),

@@ -1,9 +1,15 @@
 """Vignetting, sharpness, geometry and noise over HTTP: from uploaded frames to published coefficients."""
 
+import base64
+import io
+import struct
 from datetime import UTC, datetime
 
+import cv2
 import numpy as np
 import pytest
+import tifffile
+import yaml
 
 from demo.dng import Camera, write_dng
 from demo.exif import Exposure
@@ -83,6 +89,34 @@ def test_the_falloff_of_a_lens(house):
     centre = rows["centre_col_px", 2.0]
     assert abs(centre["value"] - 110.0) < 4 * centre["standard_uncertainty"]
 
+    check_falloff_exports(house, version, lens)
+
+
+def check_falloff_exports(house, version, lens):
+    base = f"/v1/calibrations/{version['id']}/exports"
+    answer = house.http.get(f"{base}/correction.tif", params={"f_number": 2.0})
+    with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
+        gains = file.asarray()
+    assert (gains.dtype, gains.shape) == (np.float32, (160, 240))
+    assert np.abs(gains * lens.share(2.0) - 1.0).max() < 0.01
+    again = house.http.get(
+        f"{base}/correction.tif", params={"f_number": 2.0}, headers={"If-None-Match": answer.headers["ETag"]}
+    )
+    assert again.status_code == 304
+    dng = house.get(f"{base}/dng.json", f_number=2.0)
+    opcodes = base64.b64decode(dng["opcode_list_base64"])
+    # one opcode, number 3, of seven doubles
+    assert struct.unpack(">II", opcodes[:8]) == (1, 3)
+    assert struct.unpack(">5d", opcodes[20:60]) == tuple(dng["k"])
+    assert dng["centre_x_share"] == pytest.approx(110 / 239, abs=0.02)
+    refused = house.http.get(f"{base}/correction.tif", params={"f_number": 22.0})
+    assert (refused.status_code, refused.json()["code"]) == (422, "vignetting_not_calibrated")
+    query = {"focal_length_mm": 15.0, "mount": "djifixed"}
+    refused = house.http.get(f"{base}/lensfun.xml", params=query)
+    assert (refused.status_code, "pixel_pitch_um" in refused.json()["detail"]) == (422, True)
+    other = house.http.get(f"{base}/ros.yaml")
+    assert (other.status_code, "correction.tif" in other.json()["detail"]) == (404, True)
+
 
 def test_the_board_of_opencv(house):
     target = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}
@@ -97,6 +131,17 @@ def test_the_board_of_opencv(house):
     for name, published in (("fx_px", 535.9157), ("cx_px", 342.2832), ("cy_px", 235.5708)):
         assert abs(rows[name]["value"] - published) < 4 * rows[name]["standard_uncertainty"]
     assert version["parameters"]["fix_aspect_ratio"] is True
+
+    base = f"/v1/calibrations/{version['id']}/exports"
+    storage = cv2.FileStorage(
+        house.http.get(f"{base}/opencv.yaml").text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY
+    )
+    assert storage.getNode("camera_matrix").mat()[0, 2] == rows["cx_px"]["value"]
+    ros = yaml.safe_load(house.http.get(f"{base}/ros.yaml").text)
+    assert ros["camera_name"] == "Canon EOS 5D 1"
+    assert ros["camera_matrix"]["data"][4] == rows["fy_px"]["value"]
+    camera = house.get(f"{base}/camera.json")
+    assert camera["parameters"]["k1"]["value"] == rows["k1"]["value"]
 
 
 def test_geometry_needs_a_board_and_says_which_field_is_wrong(house):
