@@ -4,6 +4,7 @@ import pytest
 
 from stilb.commands.exits import Exit
 from stilb.field.plan import read_plan
+from stilb.field.running import ensure_campaign
 from stilb.problem import Unclear
 from tests.support.campaigns import K_TRUE, LEVELS
 from tests.support.cards import write_card, write_plan
@@ -13,7 +14,17 @@ NUMBERS = "readings.csv"
 
 @pytest.fixture
 def card(tmp_path, shots):
-    folder = write_card(tmp_path / "card", [shot for shot in shots if "-3200-" in shot.path.name])
+    """What a fit needs and no more: one ISO, two settings."""
+    few = [shot for shot in shots if "-3200-" in shot.path.name and not shot.path.stem.endswith("-2")]
+    folder = write_card(tmp_path / "card", few)
+    write_plan(folder)
+    return folder
+
+
+@pytest.fixture
+def handful(tmp_path, shots):
+    """Two frames, for what ends before a fit."""
+    folder = write_card(tmp_path / "card", shots[:2])
     write_plan(folder)
     return folder
 
@@ -23,7 +34,7 @@ def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
     assert ended.code == Exit.DONE, ended.err
     draft = ended.json["calibration"]
     assert (ended.json["received"], draft["state"], draft["parameters"]["tolerance_rel"]) == (
-        15,
+        10,
         "draft",
         0.04,
     )
@@ -44,23 +55,23 @@ def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
 def test_once_more_changes_nothing(signed_in, card, team):
     first = signed_in("campaign", "run", card, "--json").json
     again = signed_in("campaign", "run", card, "--json").json
-    assert (first["sent"], again["sent"]) == (15, 0)
+    assert (first["sent"], again["sent"]) == (10, 0)
     assert again["calibration"]["id"] == first["calibration"]["id"]
     assert len(list(team.client.campaigns())) == 1
     assert len(list(team.client.readings(first["campaign_id"]))) == 2 * len(LEVELS)
 
 
-def test_corrected_readings_take_the_place_of_the_others(signed_in, card, team):
-    campaign_id = signed_in("campaign", "run", card, "--no-fit", "--json").json["campaign_id"]
-    text = (card / NUMBERS).read_text()
-    (card / NUMBERS).write_text(text.replace("luminance,39.92", "luminance,39.9"))
-    kept = signed_in("campaign", "run", card, "--no-fit")
+def test_corrected_readings_take_the_place_of_the_others(signed_in, handful, team):
+    campaign_id = signed_in("campaign", "run", handful, "--no-fit", "--json").json["campaign_id"]
+    text = (handful / NUMBERS).read_text()
+    (handful / NUMBERS).write_text(text.replace("luminance,39.92", "luminance,39.9"))
+    kept = signed_in("campaign", "run", handful, "--no-fit")
     assert "8 more readings are in the campaign than the folder holds" in kept.err
     assert "--replace-readings" in kept.err
-    signed_in("campaign", "run", card, "--no-fit", "--replace-readings")
+    signed_in("campaign", "run", handful, "--no-fit", "--replace-readings")
     assert 39.9 in in_use(team, campaign_id)
-    (card / NUMBERS).write_text(text)
-    signed_in("campaign", "run", card, "--no-fit", "--replace-readings")
+    (handful / NUMBERS).write_text(text)
+    signed_in("campaign", "run", handful, "--no-fit", "--replace-readings")
     assert in_use(team, campaign_id) == sorted(value * f for value in LEVELS.values() for f in (0.998, 1.002))
 
 
@@ -68,10 +79,10 @@ def in_use(team, campaign_id):
     return sorted(r["value"] for r in team.client.readings(campaign_id) if "withdrawn_at" not in r)
 
 
-def test_bad_rows_are_named_with_their_lines(signed_in, card):
-    with (card / NUMBERS).open("a") as file:
+def test_bad_rows_are_named_with_their_lines(signed_in, handful):
+    with (handful / NUMBERS).open("a") as file:
         file.write("level-1,luminance,bright,cd/m2\nlevel-1,luminance,5,lx\n")
-    ended = signed_in("campaign", "run", card)
+    ended = signed_in("campaign", "run", handful)
     assert ended.code == Exit.REFUSED
     assert "line 10.value" in ended.err
     assert "line 11" in ended.err
@@ -90,46 +101,46 @@ def test_american_units_and_a_decimal_comma(signed_in, team, tmp_path):
     assert "not UTF-8" in signed_in("campaign", "readings", campaign.id, path).err
 
 
-def test_a_fit_that_lacks_something_says_what(signed_in, card):
-    (card / NUMBERS).write_text("scene,quantity,value,unit\nlevel-1,luminance,40,cd/m2\n")
-    plan = (card / "campaign.toml").read_text()
-    (card / "campaign.toml").write_text(plan.replace("[region]\nimagej", "[region]\n# imagej"))
-    ended = signed_in("campaign", "run", card, "--json")
+def test_a_fit_that_lacks_something_says_what(signed_in, handful):
+    (handful / NUMBERS).write_text("scene,quantity,value,unit\nlevel-1,luminance,40,cd/m2\n")
+    plan = (handful / "campaign.toml").read_text()
+    (handful / "campaign.toml").write_text(plan.replace("[region]\nimagej", "[region]\n# imagej"))
+    ended = signed_in("campaign", "run", handful, "--json")
     assert (ended.code, ended.json["error"]["code"]) == (Exit.REFUSED, "campaign_incomplete")
     assert "stilb campaign show" in ended.err
     shown = signed_in("campaign", "show", "P-17").out
     assert "missing: " in shown
-    assert "15 frames" in shown
+    assert "2 frames" in shown
 
 
-def test_init_writes_what_run_reads_once_it_is_filled_in(signed_in, card):
-    (card / "campaign.toml").unlink()
-    ended = signed_in("campaign", "init", card, "--make", "DJI", "--model", 'FC"6520')
-    assert f"stilb campaign run {card}" in ended.out
-    unfilled = signed_in("campaign", "run", card)
+def test_init_writes_what_run_reads_once_it_is_filled_in(signed_in, handful):
+    (handful / "campaign.toml").unlink()
+    ended = signed_in("campaign", "init", handful, "--make", "DJI", "--model", 'FC"6520')
+    assert f"stilb campaign run {handful}" in ended.out
+    unfilled = signed_in("campaign", "run", handful)
     assert unfilled.code == Exit.USAGE
     assert "serial in camera is not filled in" in unfilled.err
-    text = (card / "campaign.toml").read_text()
-    (card / "campaign.toml").write_text(text.replace('serial = ""', 'serial = "0K1XE8"', 1))
-    plan = read_plan(card)
+    text = (handful / "campaign.toml").read_text()
+    (handful / "campaign.toml").write_text(text.replace('serial = ""', 'serial = "0K1XE8"', 1))
+    plan = read_plan(handful)
     assert (plan.model, plan.serial, plan.project_number) == ('FC"6520', "0K1XE8", "card")
     assert plan.fit == {"model": "proportional", "tolerance": 0.04}
-    assert plan.readings_csv == (card / NUMBERS).read_text()
-    again = signed_in("campaign", "init", card)
-    assert (again.code, read_plan(card)) == (Exit.USAGE, plan)
+    assert plan.readings_csv == (handful / NUMBERS).read_text()
+    again = signed_in("campaign", "init", handful)
+    assert (again.code, read_plan(handful)) == (Exit.USAGE, plan)
 
 
-def test_everything_that_is_commented_out_in_the_template_can_be_used(signed_in, card):
-    (card / "campaign.toml").unlink()
-    signed_in("campaign", "init", card, "--make", "DJI", "--model", "M", "--serial", "S")
-    lines = (card / "campaign.toml").read_text().splitlines()
+def test_everything_that_is_commented_out_in_the_template_can_be_used(signed_in, handful):
+    (handful / "campaign.toml").unlink()
+    signed_in("campaign", "init", handful, "--make", "DJI", "--model", "M", "--serial", "S")
+    lines = (handful / "campaign.toml").read_text().splitlines()
     used = [
         line[2:] if line.startswith(("# [", "# ")) and ("=" in line or "[" in line) else line
         for line in lines
     ]
     used = [line for line in used if not line.startswith(("What the", "last =", "The ", "One "))]
-    (card / "campaign.toml").write_text("\n".join(used))
-    plan = read_plan(card)
+    (handful / "campaign.toml").write_text("\n".join(used))
+    plan = read_plan(handful)
     assert plan.campaign["started_at"] == "2026-05-01T20:30:00+00:00"
     assert plan.meters[0]["certificate"]["issued_on"] == "2026-01-17"
     assert plan.imagej.startswith("makePolygon(")
@@ -153,13 +164,13 @@ def test_everything_that_is_commented_out_in_the_template_can_be_used(signed_in,
         ('file = "readings.csv"', 'file = "no.csv"', "No such file"),
     ],
 )
-def test_a_plan_that_is_wrong_says_where(card, old, new, message):
-    path = card / "campaign.toml"
+def test_a_plan_that_is_wrong_says_where(handful, old, new, message):
+    path = handful / "campaign.toml"
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
     with pytest.raises((Unclear, OSError)) as found:
-        read_plan(card)
+        read_plan(handful)
     assert message in str(found.value)
 
 
@@ -175,3 +186,19 @@ def test_campaigns_are_listed(signed_in, team):
     listed = signed_in("campaign", "list")
     assert named.id in listed.out
     assert "P-17 [x]" in listed.out
+
+
+def test_another_word_in_the_plan_makes_no_other_campaign(signed_in, handful, team):
+    first = signed_in("campaign", "run", handful, "--no-fit", "--json").json
+    plan = (handful / "campaign.toml").read_text()
+    (handful / "campaign.toml").write_text(plan.replace("[campaign]", '[campaign]\nrecorder = "A. Meier"'))
+    again = signed_in("campaign", "run", handful, "--no-fit", "--json").json
+    assert (again["campaign_id"], again["sent"]) == (first["campaign_id"], 0)
+    assert len(list(team.client.campaigns())) == 1
+
+
+def test_a_run_that_was_killed_before_its_answer_makes_one_campaign(handful, team, monkeypatch):
+    """Neither of the two has seen what the other made."""
+    monkeypatch.setattr("stilb.field.running.find_planned", lambda *_: None)
+    plan = read_plan(handful)
+    assert ensure_campaign(team.client, plan).id == ensure_campaign(team.client, plan).id

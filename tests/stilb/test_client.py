@@ -205,3 +205,22 @@ def test_lists_of_a_camera_and_a_campaign(service, client):
 def test_a_time_without_its_zone_is_refused():
     with pytest.raises(ValueError, match="has no time zone"):
         as_text(datetime(2025, 1, 1))  # noqa: DTZ001  the point of the test
+
+
+def test_rows_of_a_series_have_the_same_columns(service, client):
+    service.will_answer(
+        {"rows": [{"name": "a", "iso": 100}, {"name": "b", "valid_to": "2026-01-01T00:00:00Z"}]}
+    )
+    assert client.series() == [
+        {"name": "a", "iso": 100, "valid_to": None},
+        {"name": "b", "iso": None, "valid_to": datetime(2026, 1, 1, tzinfo=UTC)},
+    ]
+
+
+def test_many_hashes_are_asked_in_parts(service, client):
+    hashes = [f"{number:064x}" for number in range(1001)]
+    known = {"sha256": hashes[0], "frame_id": "f", "filename": "n", "role": "light", "state": "read"}
+    service.will_answer({"known": [known], "unknown": hashes[1:1000]})
+    service.will_answer({"known": [], "unknown": hashes[1000:]})
+    assert [frame.frame_id for frame in client.known_frames("c-1", [*hashes, hashes[0]])] == ["f"]
+    assert [asked.json["sha256"] for asked in service.asked] == [hashes[:1000], hashes[1000:]]

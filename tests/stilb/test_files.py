@@ -1,6 +1,7 @@
 """What a file's name says of the frame in it."""
 
 import hashlib
+import os
 
 import pytest
 
@@ -79,7 +80,9 @@ def test_a_hash_is_read_once_and_again_when_the_file_changes(tmp_path, monkeypat
     with monkeypatch.context() as unplugged:
         unplugged.setattr("hashlib.file_digest", None)
         assert Journal.of(tmp_path / "card", kept).hash_of(path) == first
-    path.write_bytes(b"other bytes")
+    stamp = path.stat()
+    path.write_bytes(path.read_bytes()[::-1])
+    os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns + 2_000_000_000))
     assert Journal.of(tmp_path / "card", kept).hash_of(path) != first
 
 

@@ -10,7 +10,9 @@ from contextlib import contextmanager
 
 import pytest
 
+import stilb
 from stilb.commands.exits import Exit
+from stilb.commands.push import transfer
 from tests.support.cards import write_card, write_plan
 from tests.support.frames import write_frame
 from tests.support.line import line_to
@@ -275,3 +277,23 @@ def test_watching_sends_what_has_settled(signed_in, campaign, card, tmp_path, mo
     assert [len(each) for each in seen] == [0, 1]
     assert (ended.code, ended.json["received"], ended.json["sent"]) == (Exit.DONE, 2, 2)
     assert set(uploads.values()) == {1}
+
+
+def test_a_network_that_is_lost_while_watching_comes_back(signed_in, campaign, card, monkeypatch):
+    """The first attempt finds no network; nobody has to start again."""
+    lost = iter([stilb.Problem(status=0, code="unreachable", detail="no network", retryable=True)])
+
+    def unlucky(*given, **more):
+        for problem in lost:
+            raise problem
+        return transfer(*given, **more)
+
+    def end():
+        raise KeyboardInterrupt
+
+    moments = iter([lambda: None, lambda: None, lambda: None, end])
+    monkeypatch.setattr("stilb.commands.push.sleep", lambda _: next(moments)())
+    monkeypatch.setattr("stilb.commands.push.transfer", unlucky)
+    ended = signed_in("push", card, "--campaign", campaign.id, "--watch", "--json")
+    assert "these files go again at the next look" in ended.err
+    assert (ended.code, ended.json["received"], ended.json["sent"]) == (Exit.DONE, 10, 10)

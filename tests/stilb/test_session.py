@@ -107,3 +107,17 @@ def test_a_mistyped_option_is_told_on_stderr(stilb_command):
     ended = stilb_command("push", "--json", "--no-such-option")
     assert (ended.code, ended.out) == (Exit.USAGE, "")
     assert "--no-such-option" in ended.err
+
+
+def test_what_others_have_named_is_shown_as_it_is(stilb_command, team):
+    with team.http() as http:
+        key = http.post("/v1/keys", json={"name": "[red]card[/red]", "scopes": ["read"]}).json()["secret"]
+    assert "'[red]card[/red]'" in stilb_command("login", team.url, "--key", key).out
+
+
+def test_ctrl_c(stilb_command, monkeypatch):
+    def stop(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("stilb.commands.talk.read_login", stop)
+    assert stilb_command("whoami").code == Exit.INTERRUPTED

@@ -145,3 +145,28 @@ def test_a_number_that_is_none_is_not_sent(service, client):
     with pytest.raises(ValueError, match="JSON compliant"):
         client.create_camera("DJI", "X5S", "S1", pixel_pitch_um=float("inf"))
     assert service.asked == []
+
+
+def test_an_id_leads_to_no_other_address(service, client):
+    service.will_answer(CAMERA)
+    client.camera("../keys?x=1#y")
+    assert service.asked[0].path == "/v1/cameras/..%2Fkeys%3Fx%3D1%23y"
+
+
+def test_a_halt_ends_uploads_and_pauses(service):
+    service.will_refuse(503, "busy", retryable=True)
+    told = []
+
+    def halt(problem, pause_s):
+        told.append((problem.code, pause_s > 60))
+        transport.halt()
+
+    transport = Transport(service.url, "k", timeout_s=5, retries=9, backoff_s=1000, on_retry=halt)
+    with transport:
+        with pytest.raises(stilb.Problem, match="busy"):
+            transport.send(Call(method="GET", path="/"))
+        upload = Call(method="POST", path="/", stream=lambda: iter([b"x"]), headers={"Content-Length": "1"})
+        with pytest.raises(stilb.Problem, match="not_sent: it was stopped"):
+            transport.send(upload)
+    assert told == [("busy", False)]
+    assert len(service.asked) == 1

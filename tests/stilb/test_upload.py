@@ -132,3 +132,28 @@ def test_a_large_file_is_never_in_memory(service, client, tmp_path):
     finally:
         tracemalloc.stop()
     assert peak < 6 * MEGABYTE
+
+
+def test_one_file_that_cannot_be_sent_does_not_keep_the_others(service, client, dng, tmp_path):
+    service.will_refuse(422, "unsupported")
+    service.will_answer(FRAME, status=201)
+    paths = [tmp_path / "gone.dng", dng, dng]
+    uploads = [stilb.Upload(campaign_id="c-1", path=path, role="light") for path in paths]
+    gone, refused, sent = client.push_each(uploads, concurrency=1)
+    assert isinstance(gone, FileNotFoundError)
+    assert (refused.code, sent.id) == ("unsupported", "f-1")
+
+
+@pytest.mark.parametrize("status", [401, 404, 507])
+def test_what_concerns_every_file_is_raised(service, client, dng, status):
+    service.will_refuse(status, "no_more")
+    service.will_answer(FRAME, status=201)
+    uploads = [stilb.Upload(campaign_id="c-1", path=dng, role="light")] * 2
+    with pytest.raises(stilb.Problem, match="no_more"):
+        client.push_each(uploads, concurrency=1)
+
+
+def test_a_hash_that_is_known_is_not_read_again(service, client, dng):
+    service.will_answer(FRAME, status=201)
+    client.push_all([stilb.Upload(campaign_id="c-1", path=dng, role="light", sha256="a" * 64)])
+    assert service.asked[0].headers["x-content-sha256"] == "a" * 64

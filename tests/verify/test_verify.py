@@ -6,6 +6,7 @@ import pytest
 
 import stilb
 import stilb.__main__
+from stilb.commands.exits import Exit
 from stilb.export import frame_path
 from tests.support.certificates import certificate_of, complete_version
 from tests.support.house import KEY
@@ -213,7 +214,7 @@ def test_the_command_exports(staged, address, tmp_path, capsys):
     asked = ["export", version["id"], str(tmp_path / "out"), "--url", address, "--key"]
     assert stilb.__main__.main([*asked, KEY]) == 0
     assert main([str(tmp_path / "out" / "certificate.json"), "--data", str(tmp_path / "out")]) == 0
-    assert stilb.__main__.main([*asked, "wrong"]) == 1
+    assert stilb.__main__.main([*asked, "wrong"]) == Exit.KEY
     assert "unauthenticated" in capsys.readouterr().err
 
 
