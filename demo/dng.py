@@ -1,6 +1,5 @@
 """Writes a DNG as a Zenmuse X5S does: the mosaic untouched, its levels and its EXIF beside it."""
 
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +10,10 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from demo.exif import Exposure, exif_directory
+from demo.directory import EXIF, append_directory, reserve
+from demo.exif import Exposure, exif_entries
 
 _BYTE, _ASCII, _SHORT, _LONG, _RATIONAL, _SRATIONAL = 1, 2, 3, 4, 5, 10
-_EXIF_IFD = 34665
 _CFA = 32803
 _JPEG = 7
 _TILE_PX = 256
@@ -74,7 +73,7 @@ def write_dng(
             software="v02.00.0106",
             extratags=_tags(camera),
         )
-    _append_exif(path, exposure)
+    append_directory(path, EXIF, exif_entries(exposure))
 
 
 def _tags(camera: Camera) -> list[Tag]:
@@ -86,8 +85,7 @@ def _tags(camera: Camera) -> list[Tag]:
         (274, _SHORT, 1, 1, True),  # Orientation
         (33421, _SHORT, 2, (2, 2), True),  # CFARepeatPatternDim
         (33422, _BYTE, 4, pattern, True),  # CFAPattern
-        # By its name: by its number tifffile would refuse it. The value follows in `_append_exif`.
-        ("ExifTag", _LONG, 1, 0, True),
+        reserve(EXIF),
         (50706, _BYTE, 4, (1, 4, 0, 0), True),  # DNGVersion
         (50707, _BYTE, 4, (1, 1, 0, 0), True),  # DNGBackwardVersion
         (50708, _ASCII, 0, camera.unique_model, True),
@@ -118,18 +116,3 @@ def _ljpeg_tiles(mosaic_dn: NDArray[np.uint16], tile: tuple[int, int]) -> Iterat
         for col in range(0, cols, tile_cols):
             part = np.ascontiguousarray(padded[row : row + tile_rows, col : col + tile_cols])
             yield bytes(imagecodecs.ljpeg_encode(part, bitspersample=_WORD_BITS))
-
-
-def _append_exif(path: Path, exposure: Exposure) -> None:
-    with path.open("r+b") as file:
-        at = file.seek(0, 2)
-        at += file.write(b"\0" * (at % 2))  # a directory begins on a word
-        file.write(exif_directory(exposure, offset=at))
-        file.seek(4)
-        (first,) = struct.unpack("<I", file.read(4))
-        file.seek(first)
-        (count,) = struct.unpack("<H", file.read(2))
-        entries = [file.read(12) for _ in range(count)]
-        index = [struct.unpack("<H", entry[:2])[0] for entry in entries].index(_EXIF_IFD)
-        file.seek(first + 2 + 12 * index + 8)
-        file.write(struct.pack("<I", at))
