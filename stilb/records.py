@@ -47,6 +47,16 @@ class CampaignDetails(TypedDict, total=False):
     started_at: Moment
     comments: str
     surface_reflectance: float
+    panel_id: str  # of a reflectance campaign
+    target: dict[str, Any]  # what is photographed, as its method's page says
+
+
+class PanelBand(TypedDict):
+    """What a panel reflects in a band, 0..1; the uncertainty absolute, k = 1."""
+
+    band: str
+    reflectance: float
+    standard_uncertainty: NotRequired[float]
 
 
 class Reading(TypedDict):
@@ -75,6 +85,8 @@ class MeasureDetails(TypedDict, total=False):
     polygon: Polygon
     grid: Grid
     reflectance: float
+    incidence_angle_deg: float
+    index: str  # of reflectance: ndvi | ndre | gndvi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +125,13 @@ class Meter(Record):
     make: str
     model: str
     serial: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel(Record):
+    id: str
+    serial: str
+    measured_on: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,9 +255,9 @@ class Measurement(Record):
     filename: str
     camera_id: str
     mean: Quantity
-    min: Quantity
-    max: Quantity
-    median: Quantity
+    min: Quantity | None = None  # an index has a mean alone
+    max: Quantity | None = None
+    median: Quantity | None = None
     l_av_cd_m2: Quantity | None = None
     u_o: Quantity | None = None
     illuminance: Quantity | None = None

@@ -163,7 +163,7 @@ class Transport:
             response = self._http.request(
                 call.method,
                 call.path,
-                params={name: value for name, value in call.query.items() if value is not None} or None,
+                params=_given(call.query),
                 json=call.json,
                 content=content,
                 headers=headers,
@@ -183,7 +183,8 @@ class Transport:
 
     def _save(self, call: Call, headers: Mapping[str, str], file: BinaryIO) -> None:
         try:
-            with self._http.stream(call.method, call.path, headers=headers) as response:
+            params = _given(call.query)
+            with self._http.stream(call.method, call.path, params=params, headers=headers) as response:
                 if not response.is_success:
                     response.read()
                     raise problem.from_response(response)
@@ -196,3 +197,8 @@ class Transport:
         # Not a secret: any spread will do.
         backoff_s = self._backoff_s * 2.0**attempt * random.uniform(0.5, 1.0)  # noqa: S311
         return min(_LONGEST_PAUSE_S, max(backoff_s, retry_after_s or 0.0))
+
+
+def _given(query: Query) -> dict[str, str | int | float | list[str]] | None:
+    """The parameters that have a value; httpx drops an address's own query where it is given an empty one."""
+    return {name: value for name, value in query.items() if value is not None} or None

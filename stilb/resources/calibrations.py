@@ -7,7 +7,7 @@ from typing import Any
 from stilb.export import OnExport, export
 from stilb.records import Calibration, Job, Moment, as_text
 from stilb.resources.jobs import Jobs
-from stilb.transport import address
+from stilb.transport import Call, address
 from stilb.upload import PathLike
 
 
@@ -62,6 +62,17 @@ class Calibrations(Jobs):
     def export(self, calibration_id: str, folder: PathLike, *, on_progress: OnExport | None = None) -> Path:
         """Put everything that a version rests on into a folder; see ``stilb.export``. Safe to call again."""
         return export(self._transport, calibration_id, Path(folder), on_progress)
+
+    def save_form(self, calibration_id: str, path: PathLike, **query: str | float) -> Path:
+        """Save a version in the form that another program reads; the file's name says which.
+
+        Of vignetting `lensfun.xml`, `dng.json`, `correction.tif`; of geometry `opencv.yaml`, `ros.yaml`,
+        `camera.json`. ``query`` is what the form needs, such as ``f_number=2.8``.
+        """
+        path = Path(path)
+        where = address("calibrations", calibration_id, "exports", path.name)
+        self._transport.download(Call(method="GET", path=where, query=query), path)
+        return path
 
     def points_csv(self, calibration_id: str) -> str:
         return self._text(address("calibrations", calibration_id, "points.csv"))

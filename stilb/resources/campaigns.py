@@ -1,6 +1,6 @@
 """A campaign, its region and its readings."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
 from stilb.connection import Connection
@@ -54,11 +54,25 @@ class Campaigns(Connection):
     def set_roi(self, campaign_id: str, *, polygon: Polygon) -> dict[str, Any]: ...
     @overload
     def set_roi(self, campaign_id: str, *, imagej: str) -> dict[str, Any]: ...
+    @overload
+    def set_roi(self, campaign_id: str, *, regions: Mapping[str, Polygon]) -> dict[str, Any]: ...
     def set_roi(
-        self, campaign_id: str, *, polygon: Polygon | None = None, imagej: str | None = None
+        self,
+        campaign_id: str,
+        *,
+        polygon: Polygon | None = None,
+        imagej: str | None = None,
+        regions: Mapping[str, Polygon] | None = None,
     ) -> dict[str, Any]:
-        """Set the region of every frame without one of its own: corners [px], or ImageJ's macro call."""
-        body = {"imagej": imagej} if polygon is None else region(polygon)
+        """Set the region of every frame without one of its own.
+
+        Corners [px], ImageJ's macro call, or several by their names, each of which is looked at by itself.
+        """
+        body: dict[str, Any] = {"imagej": imagej}
+        if polygon is not None:
+            body = region(polygon)
+        elif regions is not None:
+            body = {"regions": [{"name": name, **region(corners)} for name, corners in regions.items()]}
         return self._put(address("campaigns", campaign_id, "roi"), body)
 
     def roi(self, campaign_id: str) -> dict[str, Any]:

@@ -1,16 +1,16 @@
-"""Cameras and meters: the same make, model and serial again is the same one."""
+"""Cameras, meters and panels: the same make, model and serial again is the same one."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Unpack
 
 from stilb.connection import Connection
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Camera, CameraDetails, Certificate, Meter
+from stilb.records import Camera, CameraDetails, Certificate, Meter, Panel, PanelBand
 from stilb.transport import address
 
 
 class Equipment(Connection):
-    """Cameras and meters."""
+    """Cameras, meters and panels."""
 
     def create_camera(self, make: str, model: str, serial: str, **details: Unpack[CameraDetails]) -> Camera:
         body = {"make": make, "model": model, "serial": serial, **details}
@@ -48,6 +48,11 @@ class Equipment(Connection):
 
     def meters(self) -> Iterator[Meter]:
         return map(Meter.of, self._transport.items(address("meters")))
+
+    def create_panel(self, serial: str, *, measured_on: str, bands: Sequence[PanelBand]) -> Panel:
+        """A panel as it was measured on a day; measured again it is another."""
+        body = {"serial": serial, "measured_on": measured_on, "bands": list(bands)}
+        return Panel.of(self._post(address("panels"), body))
 
 
 def _names(cameras: list[Camera]) -> str:

@@ -224,3 +224,39 @@ def test_many_hashes_are_asked_in_parts(service, client):
     service.will_answer({"known": [], "unknown": hashes[1000:]})
     assert [frame.frame_id for frame in client.known_frames("c-1", [*hashes, hashes[0]])] == ["f"]
     assert [asked.json["sha256"] for asked in service.asked] == [hashes[:1000], hashes[1000:]]
+
+
+def test_a_panel_is_a_thing_of_a_day(service, client):
+    bands = [{"band": "green", "reflectance": 0.18, "standard_uncertainty": 0.002}]
+    service.will_answer({"id": "p-1", "serial": "P-18", "measured_on": "2026-03-14", "bands": bands})
+    panel = client.create_panel("P-18", measured_on="2026-03-14", bands=bands)
+    assert (panel.id, panel.raw["bands"]) == ("p-1", bands)
+    assert service.asked[0].path == "/v1/panels"
+    assert service.asked[0].json == {"serial": "P-18", "measured_on": "2026-03-14", "bands": bands}
+
+
+def test_a_region_may_have_parts(service, client):
+    service.will_answer({"id": "r-1"})
+    client.set_roi("c-1", regions={"centre": [(0, 0), (9, 0), (9, 9)]})
+    assert service.asked[0].json == {
+        "regions": [{"name": "centre", "polygon": [[0, 0], [9, 0], [9, 9]]}],
+    }
+
+
+def test_an_index_has_a_mean_alone(service, client):
+    quantity = {"value": 0.5, "standard_uncertainty": 0.01, "unit": "1"}
+    named = {"id": "m-1", "frame_id": "f-1", "filename": "a.TIF", "camera_id": "cam-1", "mean": quantity}
+    service.will_answer(JOB, status=202)
+    service.will_answer(job("succeeded", result={"measurement_id": "m-1"}))
+    service.will_answer(named)
+    found = client.measure("f-1", index="ndvi")
+    assert service.asked[0].json == {"frame_id": "f-1", "index": "ndvi"}
+    assert (found.mean.value, found.min) == (0.5, None)
+
+
+def test_a_form_is_saved_under_its_name(service, client, tmp_path):
+    service.will_answer(b"II*\0", headers={"Content-Type": "image/tiff"})
+    path = client.save_form("k-1", tmp_path / "correction.tif", f_number=2.8)
+    assert path.read_bytes() == b"II*\0"
+    assert service.asked[0].path == "/v1/calibrations/k-1/exports/correction.tif"
+    assert service.asked[0].query == {"f_number": "2.8"}
