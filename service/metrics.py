@@ -28,6 +28,11 @@ def _lines(census: Census) -> Iterator[str]:
     )
     yield f"stilb_oldest_queued_job_age_seconds {census.oldest_queued_s:.3f}"
     yield from _by_state("stilb_frames", "Frames by state.", census.frames, get_args(FrameState))
+    yield from _head("stilb_uploads", "Files that were ever received.")
+    yield f"stilb_uploads {sum(census.frames.values())}"
+    yield from _head("stilb_refusals", "Refused frames by the code of their refusal.")
+    for code, count in census.refusals.items():
+        yield f'stilb_refusals{{code="{code}"}} {count}'
     yield from _head("stilb_versions_published", "Calibration versions in force at some time.")
     yield f"stilb_versions_published {census.versions_published}"
 

@@ -19,6 +19,7 @@ class Settings(BaseSettings):
     port: int = Field(default=8000, ge=0, le=65535)
     key: SecretStr = SecretStr("")
     session_secret: SecretStr = SecretStr("")
+    cors_origins: str = ""
     database_url: str = ""
     broker_url: str = ""
     blobs_url: str = ""

@@ -1,10 +1,11 @@
 """What is in force, and the flat rows that dashboards draw."""
 
 from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import JSONResponse
+from sqlalchemy import RowMapping
 
 from radiometry.methods import Method
 from service.auth import Reader
@@ -12,7 +13,7 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem
 from service.routes import problems
-from service.schemas.base import Form, Instant, Text
+from service.schemas.base import Form, Instant, Text, rfc3339
 from service.schemas.calibrations import (
     Coefficient,
     CoefficientInForce,
@@ -25,7 +26,7 @@ from service.tabular import write_csv
 from store.columns import utc_now
 from store.publications import InForce, in_force
 from store.queries.calibrations import coefficients_of, series
-from store.tables import Calibration, Camera, CoefficientRow, Publication
+from store.tables import Camera, CoefficientRow
 
 router = APIRouter(prefix="/v1", tags=["coefficients"])
 
@@ -90,7 +91,7 @@ def get_coefficient_series(
         found = series(
             session, caller.organisation_id, camera_id=camera_id, method=method, start=start, end=end
         )
-    rows = [_series_row(*row).dump() for row in found]
+        rows = [_flatten(row) for row in found]
     if format == "csv":
         return Response(write_csv(rows, list(SeriesRow.model_fields)), media_type="text/csv")
     return JSONResponse({"rows": rows})
@@ -126,22 +127,14 @@ def _explain_none(
     )
 
 
-def _series_row(
-    calibration: Calibration, row: CoefficientRow, camera: Camera, publication: Publication
-) -> SeriesRow:
-    values = Coefficient.of(row).model_dump() | {"flags": " ".join(row.flags)}
-    return SeriesRow(
-        **values,
-        camera_id=camera.id,
-        make=camera.make,
-        model_name=camera.model,
-        serial=camera.serial,
-        method=calibration.method,
-        version=calibration.version,
-        calibration_id=calibration.id,
-        valid_from=publication.valid_from,
-        valid_to=publication.valid_to,
-    )
+def _flatten(row: RowMapping) -> dict[str, Any]:
+    """As SeriesRow says, without its checks: for a hundred thousand rows they cost more than all the rest."""
+    flat = {name: value for name, value in row.items() if value is not None}
+    flat["flags"] = " ".join(flat["flags"])
+    for name in ("valid_from", "valid_to"):
+        if name in flat:
+            flat[name] = rfc3339(flat[name])
+    return flat
 
 
 def _stamp(instant: datetime) -> str:

@@ -152,7 +152,7 @@ def get_camera_json(calibration_id: Id, request: Request, caller: Reader, contex
 def _owned(session: Session, calibration_id: str, caller: Caller, method: Method) -> Calibration:
     calibration = owned(session, Calibration, calibration_id, caller)
     if calibration.method != method:
-        known = EXPORTS.get(calibration.method, ())  # type: ignore[call-overload]
+        known = EXPORTS.get(calibration.method, ())
         which = f"its exports are {', '.join(known)}" if known else "it has none"
         raise Problem(
             404, HttpCode.NOT_FOUND, f"A version of {calibration.method} has no such export: {which}."

@@ -1,6 +1,6 @@
 """Measurements with a calibrated camera: one frame, or every field frame of a campaign."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse
@@ -18,9 +18,9 @@ from service.paging import Cursor, Limit, Page, page
 from service.problems import HttpCode, Problem
 from service.routes import UNCHANGED, problems, sends_file
 from service.routes.campaigns import read_roi
-from service.schemas.base import Text
+from service.schemas.base import Instant, Text
 from service.schemas.jobs import JobAnswer
-from service.schemas.measured import MeasurementAnswer
+from service.schemas.measured import MeasurementAnswer, MeasurementSeriesAnswer
 from service.schemas.measurements import (
     CampaignMeasurementsAnswer,
     MeasurementOptions,
@@ -33,7 +33,7 @@ from store import jobs
 from store.errors import Conflict
 from store.measuring.plan import Asked, find_subject, plan_measurement
 from store.queries.calibrations import standings
-from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
+from store.tables import Calibration, Camera, Campaign, FrameRow, Job, Measurement
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
 
@@ -202,6 +202,37 @@ def get_campaign_measurements_geojson(
     found = _of_campaign(context, campaign_id, caller, calibration_id)
     collection = {"type": "FeatureCollection", "features": [make_feature(answer) for answer in found]}
     return JSONResponse(collection, media_type="application/geo+json")
+
+
+@router.get(
+    "/series/measurements",
+    response_model=MeasurementSeriesAnswer,
+    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **problems(404)},
+)
+def get_measurement_series(
+    caller: Reader,
+    context: UsesContext,
+    camera_id: Annotated[Text | None, Query()] = None,
+    start: Annotated[Instant | None, Query(alias="from")] = None,
+    end: Annotated[Instant | None, Query(alias="to")] = None,
+    format: Annotated[Literal["json", "csv"], Query()] = "json",  # noqa: A002  the contract's name
+) -> Response:
+    """Every measurement made in a time: flat, in one answer, for a panel or a spreadsheet, oldest first."""
+    rows = select(Measurement).where(Measurement.organisation_id == caller.organisation_id)
+    if start is not None:
+        rows = rows.where(Measurement.created_at >= start)
+    if end is not None:
+        rows = rows.where(Measurement.created_at < end)
+    with context.database.reading() as session:
+        if camera_id is not None:
+            owned(session, Camera, camera_id, caller)
+            of_camera = select(Calibration.id).where(Calibration.camera_id == camera_id)
+            rows = rows.where(Measurement.calibration_id.in_(of_camera))
+        found = _answers(session, list(session.scalars(rows.order_by(Measurement.id))))
+    flat = [flatten(answer) for answer in found]
+    if format == "csv":
+        return Response(write_csv(flat, COLUMNS), media_type="text/csv")
+    return JSONResponse({"rows": flat})
 
 
 def _read_asked(body: MeasurementOptions) -> Asked:

@@ -40,7 +40,7 @@ def _is_written_out(value: Any) -> Any:  # noqa: ANN401
     raise PydanticCustomError("written_out", "must begin with a date such as 2026-05-01")
 
 
-def _rfc3339(instant: datetime) -> str:
+def rfc3339(instant: datetime) -> str:
     return instant.isoformat().replace("+00:00", "Z")
 
 
@@ -55,7 +55,7 @@ Instant = Annotated[
     AwareDatetime,
     BeforeValidator(_is_written_out),
     AfterValidator(_year_is_plausible),
-    PlainSerializer(_rfc3339, when_used="json"),
+    PlainSerializer(rfc3339, when_used="json"),
 ]
 Day = Annotated[date, BeforeValidator(_is_written_out)]
 

@@ -236,6 +236,31 @@ class MeasurementAnswer(Answer):
         )
 
 
+class MeasurementSeriesAnswer(Answer):
+    """One row a measurement; the columns are those of measurements.csv."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "rows": [
+                        {
+                            "id": "msr_1",
+                            "filename": "DJI_0100.DNG",
+                            "calibration_version": 3,
+                            "mean_cd_m2": 0.787,
+                            "mean_cd_m2_standard_uncertainty": 0.028,
+                            "created_at": "2026-05-03T08:00:00Z",
+                        }
+                    ]
+                }
+            ]
+        }
+    )
+
+    rows: list[dict[str, Any]]
+
+
 _FROM_ROW = (
     *("id", "frame_id", "campaign_id", "method", "parameters", "software", "content_sha256"),
     *("created_at", "created_by"),

@@ -1,11 +1,12 @@
 """Versions, how each stands, and the flat rows that dashboards draw."""
 
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Literal
 
-from sqlalchemy import Select, func, select
+from sqlalchemy import RowMapping, Select, func, select
 from sqlalchemy.orm import Session
 
 from store.tables import Calibration, Camera, CoefficientRow, Publication, Revocation
@@ -107,6 +108,29 @@ def next_version(session: Session, camera_id: str, method: str) -> int:
     return (last or 0) + 1
 
 
+_SERIES = (
+    Camera.id.label("camera_id"),
+    Camera.make,
+    Camera.model.label("model_name"),
+    Camera.serial,
+    Calibration.method,
+    Calibration.version,
+    Calibration.id.label("calibration_id"),
+    CoefficientRow.name,
+    CoefficientRow.value,
+    CoefficientRow.standard_uncertainty,
+    CoefficientRow.unit,
+    CoefficientRow.iso,
+    CoefficientRow.f_number,
+    CoefficientRow.band,
+    CoefficientRow.channel,
+    CoefficientRow.model,
+    CoefficientRow.flags,
+    Publication.valid_from,
+    Publication.valid_to,
+)
+
+
 def series(
     session: Session,
     organisation_id: str,
@@ -115,10 +139,13 @@ def series(
     method: str | None,
     start: datetime | None,
     end: datetime | None,
-) -> list[tuple[Calibration, CoefficientRow, Camera, Publication]]:
-    """Every coefficient of every version in force at some time in [start, end), by camera, time and name."""
+) -> Iterator[RowMapping]:
+    """Every coefficient of every version in force at some time in [start, end), by camera, time and name.
+
+    Plain columns, a row at a time: a hundred thousand of them are one answer.
+    """
     rows = (
-        select(Calibration, CoefficientRow, Camera, Publication)
+        select(*_SERIES)
         .join(CoefficientRow, CoefficientRow.calibration_id == Calibration.id)
         .join(Camera, Camera.id == Calibration.camera_id)
         .join(Publication, Publication.calibration_id == Calibration.id)
@@ -133,4 +160,4 @@ def series(
         rows = rows.where(Publication.valid_to.is_(None) | (Publication.valid_to > start))
     if end is not None:
         rows = rows.where(Publication.valid_from < end)
-    return [(row[0], row[1], row[2], row[3]) for row in session.execute(rows)]
+    yield from session.execute(rows.execution_options(yield_per=1000)).mappings()

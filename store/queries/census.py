@@ -14,6 +14,8 @@ class Census:
     jobs: dict[str, int]
     oldest_queued_s: float
     frames: dict[str, int]
+    refusals: dict[str, int]
+    """Refused frames by the code of their refusal."""
     versions_published: int
 
 
@@ -26,9 +28,13 @@ def take_census(session: Session) -> Census:
         jobs=_count_by(session, Job.state),
         oldest_queued_s=oldest_wait_s(session),
         frames=_count_by(session, FrameRow.state),
+        refusals=_count_by(session, FrameRow.refusal_code),
         versions_published=session.scalar(in_force) or 0,
     )
 
 
-def _count_by(session: Session, column: InstrumentedAttribute[str]) -> dict[str, int]:
-    return {row[0]: row[1] for row in session.execute(select(column, func.count()).group_by(column))}
+def _count_by(
+    session: Session, column: InstrumentedAttribute[str] | InstrumentedAttribute[str | None]
+) -> dict[str, int]:
+    rows = select(column, func.count()).where(column.is_not(None)).group_by(column).order_by(column)
+    return {row[0]: row[1] for row in session.execute(rows)}

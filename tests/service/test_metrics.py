@@ -19,6 +19,8 @@ def test_metrics_count_what_the_database_holds(house):
     lines = house.http.get("/metrics").text.splitlines()
     assert 'stilb_jobs{state="failed"} 1' in lines
     assert 'stilb_frames{state="refused"} 1' in lines
+    assert 'stilb_refusals{code="not_a_raw_file"} 1' in lines
+    assert "stilb_uploads 1" in lines
     assert "stilb_oldest_queued_job_age_seconds 0.000" in lines
     assert "stilb_versions_published 0" in lines
 

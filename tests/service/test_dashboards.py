@@ -1,0 +1,120 @@
+"""Dashboards elsewhere: allowed origins, a hundred thousand rows at once, the files that docs/ gives away."""
+
+import csv
+import io
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from sqlalchemy import insert
+from starlette.testclient import TestClient
+
+from service.app import build_app
+from store.tables import CoefficientRow
+from tests.support.campaigns import calibrate, upload_campaign
+from tests.support.house import KEY
+from tests.support.live import serving
+from tests.support.measuring import field_frame, measure
+
+DOCS = Path(__file__).parents[2] / "docs"
+PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring"}
+
+
+@pytest.fixture
+def measured(house):
+    version = calibrate(house, upload_campaign(house, isos=(3200,)))
+    house.post(f"/v1/calibrations/{version['id']}/publish", PUBLICATION, status=200)
+    measure(house, field_frame(house, version["campaign_id"]), version)
+    return version
+
+
+def test_only_listed_origins_may_read(house):
+    settings = house.settings.model_copy(update={"cors_origins": "https://board.example, https://b.example/"})
+    context = house.app.state.context
+    app = build_app(replace(context, settings=settings))
+    asked = {"Access-Control-Request-Method": "GET", "Access-Control-Request-Headers": "authorization"}
+    with TestClient(app) as client:
+        answer = client.options("/v1/cameras", headers={"Origin": "https://b.example", **asked})
+        assert answer.headers["Access-Control-Allow-Origin"] == "https://b.example"
+        assert "Access-Control-Allow-Credentials" not in answer.headers
+        answer = client.options("/v1/cameras", headers={"Origin": "https://evil.example", **asked})
+        assert "Access-Control-Allow-Origin" not in answer.headers
+        asked["Access-Control-Request-Method"] = "POST"
+        answer = client.options("/v1/cameras", headers={"Origin": "https://b.example", **asked})
+        assert answer.status_code == 400
+        headers = {"Origin": "https://b.example", "Authorization": f"Bearer {KEY}"}
+        assert client.get("/v1/cameras", headers=headers).status_code == 200
+
+
+def test_a_hundred_thousand_rows_are_one_answer(house, measured):
+    if house.database.engine.dialect.name != "sqlite":
+        pytest.skip("the rows are the same on both databases; one is enough")
+    with house.database.writing("test") as session:
+        rows = [
+            {
+                "calibration_id": measured["id"],
+                "position": 100 + number,
+                "name": "luminance_k",
+                "value": 30.0 + number,
+                "standard_uncertainty": 0.5,
+                "unit": "DN*m2/(cd*s)",
+                "model": "proportional",
+                "flags": [],
+            }
+            for number in range(100_000)
+        ]
+        session.execute(insert(CoefficientRow), rows)
+    answer = house.http.get("/v1/series/coefficients", params={"format": "csv"})
+    lines = list(csv.DictReader(io.StringIO(answer.text)))
+    assert len(lines) == 100_002
+    assert float(lines[-1]["value"]) == 30.0 + 99_999
+    assert lines[-1]["valid_from"] == "2026-05-01T00:00:00Z"
+
+
+def test_measurements_are_a_series_too(house, measured):
+    (row,) = house.get("/v1/series/measurements")["rows"]
+    assert row["calibration_id"] == measured["id"]
+    assert row["mean_cd_m2"] > 0
+    text = house.http.get("/v1/series/measurements", params={"format": "csv"}).text
+    (line,) = csv.DictReader(io.StringIO(text))
+    assert float(line["mean_cd_m2"]) == row["mean_cd_m2"]
+    assert house.get("/v1/series/measurements", **{"from": "2200-01-01T00:00:00Z"})["rows"] == []
+
+
+def targets_of(dashboard):
+    return [target for panel in dashboard["panels"] for target in panel.get("targets", ())]
+
+
+@pytest.mark.usefixtures("measured")
+def test_every_panel_of_the_grafana_dashboard_finds_its_columns(house):
+    dashboard = json.loads((DOCS / "grafana-dashboard.json").read_text())
+    targets = targets_of(dashboard)
+    assert len(targets) >= 4
+    for target in targets:
+        assert target["datasource"]["type"] == "yesoreyeram-infinity-datasource"
+        path = re.sub(r"\$\{__from:date\}", "2026-01-01T00:00:00Z", target["url"])
+        path = re.sub(r"\$\{__to:date\}", "2030-01-01T00:00:00Z", path).removeprefix("${url}")
+        assert "$" not in path
+        rows = house.get(path)
+        for step in target["root_selector"].split("."):
+            rows = rows[step]
+        assert rows, path
+        columns = {column["selector"] for column in target["columns"]}
+        assert columns <= set().union(*(row.keys() for row in rows)), path
+
+
+def test_the_notebook_runs(house, measured, capsys, monkeypatch):
+    notebook = json.loads((DOCS / "notebook.ipynb").read_text(encoding="utf-8"))
+    assert notebook["nbformat"] == 4
+    monkeypatch.setenv("STILB_KEY", KEY)
+    names: dict = {}
+    with serving(house) as live:
+        monkeypatch.setenv("STILB_URL", live.url)
+        for cell in notebook["cells"]:
+            assert not cell.get("outputs")
+            if cell["cell_type"] == "code":
+                exec(compile("".join(cell["source"]), "notebook", "exec"), names)
+    (coefficient,) = [row for row in measured["coefficients"] if row["name"] == "luminance_k"]
+    assert f"luminance_k {coefficient['value']:.3f}" in capsys.readouterr().out

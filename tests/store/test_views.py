@@ -1,0 +1,61 @@
+"""What a dashboard reads with SQL: the views' columns stay, and their role reads nothing else."""
+
+import pytest
+from sqlalchemy import text
+from sqlalchemy.exc import ProgrammingError
+
+from tests.support.campaigns import calibrate, upload_campaign
+from tests.support.measuring import field_frame, measure
+
+COLUMNS = {
+    "coefficients": {
+        *("organisation", "camera_id", "make", "model_name", "serial", "method", "version", "calibration_id"),
+        *("name", "value", "standard_uncertainty", "unit", "iso", "f_number", "band", "channel", "model"),
+        *("valid_from", "valid_to", "reason"),
+    },
+    "measurements": {
+        *("organisation", "measurement_id", "camera_id", "campaign_id", "frame_id", "filename", "method"),
+        *("calibration_id", "calibration_version", "value", "standard_uncertainty", "unit", "created_at"),
+    },
+    "cameras": {
+        *("organisation", "camera_id", "make", "model_name", "serial", "lens_make", "lens_model"),
+        *("lens_serial", "pixel_pitch_um", "created_at"),
+    },
+    "jobs": {"organisation", "job_id", "kind", "state", "attempt", "created_at", "finished_at"},
+}
+
+
+def test_the_views_say_what_the_api_says(house):
+    campaign = upload_campaign(house, isos=(3200,))
+    version = calibrate(house, campaign)
+    publication = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring"}
+    house.post(f"/v1/calibrations/{version['id']}/publish", publication, status=200)
+    measured = measure(house, field_frame(house, campaign["id"]), version)
+    separator = "_" if house.database.engine.dialect.name == "sqlite" else "."
+    with house.database.engine.connect() as connection:
+        found = {
+            name: connection.execute(text(f"SELECT * FROM api_v1{separator}{name}")).mappings().all()
+            for name in COLUMNS
+        }
+    assert {name: set(rows[0].keys()) for name, rows in found.items()} == COLUMNS
+    series = house.get("/v1/series/coefficients")["rows"]
+    assert {(row["name"], row["value"]) for row in found["coefficients"]} == {
+        (row["name"], row["value"]) for row in series
+    }
+    (row,) = found["measurements"]
+    assert row["value"] == measured["mean"]["value"]
+    assert row["standard_uncertainty"] == measured["mean"]["standard_uncertainty"]
+    assert row["unit"] == "cd/m2"
+    assert [row["serial"] for row in found["cameras"]] == ["0K1XE8"]
+    assert {row["state"] for row in found["jobs"]} == {"succeeded"}
+
+
+def test_the_role_reads_the_views_and_nothing_else(database):
+    if database.engine.dialect.name == "sqlite":
+        pytest.skip("SQLite has no roles")
+    with database.engine.connect() as connection:
+        connection.execute(text("SET LOCAL ROLE stilb_read"))
+        connection.execute(text("SELECT * FROM api_v1.coefficients"))
+        for statement in ("SELECT * FROM calibration", "INSERT INTO slot VALUES (1, 'a', 'b', 'c')"):
+            with pytest.raises(ProgrammingError, match="permission denied"), connection.begin_nested():
+                connection.execute(text(statement))
