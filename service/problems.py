@@ -39,6 +39,7 @@ class HttpCode(StrEnum):
     CALIBRATION_REVOKED = "calibration_revoked"
     CERTIFICATE_INCOMPLETE = "certificate_incomplete"
     CHECKLIST_SIGNED = "checklist_signed"
+    NO_CHECKLIST = "no_checklist"
     PURGE_OUTDATED = "purge_outdated"
     NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"
     PREVIEW_NOT_READY = "preview_not_ready"

@@ -2,18 +2,18 @@
 
 from typing import Any
 
-from pydantic import TypeAdapter
-
+from radiometry.evidence import Figure
 from radiometry.flags import Flag
-from radiometry.luminance.budget import explain_budget
-from radiometry.luminance.results import IsoFit
 from radiometry.statistics import measure_signal
 from service.certificate.gaps import list_gaps
+from service.certificate.papers import describe_paper
+from service.certificate.words import say_statements, say_traceability, say_vignetting
 from service.certificate.work import describe_meters, describe_work
 from service.schemas.calibrations import Gap
 from service.schemas.certificates import (
     Budget,
     CertificateAnswer,
+    CertifiedCoefficient,
     CheckedItem,
     Checklist,
     FlagInWords,
@@ -24,44 +24,28 @@ from service.schemas.certificates import (
     Revoked,
     Signature,
     UsedFrame,
-    UsedMeter,
+    UsedPanel,
     UsedReading,
     Validity,
 )
 from service.schemas.equipment import CameraAnswer
-from store.codec import decode_statistics, drop_absent, encode, encode_statistics
+from store.codec import decode_statistics, drop_absent, encode_statistics
 from store.queries.dossier import Dossier
+from store.stating import state_budgets, state_coefficients
+from store.tables import ChannelRow
 
 SCHEMA_VERSION = 1
 
-_ISO_FIT = TypeAdapter(IsoFit)
 _SI = {"luminance": "cd/m2", "illuminance": "lx"}
-_EQUATION = "N - D = K X,  X = t S L / f²"
-_PROCEDURE = (
-    "Luminance coefficient K of a camera against a luminance meter, one per ISO value, after the standard "
-    "operating procedure “Drone Camera Calibration”; K by generalised least squares"
-)
-_STATEMENTS = """
-This certificate relates only to the item named on it, in the state in which it was calibrated, and within \
-the range of validity stated.
-Expanded uncertainties are standard uncertainties times the coverage factor k, taken from the t \
-distribution with the effective degrees of freedom for a coverage probability of about 95 %, evaluated \
-according to JCGM 100:2008.
-The verdict compares the largest deviation of a point from the luminance meter with the tolerance; the \
-measurement uncertainty is not taken into account in the decision.
-No correction for vignetting was applied: the coefficient holds for the region in which it was found.
-The frames, readings, regions and parameters named here suffice to compute every figure anew; each frame is \
-known by its SHA-256.
-This certificate may be reproduced only in full.
-"""
 _MEANINGS = {flag.value: flag.meaning for flag in Flag}
 
 
 def build_certificate(dossier: Dossier) -> CertificateAnswer:
     """The whole document, and what it lacks."""
     row = dossier.calibration
-    meters = describe_meters(dossier)
-    result = drop_absent(row.result)
+    meters, panels = describe_meters(dossier), _panels(dossier)
+    result, paper = drop_absent(row.result), describe_paper(row.method)
+    vignetting = say_vignetting(row.method, row.inputs.get("vignetting") or row.parameters.get("vignetting"))
     certificate = CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
@@ -70,20 +54,24 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         content_sha256=row.content_sha256,
         version=row.version,
         method=row.method,
-        procedure=_PROCEDURE,
-        equation=_EQUATION,
+        procedure=paper.procedure,
+        equation=paper.equation,
+        configuration=row.configuration,
         laboratory=Laboratory(name=dossier.organisation.name, address=dossier.organisation.address),
         item=Item(**CameraAnswer.of(dossier.camera).model_dump()),
         work=describe_work(dossier),
         meters=meters,
-        traceability=_traceability(meters),
+        panels=panels,
+        traceability=say_traceability(row.method, meters, panels),
         readings=_readings(dossier),
-        regions=[Region(sha256=key, points=points) for key, points in row.inputs["rois"].items()],
+        regions=_regions(dossier),
         frames=[_frame(dossier, used) for used in row.inputs["frames"]],
+        target=row.inputs.get("target"),
         parameters=drop_absent(row.parameters),
         result=result,
-        budgets=[_budget(fit) for fit in row.result["iso_fits"]],
-        vignetting="none",
+        coefficients=_coefficients(dossier),
+        budgets=[Budget(**budget) for budget in state_budgets(row.method, row.result)],
+        vignetting=vignetting,
         flags=[FlagInWords(**flag, meaning=_MEANINGS[flag["flag"]]) for flag in result["flags"]],
         checklist=_checklist(dossier),
         software={**row.software, "extractor": row.inputs["extractor"]},
@@ -91,7 +79,7 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         created_at=row.created_at,
         published=_published(dossier),
         validity=_validity(dossier),
-        statements=_STATEMENTS.strip().splitlines(),
+        statements=say_statements(row.method, vignetting),
     )
     gaps = [Gap(code=found.code.value, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
@@ -102,7 +90,29 @@ def _name(dossier: Dossier, key_id: str) -> str:
     return dossier.names.get(key_id, key_id)
 
 
+def _panels(dossier: Dossier) -> list[UsedPanel]:
+    return [UsedPanel.model_validate(panel) for panel in dossier.calibration.inputs.get("panels", [])]
+
+
+def _regions(dossier: Dossier) -> list[Region]:
+    inputs = dossier.calibration.inputs
+    parts = inputs.get("roi_parts", {})
+    return [Region(sha256=key, points=points, parts=parts.get(key)) for key, points in inputs["rois"].items()]
+
+
+def _coefficients(dossier: Dossier) -> list[CertifiedCoefficient]:
+    version = dossier.calibration
+    figures = [
+        {name: getattr(row, name) for name in Figure.__dataclass_fields__} for row in dossier.coefficients
+    ]
+    stated = state_coefficients(version.method, version.result, figures)
+    return [CertifiedCoefficient(**figure) for figure in stated]
+
+
 def _readings(dossier: Dossier) -> list[UsedReading]:
+    """Of meters; a panel's reflectances stand with the panel."""
+    if dossier.calibration.method != "luminance":
+        return []
     found = zip(dossier.calibration.inputs["readings"], dossier.readings, strict=True)
     return [
         UsedReading(
@@ -119,8 +129,6 @@ def _readings(dossier: Dossier) -> list[UsedReading]:
 
 def _frame(dossier: Dossier, used: dict[str, Any]) -> UsedFrame:
     found = dossier.frames[used["sha256"]]
-    statistics = [decode_statistics(row) for row in found.statistics]
-    signal = measure_signal(statistics, channel=dossier.calibration.parameters["channel"])
     return UsedFrame(
         id=found.row.id,
         frame=used["frame"],
@@ -128,33 +136,27 @@ def _frame(dossier: Dossier, used: dict[str, Any]) -> UsedFrame:
         size_bytes=found.size_bytes,
         role=used["role"],
         scene=used.get("scene"),
-        exposure=drop_absent(used["exposure"]),
+        exposure=drop_absent(used.get("exposure")),
         taken_at=(found.row.header or {}).get("taken_at"),
         roi_sha256=used["roi_sha256"],
         warnings=[_MEANINGS[flag] for flag in found.row.warnings if flag in _MEANINGS],
-        signal_dn=signal.value_dn,
-        signal_standard_uncertainty_dn=signal.standard_uncertainty_dn,
-        statistics=[encode_statistics(row) for row in statistics],
+        **_measured(dossier, found.statistics),
     )
 
 
-def _budget(stored: dict[str, Any]) -> Budget:
-    fit = _ISO_FIT.validate_python(stored)
-    return Budget(iso=fit.coefficient.iso, lines=[drop_absent(encode(line)) for line in explain_budget(fit)])
-
-
-def _traceability(meters: list[UsedMeter]) -> str:
-    """Through which certificates the figures hang on the units they are given in."""
-    luminance = [meter for meter in meters if meter.kind == "luminance"]
-    named = [
-        f"{meter.make} {meter.model}, serial number {meter.serial}: "
-        f"certificate {meter.certificate.number} of {meter.certificate.laboratory}"
-        for meter in luminance
-        if meter.certificate
-    ]
-    if not named:
-        return "Not shown: no luminance meter of these readings is known with a certificate."
-    return f"Luminance is traceable through {'; '.join(named)}."
+def _measured(dossier: Dossier, rows: list[ChannelRow]) -> dict[str, Any]:
+    """The statistics of a frame; of luminance also the signal that entered the fit."""
+    statistics = [decode_statistics(row) for row in rows]
+    stored = {"statistics": [encode_statistics(row) for row in statistics]}
+    version = dossier.calibration
+    if version.method != "luminance":
+        return stored
+    signal = measure_signal(statistics, channel=version.parameters["channel"])
+    return {
+        **stored,
+        "signal_dn": signal.value_dn,
+        "signal_standard_uncertainty_dn": signal.standard_uncertainty_dn,
+    }
 
 
 def _checklist(dossier: Dossier) -> Checklist:

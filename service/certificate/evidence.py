@@ -3,7 +3,8 @@
 from collections import defaultdict
 
 from service.certificate.figures import in_print, in_step, optional, percent, plain, stamp
-from service.certificate.sheet import Node, figure, flow, section, table
+from service.certificate.regions import region_blocks
+from service.certificate.sheet import Node, flow, section, table
 
 
 def evidence_sections(certificate: Node, preview: str) -> list[Node]:
@@ -12,7 +13,7 @@ def evidence_sections(certificate: Node, preview: str) -> list[Node]:
     return [
         section("Meters", [_meters(certificate)]),
         section("Scenes and readings", [_scenes(certificate), _readings(certificate)]),
-        section("Region", [*_regions(certificate), *([_drawn(preview)] if preview else [])]),
+        section("Region", region_blocks(certificate, preview)),
         section("Light frames", [_frames([f for f in frames if f["role"] == "light"])]),
         section("Dark frames", [_dark(certificate), _frames([f for f in frames if f["role"] == "dark"])]),
     ]
@@ -78,25 +79,6 @@ def _entered(reading: Node) -> str:
     if "entered_value" not in reading:
         return "-"
     return f"{plain(reading['entered_value'], 6)} {in_print(reading['entered_unit'])}"
-
-
-def _regions(certificate: Node) -> list[Node]:
-    used: dict[str, int] = defaultdict(int)
-    for frame in certificate["frames"]:
-        used[frame["roi_sha256"]] += 1
-    rows = [
-        [
-            " ".join(f"({plain(x, 7)}, {plain(y, 7)})" for x, y in region["points"]),
-            str(used[region["sha256"]]),
-            region["sha256"],
-        ]
-        for region in certificate["regions"]
-    ]
-    return [table(["corners (x, y) [px]", "frames", "SHA-256"], rows, align="lrh", widths=[4, 0.7, 3])]
-
-
-def _drawn(preview: str) -> Node:
-    return figure(preview, "The region on a frame's preview.", width=0.62)
 
 
 def _frames(frames: list[Node]) -> Node:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
+from service.certificate.papers import describe_paper
 from service.schemas.certificates import CertificateAnswer, UsedMeter
 
 _MOST_NAMED = 3
@@ -23,6 +24,8 @@ class GapCode(StrEnum):
     METER_CERTIFICATE_MISSING = "meter_certificate_missing"
     METER_CERTIFICATE_EXPIRED = "meter_certificate_expired"
     METER_CERTIFICATE_NOT_YET_ISSUED = "meter_certificate_not_yet_issued"
+    PANEL_UNKNOWN = "panel_unknown"
+    PANEL_UNCERTAINTY_MISSING = "panel_uncertainty_missing"
     CHECKLIST_INCOMPLETE = "checklist_incomplete"
     CHECKLIST_UNSIGNED = "checklist_unsigned"
 
@@ -45,6 +48,7 @@ def list_gaps(certificate: CertificateAnswer) -> list[Found]:
         *_unnamed(certificate),
         *(found for meter in certificate.meters for found in _of_meter(meter)),
         *_of_readings(certificate),
+        *_of_panels(certificate),
         *_of_checklist(certificate),
     ]
 
@@ -52,6 +56,7 @@ def list_gaps(certificate: CertificateAnswer) -> list[Found]:
 def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
     """7.8.2.1 b, c, e, g, i, o and 7.8.4.1 b: what somebody has to write down."""
     work = certificate.work
+    lens = certificate.item.lens or not describe_paper(certificate.method).holds_for_lens or None
     for said, code, message in (
         (
             certificate.laboratory.address,
@@ -80,9 +85,9 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
             "Who recorded the measurements is not named: write it on the campaign.",
         ),
         (
-            certificate.item.lens,
+            lens,
             GapCode.LENS_MISSING,
-            "The lens is not named, and K holds for one lens only: register the camera with its lens.",
+            "The lens is not named, and the result holds for one lens only: register it with the camera.",
         ),
     ):
         if said is None:
@@ -123,9 +128,32 @@ def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
         )
 
 
+def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
+    """7.8.4.1 c: what the reflectances hang on."""
+    if certificate.method != "reflectance":
+        return
+    if not certificate.panels:
+        yield Found(
+            code=GapCode.PANEL_UNKNOWN,
+            message="The panel is not registered, its reflectance is what the files say: send it with "
+            "POST /v1/panels, then fit again.",
+        )
+    fitted = {coefficient.band for coefficient in certificate.coefficients}
+    for panel in certificate.panels:
+        bands = [each.band for each in panel.bands if each.band in fitted and not each.standard_uncertainty]
+        if bands:
+            yield Found(
+                code=GapCode.PANEL_UNCERTAINTY_MISSING,
+                message=f"Of the panel {panel.serial} nobody has said how sure its reflectance is in "
+                f"{', '.join(bands)}: send it as measured with its standard_uncertainty, then fit again.",
+            )
+
+
 def _of_checklist(certificate: CertificateAnswer) -> Iterator[Found]:
     """7.8.2.1 n and o: what of the procedure was not done, and who answers for the rest."""
     items = certificate.checklist.items
+    if not items:
+        return  # only the luminance procedure has one
     waiting = [item.text for item in items if item.done_by is None]
     if waiting:
         named = "; ".join(waiting[:_MOST_NAMED])

@@ -1,8 +1,10 @@
 """The sheets of a certificate: titles, tables and figures with every number as text, read off its JSON.
 
-Whatever is printed comes from the dictionary that is served as certificate.json, and from nothing else.
+Whatever is printed comes from the dictionary that is served as certificate.json, and from nothing else. A
+luminance certificate has sheets of its own; all other methods share theirs.
 """
 
+from service.certificate import general
 from service.certificate.evidence import evidence_sections
 from service.certificate.figures import degrees, in_print, in_step, percent, plain, stamp
 from service.certificate.results import result_sections
@@ -19,6 +21,7 @@ _LEGEND = "u(K) standard, U(K) expanded uncertainty, k coverage factor (95 %), d
 
 def lay_out(certificate: Node, preview: str) -> Node:
     """Everything that the template sets. ``preview``: an SVG of a frame with the region, or nothing."""
+    is_luminance = certificate["method"] == "luminance"
     return {
         "title": certificate["title"],
         "number": certificate["number"],
@@ -26,15 +29,18 @@ def lay_out(certificate: Node, preview: str) -> Node:
         "stamp": _STAMPS[certificate["validity"]["state"]],
         "item": _item(certificate),
         "work": _work(certificate),
-        "results": _summary(certificate),
-        "summary": _sentences(certificate),
+        "results": _summary(certificate) if is_luminance else general.summarise(certificate),
+        "summary": _sentences(certificate) if is_luminance else general.say_summary(certificate),
         "authority": _authority(certificate),
         "gaps": [gap["message"] for gap in certificate["gaps"]],
         "flags": [_flag(flag) for flag in certificate["flags"]],
         "sections": [
-            *result_sections(certificate),
-            *evidence_sections(certificate, preview),
-            _checklist(certificate),
+            *(
+                [*result_sections(certificate), *evidence_sections(certificate, preview)]
+                if is_luminance
+                else general.list_sections(certificate, preview)
+            ),
+            *([_checklist(certificate)] if certificate["checklist"]["items"] else []),
             _software(certificate),
         ],
         "statements": certificate["statements"],

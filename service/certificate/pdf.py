@@ -42,17 +42,21 @@ def _compiler(content: str) -> typst.Compiler:
     )
 
 
-def draw_region(png: bytes, width_px: int, height_px: int, corners: Sequence[Sequence[float]]) -> str:
-    """SVG of a frame's preview with the region on it, in the frame's own pixels."""
+def draw_region(
+    png: bytes, width_px: int, height_px: int, polygons: Sequence[Sequence[Sequence[float]]]
+) -> str:
+    """SVG of a frame's preview with the parts of its region on it, in the frame's own pixels."""
     picture = base64.b64encode(png).decode()
-    points = " ".join(f"{x:g},{y:g}" for x, y in corners)
     stroke = max(width_px, height_px) / 300
+    drawn = "".join(
+        f'<polygon points="{" ".join(f"{x:g},{y:g}" for x, y in corners)}" fill="#ffd400" '
+        f'fill-opacity="0.12" stroke="#ffd400" stroke-width="{stroke:.2f}"/>'
+        for corners in polygons
+    )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width_px} {height_px}">'
         f'<image href="data:image/png;base64,{picture}" width="{width_px}" height="{height_px}" '
-        'preserveAspectRatio="none"/>'
-        f'<polygon points="{points}" fill="#ffd400" fill-opacity="0.12" stroke="#ffd400" '
-        f'stroke-width="{stroke:.2f}"/></svg>'
+        f'preserveAspectRatio="none"/>{drawn}</svg>'
     )
 
 

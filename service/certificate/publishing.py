@@ -11,8 +11,6 @@ from store.tables import Calibration, Organisation
 
 def warn_of_gaps(session: Session, calibration: Calibration) -> list[Gap]:
     """The gaps of a version's certificate; 409 when its organisation publishes nothing that has any."""
-    if calibration.method != "luminance":
-        return []
     gaps = build_certificate(gather_dossier(session, calibration)).gaps
     organisation = session.get_one(Organisation, calibration.organisation_id)
     if gaps and organisation.refuses_incomplete_certificates:

@@ -50,19 +50,19 @@ def _gather(session: Session, calibration_id: str, caller: Caller) -> Dossier:
 
 
 def _draw_preview(dossier: Dossier, blobs: Blobs) -> str:
-    """The largest light frame that has a preview, with the region in which it was measured."""
-    regions = dossier.calibration.inputs["rois"]
+    """The largest frame of something lit that has a preview, with the region in which it was measured."""
+    inputs = dossier.calibration.inputs
     candidates = [
-        (used, dossier.frames[used["sha256"]].row)
-        for used in dossier.calibration.inputs["frames"]
-        if used["role"] == "light"
+        (used, dossier.frames[used["sha256"]].row) for used in inputs["frames"] if used["role"] != "dark"
     ]
     shown = [(used, row, row.header) for used, row in candidates if row.header and row.preview_sha256]
     if not shown:
         return ""
     used, row, header = max(shown, key=lambda one: one[2]["width_px"] * one[2]["height_px"])
     png = b"".join(blobs.open(row.preview_sha256 or ""))
-    return draw_region(png, header["width_px"], header["height_px"], regions[used["roi_sha256"]])
+    key = used["roi_sha256"]
+    parts = inputs.get("roi_parts", {}).get(key) or [{"points": inputs["rois"][key]}]
+    return draw_region(png, header["width_px"], header["height_px"], [part["points"] for part in parts])
 
 
 def _answer(

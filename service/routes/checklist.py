@@ -8,9 +8,9 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem, invalid
 from service.routes import problems
-from service.schemas.checklist import ChecklistAnswer, ChecklistChange
+from service.schemas.checklist import ChecklistAnswer, ChecklistChange, say_without_checklist
 from service.writing import Reply, Writes
-from store.queries.checklist import KEYS, read_checklist, read_signature, set_tick, sign
+from store.queries.checklist import KEYS, has_checklist, read_checklist, read_signature, set_tick, sign
 from store.tables import Campaign
 
 router = APIRouter(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checklist"])
@@ -18,7 +18,10 @@ router = APIRouter(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checkl
 
 @router.get("", response_model=ChecklistAnswer, responses=problems(404))
 def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext) -> Response:
-    """The items of the printed checklist, who ticked each and from what it follows."""
+    """The items of the printed checklist, who ticked each and from what it follows.
+
+    Only the luminance procedure has one: of another method's campaign there are no items, and `said` says so.
+    """
     with context.database.reading() as session:
         return _answer(session, owned(session, Campaign, campaign_id, caller)).respond()
 
@@ -29,6 +32,8 @@ def change_checklist(campaign_id: Id, body: ChecklistChange, caller: Calibrator,
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
+        if not has_checklist(campaign):
+            raise Problem(409, HttpCode.NO_CHECKLIST, say_without_checklist(campaign.method))
         signature = read_signature(session, campaign)
         if signature is not None and body.signature is None:
             raise Problem(
@@ -63,6 +68,9 @@ def _refuse_unknown(body: ChecklistChange) -> None:
 
 
 def _answer(session: Session, campaign: Campaign) -> ChecklistAnswer:
-    return ChecklistAnswer.of(
+    answer = ChecklistAnswer.of(
         campaign.id, read_checklist(session, campaign), read_signature(session, campaign)
     )
+    if has_checklist(campaign):
+        return answer
+    return answer.model_copy(update={"said": say_without_checklist(campaign.method)})

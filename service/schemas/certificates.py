@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from radiometry.methods import Method
 from service.schemas.base import Answer, Instant
 from service.schemas.calibrations import Gap, State
 from service.schemas.equipment import Certificate as MeterCertificate
@@ -56,6 +57,20 @@ class UsedMeter(Answer):
     last_day: date | None = None
 
 
+class PanelBand(Answer):
+    band: str
+    reflectance: float
+    standard_uncertainty: float | None = None
+
+
+class UsedPanel(Answer):
+    """The panel that a reflectance was measured against, as it was measured on that day."""
+
+    serial: str
+    measured_on: date
+    bands: list[PanelBand]
+
+
 class UsedReading(Answer):
     """``value`` in SI; the last two as the fit took them from the meter's certificate."""
 
@@ -73,28 +88,53 @@ class UsedReading(Answer):
 
 
 class UsedFrame(Answer):
+    """``exposure`` : absent of a chart that states none; ``signal_dn`` : of luminance, from its channel."""
+
     id: str
     frame: str = Field(description="Its name in the fit: the file's, where no two share one.")
     sha256: str
     size_bytes: int
     role: str
     scene: str | None = None
-    exposure: dict[str, Any]
+    exposure: dict[str, Any] | None = None
     taken_at: str | None = None
     roi_sha256: str
     warnings: list[str]
-    signal_dn: float
-    signal_standard_uncertainty_dn: float
+    signal_dn: float | None = None
+    signal_standard_uncertainty_dn: float | None = None
     statistics: list[dict[str, Any]]
 
 
 class Region(Answer):
+    """``parts`` : name and points of each, where there are several; ``points`` are then those around them."""
+
     sha256: str
     points: list[Any]
+    parts: list[Any] | None = None
+
+
+class CertifiedCoefficient(Answer):
+    """A coefficient with its expanded uncertainty U = k u; what it does not depend on is absent."""
+
+    name: str
+    value: float
+    standard_uncertainty: float
+    expanded_uncertainty: float
+    coverage_factor: float
+    unit: str
+    iso: float | None = None
+    f_number: float | None = None
+    band: str | None = None
+    channel: str | None = None
+    model: str
+    flags: list[str]
 
 
 class Budget(Answer):
-    iso: float
+    """Of the coefficient at an ISO value, or of a band."""
+
+    iso: float | None = None
+    band: str | None = None
     lines: list[dict[str, Any]]
 
 
@@ -158,16 +198,19 @@ _EXAMPLE: dict[str, Any] = {
     "method": "luminance",
     "procedure": "Luminance coefficient of a camera against a luminance meter",
     "equation": "N - D = K X,  X = t S L / f^2",
+    "configuration": {},
     "laboratory": {"name": "City of Lansing"},
     "item": {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"},
     "work": {"campaign_id": "cmp_1"},
     "meters": [],
+    "panels": [],
     "traceability": "No meter of these readings has a certificate.",
     "readings": [],
     "regions": [],
     "frames": [],
     "parameters": {},
     "result": {},
+    "coefficients": [],
     "budgets": [],
     "vignetting": "none",
     "flags": [],
@@ -193,21 +236,25 @@ class CertificateAnswer(Answer):
     calibration_id: str
     content_sha256: str
     version: int
-    method: str
+    method: Method
     procedure: str
     equation: str
+    configuration: dict[str, Any] = Field(description="What else it holds for: lens, sunshine sensor.")
     laboratory: Laboratory
     item: Item
     work: Work
     meters: list[UsedMeter]
+    panels: list[UsedPanel]
     traceability: str
     readings: list[UsedReading]
     regions: list[Region]
     frames: list[UsedFrame]
+    target: dict[str, Any] | None = Field(default=None, description="What the charts show.")
     parameters: dict[str, Any]
     result: dict[str, Any]
+    coefficients: list[CertifiedCoefficient]
     budgets: list[Budget]
-    vignetting: str
+    vignetting: str = Field(description="What the signals were corrected with.")
     flags: list[FlagInWords]
     checklist: Checklist
     software: dict[str, Any]

@@ -97,6 +97,7 @@ class ChecklistAnswer(Answer):
     open: int
     items: list[ItemAnswer]
     signature: SignatureAnswer | None = None
+    said: str | None = Field(default=None, description="Why there are no items, where there are none.")
 
     @classmethod
     def of(
@@ -110,3 +111,8 @@ class ChecklistAnswer(Answer):
             items=[ItemAnswer.model_validate(item) for item in items],
             signature=SignatureAnswer.model_validate(signature) if signature else None,
         )
+
+
+def say_without_checklist(method: str) -> str:
+    """Why a campaign has no items."""
+    return f"The printed checklist is that of the luminance procedure; a {method} campaign has none."

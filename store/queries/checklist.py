@@ -52,7 +52,12 @@ class ChecklistItem:
 
 
 def read_checklist(session: Session, campaign: Campaign) -> list[ChecklistItem]:
-    """Every item in the print's order. What a person says of an item stands before what the record says."""
+    """Every item in the print's order. What a person says of an item stands before what the record says.
+
+    The printed checklist is that of the luminance procedure: a campaign of another method has none.
+    """
+    if not has_checklist(campaign):
+        return []
     found = find(_gather_facts(session, campaign))
     times = _times(session, campaign)
     ticks = {
@@ -60,6 +65,10 @@ def read_checklist(session: Session, campaign: Campaign) -> list[ChecklistItem]:
         for tick in session.scalars(select(ChecklistTick).where(ChecklistTick.campaign_id == campaign.id))
     }
     return [_stand(item, found.get(item.key), ticks.get(item.key), times) for item in ITEMS]
+
+
+def has_checklist(campaign: Campaign) -> bool:
+    return campaign.method == "luminance"
 
 
 def read_signature(session: Session, campaign: Campaign) -> ChecklistSignature | None:

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from store.queries.calibrations import Standing, standings
+from store.queries.calibrations import Standing, coefficients_of, standings
 from store.queries.checklist import ChecklistItem, read_checklist, read_signature
 from store.queries.decisions import Act, key_names, list_publishings
 from store.queries.frames import channel_rows
@@ -18,6 +18,7 @@ from store.tables import (
     Campaign,
     ChannelRow,
     ChecklistSignature,
+    CoefficientRow,
     Extraction,
     FrameRow,
     Meter,
@@ -48,7 +49,8 @@ class FrameAsUsed:
 class Dossier:
     """``readings``: of each reading in the version's inputs, the row it was; None where no row fits.
 
-    ``frames``: by content hash. ``names``: of every key that appears, its name.
+    ``coefficients``: in the version's order. ``frames``: by content hash. ``names``: of every key that
+    appears, its name.
     """
 
     calibration: Calibration
@@ -58,6 +60,7 @@ class Dossier:
     standing: Standing
     revocation: Revocation | None
     acts: list[Act]
+    coefficients: list[CoefficientRow]
     readings: list[Reading | None]
     meters: dict[str, MeterAsUsed]
     frames: dict[str, FrameAsUsed]
@@ -78,6 +81,7 @@ def gather_dossier(session: Session, calibration: Calibration) -> Dossier:
         standing=standings(session, [calibration.id])[calibration.id],
         revocation=session.get(Revocation, calibration.id),
         acts=_acts(session, calibration),
+        coefficients=coefficients_of(session, [calibration.id])[calibration.id],
         readings=readings,
         meters=_meters_used(session, readings, calibration),
         frames=_frames_used(session, calibration),
@@ -95,7 +99,9 @@ def _acts(session: Session, calibration: Calibration) -> list[Act]:
 
 
 def _readings_used(session: Session, calibration: Calibration) -> list[Reading | None]:
-    """Find the row of each reading that went in, also where it was withdrawn later."""
+    """Find the row of each meter reading that went in, also where it was withdrawn later."""
+    if calibration.method != "luminance":
+        return []
     rows = session.execute(
         select(Reading, Meter)
         .outerjoin(Meter, Meter.id == Reading.meter_id)
@@ -120,7 +126,7 @@ def _meters_used(
     meters = session.scalars(select(Meter).where(Meter.id.in_(ids)).order_by(Meter.id))
     certificates = {
         (used["kind"], used["make"], used["model"], used["serial"]): used.get("certificate", {})
-        for used in calibration.inputs["meters"]
+        for used in calibration.inputs.get("meters", [])
     }
     return {
         meter.id: MeterAsUsed(

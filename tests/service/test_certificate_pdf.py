@@ -161,7 +161,7 @@ def test_words_are_text_and_never_markup(certificate):
 
 
 def test_the_region_is_drawn_where_it_lies():
-    svg = draw_region(b"png", 400, 300, [[10, 20], [110.5, 20], [110, 80]])
+    svg = draw_region(b"png", 400, 300, [[[10, 20], [110.5, 20], [110, 80]]])
     assert 'viewBox="0 0 400 300"' in svg
     assert 'points="10,20 110.5,20 110,80"' in svg
 

@@ -1,0 +1,192 @@
+"""The sheets that all methods but luminance share: coefficients, budgets, panels, regions, frames, points."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+from service.certificate.figures import in_print, in_step, optional, percent, plain
+from service.certificate.papers import Column, describe_paper
+from service.certificate.regions import region_blocks
+from service.certificate.sheet import Node, facts, flow, section, table
+
+_LEGEND = "u standard, U = k u expanded uncertainty, k coverage factor (95 %)."
+_EXACT = "held"
+
+
+def summarise(certificate: Node) -> Node:
+    """The first page's table: the coefficients that a reader looks for."""
+    headlines = describe_paper(certificate["method"]).headlines
+    return _tabulate([row for row in certificate["coefficients"] if row["name"] in headlines])
+
+
+def say_summary(certificate: Node) -> list[str]:
+    """What stands below it."""
+    return [
+        f"{certificate['procedure']}. {certificate['equation']}.",
+        _LEGEND,
+        certificate["traceability"],
+    ]
+
+
+def list_sections(certificate: Node, preview: str) -> list[Node]:
+    """From the result to the last point."""
+    headlines = describe_paper(certificate["method"]).headlines
+    others = [row for row in certificate["coefficients"] if row["name"] not in headlines]
+    return [
+        section("Result", [facts(_conditions(certificate))]),
+        *([section("Further coefficients", [_tabulate(others)])] if others else []),
+        *(section(f"Uncertainty, {budget['band']}", [_budget(budget)]) for budget in certificate["budgets"]),
+        *([section("Panel", list(_panels(certificate)))] if certificate["panels"] else []),
+        section("Region", region_blocks(certificate, preview)),
+        *_frames(certificate),
+        section("Points of the fit", [_points(certificate)]),
+    ]
+
+
+def _tabulate(rows: list[Node]) -> Node:
+    """Coefficients with what each holds for, in the version's order."""
+    printed = []
+    for row in rows:
+        value, u = in_step(row["value"], row["standard_uncertainty"])
+        _, expanded = in_step(row["value"], row["expanded_uncertainty"])
+        exact = row["standard_uncertainty"] == 0.0
+        printed.append(
+            [
+                row["name"],
+                _holds_for(row),
+                value,
+                _EXACT if exact else u,
+                "-" if exact else expanded,
+                "-" if exact else f"{row['coverage_factor']:.2f}",
+                in_print(row["unit"]),
+            ]
+        )
+    head = ["coefficient", "of", "value", "u", "U", "k", "unit"]
+    return table(head, printed, align="llrrrrl", widths=[2.6, 2.6, 1.4, 1, 1, 0.6, 1])
+
+
+def _holds_for(row: Node) -> str:
+    """ISO value, f-number, band or channel, and of sharpness the position that its model names."""
+    _, _, position = row["model"].partition(":")
+    named = [
+        f"ISO {plain(row['iso'])}" if "iso" in row else "",
+        f"f/{plain(row['f_number'])}" if "f_number" in row else "",
+        row.get("channel", row.get("band", "")),
+        position if " " not in position else "",
+    ]
+    return ", ".join(name for name in named if name) or "-"
+
+
+def _conditions(certificate: Node) -> list[list[str]]:
+    """What the result holds for and was made with, a line each."""
+    rows = [["Camera", f"{certificate['item']['make']} {certificate['item']['model']}"]]
+    for name, value in _flatten(certificate["configuration"]):
+        rows.append([name, value])
+    for name, value in _flatten({"target": certificate.get("target", {})}):
+        rows.append([name, value])
+    rows += [[f"parameter {name}", value] for name, value in _flatten(certificate["parameters"])]
+    scalars = {
+        name: value for name, value in certificate["result"].items() if not isinstance(value, list | dict)
+    }
+    rows += [list(pair) for pair in _flatten(scalars)]
+    return [[label.replace("_", " "), said] for label, said in rows]
+
+
+def _flatten(node: Node, stem: str = "") -> Iterator[tuple[str, str]]:
+    for name, value in node.items():
+        label = f"{stem} {name}".strip()
+        if isinstance(value, dict):
+            yield from _flatten(value, label)
+        elif isinstance(value, list):
+            yield label, "; ".join(_say(member) for member in value) or "none"
+        else:
+            yield label, _say(value)
+
+
+def _say(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {said}" for name, said in _flatten(value))
+    return plain(value, 6) if isinstance(value, int | float) else str(value)
+
+
+def _budget(budget: Node) -> Node:
+    rows = [
+        [
+            line["source"],
+            line["kind"],
+            percent(line["u_rel"]),
+            plain(line["u"], 3),
+            percent(line["variance_share"]),
+        ]
+        for line in budget["lines"]
+    ]
+    caption = "Uncertainty budget of K. Type A from scatter, B from elsewhere."
+    head = ["source", "type", "u(K)/K", "u(K)", "share of u²"]
+    return table(head, rows, align="llrrr", widths=[3, 0.6, 1.2, 1.2, 1.2], caption=caption)
+
+
+def _panels(certificate: Node) -> Iterator[Node]:
+    for panel in certificate["panels"]:
+        yield facts([["Serial number", panel["serial"]], ["Measured on", panel["measured_on"]]])
+        rows = [
+            [
+                band["band"],
+                plain(band["reflectance"], 6),
+                optional(band, "standard_uncertainty", plain),
+            ]
+            for band in panel["bands"]
+        ]
+        yield table(["band", "R", "u(R)"], rows, align="lrr", widths=[2, 1, 1])
+
+
+def _frames(certificate: Node) -> Iterator[Node]:
+    """One section a role, in the order in which they first appear."""
+    by_role: dict[str, list[Node]] = defaultdict(list)
+    for frame in certificate["frames"]:
+        by_role[frame["role"]].append(frame)
+    for role, frames in by_role.items():
+        yield section(f"{role.capitalize()} frames", [_frame_table(frames)])
+
+
+def _frame_table(frames: list[Node]) -> Node:
+    rows = []
+    for frame in frames:
+        exposure = frame.get("exposure", {})
+        means = [f"{row['channel']} {plain(row['mean_dn'], 6)}" for row in frame["statistics"]]
+        rows.append(
+            [
+                "\n".join([frame["frame"], *frame["warnings"]]),
+                optional(exposure, "exposure_time_s", plain),
+                optional(exposure, "f_number", plain),
+                optional(exposure, "iso", plain),
+                ", ".join(means) or "-",
+                frame["sha256"],
+            ]
+        )
+    head = ["frame", "t [s]", "f/", "ISO", "mean [DN]", "SHA-256"]
+    return table(head, rows, align="lrrrlh", widths=[2.4, 0.8, 0.5, 0.8, 2.2, 3])
+
+
+def _points(certificate: Node) -> Node:
+    columns = describe_paper(certificate["method"]).columns
+    points = certificate["result"]["points"]
+    if not points:
+        return flow("None.")
+    rows = [[*(_cell(point, column) for column in columns), point["left_out"] or "used"] for point in points]
+    return table(
+        [*(column.head for column in columns), "in the fit"],
+        rows,
+        align="".join("l" if column.form == "text" else "r" for column in columns) + "l",
+        widths=[*(column.share for column in columns), 1.6],
+    )
+
+
+def _cell(point: Node, column: Column) -> str:
+    match column.form:
+        case "text":
+            return optional(point, column.name) or "-"
+        case "number":
+            return optional(point, column.name, plain)
+        case "percent":
+            return optional(point, column.name, percent)

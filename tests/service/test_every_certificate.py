@@ -1,0 +1,214 @@
+"""The certificate of every method: complete, without null, printed, published; of what it lacks, warned."""
+
+import io
+import math
+import re
+
+import pypdf
+import pytest
+
+from radiometry import methods
+from service.certificate import render_pdf
+from service.certificate.gaps import GapCode, list_gaps
+from service.certificate.papers import describe_paper
+from service.schemas.certificates import CertificateAnswer
+from tests.support.certificates import certificate_of
+from tests.support.every_method import (
+    BOARD,
+    PANEL_REFLECTANCE,
+    PANEL_U,
+    fit,
+    make_version,
+    reflectance_campaign,
+    register_panel,
+)
+
+OTHERS = [method for method in methods.METHODS if method != "luminance"]
+# with a point, and no part of a name, a version or a date
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
+
+
+@pytest.fixture(scope="module")
+def version_of(sqlite_house):
+    """Makes a method's version when a test first asks for it."""
+    made = {}
+
+    def bring(method):
+        if method not in made:
+            made[method] = make_version(sqlite_house, method)
+        return made[method]
+
+    return bring
+
+
+@pytest.fixture
+def certificate_by(sqlite_house, version_of):
+    return lambda method: certificate_of(sqlite_house, version_of(method))
+
+
+def leaves(value):
+    members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+    return [value] if members is None else [leaf for member in members for leaf in leaves(member)]
+
+
+@pytest.mark.parametrize("method", OTHERS)
+def test_it_carries_what_the_version_rests_on(sqlite_house, version_of, certificate_by, method):
+    version, certificate = version_of(method), certificate_by(method)
+    CertificateAnswer.model_validate(certificate)
+    assert None not in leaves(certificate)
+    assert certificate["number"].endswith(f"-{method}-1")
+    assert certificate["content_sha256"] == version["content_sha256"]
+    assert certificate["configuration"] == version["configuration"]
+    assert certificate["procedure"] != ""
+    used = {frame["frame"]: frame for frame in certificate["frames"]}
+    assert {point["frame"] for point in version["points"]} <= used.keys()
+    for frame in used.values():
+        row = sqlite_house.get(f"/v1/frames/{frame['id']}")
+        assert (row["sha256"], row["role"]) == (frame["sha256"], frame["role"])
+        assert frame["roi_sha256"] in {region["sha256"] for region in certificate["regions"]}
+        stored = {each["channel"]: each["mean_dn"] for each in row["statistics"]}
+        assert {each["channel"]: each["mean_dn"] for each in frame["statistics"]} == stored
+    columns = {column.name for column in describe_paper(method).columns}
+    assert columns <= getattr(methods, method).Point.__dataclass_fields__.keys()
+    assert certificate["traceability"]
+    assert certificate["checklist"] == {"items": []}
+
+
+@pytest.mark.parametrize("method", OTHERS)
+def test_its_coefficients_are_the_versions_with_their_coverage(version_of, certificate_by, method):
+    version, certificate = version_of(method), certificate_by(method)
+    stated = certificate["coefficients"]
+    bare = [
+        {
+            name: value
+            for name, value in row.items()
+            if name not in ("expanded_uncertainty", "coverage_factor")
+        }
+        for row in stated
+    ]
+    assert bare == version["coefficients"]
+    for row in stated:
+        factor, u = row["coverage_factor"], row["standard_uncertainty"]
+        assert 1.9 < factor < 13.0
+        assert row["expanded_uncertainty"] == pytest.approx(factor * u, rel=1e-12)
+        assert method == "reflectance" or factor == 2.0
+    assert describe_paper(method).headlines & {row["name"] for row in stated}
+
+
+def test_a_panel_takes_the_place_of_meters(certificate_by):
+    certificate = certificate_by("reflectance")
+    (panel,) = certificate["panels"]
+    assert (panel["serial"], panel["measured_on"]) == ("P-18", "2018-03-01")
+    assert panel["bands"][0]["reflectance"] == PANEL_REFLECTANCE
+    assert (certificate["meters"], certificate["readings"]) == ([], [])
+    assert "the panel P-18, measured on 2018-03-01" in certificate["traceability"]
+    ks = {row["band"]: row for row in certificate["coefficients"]}
+    for budget in certificate["budgets"]:
+        k = ks[budget["band"]]
+        total = math.hypot(*(line["u"] for line in budget["lines"]))
+        assert total == pytest.approx(k["standard_uncertainty"], rel=1e-9)
+        panel_line = next(line for line in budget["lines"] if line["source"] == "panel reflectance")
+        assert panel_line["u_rel"] == pytest.approx(PANEL_U / PANEL_REFLECTANCE, rel=1e-12)
+
+
+def test_what_was_photographed_is_stated(certificate_by):
+    stated = certificate_by("geometry")["target"]
+    assert {name: stated[name] for name in BOARD} == BOARD
+    (region,) = certificate_by("sharpness")["regions"]
+    assert [part["name"] for part in region["parts"]] == ["centre"]
+
+
+def is_printed(token, numbers):
+    """Whether a printed number is one of these, rounded to the digits that are printed."""
+    mantissa, _, exponent = token.lstrip("+").partition("e")
+    digits, kind = len(mantissa.partition(".")[2]), "e" if exponent else "f"
+    return any(abs(float(f"{n:.{digits}{kind}}") - float(token)) <= 1e-12 * abs(n) for n in numbers)
+
+
+@pytest.mark.parametrize("method", OTHERS)
+def test_every_number_on_paper_is_one_of_the_jsons(sqlite_house, version_of, certificate_by, method):
+    path = f"/v1/calibrations/{version_of(method)['id']}"
+    answer = sqlite_house.http.get(f"{path}/certificate.pdf")
+    assert (answer.status_code, answer.headers["Content-Type"]) == (200, "application/pdf")
+    reader = pypdf.PdfReader(io.BytesIO(answer.content))
+    pages = [page.extract_text().replace("\u200b", "").replace("\u2212", "-") for page in reader.pages]
+    certificate = certificate_by(method)
+    found = [float(leaf) for leaf in leaves(certificate) if type(leaf) in (int, float)]
+    numbers = found + [100 * value for value in found]
+    # the clause of the standard stands over the gaps
+    quoted = {"7.8"} | set(
+        _NUMBER.findall(" ".join(leaf for leaf in leaves(certificate) if isinstance(leaf, str)))
+    )
+    tokens = [token for page in pages for token in _NUMBER.findall(page)]
+    assert len(tokens) > 20
+    assert [t for t in tokens if t not in quoted and not is_printed(t, numbers)] == []
+    first, whole = " ".join(pages[0].split()), "".join("".join(pages).split())
+    for name in describe_paper(method).headlines & {row["name"] for row in certificate["coefficients"]}:
+        assert name in "".join(first.split())
+    assert "Draft: not authorised" in first
+    for frame in certificate["frames"]:
+        assert frame["sha256"] in whole
+    for statement in certificate["statements"]:
+        assert "".join(statement.split()) in whole
+
+
+def test_what_people_wrote_on_any_sheet_is_text_and_never_markup(certificate_by):
+    certificate = certificate_by("reflectance")
+    hostile = '#eval("1") *bold* $x$ <b> \\ "quoted"'
+    certificate["panels"][0]["serial"] = hostile
+    certificate["frames"][0]["frame"] = hostile
+    reader = pypdf.PdfReader(io.BytesIO(render_pdf(certificate)))
+    text = "".join("".join(page.extract_text().replace("\u200b", "").split()) for page in reader.pages)
+    assert text.count("".join(hostile.split())) == 2
+
+
+@pytest.mark.parametrize("method", OTHERS)
+def test_it_is_published_with_the_gaps_it_has_or_not_at_all(sqlite_house, version_of, method):
+    path = f"/v1/calibrations/{version_of(method)['id']}/publish"
+    body = {"valid_from": "2026-01-01T00:00:00Z", "reason": "spring"}
+    house = sqlite_house
+    expected = {
+        *("laboratory_address_missing", "customer_missing", "place_missing", "conditions_missing"),
+        "recorder_missing",
+        *(["lens_missing"] if method in ("sharpness", "geometry") else []),
+    }
+    try:
+        house.http.patch("/v1/organisation", json={"refuses_incomplete_certificates": True})
+        assert house.post(path, body, status=409)["code"] == "certificate_incomplete"
+    finally:
+        house.http.patch("/v1/organisation", json={"refuses_incomplete_certificates": False})
+    found = {warning["code"] for warning in house.post(path, body, status=200)["warnings"]}
+    # a picture without its metadata does not say its day either
+    assert found - {"date_missing"} == expected
+    assert certificate_of(house, version_of(method))["validity"]["state"] == "published"
+
+
+def test_a_panel_without_its_uncertainty_is_a_gap(sqlite_house):
+    house = sqlite_house
+    campaign = reflectance_campaign(house)
+    panel = register_panel(house, serial="P-unsure", u=None)
+    certificate = certificate_of(house, fit(house, campaign, panel_id=panel["id"]))
+    (gap,) = [gap for gap in certificate["gaps"] if gap["code"].startswith("panel")]
+    assert gap["code"] == GapCode.PANEL_UNCERTAINTY_MISSING
+    assert "P-unsure" in gap["message"]
+    assert "green, red" in gap["message"]
+
+
+def test_a_panel_that_only_the_files_name_is_a_gap(certificate_by):
+    certificate = certificate_by("reflectance") | {"panels": []}
+    codes = [gap.code for gap in list_gaps(CertificateAnswer.model_validate(certificate))]
+    assert GapCode.PANEL_UNKNOWN in codes
+    assert GapCode.PANEL_UNCERTAINTY_MISSING not in codes
+
+
+def test_a_campaign_without_a_checklist_says_so(sqlite_house, version_of):
+    path = f"/v1/campaigns/{version_of('noise')['campaign_id']}/checklist"
+    answer = sqlite_house.get(path)
+    assert (answer["items"], answer["open"], answer["done"]) == ([], 0, 0)
+    assert answer["said"].startswith("The printed checklist is that of the luminance procedure")
+    for body in (
+        {"signature": {"name": "B. Operator"}},
+        {"items": [{"key": "equipment_lamp", "done": True}]},
+    ):
+        refused = sqlite_house.http.patch(path, json=body)
+        assert (refused.status_code, refused.json()["code"]) == (409, "no_checklist")
