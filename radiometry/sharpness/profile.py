@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
 
 Vector = NDArray[np.float64]
 
@@ -148,6 +147,9 @@ def _measure_width(distance_px: Vector, relative: Vector, *, middle: float, rise
     The derivative is that of a local sextic over a tenth more than the 10-90 % rise, seven points at least:
     shorter, and noise makes the peak; longer, and the peak is flattened. A Gaussian comes out 0.4 % too wide.
     """
+    # its package brings scipy.stats along, half a second of every process's start
+    from scipy.signal import savgol_filter  # noqa: PLC0415
+
     step_px = float(distance_px[1] - distance_px[0])
     if not (math.isfinite(rise_px) and 0.0 < rise_px <= distance_px.size * step_px / 3.0):
         return math.nan
