@@ -7,6 +7,7 @@ from typing import Any, Final, Literal
 from bokeh.core.json_encoder import serialize_json
 from bokeh.embed import json_item
 from bokeh.models import Model
+from bokeh.models.labeling import NoOverlap
 from bokeh.plotting import figure
 from fastapi import Response
 
@@ -72,12 +73,26 @@ def new_figure(theme: Theme, *, x_label: str, y_label: str, height_px: int = 320
         axis.axis_line_color = colours.line
         axis.major_tick_line_color = colours.line
         axis.minor_tick_line_color = None
+        axis.major_label_policy = NoOverlap()
         axis.major_label_text_color = colours.muted
         axis.axis_label_text_color = colours.muted
         axis.axis_label_text_font_style = "normal"
         axis.axis_label_text_font = axis.major_label_text_font = "system-ui, sans-serif"
         axis.axis_label_text_font_size = axis.major_label_text_font_size = "12px"
     return drawn
+
+
+def style_legend(drawn: figure, theme: Theme) -> None:
+    """Below the plot, in as many lines as it takes."""
+    legend = drawn.legend[0]
+    legend.background_fill_color = legend.border_line_color = None
+    legend.label_text_color = COLOURS[theme].muted
+    legend.label_text_font = "system-ui, sans-serif"
+    legend.label_text_font_size = "12px"
+    legend.click_policy = "mute"
+    legend.orientation = "horizontal"
+    legend.nrows = "auto"
+    drawn.add_layout(legend, "below")
 
 
 def send_plot(drawn: Model) -> Response:

@@ -35,10 +35,10 @@ export function ask({ title, body, fields = [], submit, danger = false, action }
   });
 }
 
-function field({ name, label, type = "text", hint, value, required = true, options }) {
+function field({ name, label, type = "text", hint, value, required = true, options, ...more }) {
   const id = `ask-${name}`;
   const described = hint ? `${id}-hint` : null;
-  const common = { id, name, required, "aria-describedby": described };
+  const common = { id, name, required, "aria-describedby": described, ...more };
   const control = options
     ? h("select", common, options.map(([key, text]) => h("option", { value: key, selected: key === value }, text)))
     : type === "textarea"

@@ -101,8 +101,10 @@ export const words = (name) => name.replaceAll("_", " ");
 
 /** A state as a coloured word; the colour never says it alone. */
 export function tag(word, kind = KINDS[word] ?? "") {
-  return h("span", { class: `tag ${kind}` }, words(word));
+  return h("span", { class: `tag ${kind}` }, SAID[word] ?? words(word));
 }
+
+const SAID = { quarantined: "set aside" };
 
 const KINDS = {
   succeeded: "good", published: "good", extracted: "good", pass: "good", in_force: "good",

@@ -6,16 +6,17 @@ import { failed } from "./states.js";
 
 let loaded;
 
-/** Draw the plot that an address answers as Bokeh's json_item, in the colours of the page. */
+/** Draw the plot that an address answers as Bokeh's json_item, in the colours of the page. Answers its views, if any. */
 export async function plot(element, path) {
   element.setAttribute("aria-busy", "true");
   try {
     const theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
     const [item, bokeh] = await Promise.all([get(`${path}${path.includes("?") ? "&" : "?"}theme=${theme}`), loadBokeh()]);
     fill(element);
-    await bokeh.embed.embed_item(item, element);
+    return await bokeh.embed.embed_item(item, element);
   } catch (error) {
     fill(element, failed(error, () => plot(element, path)));
+    return undefined;
   } finally {
     element.removeAttribute("aria-busy");
   }

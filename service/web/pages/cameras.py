@@ -1,0 +1,60 @@
+"""Cameras: what is in force for each, how it drifts, and whether several can share it."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+from sqlalchemy import select
+
+from radiometry.methods import Method
+from service.auth import Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.problems import HttpCode, Problem
+from service.schemas.base import Text
+from service.web.plots.drift import draw_drift
+from service.web.plots.figures import Theme, send_plot
+from service.web.rendering import SignedInPage
+from store.queries.fleet import list_determinations
+from store.tables import Calibration, Camera
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/cameras")
+def show_cameras(page: SignedInPage) -> Response:
+    return page.render("cameras.html", title="Cameras")
+
+
+@router.get("/fleet")
+def show_fleet(page: SignedInPage) -> Response:
+    return page.render("fleet.html", title="One set for several cameras?")
+
+
+@router.get("/cameras/{camera_id}")
+def show_camera(camera_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+    with context.database.reading() as session:
+        camera = owned(session, Camera, camera_id, page.caller)
+    title = f"{camera.make} {camera.model} {camera.serial}"
+    return page.render("camera.html", title=title, camera=camera, plots=True)
+
+
+@router.get("/plots/cameras/{camera_id}/drift")
+def plot_drift(
+    camera_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    method: Annotated[Method, Query()],
+    name: Annotated[Text, Query()],
+    theme: Annotated[Theme, Query()] = "light",
+) -> Response:
+    with context.database.reading() as session:
+        camera = owned(session, Camera, camera_id, caller)
+        found = list_determinations(session, [camera], method, {})
+        numbers = session.execute(
+            select(Calibration.id, Calibration.version).where(Calibration.camera_id == camera_id)
+        )
+        versions = {row[0]: row[1] for row in numbers}
+    named = [row for row in found if row.key.name == name]
+    if not named:
+        raise Problem(404, HttpCode.NOT_FOUND, f"No published version of this camera has {name}.")
+    return send_plot(draw_drift(named, versions, theme=theme))

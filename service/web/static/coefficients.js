@@ -1,0 +1,37 @@
+// Coefficients as the pages show them: what they hold for, and which of a series are in force.
+
+import { h } from "./dom.js";
+import { number } from "./format.js";
+
+/** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
+export function holdsFor(row) {
+  return [
+    row.iso !== undefined ? `ISO ${number(row.iso, 6)}` : "",
+    row.f_number !== undefined ? `f/${number(row.f_number)}` : "",
+    row.band !== undefined ? `band ${row.band}` : "",
+    row.channel !== undefined ? `channel ${row.channel}` : "",
+  ]
+    .filter(Boolean)
+    .join(", ");
+}
+
+/** A coefficient by its name and what it holds for. */
+export function named(row) {
+  return h("span", {}, h("code", {}, row.name), h("span", { class: "muted" }, ` ${holdsFor(row)}`));
+}
+
+/** The versions of a series (/v1/series/coefficients) that are in force at a time, each with its rows. */
+export function inForce(rows, at = new Date()) {
+  const versions = new Map();
+  for (const row of rows) {
+    if (new Date(row.valid_from) > at || (row.valid_to && new Date(row.valid_to) <= at)) continue;
+    if (!versions.has(row.calibration_id)) versions.set(row.calibration_id, { ...row, rows: [], flags: [] });
+    versions.get(row.calibration_id).rows.push(row);
+  }
+  for (const version of versions.values()) {
+    const shares = version.rows.filter((row) => row.value).map((row) => Math.abs(row.standard_uncertainty / row.value));
+    version.largest = shares.length ? Math.max(...shares) : undefined;
+    version.flags = [...new Set(version.rows.flatMap((row) => row.flags.split(/[ ,;]+/).filter(Boolean)))];
+  }
+  return [...versions.values()].sort((a, b) => a.method.localeCompare(b.method) || a.version - b.version);
+}

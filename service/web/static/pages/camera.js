@@ -1,0 +1,96 @@
+import { get } from "../api.js";
+import { byId, fill, h, table } from "../dom.js";
+import { ago, day, quantity, relative, tag, time, words } from "../format.js";
+import { holdsFor, inForce, named } from "../coefficients.js";
+import { empty, load } from "../states.js";
+import { plot } from "../plots.js";
+
+const id = document.querySelector("main").dataset.cameraId;
+const choice = byId("drift-of");
+const tolerance = byId("drift-tolerance");
+
+const series = get(`/v1/series/coefficients?camera_id=${id}`);
+
+load(byId("in-force"), () => series, ({ rows }) => {
+  const held = inForce(rows);
+  if (!held.length) return empty("Nothing is in force", "Publish a calibration of this camera, and it stands here.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
+  return h("div", { class: "columns" }, held.map(versionCard));
+});
+
+load(byId("history"), () => get(`/v1/cameras/${id}/decisions`), ({ items }) => {
+  if (!items.length) return empty("No decision yet", "Each version that is made, published or revoked stands here.");
+  const columns = [
+    { head: "When", cell: (each) => time(each.at) },
+    { head: "What", header: true, cell: (each) => h("span", {}, tag(each.act, KINDS[each.act]), " ", h("a", { href: `/calibrations/${each.calibration_id}` }, `${words(each.method)} version ${each.version}`)) },
+    { head: "In force", cell: validity },
+    { head: "Who", cell: (each) => h("span", { title: each.by }, each.by_name ?? each.by) },
+    { head: "Why", cell: (each) => each.reason ?? "" },
+  ];
+  return table(columns, items, { caption: "Decisions about this camera's versions" });
+});
+
+const KINDS = { made: "", published: "good", revoked: "bad" };
+
+load(byId("drift"), () => series, ({ rows }) => {
+  const names = [...new Map(rows.map((row) => [`${row.method}/${row.name}`, row])).values()];
+  if (!names.length) {
+    byId("drift-choice").hidden = true;
+    return empty("No drift to see yet", "From the second published version on, the plot shows how the coefficients change.");
+  }
+  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}` }, `${row.name} (${row.method})`)));
+  choice.disabled = false;
+  choice.addEventListener("change", drawDrift);
+  tolerance.addEventListener("change", () => tolerance.reportValidity() && drawDrift());
+  const place = h("div", { class: "plot", id: "drift-plot" });
+  queueMicrotask(drawDrift);
+  return place;
+});
+
+async function drawDrift() {
+  const [method, name] = choice.value.split("/");
+  byId("drift-unit").textContent = method === "geometry" ? "px" : "%";
+  plot(byId("drift-plot"), `/plots/cameras/${id}/drift?method=${method}&name=${encodeURIComponent(name)}`);
+  await load(byId("drift-said"), () => get(`/v1/cameras/${id}/drift?method=${method}&tolerance=${toleranceOf(method)}`), ({ parameters }) => {
+    const said = parameters.filter((each) => each.name === name).map(saidOf);
+    return said.length ? h("ul", { class: "plain small" }, said) : null;
+  });
+}
+
+/** A share; of geometry px, as it is typed. */
+const toleranceOf = (method) => (method === "geometry" ? tolerance.value : tolerance.value / 100);
+
+function saidOf(parameter) {
+  const where = holdsFor(parameter);
+  return h(
+    "li",
+    {},
+    where ? h("strong", {}, `${where}: `) : null,
+    parameter.slope ? [quantity(parameter.slope), parameter.slope_p_value < 0.05 ? ", which is a drift" : ", no drift to be seen"] : "",
+    parameter.recalibrate_by ? [parameter.slope ? "; " : "", "calibrate again by ", h("strong", {}, day(parameter.recalibrate_by))] : parameter.why ? [parameter.slope ? "; " : "", parameter.why] : "",
+  );
+}
+
+function versionCard(version) {
+  const columns = [
+    { head: "Coefficient", header: true, cell: (row) => named(row) },
+    { head: "Value", class: "number", cell: quantity },
+    { head: "u", class: "number", cell: (row) => relative(row.value, row.standard_uncertainty) },
+    { head: "Flags", cell: (row) => row.flags.split(/[ ,;]+/).filter(Boolean).map((flag) => tag(flag, "warn")) },
+  ].filter((column) => column.head !== "Flags" || version.flags.length);
+  return h(
+    "article",
+    { class: "version" },
+    h(
+      "div",
+      { class: "section-head" },
+      h("h3", {}, words(version.method), " ", h("a", { href: `/calibrations/${version.calibration_id}` }, `version ${version.version}`)),
+      h("p", {}, `since ${day(version.valid_from)}, ${ago(version.valid_from)}${version.valid_to ? `; until ${day(version.valid_to)}` : ""}`),
+    ),
+    table(columns, version.rows, { caption: `${version.method} version ${version.version}` }),
+  );
+}
+
+function validity(each) {
+  if (!each.valid_from) return "";
+  return h("span", { class: "nowrap" }, `${day(each.valid_from)} – ${each.valid_to ? day(each.valid_to) : "open"}`);
+}

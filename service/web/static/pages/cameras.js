@@ -1,0 +1,76 @@
+import { all, get, post } from "../api.js";
+import { byId, h, may, table, toast } from "../dom.js";
+import { ago, day, number, tag, words } from "../format.js";
+import { ask } from "../ask.js";
+import { empty, load } from "../states.js";
+import { inForce } from "../coefficients.js";
+
+const region = byId("cameras");
+const add = byId("add-camera");
+add.hidden = !may("calibrate");
+add.addEventListener("click", register);
+
+const show = () =>
+  load(region, () => Promise.all([all("/v1/cameras"), get("/v1/series/coefficients")]), ([cameras, { rows }]) => {
+    if (!cameras.length) {
+      const button = may("calibrate") ? h("button", { type: "button", class: "primary", onclick: register }, "Register a camera") : null;
+      return empty("No camera yet", "Register a camera body with the names that it writes into its files.", button);
+    }
+    return table(columns, cameras.flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and what is in force for them" });
+  });
+
+const columns = [
+  {
+    head: "Camera",
+    header: true,
+    cell: ({ camera, first }) =>
+      first
+        ? h("span", {}, h("a", { href: `/cameras/${camera.id}` }, `${camera.make} ${camera.model}`), h("br"), h("span", { class: "mono small muted" }, camera.serial))
+        : h("span", { class: "hidden" }, `${camera.model} ${camera.serial}`),
+  },
+  { head: "Method", cell: ({ held }) => (held ? words(held.method) : tag("nothing in force", "warn")) },
+  { head: "Version", class: "number", cell: ({ held }) => (held ? h("a", { href: `/calibrations/${held.calibration_id}` }, String(held.version)) : "") },
+  { head: "In force since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
+  { head: "Coefficients", class: "number", cell: ({ held }) => (held ? number(held.rows.length) : "") },
+  { head: "Largest u", class: "number", cell: ({ held }) => (held?.largest === undefined ? "" : `${number(100 * held.largest, 2)} %`) },
+  { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(`${held.flags.length} flag${held.flags.length > 1 ? "s" : ""}`, "warn") : held ? h("span", { class: "muted" }, "none") : "") },
+];
+
+/** A camera's lines: one a version in force, or one that says that there is none. */
+function linesOf(camera, rows) {
+  const held = inForce(rows.filter((row) => row.camera_id === camera.id));
+  return (held.length ? held : [undefined]).map((each, place) => ({ camera, held: each, first: place === 0 }));
+}
+
+async function register() {
+  const camera = await ask({
+    title: "Register a camera",
+    submit: "Register",
+    fields: [
+      { name: "make", label: "Make", hint: "As it stands in the files: DJI" },
+      { name: "model", label: "Model", hint: "As it stands in the files: FC6520" },
+      { name: "serial", label: "Serial number of the body" },
+      { name: "lens_make", label: "Lens: make", required: false },
+      { name: "lens_model", label: "Lens: model", required: false },
+      { name: "lens_serial", label: "Lens: serial number", required: false },
+      { name: "pixel_pitch_um", label: "Pixel pitch [µm]", type: "number", step: "any", required: false },
+      { name: "sensor_width_mm", label: "Sensor width [mm]", type: "number", step: "any", required: false },
+    ],
+    action: (values) => post("/v1/cameras", cameraOf(values)),
+  });
+  if (camera === undefined) return;
+  toast(`${camera.make} ${camera.model} is registered.`);
+  show();
+}
+
+function cameraOf({ lens_make, lens_model, lens_serial, pixel_pitch_um, sensor_width_mm, ...named }) {
+  const lens = Object.fromEntries(Object.entries({ make: lens_make, model: lens_model, serial: lens_serial }).filter(([, text]) => text));
+  return {
+    ...named,
+    ...(Object.keys(lens).length ? { lens } : {}),
+    ...(pixel_pitch_um ? { pixel_pitch_um: Number(pixel_pitch_um) } : {}),
+    ...(sensor_width_mm ? { sensor_width_mm: Number(sensor_width_mm) } : {}),
+  };
+}
+
+show();

@@ -1,0 +1,98 @@
+import { all, get, post } from "../api.js";
+import { byId, fill, h, table } from "../dom.js";
+import { number, quantity, tag } from "../format.js";
+import { named } from "../coefficients.js";
+import { act, empty, load } from "../states.js";
+
+const VERDICTS = { shared: ["one set serves all", "good"], per_camera: ["a set for each", "warn"], cannot_tell: ["cannot tell", ""] };
+const METHODS = ["luminance", "reflectance", "vignetting", "sharpness", "geometry", "noise"];
+const wanted = new URLSearchParams(location.search).get("model");
+
+load(byId("fleet-form"), () => Promise.all([all("/v1/cameras"), get("/v1/series/coefficients")]), ([cameras, { rows }]) => {
+  const comparable = [...grouped(cameras)].filter(([, members]) => members.length > 1);
+  if (!comparable.length) {
+    return empty("Nothing to compare yet", "It takes two cameras of one model, best with three campaigns each.", h("a", { class: "button", href: "/cameras" }, "Cameras"));
+  }
+  return form(comparable, rows);
+});
+
+function form(models, rows) {
+  const versions = (camera, method) => new Set(rows.filter((row) => row.camera_id === camera.id && row.method === method).map((row) => row.calibration_id)).size;
+  const model = h("select", { id: "model" }, models.map(([name]) => h("option", { selected: name === wanted }, name)));
+  const method = h("select", { id: "method" }, METHODS.map((name) => h("option", {}, name)));
+  const members = h("div", { class: "members" });
+  const tolerance = h("input", { id: "tolerance", type: "number", step: "any", min: "0", required: true, value: "4" });
+  const unit = h("span", {});
+  const button = h("button", { type: "submit", class: "primary" }, "Judge");
+  const choose = () => {
+    const [, cameras] = models.find(([name]) => name === model.value);
+    unit.textContent = method.value === "geometry" ? "px" : "%";
+    fill(
+      members,
+      cameras.map((camera) => {
+        const count = versions(camera, method.value);
+        return h(
+          "label",
+          { class: "check" },
+          h("input", { type: "checkbox", name: "camera", value: camera.id, checked: true }),
+          h("span", {}, h("span", { class: "mono" }, camera.serial), h("span", { class: "muted" }, ` ${count} version${count === 1 ? "" : "s"}`)),
+        );
+      }),
+    );
+  };
+  model.addEventListener("change", choose);
+  method.addEventListener("change", choose);
+  choose();
+  const labelled = (id, name, ...control) => h("p", { class: "field" }, h("label", { for: id }, name), control);
+  return h(
+    "form",
+    { class: "card", onsubmit: (event) => (event.preventDefault(), judge(event.target, button, method.value, tolerance)) },
+    h(
+      "div",
+      { class: "fields" },
+      labelled("model", "Model", model),
+      labelled("method", "Method", method),
+      labelled("tolerance", ["Accepted deviation from the shared value [", unit, "]"], tolerance),
+    ),
+    h("fieldset", {}, h("legend", {}, "Cameras"), members),
+    h("div", { class: "actions" }, button),
+  );
+}
+
+const judge = (form, button, method, tolerance) =>
+  act(button, async () => {
+    const answer = await post("/v1/fleet/verdict", {
+      method,
+      camera_ids: new FormData(form).getAll("camera"),
+      tolerance: method === "geometry" ? Number(tolerance.value) : Number(tolerance.value) / 100,
+    });
+    fill(byId("fleet-answer"), shown(answer));
+  });
+
+function shown(answer) {
+  const [word, kind] = VERDICTS[answer.verdict];
+  const columns = [
+    { head: "Coefficient", header: true, cell: (row) => named(row) },
+    { head: "Verdict", cell: (row) => tag(...VERDICTS[row.verdict]) },
+    { head: "Shared value", class: "number", cell: (row) => quantity(row.mean) },
+    { head: "Cost of sharing", class: "number", cell: (row) => quantity(row.cost) },
+    { head: "Costliest", cell: (row) => (row.costliest ? h("span", { class: "mono" }, row.costliest) : "–") },
+    { head: "Repeats", class: "number", cell: (row) => number(row.repeats) },
+    { head: "In words", class: "words", cell: (row) => row.said },
+  ];
+  return [
+    h("div", { class: "section-head" }, h("h2", {}, "Verdict "), tag(word, kind)),
+    h("p", { class: `note ${kind}` }, answer.said),
+    answer.parameters.length ? table(columns, answer.parameters, { caption: "Verdict for each coefficient" }) : null,
+    answer.left_out.length ? [h("h3", {}, "Left out"), h("ul", {}, answer.left_out.map((each) => h("li", {}, h("a", { href: `/calibrations/${each.calibration_id}` }, "a version"), `: ${each.why}`)))] : null,
+    h("details", {}, h("summary", {}, "What this assumes"), h("ul", { class: "small muted" }, (answer.assumed ?? []).map((each) => h("li", {}, each)))),
+  ];
+}
+
+const modelOf = (camera) => `${camera.make} ${camera.model}`;
+
+function grouped(cameras) {
+  const found = new Map();
+  for (const camera of cameras) found.set(modelOf(camera), [...(found.get(modelOf(camera)) ?? []), camera]);
+  return found;
+}

@@ -1,0 +1,129 @@
+import { all, get, getOr, post } from "../api.js";
+import { byId, fill, h, may, table, toast } from "../dom.js";
+import { ago, number, span, tag, time } from "../format.js";
+import { follow } from "../live.js";
+import { act, empty, failed } from "../states.js";
+
+const KINDS = { extract: "Read a frame", fit: "Fit", measure: "Measure" };
+const SCOPES = { extract: "upload", fit: "calibrate", measure: "upload" };
+const SHOWN = 30;
+
+let known = "";
+
+const followed = follow(
+  async () => {
+    try {
+      const [queue, health, recent, lost, broken] = await Promise.all([
+        get("/v1/jobs/summary"),
+        getOr("/readyz", {}).catch((problem) => ({ problem })),
+        get(`/v1/jobs?limit=${SHOWN}`),
+        all("/v1/jobs?state=quarantined", { atMost: 200 }),
+        all("/v1/jobs?state=failed", { limit: 100, atMost: 100 }),
+      ]);
+      drawQueue(queue, health);
+      // a table that is drawn anew loses the place of who reads it: only when something changed
+      const seen = JSON.stringify([recent.items, lost, broken]);
+      if (seen !== known) {
+        known = seen;
+        drawFailures([...lost, ...broken]);
+        drawRecent(recent.items);
+      }
+    } catch (error) {
+      if (!known) for (const id of ["queue", "failures", "recent"]) show(id, failed(error, followed.now));
+      throw error;
+    }
+  },
+  { every: 2000 },
+);
+
+function drawQueue(queue, health) {
+  const figure = (name, value, more) => h("div", {}, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, more) : null));
+  show(
+    "queue",
+    h(
+      "dl",
+      { class: "figures" },
+      figure("Waiting", number(queue.queued), queue.queued ? `the oldest for ${span(queue.oldest_wait_s)}` : "nothing waits"),
+      figure("Running", number(queue.running)),
+      figure("Done", number(queue.succeeded)),
+      figure("Failed", number(queue.failed)),
+      figure("Set aside", number(queue.quarantined)),
+      figure("Service", health.problem ? tag("not ready", "bad") : tag("ready", "good"), health.problem?.message),
+    ),
+  );
+}
+
+function drawFailures(jobs) {
+  if (!jobs.length) {
+    show("failures", empty("Nothing failed", "Whatever cannot be read or fitted is listed here with its reason."));
+    return;
+  }
+  const columns = [
+    { head: "What", header: true, cell: what },
+    { head: "State", cell: (job) => tag(job.state) },
+    { head: "Reason", cell: reason },
+    { head: "When", cell: (job) => time(job.finished_at) },
+    { head: "", cell: retryButton },
+  ];
+  show("failures", table(columns, jobs, { caption: "Jobs that failed or were set aside" }));
+}
+
+function drawRecent(jobs) {
+  if (!jobs.length) {
+    show("recent", empty("No job yet", "Each frame that is sent and each fit that is asked for becomes a job."));
+    return;
+  }
+  const columns = [
+    { head: "What", header: true, cell: what },
+    { head: "State", cell: state },
+    { head: "Asked for", cell: (job) => h("span", { title: job.created_at, class: "nowrap" }, ago(job.created_at)) },
+    { head: "Took", class: "number", cell: took },
+    { head: "Attempts", class: "number", cell: (job) => number(job.attempt) },
+  ];
+  show("recent", table(columns, jobs, { caption: "Latest jobs" }));
+}
+
+function what(job) {
+  const about = job.filename ?? "";
+  return h(
+    "span",
+    {},
+    `${KINDS[job.kind] ?? job.kind} `,
+    job.campaign_id ? h("a", { href: `/campaigns/${job.campaign_id}` }, about || "of a campaign") : about,
+  );
+}
+
+function state(job) {
+  if (job.state !== "running") return tag(job.state);
+  const bar = h("progress", { max: "1", value: String(job.progress), "aria-label": "Progress" });
+  return h("span", { class: "running" }, tag(job.state), bar);
+}
+
+function reason(job) {
+  if (!job.error) return "–";
+  return h("span", {}, job.error.detail, " ", h("a", { class: "small nowrap", href: job.error.type }, job.error.title.toLowerCase()));
+}
+
+function took(job) {
+  return job.finished_at ? span((new Date(job.finished_at) - new Date(job.created_at)) / 1000) : "–";
+}
+
+function retryButton(job) {
+  if (!may(SCOPES[job.kind])) return "";
+  const label = `Try again: ${KINDS[job.kind] ?? job.kind} ${job.filename ?? ""}`;
+  const button = h("button", { type: "button", "aria-label": label.trim() }, "Try again");
+  button.addEventListener("click", () =>
+    act(button, async () => {
+      await post(`/v1/jobs/${job.id}/retry`);
+      toast("Queued again.");
+      await followed.now();
+    }),
+  );
+  return button;
+}
+
+function show(id, content) {
+  const region = byId(id);
+  fill(region, content);
+  region.removeAttribute("aria-busy");
+}

@@ -1,0 +1,122 @@
+"""Cameras as people see them: what is in force, drift, history, and whether several can share."""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.browser import check_access, look, settle
+from tests.support.furnishing import SERIALS, furnish
+
+
+@pytest.fixture
+def cameras(service, team):
+    return furnish(service.database, team.key)
+
+
+def test_the_list_says_what_is_in_force_and_leads_on(page, cameras):
+    page.goto("/cameras")
+    settle(page)
+    rows = page.get_by_role("row")
+    expect(rows).to_have_count(1 + len(SERIALS))
+    newest = rows.filter(has_text=SERIALS[0])
+    expect(newest).to_contain_text("2026-05-03")
+    expect(newest).to_contain_text("1 flag")
+    expect(rows.filter(has_text=SERIALS[2])).to_contain_text("nothing in force")
+    check_access(page)
+    look(page, "cameras")
+    newest.get_by_role("link", name="DJI FC6520").click()
+    expect(page).to_have_url(re.compile(f"/cameras/{cameras[0]}$"))
+
+
+def test_a_camera_shows_its_coefficients_its_drift_and_who_decided(page, cameras):
+    page.goto(f"/cameras/{cameras[0]}")
+    settle(page)
+    expect(page.get_by_role("heading", level=1)).to_have_text(f"FC6520 {SERIALS[0]}")
+    in_force = page.locator("#in-force").get_by_role("row")
+    expect(in_force).to_have_count(5)
+    expect(in_force.filter(has_text="ISO 100")).to_contain_text("31.70 ± 0.21 DN·m²/(cd·s)")
+    expect(in_force.filter(has_text="ISO 6400")).to_contain_text("noise high")
+    expect(page.locator("#drift-plot canvas").first).to_be_visible()
+    decisions = page.locator("#history").get_by_role("row")
+    expect(decisions).to_have_count(7)
+    expect(decisions.filter(has_text="after the lens was cleaned")).to_contain_text("first")
+    check_access(page)
+    look(page, "camera")
+
+
+@pytest.mark.parametrize("context", ["phone"], indirect=True)
+def test_a_point_of_the_drift_tells_its_value_where_it_is_touched(page, cameras):
+    page.goto(f"/cameras/{cameras[0]}")
+    settle(page)
+    page.locator("#drift-plot").scroll_into_view_if_needed()
+    place = page.evaluate(
+        """() => {
+            const view = Object.values(Bokeh.index.roots ?? Bokeh.index)[0];
+            const glyph = view.model.renderers.find((each) => each.name === "points");
+            const { at, value } = glyph.data_source.data;
+            const frame = view.frame;
+            const box = view.el.getBoundingClientRect();
+            return [
+                box.x + frame.x_scale.compute(at[1]), box.y + frame.y_scale.compute(value[1]),
+            ];
+        }"""
+    )
+    page.mouse.move(*place)
+    tip = page.locator(".bk-Tooltip").filter(has_text="ISO 100 ")
+    expect(tip).to_contain_text("version 2, ISO 100")
+    expect(tip).to_contain_text("32.25 ± 0.21 DN·m²/(cd·s)")
+
+
+def test_a_camera_is_registered_from_the_page(page):
+    page.goto("/cameras")
+    settle(page)
+    expect(page.get_by_text("No camera yet")).to_be_visible()
+    check_access(page)
+    page.locator("#add-camera").click()
+    dialog = page.get_by_role("dialog")
+    check_access(page)
+    for label, value in {"Make": "DJI", "Model": "FC6520", "Serial number of the body": "0K1XE8"}.items():
+        dialog.get_by_label(label, exact=True).fill(value)
+    dialog.get_by_label("Pixel pitch [µm]").fill("3.28")
+    dialog.get_by_role("button", name="Register").click()
+    expect(page.get_by_role("row").filter(has_text="0K1XE8")).to_contain_text("nothing in force")
+
+
+def test_what_is_wrong_is_told_in_the_dialog_and_nothing_is_lost(page):
+    page.goto("/cameras")
+    settle(page)
+    page.locator("#add-camera").click()
+    dialog = page.get_by_role("dialog")
+    for label in ("Make", "Model", "Serial number of the body", "Lens: make"):
+        dialog.get_by_label(label, exact=True).fill("x")
+    dialog.get_by_role("button", name="Register").click()
+    expect(dialog.get_by_role("alert")).to_contain_text("lens.model: is missing")
+    expect(dialog.get_by_label("Make", exact=True)).to_have_value("x")
+    page.keyboard.press("Escape")
+    expect(dialog).to_have_count(0)
+    # the browser itself notes the 422
+    page.context.complaints.clear()
+
+
+@pytest.mark.usefixtures("cameras")
+def test_the_fleet_is_judged_and_the_answer_is_said_in_words(page):
+    page.goto("/fleet")
+    settle(page)
+    check_access(page)
+    page.get_by_role("checkbox", name=SERIALS[2]).uncheck()
+    page.get_by_label("Accepted deviation").fill("5")
+    page.get_by_role("button", name="Judge").click()
+    answer = page.locator("#fleet-answer")
+    expect(answer.get_by_role("heading", level=2)).to_have_text("Verdict")
+    expect(answer.get_by_role("row")).to_have_count(5)
+    check_access(page)
+    look(page, "fleet")
+
+
+def test_another_organisations_camera_is_not_there(page, service):
+    with service.team() as other:
+        (foreign, *_) = furnish(service.database, other.key)
+    page.goto(f"/cameras/{foreign}")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Not found")
+    page.context.complaints.clear()
