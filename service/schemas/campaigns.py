@@ -117,6 +117,7 @@ class CampaignAnswer(Answer):
     surface_reflectance: float | None = None
     panel_id: str | None = None
     target: dict[str, Any] | None = None
+    roi_id: str | None = Field(default=None, description="Of the region in use; none while nobody set one.")
     created_at: Instant
     frames: FrameCounts | None = None
     readings: int | None = None

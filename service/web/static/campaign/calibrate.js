@@ -1,0 +1,98 @@
+// The fit: its parameters, how far it is, and the versions that came out.
+
+import { all, post } from "../api.js";
+import { fill, h, may, table } from "../dom.js";
+import { quantity, number, tag, time, words } from "../format.js";
+import { followJob } from "../live.js";
+import { act, empty, load } from "../states.js";
+import { decimal, field, select } from "./forms.js";
+import { PARAMETERS } from "./methods.js";
+import { numberOf } from "./numbers.js";
+import { sentence } from "./overview.js";
+
+export function calibrateSection(state) {
+  const versions = h("div");
+  const show = () => load(versions, () => all(`${state.path}/calibrations`), (found) => (found.length ? list(found) : empty("No version yet", "Every fit becomes a version of the camera’s calibration: a draft, until somebody publishes it.")));
+  show();
+  return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state, show) : null, versions);
+}
+
+function starter(state, show) {
+  const parameters = (PARAMETERS[state.room.method] ?? []).map(parameterField);
+  const progress = h("div", { role: "status" });
+  const lacking = h("div");
+  const button = h("button", { class: "primary", type: "submit" }, "Calibrate");
+  const draw = () => {
+    const { missing } = state.campaign;
+    fill(lacking, missing.length ? h("p", { class: "muted small" }, `Missing still: ${missing.slice(0, 3).map(sentence).join("; ")}${missing.length > 3 ? `; and ${missing.length - 3} more` : ""}.`) : h("p", { class: "muted small" }, "Nothing is missing."));
+  };
+  state.on("campaign", draw);
+  draw();
+  const start = async () => {
+    fill(progress);
+    const said = Object.assign({}, ...parameters.map((each) => each.read()));
+    const begun = await post(`${state.path}/calibrations`, said).catch((error) => {
+      throw withMissing(error);
+    });
+    const bar = h("progress", { max: 1, value: 0, "aria-label": "The fit" });
+    const told = h("p", { class: "muted small" }, "Waits for a worker");
+    fill(progress, bar, told);
+    const job = await followJob(begun.id, (each) => {
+      bar.value = each.progress;
+      told.textContent = { queued: "Waits for a worker", running: "Fits" }[each.state] ?? "";
+    });
+    fill(progress, job.state === "succeeded" ? h("div", { class: "note good" }, "The fit is done. ", h("a", { href: `/calibrations/${job.result.calibration_id}` }, "Look at the version")) : h("div", { class: "note bad" }, h("strong", {}, job.error.title), h("p", {}, job.error.detail)));
+    await show();
+    state.tell("versions");
+  };
+  return h(
+    "form",
+    { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, start)) },
+    h("h3", {}, "New version"),
+    lacking,
+    parameters.length ? h("details", { class: "parameters" }, h("summary", {}, "Parameters of the fit"), h("div", { class: "fields" }, parameters.map((each) => each.element))) : null,
+    h("p", { class: "actions" }, button),
+    progress,
+  );
+}
+
+/** {element, read()}: what is left as it is, is not said. */
+function parameterField({ name, label, kind, options, hint, whole }) {
+  if (kind === "choice") {
+    const control = select(options);
+    const value = () => (whole ? Number(control.value) : control.value);
+    return { element: field(label, control, hint), read: () => (control.selectedIndex ? { [name]: value() } : {}) };
+  }
+  const control = decimal();
+  const read = () => {
+    const value = numberOf(control);
+    return value === undefined ? {} : { [name]: kind === "percent" ? value / 100 : value };
+  };
+  return { element: field(label, control, hint), read };
+}
+
+function withMissing(error) {
+  const { missing } = error.body ?? {};
+  if (missing) error.message = `${missing.map(sentence).join(". ")}.`;
+  return error;
+}
+
+function list(found) {
+  const first = (version) => {
+    const [coefficient, ...more] = version.coefficients;
+    if (!coefficient) return "–";
+    const of = [coefficient.iso && `ISO ${number(coefficient.iso, 6)}`, coefficient.f_number && `f/${number(coefficient.f_number, 3)}`, coefficient.band, coefficient.channel].filter(Boolean);
+    return [quantity(coefficient), h("span", { class: "sub" }, [words(coefficient.name), ...of, more.length ? `and ${more.length} more` : ""].filter(Boolean).join(" · "))];
+  };
+  return table(
+    [
+      { head: "Version", header: true, cell: (each) => h("a", { href: `/calibrations/${each.id}` }, `Version ${each.version}`) },
+      { head: "State", cell: (each) => tag(each.state) },
+      { head: "Result", cell: first },
+      { head: "Flags", cell: (each) => number(new Set(each.coefficients.flatMap((c) => c.flags)).size) },
+      { head: "Made", cell: (each) => time(each.created_at) },
+    ],
+    found,
+    { caption: "Versions fitted from this campaign" },
+  );
+}

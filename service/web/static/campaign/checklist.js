@@ -1,0 +1,128 @@
+// The procedure's checklist: what the record proves is ticked by itself, the rest by people, and signed.
+
+import { get, patch } from "../api.js";
+import { ask } from "../ask.js";
+import { byId, fill, h, may, toast } from "../dom.js";
+import { time } from "../format.js";
+import { failed, loading } from "../states.js";
+
+export function checklistSection(state) {
+  const element = h("div", {}, loading(3));
+  const opened = new Set();
+  const draw = (list) => {
+    byId("checklist-note").textContent = `${list.done} of ${list.done + list.open} done`;
+    fill(element, body(list, opened, change));
+  };
+  const read = async () => {
+    try {
+      draw(await get(`${state.path}/checklist`));
+    } catch (error) {
+      fill(element, failed(error, read));
+    }
+  };
+  async function change(said, button) {
+    try {
+      const list = await patch(`${state.path}/checklist`, said);
+      const focused = document.activeElement?.dataset.key;
+      draw(list);
+      if (focused) element.querySelector(`[data-key="${focused}"]`)?.focus();
+    } catch (error) {
+      if (button) button.checked = !button.checked;
+      if (error.code === "checklist_signed") await signAgain(said);
+      else toast(error.message);
+    }
+  }
+  const signAgain = (said) =>
+    ask({
+      title: "The list is signed",
+      body: h("p", {}, "A change needs a new signature; it then stands for the list as changed."),
+      fields: [{ name: "name", label: "Operator" }],
+      submit: "Change and sign",
+      action: async ({ name }) => draw(await patch(`${state.path}/checklist`, { ...said, signature: { name } })),
+    });
+
+  // what the record proves follows the frames, but nobody waits for it while files stream in
+  let before = "";
+  let near = false;
+  const refresh = () => {
+    const now = JSON.stringify([state.campaign.frames, state.campaign.readings, state.roi?.id]);
+    if (near && now !== before && !element.contains(document.activeElement)) {
+      before = now;
+      read();
+    }
+  };
+  state.on("campaign", refresh);
+  state.on("versions", read);
+  new IntersectionObserver((entries) => {
+    near = entries.some((entry) => entry.isIntersecting);
+    if (near) refresh();
+  }, { rootMargin: "600px" }).observe(element);
+  return element;
+}
+
+function body(list, opened, change) {
+  const sections = Map.groupBy ? Map.groupBy(list.items, (item) => item.section) : grouped(list.items);
+  return [
+    h("div", { class: "checklist" }, [...sections].map(([section, items]) => group(section, items, opened, change))),
+    signature(list, change),
+  ];
+}
+
+function group(section, items, opened, change) {
+  const done = items.filter((item) => item.done_by).length;
+  const details = h(
+    "details",
+    { open: opened.has(section), ontoggle: () => (details.open ? opened.add(section) : opened.delete(section)) },
+    h("summary", {}, h("span", {}, section), h("span", { class: `tag ${done === items.length ? "good" : ""}` }, `${done} of ${items.length}`)),
+    h("ul", { class: "plain" }, items.map((item) => line(item, change))),
+  );
+  return details;
+}
+
+function line(item, change) {
+  const own = item.done_by === "stilb";
+  const box = h("input", {
+    type: "checkbox",
+    checked: Boolean(item.done_by),
+    disabled: !may("calibrate"),
+    "data-key": item.key,
+    onchange: (event) => change({ items: [{ key: item.key, done: event.target.checked }] }, event.target),
+  });
+  const note = () =>
+    ask({
+      title: "Note",
+      body: h("p", { class: "muted" }, item.text),
+      fields: [{ name: "note", label: "What was done, with what", type: "textarea", value: item.note ?? "" }],
+      submit: "Keep",
+      action: (said) => change({ items: [{ key: item.key, done: box.checked, note: said.note }] }),
+    });
+  return h(
+    "li",
+    {},
+    h("label", { class: "check" }, box, h("span", {}, item.text)),
+    item.evidence || item.missing || item.note || item.done_at
+      ? h(
+          "div",
+          { class: "evidence" },
+          item.evidence ? h("p", {}, h("span", { class: "tag good" }, own ? "from the record" : "the record agrees"), " ", item.evidence) : null,
+          item.missing ? h("p", { class: "muted" }, item.missing) : null,
+          item.note ? h("p", {}, "“", item.note, "”") : null,
+          item.done_by && !own ? h("p", { class: "muted" }, "Ticked ", time(item.done_at)) : null,
+        )
+      : null,
+    may("calibrate") ? h("button", { type: "button", class: "quiet", "aria-label": `Note on: ${item.text}`, onclick: note }, "Note") : null,
+  );
+}
+
+function signature(list, change) {
+  if (list.signature) return h("p", { class: "note good" }, "Signed by ", h("strong", {}, list.signature.name), ", ", time(list.signature.signed_at));
+  if (!may("calibrate")) return null;
+  const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature stands for the list as it is.`) : null, fields: [{ name: "name", label: "Operator", hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
+  return h("p", { class: "actions" }, h("button", { type: "button", onclick: sign }, "Sign the checklist"));
+}
+
+function grouped(items) {
+  const sections = new Map();
+  for (const item of items) sections.set(item.section, [...(sections.get(item.section) ?? []), item]);
+  return sections;
+}

@@ -1,0 +1,94 @@
+// A new campaign: method, camera, what is photographed, and what stands in the record.
+
+import { all, post } from "../api.js";
+import { byId, fill, h } from "../dom.js";
+import { act, load } from "../states.js";
+import { choices, field, filled, select } from "./forms.js";
+import { METHODS } from "./methods.js";
+import { numberOf } from "./numbers.js";
+import { panelPart } from "./panel.js";
+import { targetPart } from "./target.js";
+
+const form = byId("new-campaign");
+const rooms = JSON.parse(document.querySelector("main").dataset.methods);
+let method = rooms[0].method;
+let target = null;
+let camera = { read: () => ({}) };
+let panel = { read: () => undefined };
+
+fill(
+  byId("methods"),
+  choices("method", rooms.map((room) => [room.method, ...(METHODS[room.method] ?? [room.method, ""])]), choose),
+);
+choose(method);
+load(byId("camera"), () => all("/v1/cameras"), (cameras) => (camera = cameraPart(cameras)).element);
+load(byId("panel"), () => all("/v1/panels"), (panels) => (panel = panelPart(panels)).element).then(() => choose(method));
+
+form.addEventListener("submit", (event) => {
+  event.preventDefault();
+  act(event.submitter ?? form.querySelector("button[type=submit]"), create);
+});
+
+function choose(chosen) {
+  method = chosen;
+  target = rooms.find((room) => room.method === method).target ? targetPart(method) : null;
+  byId("target-section").hidden = target === null;
+  byId("panel-section").hidden = method !== "reflectance";
+  byId("surface_reflectance").closest(".field").hidden = method !== "luminance";
+  fill(byId("target"), target?.element);
+  // what is not shown must not be filled in either
+  for (const control of byId("panel").querySelectorAll("input, select, textarea")) control.disabled = method !== "reflectance";
+}
+
+async function create() {
+  const said = filled(form);
+  const names = ["project_number", "recorder", "customer", "place", "conditions", "comments"];
+  const body = { method, ...Object.fromEntries(names.filter((name) => said[name]).map((name) => [name, said[name]])) };
+  if (said.started_at) body.started_at = new Date(said.started_at).toISOString();
+  if (method === "luminance") body.surface_reflectance = numberOf(byId("surface_reflectance"));
+  if (target) body.target = target.read();
+  if (method === "reflectance") body.panel_id = await panel.read();
+  body.camera_id = await camera.read();
+  const made = await post("/v1/campaigns", body);
+  location.assign(`/campaigns/${made.id}`);
+}
+
+/** Choose a camera, or register one on the spot. */
+function cameraPart(cameras) {
+  const known = cameras.map((each) => [each.id, `${each.make} ${each.model} ${each.serial}`]);
+  const chosen = select([...known, ["", "Register another…"]], { name: "camera_id" }, known.at(-1)?.[0]);
+  const make = h("input", { autocomplete: "off" });
+  const model = h("input", { autocomplete: "off" });
+  const serial = h("input", { autocomplete: "off" });
+  const lens = [h("input", { autocomplete: "off" }), h("input", { autocomplete: "off" })];
+  const pitch = h("input", { inputmode: "decimal", autocomplete: "off" });
+  const fresh = h(
+    "fieldset",
+    {},
+    h("legend", {}, "New camera"),
+    h(
+      "div",
+      { class: "fields" },
+      field("Make", make, "As in the files: DJI"),
+      field("Model", model, "As in the files: FC6520"),
+      field("Serial number", serial, "Of the body: frames of another are refused."),
+      field("Lens make", lens[0]),
+      field("Lens model", lens[1]),
+      field("Pixel pitch [µm]", pitch),
+    ),
+  );
+  const show = () => {
+    fresh.hidden = chosen.value !== "";
+    for (const input of [make, model, serial]) input.required = !fresh.hidden;
+  };
+  chosen.addEventListener("change", show);
+  show();
+  const element = h("div", {}, known.length ? field("Camera", chosen) : null, fresh);
+  const read = async () => {
+    if (chosen.value) return chosen.value;
+    const body = { make: make.value.trim(), model: model.value.trim(), serial: serial.value.trim(), pixel_pitch_um: numberOf(pitch) };
+    if (lens[0].value.trim() && lens[1].value.trim()) body.lens = { make: lens[0].value.trim(), model: lens[1].value.trim() };
+    return (await post("/v1/cameras", body)).id;
+  };
+  return { element, read };
+}

@@ -1,0 +1,60 @@
+// Every campaign of the organisation, the newest first.
+
+import { all } from "../api.js";
+import { byId, fill, h, may, table } from "../dom.js";
+import { day } from "../format.js";
+import { empty, load } from "../states.js";
+
+load(
+  byId("campaigns"),
+  async () => {
+    const [campaigns, cameras] = await Promise.all([all("/v1/campaigns"), all("/v1/cameras")]);
+    return { campaigns: campaigns.reverse(), cameras: new Map(cameras.map((camera) => [camera.id, camera])) };
+  },
+  ({ campaigns, cameras }) => (campaigns.length ? list(campaigns, cameras) : nothing()),
+);
+
+function nothing() {
+  const text = "A campaign gathers the frames, the region and the meter readings of one calibration.";
+  return empty("No campaign yet", text, may("calibrate") ? h("a", { class: "button primary", href: "/campaigns/new" }, "New campaign") : null);
+}
+
+function list(campaigns, cameras) {
+  const shown = h("div", { "aria-live": "polite" });
+  const search = h("input", { type: "search", "aria-label": "Find a campaign", placeholder: "Project, camera, person, place" });
+  const draw = () => {
+    const wanted = search.value.trim().toLowerCase();
+    const found = campaigns.filter((each) => textOf(each, cameras).includes(wanted));
+    fill(shown, found.length ? rows(found, cameras) : empty("None of them", `No campaign says “${search.value}”.`));
+  };
+  search.addEventListener("input", draw);
+  draw();
+  return [campaigns.length > 8 ? h("p", { class: "search" }, search) : null, shown];
+}
+
+function rows(campaigns, cameras) {
+  return table(
+    [
+      { head: "Project", header: true, cell: (each) => h("a", { href: `/campaigns/${each.id}` }, each.project_number ?? nameOf(each, cameras)) },
+      { head: "Method", cell: (each) => h("span", { class: "tag" }, each.method) },
+      { head: "Camera", cell: (each) => h("a", { class: "nowrap", href: `/cameras/${each.camera_id}` }, cameraOf(each, cameras)) },
+      { head: "Recorder", cell: (each) => each.recorder ?? "–" },
+      { head: "Place", cell: (each) => each.place ?? "–" },
+      { head: "Begun", class: "nowrap", cell: (each) => day(each.started_at ?? each.created_at) },
+    ],
+    campaigns,
+    { caption: "Campaigns" },
+  );
+}
+
+const nameOf = (each, cameras) => `${each.method} of ${cameras.get(each.camera_id)?.model ?? "a camera"}`;
+
+function cameraOf(each, cameras) {
+  const camera = cameras.get(each.camera_id);
+  return camera ? `${camera.model} ${camera.serial}` : "–";
+}
+
+function textOf(each, cameras) {
+  const words = [each.project_number, each.method, each.recorder, each.place, each.customer, cameraOf(each, cameras)];
+  return words.filter(Boolean).join(" ").toLowerCase();
+}

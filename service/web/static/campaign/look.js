@@ -1,0 +1,99 @@
+// What a region holds, computed by the service while it is drawn: statistics, histogram and clipped pixels.
+
+import { post } from "../api.js";
+import { fill, h, table } from "../dom.js";
+import { fixed, number, percent } from "../format.js";
+import { followJob, pause } from "../live.js";
+import { failed } from "../states.js";
+import { svg } from "./canvas.js";
+import { areaOf, faultOf } from "./polygon.js";
+
+const SETTLE_MS = 350;
+const [WIDTH, HEIGHT] = [320, 120];
+
+/** {element, look(frame, region)}: shows the region as it is; an older question that is not answered is dropped. */
+export function lookPart(onClipping) {
+  const element = h("div", { class: "look" });
+  const told = h("p", { class: "muted small", role: "status" });
+  const shown = h("div");
+  fill(element, told, shown);
+  let asked = new AbortController();
+  let before = "";
+
+  async function look(frame, region, { eager = false } = {}) {
+    const question = JSON.stringify([frame?.id, region.points, region.closed]);
+    if (question === before) return;
+    before = question;
+    asked.abort();
+    asked = new AbortController();
+    const { signal } = asked;
+    const fault = region.closed ? faultOf(region.points) : hintOf(region.points);
+    element.classList.toggle("stale", true);
+    if (fault || !frame) {
+      told.textContent = fault ?? "Choose a frame that has been read.";
+      fill(shown);
+      onClipping(null);
+      return;
+    }
+    told.textContent = "Reading the region…";
+    try {
+      if (!eager) await pause(SETTLE_MS);
+      if (signal.aborted) return;
+      const begun = await post(`/v1/frames/${frame.id}/region`, { polygon: region.points }, { signal });
+      const job = await followJob(begun.id, (each) => {
+        if (each.state === "queued") told.textContent = "Waits for a worker…";
+      }, { signal });
+      if (signal.aborted) return;
+      if (!job.result) throw Object.assign(new Error(job.error.detail), { title: "Not read", code: job.error.code, retryable: false });
+      told.textContent = `${number(areaOf(region.points), 9)} px² of ${frame.filename}, from its raw numbers`;
+      fill(shown, histogram(job.result), rows(job.result.statistics));
+      element.classList.remove("stale");
+      onClipping(job.result.clipping);
+    } catch (error) {
+      if (error.name === "AbortError" || signal.aborted) return;
+      before = "";
+      told.textContent = "";
+      fill(shown, failed(error));
+    }
+  }
+  return { element, look };
+}
+
+const hintOf = (points) => (points.length ? `${points.length} ${points.length === 1 ? "corner" : "corners"} so far. Click the first one again, or press Enter, to close.` : "Click on the preview to set the first corner.");
+
+function rows(statistics) {
+  return table(
+    [
+      { head: "", header: true, cell: (row) => h("span", { class: `channel ${row.channel}` }, row.channel) },
+      { head: "Mean", class: "number", cell: (row) => fixed(row.mean_dn, 1) },
+      { head: "Std", class: "number", cell: (row) => fixed(row.std_dn, 1) },
+      { head: "Min", class: "number", cell: (row) => number(row.min_dn, 6) },
+      { head: "Max", class: "number", cell: (row) => number(row.max_dn, 6) },
+      { head: "Clipped", class: "number", cell: (row) => h("span", { class: row.saturated_share > 0.001 ? "bad-figure" : "" }, row.saturated_share ? percent(row.saturated_share) : "0") },
+    ],
+    statistics,
+    { caption: "Raw numbers of the region in DN" },
+  );
+}
+
+function histogram({ histogram: { first_dn: first, step_dn: step, channels }, statistics }) {
+  const bins = channels[0].counts.length;
+  const most = Math.max(...channels.flatMap((each) => each.counts));
+  const last = first + bins * step;
+  const x = (bin) => (bin / bins) * WIDTH;
+  const line = (counts) => counts.map((count, bin) => `${bin ? "L" : "M"}${x(bin).toFixed(1)} ${y(count)}L${x(bin + 1).toFixed(1)} ${y(count)}`).join("");
+  const y = (count) => (HEIGHT * (1 - Math.sqrt(count / most))).toFixed(1);
+  const marks = [["black", statistics[0].black_level_dn], ["white", statistics[0].white_level_dn]].filter(([, at]) => at >= first && at <= last);
+  const text = `Histogram from ${first} to ${last} DN: ${statistics.map((row) => `${row.channel} around ${fixed(row.mean_dn, 0)}`).join(", ")}`;
+  return h(
+    "figure",
+    { class: "histogram" },
+    svg(
+      "svg",
+      { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img", "aria-label": text },
+      ...channels.map(({ channel, counts }) => svg("path", { class: `channel ${channel}`, d: `M0 ${HEIGHT}${line(counts).replace("M", "L")}L${WIDTH} ${HEIGHT}Z` })),
+      ...marks.map(([name, at]) => svg("line", { class: `mark ${name}`, x1: ((at - first) / (last - first)) * WIDTH, x2: ((at - first) / (last - first)) * WIDTH, y1: 0, y2: HEIGHT })),
+    ),
+    h("figcaption", {}, h("span", {}, `${number(first, 6)} DN`), h("span", {}, marks.map(([name, at]) => `${name} ${number(at, 6)}`).join(", ") || "counts on a square-root scale"), h("span", {}, `${number(last, 6)} DN`)),
+  );
+}

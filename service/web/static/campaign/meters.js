@@ -1,0 +1,35 @@
+// A meter with its certificate, registered where it is needed.
+
+import { post } from "../api.js";
+import { ask } from "../ask.js";
+import { readNumber, wrong } from "./numbers.js";
+
+export const nameOfMeter = (meter) => meter && `${meter.make} ${meter.model} ${meter.serial}`;
+
+/** Ask for a meter; answers it as it was registered, or undefined. */
+export const askForMeter = () =>
+  ask({
+    title: "Register a meter",
+    fields: [
+      { name: "kind", label: "Kind", options: [["luminance", "Luminance meter"], ["illuminance", "Illuminance meter"], ["sunshine", "Sunshine sensor"]] },
+      { name: "make", label: "Make" },
+      { name: "model", label: "Model" },
+      { name: "serial", label: "Serial number" },
+      { name: "number", label: "Certificate number", required: false, hint: "Without a certificate K’s uncertainty lacks the meter’s share, and says so." },
+      { name: "laboratory", label: "Laboratory", required: false },
+      { name: "issued_on", label: "Issued on", type: "date", required: false },
+      { name: "due_on", label: "Due on", type: "date", required: false },
+      { name: "uncertainty", label: "Expanded uncertainty [%]", required: false },
+      { name: "coverage", label: "Coverage factor", value: "2", required: false },
+    ],
+    submit: "Register",
+    action: ({ kind, make, model, serial, ...rest }) => post("/v1/meters", { kind, make, model, serial, ...certificateOf(rest) }),
+  });
+
+function certificateOf({ number, laboratory, issued_on, due_on, uncertainty, coverage }) {
+  if (!number && !laboratory && !issued_on && !uncertainty) return {};
+  if (!number || !laboratory || !issued_on || !due_on || !uncertainty || !coverage) throw wrong("A certificate wants its number, laboratory, both days, uncertainty and coverage factor; or leave all of it empty.");
+  const [percent, factor] = [readNumber(uncertainty), readNumber(coverage)];
+  if (!(percent > 0 && percent < 100) || !(factor >= 1)) throw wrong("The uncertainty is a percentage such as 2, the coverage factor a number such as 2.");
+  return { certificate: { number, laboratory, issued_on, due_on, expanded_uncertainty_rel: percent / 100, coverage_factor: factor } };
+}

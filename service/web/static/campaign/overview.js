@@ -1,0 +1,57 @@
+// How far a campaign is: what has come, what it still lacks, what would make it good.
+
+import { fill, h } from "../dom.js";
+import { number } from "../format.js";
+
+export function overview(state) {
+  const element = h("div", { class: "overview" });
+  const draw = () => fill(element, figures(state), advice(state.campaign));
+  state.on("campaign", draw);
+  state.on("frames", draw);
+  draw();
+  return element;
+}
+
+export function countOutcomes(state) {
+  const counts = { pass: 0, warn: 0, fail: 0, pending: 0 };
+  for (const verdict of state.verdicts.values()) counts[verdict.outcome] += 1;
+  return counts;
+}
+
+function figures(state) {
+  const { frames, readings } = state.campaign;
+  const counts = countOutcomes(state);
+  const received = Math.max(frames.received, state.frames.length);
+  const told = state.verdicts.size
+    ? [`${counts.pass} pass`, counts.warn && `${counts.warn} warn`, counts.fail && `${counts.fail} fail`, counts.pending && `${counts.pending} waiting`].filter(Boolean).join(" · ")
+    : "";
+  return h(
+    "dl",
+    { class: "figures" },
+    figure("Frames", number(received), told),
+    figure("Region", state.roi ? (state.roi.regions ? `${state.roi.regions.length} parts` : `${state.roi.polygon.length} corners`) : state.room.whole_frame ? "Whole frame" : "None yet", null, !state.roi && !state.room.whole_frame),
+    figure("Readings", number(readings), state.scenes.length ? `${state.scenes.length} scenes` : ""),
+    figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${state.campaign.missing.length} missing` : "nothing is missing", state.campaign.missing.length > 0),
+  );
+}
+
+const figure = (name, value, note, lacking = false) =>
+  h("div", {}, h("dt", {}, name), h("dd", { class: lacking ? "lacking" : null }, value, note ? h("small", {}, note) : null));
+
+function advice({ missing, advice: better }) {
+  if (!missing.length && !better.length) return null;
+  return h(
+    "div",
+    { class: "columns advice" },
+    missing.length ? h("div", { class: "note warn" }, h("h3", {}, "What is missing"), listOf(missing)) : null,
+    better.length ? h("div", { class: "note" }, h("h3", {}, "What would make it better"), listOf(better)) : null,
+  );
+}
+
+function listOf(sentences) {
+  const [shown, more] = [sentences.slice(0, 5), sentences.slice(5)];
+  const items = (some) => h("ul", { class: "plain" }, some.map((each) => h("li", {}, sentence(each))));
+  return [items(shown), more.length ? h("details", {}, h("summary", {}, `${more.length} more`), items(more)) : null];
+}
+
+export const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,0 +1,42 @@
+// The reflectance panel of a campaign: a registered one, or one that is registered on the spot.
+
+import { post } from "../api.js";
+import { h } from "../dom.js";
+import { decimal, field, select } from "./forms.js";
+import { readNumber, wrong } from "./numbers.js";
+
+/** {element, read()}: the form, and the id of the panel; undefined leaves the choice to the files. */
+export function panelPart(panels) {
+  const known = panels.map((each) => [each.id, `${each.serial}, measured ${each.measured_on} (${each.bands.map((band) => band.band).join(", ")})`]);
+  const chosen = select([["", "The one that the files name, or the only one"], ...known, ["new", "Register another…"]], {}, "");
+  const serial = decimal({ inputmode: "text" });
+  const measured = h("input", { type: "date" });
+  const bands = h("textarea", { rows: "5", spellcheck: "false" });
+  const fresh = h(
+    "fieldset",
+    { hidden: true },
+    h("legend", {}, "New panel"),
+    h("div", { class: "fields" }, field("Serial number", serial), field("Measured on", measured)),
+    field("What it reflects", bands, "A line a band: green 0.69 0.005 (band, reflectance, and its standard uncertainty where known)."),
+  );
+  chosen.addEventListener("change", () => {
+    fresh.hidden = chosen.value !== "new";
+    serial.required = measured.required = bands.required = !fresh.hidden;
+  });
+  const read = async () => {
+    if (chosen.value !== "new") return chosen.value || undefined;
+    const body = { serial: serial.value.trim(), measured_on: measured.value, bands: readBands(bands.value) };
+    return (await post("/v1/panels", body)).id;
+  };
+  return { element: h("div", {}, field("Panel", chosen), fresh), read };
+}
+
+function readBands(text) {
+  const lines = text.split("\n").map((line, index) => [index + 1, line.trim()]);
+  return lines.filter(([, line]) => line).map(([number, line]) => {
+    const [band, ...rest] = line.split(/[\s;]+/);
+    const [reflectance, uncertainty] = rest.map(readNumber);
+    if (rest.length < 1 || rest.length > 2 || rest.map(readNumber).some(Number.isNaN)) throw wrong(`Line ${number}: “${line}” should read as green 0.69 0.005.`);
+    return { band: band.toLowerCase(), reflectance, ...(uncertainty === undefined ? {} : { standard_uncertainty: uncertainty }) };
+  });
+}

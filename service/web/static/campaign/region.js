@@ -1,0 +1,173 @@
+// The region: drawn on a frame's preview, taken from ImageJ, set for the campaign or for one frame.
+
+import { put } from "../api.js";
+import { byId, fill, h, may, toast } from "../dom.js";
+import { act, empty } from "../states.js";
+import { RegionCanvas } from "./canvas.js";
+import { RegionEditor } from "./editor.js";
+import { select } from "./forms.js";
+import { imagejPart } from "./imagej-part.js";
+import { lookPart } from "./look.js";
+import { wrong } from "./numbers.js";
+import { faultOf } from "./polygon.js";
+
+const PARTED = ["sharpness", "vignetting"];
+
+export function regionSection(state) {
+  const element = h("div");
+  let tool = null;
+  const draw = () => {
+    const drawable = state.frames.filter((frame) => ["read", "extracted"].includes(frame.state));
+    if (tool) tool.offer(drawable);
+    else if (drawable.length) fill(element, (tool = build(state, drawable)).element);
+    else if (!element.firstChild) fill(element, empty("Nothing to draw on yet", "As soon as the first frame has been read, its preview stands here to draw the region on."));
+    note(state);
+  };
+  state.on("frames", draw);
+  state.on("roi", draw);
+  draw();
+  return element;
+}
+
+function note(state) {
+  const waiting = state.frames.filter((frame) => ["received", "read"].includes(frame.state)).length;
+  const text = state.roi ? (waiting ? `${state.frames.length - waiting} of ${state.frames.length} frames computed` : "The same for every frame that has none of its own") : state.room.whole_frame ? "The whole frame, unless you draw one" : "None yet";
+  byId("region-note").textContent = text;
+}
+
+function build(state, drawable) {
+  const editor = new RegionEditor();
+  const canvas = new RegionCanvas(editor);
+  const look = lookPart((clipping) => canvas.showClipping(clipping));
+  let frame = null;
+  let seen = false;
+
+  const frames = select([], { "aria-label": "Frame to draw on", onchange: () => choose(frames.value) });
+  const step = (by) => choose(frames.options[Math.min(Math.max(frames.selectedIndex + by, 0), frames.options.length - 1)].value);
+  function offer(some) {
+    if (frames.options.length !== some.length) {
+      fill(frames, some.map((each) => h("option", { value: each.id }, [each.filename, each.scene].filter(Boolean).join(" · "))));
+      if (frame) frames.value = frame.id;
+    }
+  }
+  function choose(id) {
+    frame = state.byId.get(id) ?? frame;
+    frames.value = frame.id;
+    canvas.show({ url: `/v1/frames/${frame.id}/preview.png`, width: frame.width_px, height: frame.height_px });
+    own.textContent = frame.roi_id ? "This frame has a region of its own; the campaign’s is shown." : "";
+    settled();
+  }
+  function settled() {
+    drawParts();
+    undo.disabled = editor.past.length === 0;
+    redo.disabled = editor.future.length === 0;
+    saving.classList.toggle("dirty", editor.dirty);
+    if (seen && may("calibrate")) look.look(frame, editor.region);
+  }
+
+  const button = (text, label, onclick) => h("button", { type: "button", title: label, "aria-label": label, onclick }, text);
+  const undo = button("↶", "Undo", () => editor.undo());
+  const redo = button("↷", "Redo", () => editor.redo());
+  const toolbar = h(
+    "div",
+    { class: "roi-toolbar", role: "toolbar", "aria-label": "Drawing" },
+    button("+", "Zoom in", () => canvas.zoom(0.7)),
+    button("−", "Zoom out", () => canvas.zoom(1 / 0.7)),
+    h("button", { type: "button", onclick: () => canvas.fit() }, "All"),
+    may("calibrate")
+      ? [undo, redo, h("button", { type: "button", onclick: () => (editor.rectangle(), canvas.handles.firstChild?.focus()) }, "Rectangle"), h("button", { type: "button", onclick: () => editor.clear() }, "Draw anew")]
+      : null,
+  );
+  const own = h("p", { class: "muted small" });
+  const parts = h("div", { class: "roi-parts" });
+  function drawParts() {
+    const several = PARTED.includes(state.room.method) || editor.regions.length > 1;
+    fill(parts, several ? partsOf(editor) : null);
+  }
+  const saving = may("calibrate") ? savePart(state, editor, () => frame) : h("div");
+  const load = () => editor.load(regionsOf(state.roi));
+
+  editor.addEventListener("settled", settled);
+  state.on("roi", () => {
+    if (!editor.dirty) load();
+    else toast("Somebody has set another region meanwhile. Yours is still here; setting it takes the other’s place.");
+  });
+  state.on("draw-on", (event) => {
+    choose(event.detail);
+    byId("region").scrollIntoView();
+  });
+  const element = h(
+    "div",
+    { class: "roi-tool" },
+    h("div", { class: "roi-stage" }, h("div", { class: "roi-frame" }, button("‹", "Frame before", () => step(-1)), frames, button("›", "Next frame", () => step(1))), canvas.element, toolbar, own),
+    h("div", { class: "roi-side" }, parts, look.element, saving, imagejPart(editor, () => frame)),
+  );
+  // nothing is computed for a region that nobody looks at
+  new IntersectionObserver((entries, observer) => {
+    if (!entries.some((entry) => entry.isIntersecting)) return;
+    seen = true;
+    observer.disconnect();
+    settled();
+  }).observe(canvas.element);
+  offer(drawable);
+  load();
+  choose((drawable.find((each) => each.role !== "dark") ?? drawable[0]).id);
+  return { element, offer };
+}
+
+const regionsOf = (roi) =>
+  !roi ? [] : roi.regions ? roi.regions.map(({ name, polygon }) => ({ name, points: polygon, closed: true })) : [{ name: "", points: roi.polygon, closed: true }];
+
+function partsOf(editor) {
+  const name = (region, index) => region.name || `Part ${index + 1}`;
+  return [
+    h("h3", {}, "Parts"),
+    h(
+      "ul",
+      { class: "plain" },
+      editor.regions.map((region, index) =>
+        h(
+          "li",
+          { class: index === editor.active ? "active" : "" },
+          h("button", { type: "button", class: "quiet", "aria-pressed": String(index === editor.active), "aria-label": `Draw ${name(region, index)}`, onclick: () => editor.choose(index) }, index === editor.active ? "●" : "○"),
+          h("input", { value: region.name, placeholder: name(region, index), "aria-label": `Name of part ${index + 1}`, onchange: (event) => editor.rename(index, event.target.value.trim()) }),
+          h("button", { type: "button", class: "quiet", "aria-label": `Remove ${name(region, index)}`, onclick: () => editor.removeRegion(index) }, "Remove"),
+        ),
+      ),
+    ),
+    h("p", {}, h("button", { type: "button", class: "quiet", onclick: () => editor.addRegion(`part-${editor.regions.length + 1}`) }, "Add a part")),
+  ];
+}
+
+function savePart(state, editor, frameOf) {
+  const read = () => {
+    const drawn = editor.regions.filter((region) => region.points.length);
+    if (!drawn.length) throw wrong("Draw a region first.");
+    for (const region of drawn) {
+      const fault = region.closed ? faultOf(region.points) : "It is not closed yet: click its first corner again, or press Enter.";
+      if (fault) throw wrong(`${region.name || "The region"}: ${fault}`);
+    }
+    if (drawn.length === 1 && !drawn[0].name) return { polygon: drawn[0].points };
+    return { regions: drawn.map((region, index) => ({ name: region.name || `part-${index + 1}`, polygon: region.points })) };
+  };
+  const saved = async (text) => {
+    editor.dirty = false;
+    editor.tell(true);
+    toast(text);
+    await state.touch();
+  };
+  const forAll = async () => {
+    await put(`${state.path}/roi`, read());
+    await saved("The region is set; every frame is computed anew.");
+  };
+  const forOne = async () => {
+    const frame = frameOf();
+    await put(`/v1/frames/${frame.id}/roi`, read());
+    await saved(`${frame.filename} has this region of its own now.`);
+  };
+  return h(
+    "div",
+    { class: "roi-save" },
+    h("p", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, forAll) }, "Set for the campaign"), h("button", { type: "button", onclick: (event) => act(event.target, forOne) }, "Only for this frame")),
+  );
+}

@@ -1,0 +1,75 @@
+// A spreadsheet's cells as readings; every line that cannot be understood is named.
+
+import { readNumber } from "./numbers.js";
+
+export const UNITS = { "cd/m2": "luminance", fL: "luminance", lx: "illuminance", fc: "illuminance" };
+const NAMES = ["scene", "quantity", "value", "unit", "meter_id", "taken_at"];
+const GROUPED = /^\d{1,3}([.,]\d{3})+$/;
+
+/** {rows: [{line, reading}], faults: [{line, text}]}; `unit` is that of lines that say none. */
+export function readSheet(text, { unit }) {
+  const lines = text.split(/\r\n|\r|\n/).map((line, index) => ({ line: index + 1, text: line }));
+  const filled = lines.filter((each) => each.text.trim());
+  const separator = separatorOf(filled);
+  let columns = ["scene", "value", "unit", "taken_at"];
+  const first = filled[0] ? cellsOf(filled[0].text, separator).map((cell) => cell.toLowerCase()) : [];
+  const headed = first.includes("scene") || first.includes("value");
+  const result = { rows: [], faults: [] };
+  if (headed) {
+    columns = first;
+    const strange = first.filter((name) => name && !NAMES.includes(name));
+    if (strange.length) result.faults.push({ line: filled[0].line, text: `no column is called “${strange[0]}”; there are ${NAMES.join(", ")}.` });
+    for (const needed of ["scene", "value"]) if (!first.includes(needed)) result.faults.push({ line: filled[0].line, text: `the column ${needed} is missing.` });
+    if (result.faults.length) return result;
+  }
+  for (const each of headed ? filled.slice(1) : filled) {
+    try {
+      result.rows.push({ line: each.line, reading: readLine(cellsOf(each.text, separator), columns, unit, separator) });
+    } catch (fault) {
+      result.faults.push({ line: each.line, text: fault.message });
+    }
+  }
+  return result;
+}
+
+function separatorOf(lines) {
+  const all = lines.map((each) => each.text).join("\n");
+  if (all.includes("\t")) return "\t";
+  if (all.includes(";")) return ";";
+  // without either, a line is a scene and a number, apart by blanks: a comma may be a decimal one
+  return " ";
+}
+
+function cellsOf(text, separator) {
+  if (separator !== " ") return text.split(separator).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1").trim());
+  const typed = /^\s*(.*?)[\s,]+([+-]?[\d.,]+)(?:[\s,]+(cd\/m2|cd\/m²|fL|lx|fc))?\s*$/i.exec(text);
+  return typed ? typed.slice(1).filter((cell) => cell !== undefined) : text.trim().split(/[\s,]+/);
+}
+
+function readLine(cells, columns, usual, separator) {
+  const said = Object.fromEntries(columns.map((name, index) => [name, cells[index] ?? ""]));
+  if (cells.slice(columns.length).some(Boolean)) throw new Error(`it has ${cells.length} cells; expected are ${columns.join(", ")}.`);
+  if (!said.scene) throw new Error("the scene is missing.");
+  if (!said.value) throw new Error("the value is missing.");
+  if (GROUPED.test(said.value) && said.value.includes(",") && separator !== ";") throw new Error(`“${said.value}” may be a thousand or one and a bit: write ${said.value.replaceAll(",", "")} or ${said.value.replace(",", ".")}.`);
+  const value = readNumber(said.value);
+  if (!Number.isFinite(value)) throw new Error(`“${said.value}” is not a number.`);
+  if (!(value > 0)) throw new Error("a reading is above 0.");
+  const unit = said.unit ? unitOf(said.unit) : usual;
+  const quantity = said.quantity ? said.quantity.toLowerCase() : UNITS[unit];
+  if (quantity !== UNITS[unit]) throw new Error(`${unit} is no unit of ${quantity}.`);
+  return { scene: said.scene, quantity, value, unit, ...(said.meter_id ? { meter_id: said.meter_id } : {}), ...(said.taken_at ? { taken_at: instantOf(said.taken_at) } : {}) };
+}
+
+function unitOf(text) {
+  const plain = text.replace("²", "2").replace(/^\[|\]$/g, "").toLowerCase();
+  const found = Object.keys(UNITS).find((name) => name.toLowerCase() === plain);
+  if (!found) throw new Error(`“${text}” is no unit; there are ${Object.keys(UNITS).join(", ")}.`);
+  return found;
+}
+
+function instantOf(text) {
+  const instant = /^\d{4}-\d\d-\d\d/.test(text) ? new Date(text) : new Date(NaN);
+  if (Number.isNaN(instant.getTime())) throw new Error(`“${text}” is no time; write it as 2026-05-01 20:30.`);
+  return instant.toISOString();
+}

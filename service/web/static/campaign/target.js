@@ -1,0 +1,84 @@
+// What is photographed: a board for geometry, an edge or a star for sharpness.
+
+import { fill, h } from "../dom.js";
+import { choices, decimal, field, select } from "./forms.js";
+import { numberOf, wrong } from "./numbers.js";
+
+const DICTIONARIES = ["DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_50", "DICT_5X5_100", "DICT_6X6_250", "DICT_7X7_250", "DICT_ARUCO_ORIGINAL"];
+
+/** {element, read()}: the form, and the target as the API wants it. */
+export const targetPart = (method) => (method === "geometry" ? board() : chart());
+
+function board() {
+  let kind = "checkerboard";
+  const columns = decimal({ inputmode: "numeric", required: true });
+  const rows = decimal({ inputmode: "numeric", required: true });
+  const square = decimal({ required: true });
+  const marker = decimal();
+  const dictionary = select(DICTIONARIES.map((name) => [name, name]), {}, "DICT_5X5_100");
+  const counted = h("div", { class: "fields" });
+  const draw = () => {
+    const charuco = kind === "charuco";
+    const what = charuco ? "Squares" : "Inner corners";
+    marker.required = charuco;
+    fill(
+      counted,
+      field(`${what} across`, columns, "As its maker counts."),
+      field(`${what} down`, rows),
+      field("Side of a square [mm]", square, "Measured on the print."),
+      charuco ? [field("Side of a marker [mm]", marker), field("Dictionary", dictionary)] : null,
+    );
+  };
+  const element = h(
+    "div",
+    {},
+    h(
+      "div",
+      { class: "choices", role: "radiogroup", "aria-label": "Board" },
+      choices("board", [["checkerboard", "Checkerboard", "All of it must be seen."], ["charuco", "ChArUco board", "With markers: a part of it is enough."]], (chosen) => ((kind = chosen), draw())),
+    ),
+    counted,
+  );
+  draw();
+  const read = () => {
+    const said = { kind, columns: numberOf(columns, { integer: true }), rows: numberOf(rows, { integer: true }), square_size_mm: numberOf(square) };
+    if (kind === "charuco") Object.assign(said, { marker_size_mm: numberOf(marker), dictionary: dictionary.value });
+    if (said.columns === undefined || said.rows === undefined || said.square_size_mm === undefined) throw wrong("Say how the board is divided, and how large a square is.");
+    return said;
+  };
+  return { element, read };
+}
+
+function chart() {
+  let kind = "slanted_edge";
+  const cycles = decimal({ inputmode: "numeric", value: "48" });
+  const curve = select([["linear", "Raw files: none"], ["srgb", "sRGB images"], ["gamma", "Images with a plain gamma"]]);
+  const gamma = decimal({ value: "2.2" });
+  const more = h("div", { class: "fields" });
+  const draw = () =>
+    fill(
+      more,
+      kind === "siemens_star" ? field("Cycles of the star", cycles, "Pairs of a dark and a bright sector.") : null,
+      field("Tone curve to undo", curve),
+      curve.value === "gamma" ? field("Gamma", gamma) : null,
+    );
+  curve.addEventListener("change", draw);
+  const element = h(
+    "div",
+    {},
+    h(
+      "div",
+      { class: "choices", role: "radiogroup", "aria-label": "Chart" },
+      choices("chart", [["slanted_edge", "Slanted edges", "Each region shows one edge, tilted by a few degrees."], ["siemens_star", "Siemens stars", "Each region shows one star."]], (chosen) => ((kind = chosen), draw())),
+    ),
+    more,
+  );
+  draw();
+  const read = () => ({
+    kind,
+    tone_curve: curve.value,
+    ...(kind === "siemens_star" ? { cycles: numberOf(cycles, { integer: true }) } : {}),
+    ...(curve.value === "gamma" ? { gamma: numberOf(gamma) } : {}),
+  });
+  return { element, read };
+}

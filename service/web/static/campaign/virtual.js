@@ -1,0 +1,77 @@
+// A table of any length: only the rows that are seen exist. Rows have one height.
+
+import { fill, h } from "../dom.js";
+
+const MARGIN = 6;
+
+/**
+ * columns: [{head, class?}]; draw(item) gives the cells' contents; keyOf(item) names it; markOf(item) changes when
+ * the row must be drawn anew. Answers {element, show(items)}.
+ */
+export function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf, classOf = () => null }) {
+  const above = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
+  const below = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));
+  const body = h("tbody", {}, above, below);
+  const grid = h(
+    "table",
+    {},
+    h("caption", { class: "hidden" }, caption),
+    h("thead", {}, h("tr", { "aria-rowindex": "1" }, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head)))),
+    body,
+  );
+  const element = h("div", { class: "table virtual", tabindex: "0", role: "region", "aria-label": caption }, grid);
+  let items = [];
+  let drawn = new Map();
+  let waiting = false;
+
+  function update() {
+    waiting = false;
+    const seen = element.clientHeight || 600;
+    const from = Math.max(0, Math.floor(element.scrollTop / rowHeight) - MARGIN);
+    const to = Math.min(items.length, Math.ceil((element.scrollTop + seen) / rowHeight) + MARGIN);
+    const next = new Map();
+    for (let index = from; index < to; index += 1) next.set(keyOf(items[index]), rowOf(items[index], index));
+    for (const [key, row] of drawn) if (!next.has(key)) row.element.remove();
+    let place = above;
+    for (const row of next.values()) {
+      // moved only where it must be: a row that stays keeps its focus
+      if (place.nextSibling !== row.element) place.after(row.element);
+      place = row.element;
+    }
+    drawn = next;
+    above.firstChild.style.height = `${from * rowHeight}px`;
+    below.firstChild.style.height = `${(items.length - to) * rowHeight}px`;
+    above.hidden = from === 0;
+    below.hidden = to === items.length;
+  }
+
+  function rowOf(item, index) {
+    const mark = markOf(item);
+    const row = drawn.get(keyOf(item)) ?? { element: h("tr", {}), mark: undefined };
+    row.element.setAttribute("aria-rowindex", index + 2);
+    if (row.mark !== mark) {
+      row.mark = mark;
+      row.element.className = classOf(item) ?? "";
+      fill(row.element, draw(item).map((cell, at) => h("td", { class: columns[at].class }, cell)));
+      row.element.style.height = `${rowHeight}px`;
+    }
+    return row;
+  }
+
+  const soon = () => {
+    if (waiting) return;
+    waiting = true;
+    requestAnimationFrame(update);
+  };
+  element.addEventListener("scroll", soon, { passive: true });
+  new ResizeObserver(soon).observe(element);
+
+  return {
+    element,
+    show(some) {
+      items = some;
+      grid.setAttribute("aria-rowcount", items.length + 1);
+      update();
+    },
+  };
+}
