@@ -10,6 +10,7 @@ from playwright.sync_api import sync_playwright
 
 from tests.support.browser import CHROMIUM, launch, sign_in, visit
 from tests.support.deployments import Embedded, short_folder
+from tests.support.nightwork import work_a_night
 
 
 def pytest_collection_modifyitems(items):
@@ -61,3 +62,16 @@ def context(request, browser, service):
 def page(context, team):
     """Signed in with the team's key."""
     return sign_in(context, team.key)
+
+
+@pytest.fixture(scope="package")
+def night(service):
+    """A calibrated camera and two measurements, for all tests that look and leave them as they are."""
+    with service.team() as founded, short_folder() as folder:
+        yield work_a_night(founded, folder)
+
+
+@pytest.fixture
+def night_page(context, night):
+    """Signed in with the key of the night's team."""
+    return sign_in(context, night.team.key)

@@ -1,0 +1,72 @@
+"""One version of a calibration: what was found, from what, and what was decided of it."""
+
+import json
+from collections.abc import Iterable
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+
+from radiometry.flags import Flag
+from service.auth import Caller, Reader
+from service.context import Context, UsesContext
+from service.lookup import Id, owned
+from service.problems import HttpCode, Problem
+from service.schemas.calibrations import NewCalibration
+from service.web.plots.calibration import Axes, draw_residuals, draw_signal
+from service.web.plots.figures import Theme, send_plot
+from service.web.rendering import SignedInPage
+from store.tables import Calibration, Camera, Campaign
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/calibrations/{calibration_id}")
+def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContext) -> Response:
+    with context.database.reading() as session:
+        calibration = owned(session, Calibration, calibration_id, page.caller)
+        camera = session.get_one(Camera, calibration.camera_id)
+        campaign = session.get_one(Campaign, calibration.campaign_id)
+    return page.render(
+        "calibration.html",
+        title=f"{calibration.method.capitalize()} version {calibration.version}",
+        plots=True,
+        calibration=calibration,
+        camera=camera,
+        campaign=campaign,
+        meanings=say_flags(raised["flag"] for raised in calibration.result.get("flags", [])),
+        asked=" ".join(NewCalibration.model_fields),
+    )
+
+
+@router.get("/plots/calibrations/{calibration_id}/signal")
+def plot_signal(
+    calibration_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    axes: Annotated[Axes, Query()] = "linear",
+    theme: Annotated[Theme, Query()] = "light",
+) -> Response:
+    found = _luminance(context, calibration_id, caller)
+    return send_plot(draw_signal(found.result, axes=axes, theme=theme))
+
+
+@router.get("/plots/calibrations/{calibration_id}/residuals")
+def plot_residuals(
+    calibration_id: Id, caller: Reader, context: UsesContext, theme: Annotated[Theme, Query()] = "light"
+) -> Response:
+    return send_plot(draw_residuals(_luminance(context, calibration_id, caller).result, theme=theme))
+
+
+def say_flags(flags: Iterable[str]) -> str:
+    """JSON of what each of these flags means, for the page's module."""
+    raised = set(flags)
+    return json.dumps({flag.value: flag.meaning for flag in Flag if flag.value in raised})
+
+
+def _luminance(context: Context, calibration_id: str, caller: Caller) -> Calibration:
+    with context.database.reading() as session:
+        found = owned(session, Calibration, calibration_id, caller)
+    if found.method != "luminance":
+        detail = f"This version is of {found.method}: its plot is /v1/calibrations/{found.id}/plot.svg."
+        raise Problem(404, HttpCode.NOT_FOUND, detail)
+    return found

@@ -1,0 +1,74 @@
+// To publish and to revoke: what it changes is shown before anything is decided.
+
+import { all, get, post } from "../api.js";
+import { ask } from "../ask.js";
+import { fill, h, may, toast } from "../dom.js";
+import { load } from "../states.js";
+import { fitAnew } from "./refit.js";
+import { drawImpact, drawTouched } from "./impact.js";
+
+/** Buttons for what this key may decide; `decided(said)` hears of it. */
+export function offerDecisions(place, calibration, decided) {
+  const button = (text, style, onclick) => h("button", { type: "button", class: style, onclick }, text);
+  const revoked = calibration.state === "revoked";
+  fill(
+    place,
+    may("calibrate") ? button("Fit anew…", null, () => fitAnew(calibration)) : null,
+    may("publish") && !revoked ? button("Revoke…", "danger", () => revoke(calibration, decided)) : null,
+    may("publish") && !revoked ? button(calibration.state === "draft" ? "Publish…" : "Publish for another time…", calibration.state === "draft" ? "primary" : null, () => publish(calibration, decided)) : null,
+  );
+}
+
+async function publish(calibration, decided) {
+  const impact = h("div", { class: "impact", "aria-live": "polite" });
+  const show = () => {
+    const at = instant(document.getElementById("ask-valid_from").value);
+    if (at) load(impact, () => get(`/v1/calibrations/${calibration.id}/impact?at=${encodeURIComponent(at)}`), drawImpact);
+  };
+  const asked = ask({
+    title: `Publish version ${calibration.version}`,
+    body: impact,
+    fields: [
+      { name: "valid_from", label: "In force from (UTC)", type: "datetime-local", value: start(calibration), hint: "Frames that were taken from then on are measured with it." },
+      { name: "valid_to", label: "Until (UTC)", type: "datetime-local", required: false, hint: "Left empty: until another version takes its place." },
+      { name: "reason", label: "Why", type: "textarea", hint: "Who reviewed it, and on what grounds." },
+    ],
+    submit: "Publish",
+    action: ({ valid_from, valid_to, reason }) =>
+      post(`/v1/calibrations/${calibration.id}/publish`, { valid_from: instant(valid_from), reason, ...(valid_to ? { valid_to: instant(valid_to) } : {}) }),
+  });
+  document.getElementById("ask-valid_from").addEventListener("change", show);
+  show();
+  const answer = await asked;
+  if (!answer) return;
+  toast(`Version ${answer.version} is published.`);
+  decided(answer.warnings?.length ? h("div", { class: "note warn" }, h("p", {}, h("strong", {}, "Published. What its certificate lacks of ISO/IEC 17025, 7.8:")), h("ul", {}, answer.warnings.map((gap) => h("li", {}, gap.message)))) : null);
+}
+
+async function revoke(calibration, decided) {
+  const touched = h("div", { class: "impact", "aria-live": "polite" });
+  load(touched, () => all(`/v1/measurements?calibration_id=${calibration.id}`), (found) => [
+    h("p", {}, "This is for good. Nothing takes its place by itself: the time that it held has no version in force until another is published there."),
+    h("p", {}, found.length ? h("strong", {}, `${found.length} ${found.length === 1 ? "measurement was" : "measurements were"} made with it: they stay, flagged.`) : "No measurement was made with it."),
+    found.length ? h("ul", { class: "plain small" }, found.slice(0, 6).map((each) => h("li", {}, each.filename)), found.length > 6 ? h("li", {}, `and ${found.length - 6} more`) : null) : null,
+  ]);
+  const answer = await ask({
+    title: `Revoke version ${calibration.version}`,
+    body: touched,
+    fields: [{ name: "reason", label: "Why", type: "textarea", hint: "What is wrong with it. It stands beside every measurement that was made with it." }],
+    submit: "Revoke for good",
+    danger: true,
+    action: (values) => post(`/v1/calibrations/${calibration.id}/revoke`, values),
+  });
+  if (!answer) return;
+  toast(`Version ${answer.version} is revoked.`);
+  decided(answer.measurements.length ? h("div", { class: "note bad" }, h("p", {}, h("strong", {}, "Revoked. These measurements were made with it:")), drawTouched(answer.measurements)) : null);
+}
+
+/** The day of the campaign where it is known: its own frames are then measured with it. */
+function start(calibration) {
+  const started = document.querySelector("main").dataset.startedAt;
+  return new Date(started || calibration.created_at).toISOString().slice(0, 16);
+}
+
+const instant = (typed) => (typed ? new Date(`${typed}Z`).toISOString() : undefined);

@@ -1,0 +1,79 @@
+// One version: loaded once, drawn part by part; anew after each decision.
+
+import { all, get, getOr } from "../api.js";
+import { byId, fill, h } from "../dom.js";
+import { load, empty, failed } from "../states.js";
+import { drawBudget, drawModels } from "./detail.js";
+import { offerDecisions } from "./decide.js";
+import { drawFlags, drawStanding, drawVerdict } from "./result.js";
+import { drawHistory, drawMade, drawSiblings } from "./record.js";
+import { drawPlots } from "./curves.js";
+import { drawPoints } from "./points.js";
+import { Choice } from "./choice.js";
+
+const main = document.querySelector("main");
+const { calibrationId: id, method, meanings } = main.dataset;
+const choice = new Choice();
+
+start();
+
+async function start() {
+  const calibration = get(`/v1/calibrations/${id}`);
+  standing(calibration);
+  load(byId("verdict"), () => calibration, drawVerdict);
+  load(byId("flags"), () => calibration, (found) => drawFlags(found, JSON.parse(meanings)));
+  load(byId("points"), () => calibration, (found) => drawPoints(found, choice));
+  load(byId("made"), () => calibration, drawMade);
+  try {
+    const found = await calibration;
+    show("models", drawModels(found));
+    show("budget", drawBudget(found));
+    choice.offer(found);
+    if (method === "luminance") drawPlots(found, choice);
+    else drawOwnPlot();
+  } catch (error) {
+    // each region tells it
+    if (!error.code) throw error;
+  }
+}
+
+/** State, history and what can be decided: what a decision changes. */
+function standing(calibration) {
+  load(byId("standing"), () => calibration, drawStanding);
+  load(
+    byId("history"),
+    async () => {
+      const found = await calibration;
+      return get(`/v1/cameras/${found.camera_id}/decisions`);
+    },
+    ({ items }) => drawHistory(items.filter((each) => each.calibration_id === id)),
+  );
+  load(
+    byId("siblings"),
+    async () => {
+      const found = await calibration;
+      return [found, await all(`/v1/campaigns/${found.campaign_id}/calibrations`)];
+    },
+    ([found, versions]) => drawSiblings(found, versions),
+  );
+  calibration.then(
+    (found) => offerDecisions(byId("decide"), found, (said) => (fill(byId("said"), said), standing(get(`/v1/calibrations/${id}`)))),
+    () => {},
+  );
+}
+
+function show(name, drawn) {
+  byId(`${name}-section`).hidden = !drawn;
+  if (drawn) fill(byId(name), drawn);
+}
+
+async function drawOwnPlot() {
+  const place = byId("drawn");
+  const address = `/v1/calibrations/${id}/plot.svg`;
+  const picture = h("img", { class: "own-plot", src: address, alt: `Plot of this ${method} calibration` });
+  picture.addEventListener("error", async () => {
+    const answer = await getOr(address, undefined).catch((error) => error);
+    fill(place, answer?.code ? failed(answer, drawOwnPlot) : empty("No plot", "This version has nothing that could be drawn."));
+  });
+  fill(place, picture);
+}

@@ -1,0 +1,95 @@
+// What was decided, what else the campaign gave, and what all of it was computed from.
+
+import { h, table } from "../dom.js";
+import { day, number, quantity, tag, time, words } from "../format.js";
+import { empty } from "../states.js";
+
+const ACTS = { made: "", published: "good", revoked: "bad" };
+
+export function drawHistory(items) {
+  if (!items.length) return empty("No decision yet");
+  return h(
+    "ol",
+    { class: "todo" },
+    items.map((each) =>
+      h(
+        "li",
+        {},
+        h("div", { class: "todo-head" }, h("span", {}, tag(each.act, ACTS[each.act]), " by ", h("strong", { title: each.by }, each.by_name ?? each.by)), time(each.at)),
+        each.valid_from ? h("p", {}, `In force from ${day(each.valid_from)} ${each.valid_to ? `to ${day(each.valid_to)}` : "on"}`) : null,
+        each.reason ? h("p", {}, each.reason) : null,
+      ),
+    ),
+  );
+}
+
+/** The other versions of the same campaign, to compare with. */
+export function drawSiblings(own, versions) {
+  if (versions.length < 2) return empty("The only version of its campaign", "Leave a point out or choose another model, and fit anew: the versions then stand side by side here.");
+  const columns = [
+    { head: "Version", header: true, cell: (row) => (row.id === own.id ? h("strong", { "aria-current": "true" }, `${row.version}, this one`) : h("a", { href: `/calibrations/${row.id}` }, `Version ${row.version}`)) },
+    { head: "State", cell: (row) => tag(row.state) },
+    { head: "How", cell: howOf },
+    { head: words(own.coefficients[0]?.name ?? "coefficient"), class: "number", cell: (row) => (row.coefficients[0] ? quantity({ ...row.coefficients[0], unit: "1" }) : "–") },
+  ];
+  return table(columns, versions, { caption: "Versions of this campaign" });
+}
+
+function howOf({ parameters }) {
+  const left = parameters.exclude?.length ?? 0;
+  return [parameters.model, left ? `${left} left out` : ""].filter(Boolean).join(", ") || "as it comes";
+}
+
+export function drawMade(calibration) {
+  const { inputs, software, parameters } = calibration;
+  return h(
+    "div",
+    { class: "made" },
+    h(
+      "dl",
+      { class: "facts card" },
+      Object.entries(software).flatMap(([name, version]) => [h("dt", {}, words(name)), h("dd", { class: "mono" }, String(version))]),
+      h("dt", {}, "Content, SHA-256"),
+      h("dd", { class: "mono small" }, calibration.content_sha256),
+    ),
+    h("details", { class: "card" }, h("summary", {}, "Parameters"), definitions(parameters)),
+    excluded(parameters.exclude),
+    h("details", { class: "card" }, h("summary", {}, `${inputs.frames.length} frames by their content`), frames(inputs.frames)),
+    inputs.readings?.length ? h("details", { class: "card" }, h("summary", {}, `${inputs.readings.length} readings`), readings(inputs.readings)) : null,
+  );
+}
+
+function definitions(values) {
+  const said = Object.entries(values).filter(([name, value]) => value !== null && name !== "exclude");
+  return h("dl", { class: "facts" }, said.flatMap(([name, value]) => [h("dt", {}, words(name)), h("dd", { class: "mono" }, typeof value === "object" ? JSON.stringify(value) : String(value))]));
+}
+
+function excluded(rows) {
+  if (!rows?.length) return null;
+  const columns = [
+    { head: "Left out", header: true, cell: (row) => row.frame },
+    { head: "Why", cell: (row) => row.reason },
+    { head: "By", cell: (row) => h("code", {}, row.by) },
+  ];
+  return h("div", {}, table(columns, rows, { caption: "Frames that somebody left out" }));
+}
+
+function frames(rows) {
+  const columns = [
+    { head: "Frame", header: true, cell: (row) => row.frame },
+    { head: "Role", cell: (row) => row.role },
+    { head: "Scene", cell: (row) => row.scene ?? "–" },
+    { head: "SHA-256", cell: (row) => h("code", { title: row.sha256 }, `${row.sha256.slice(0, 16)}…`) },
+  ];
+  return table(columns, rows, { caption: "Frames" });
+}
+
+function readings(rows) {
+  const columns = [
+    { head: "Scene", header: true, cell: (row) => row.scene },
+    { head: "Quantity", cell: (row) => row.quantity },
+    { head: "Value", class: "number", cell: (row) => `${number(row.value, 5)} ${row.quantity === "luminance" ? "cd/m²" : "lx"}` },
+    { head: "Meter", cell: (row) => row.meter ?? "not named" },
+  ];
+  return table(columns, rows, { caption: "Readings" });
+}

@@ -1,0 +1,81 @@
+// The same campaign fitted anew: without some frames, with another model. It becomes a draft of its own.
+
+import { Problem, all, post } from "../api.js";
+import { ask } from "../ask.js";
+import { h, toast } from "../dom.js";
+import { followJob } from "../live.js";
+
+const MODELS = [
+  ["proportional", "proportional: K X"],
+  ["affine", "affine: K X + b"],
+  ["power", "power: K X^g"],
+  ["semilog", "semilog: a ln X + b, only for an old report"],
+];
+
+/** Ask how, fit, and go to the version that it gives. `chosen`: frames to leave out, id to name. */
+export async function fitAnew(calibration, chosen = new Map()) {
+  const { parameters, method } = calibration;
+  const former = parameters.exclude ?? [];
+  const keep = former.map((each, index) => ({ ...each, box: h("input", { type: "checkbox", id: `keep-${index}`, checked: true }) }));
+  const said = h("p", { class: "hint", role: "status" });
+  const made = await ask({
+    title: chosen.size ? `Leave out ${chosen.size === 1 ? [...chosen.values()][0] : `${chosen.size} frames`} and fit anew` : "Fit anew",
+    body: [
+      h("p", { class: "muted" }, "This version stays as it is. The new one is a draft until somebody publishes it."),
+      keep.length ? h("fieldset", {}, h("legend", {}, "Left out so far; untick to take back in"), keep.map(({ box, frame, reason }) => h("p", { class: "check" }, box, h("label", { for: box.id, class: "check" }, `${frame}: ${reason}`)))) : null,
+      said,
+    ],
+    fields: [
+      chosen.size ? { name: "reason", label: "Why it is left out", type: "textarea", hint: "What happened when it was taken. It stands in the record with your name." } : null,
+      method === "luminance" ? { name: "model", label: "Model", options: MODELS, value: parameters.model } : null,
+      "tolerance_rel" in parameters ? { name: "tolerance", label: "Tolerance [% of L]", type: "text", inputmode: "decimal", value: String(+(100 * parameters.tolerance_rel).toPrecision(6)) } : null,
+    ].filter(Boolean),
+    submit: "Fit anew",
+    action: async (values) => {
+      const kept = keep.filter(({ box }) => box.checked);
+      const exclude = [...(await withIds(calibration, kept)), ...[...chosen.keys()].map((frame_id) => ({ frame_id, reason: values.reason }))];
+      const body = { ...formerOf(calibration), ...sayFit(values), exclude };
+      said.textContent = "Fitting…";
+      const job = await followJob((await post(`/v1/campaigns/${calibration.campaign_id}/calibrations`, body)).id, (each) => {
+        said.textContent = each.state === "queued" ? "Waits for its turn…" : "Fitting…";
+      });
+      said.textContent = "";
+      if (job.state !== "succeeded") throw new Problem(job.error);
+      return job.result.calibration_id;
+    },
+  });
+  if (!made) return;
+  if (made === calibration.id) toast("That is this very version: the same frames and the same parameters.");
+  else location.assign(`/calibrations/${made}`);
+}
+
+/** What was asked of this version, as the form wants it. */
+function formerOf({ parameters }) {
+  const asked = new Set(document.querySelector("main").dataset.asked.split(" "));
+  const said = present(parameters);
+  return Object.fromEntries(Object.entries(said).filter(([name]) => asked.has(name) && name !== "exclude"));
+}
+
+function sayFit({ model, tolerance }) {
+  const said = {};
+  if (model) said.model = model;
+  if (tolerance) said.tolerance = Number(tolerance.replace(",", ".")) / 100;
+  return said;
+}
+
+/** Without what is null: the API knows none. */
+function present(value) {
+  if (value === null || typeof value !== "object" || Array.isArray(value)) return value;
+  return Object.fromEntries(Object.entries(value).filter(([, each]) => each !== null).map(([name, each]) => [name, present(each)]));
+}
+
+/** Former exclusions name frames as the fit does; the form wants their ids. */
+async function withIds(calibration, kept) {
+  if (!kept.length) return [];
+  const ids = new Map(calibration.points.map((point) => [point.frame, point.frame_id]));
+  if (kept.some(({ frame }) => !ids.has(frame))) {
+    const hashes = new Map(calibration.inputs.frames.map((each) => [each.sha256, each.frame]));
+    for (const each of await all(`/v1/campaigns/${calibration.campaign_id}/frames`)) ids.set(hashes.get(each.sha256), each.id);
+  }
+  return kept.map(({ frame, reason }) => ({ frame_id: ids.get(frame), reason }));
+}

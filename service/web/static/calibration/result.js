@@ -1,0 +1,100 @@
+// What was found, whether it passes, and what to know about it.
+
+import { h, table } from "../dom.js";
+import { day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
+import { holdsFor } from "../coefficients.js";
+
+const AT_FIRST = 14;
+
+/** Where the version stands: a row of facts. */
+export function drawStanding(calibration) {
+  const { state, valid_from: from, valid_to: to, superseded_by: by } = calibration;
+  const facts = [
+    ["State", tag(state)],
+    from ? ["In force", h("span", { class: "nowrap" }, `${day(from)} – ${to ? day(to) : "open"}`)] : null,
+    by ? ["Superseded by", h("a", { href: `/calibrations/${by}` }, "another version")] : null,
+    calibration.revoked_reason ? ["Revoked because", calibration.revoked_reason] : null,
+    ["Fitted", time(calibration.created_at)],
+    ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, "frames and readings")],
+    ["Certificate", h("span", {}, h("a", { href: `/v1/calibrations/${calibration.id}/certificate.pdf` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${calibration.id}/certificate.json` }, "JSON"))],
+  ];
+  const shown = calibration.method === "luminance" ? facts : facts.slice(0, -1);
+  return h("dl", { class: "facts standing card" }, shown.filter(Boolean).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
+}
+
+export function drawVerdict(calibration) {
+  return calibration.method === "luminance" ? luminance(calibration) : coefficients(calibration);
+}
+
+function luminance({ diagnostics, coefficients: rows }) {
+  const fits = diagnostics.iso_fits;
+  const tolerance = percent(diagnostics.tolerance_rel);
+  const failing = fits.filter((fit) => !fit.passed);
+  const columns = [
+    { head: "ISO", header: true, class: "number", cell: ({ coefficient }) => number(coefficient.iso, 6) },
+    { head: "K", class: "number", cell: ({ coefficient: c }) => quantity({ value: c.luminance_k, standard_uncertainty: c.luminance_k_standard_uncertainty, unit: c.luminance_k_unit }) },
+    { head: "u(K)", class: "number", cell: ({ coefficient: c }) => relative(c.luminance_k, c.luminance_k_standard_uncertainty) },
+    { head: "U, 95 %", class: "number", cell: ({ coefficient: c }) => h("span", { title: `coverage factor ${number(c.coverage_factor, 3)}` }, number(c.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(c.coverage_factor, 3)}`)) },
+    { head: "Dark signal", class: "number", cell: ({ coefficient: c }) => h("span", {}, withUncertainty(c.dark_signal_dn, c.dark_signal_standard_uncertainty_dn), h("span", { class: "unit" }, " DN")) },
+    { head: "Largest residual", class: "number", cell: (fit) => percent(fit.largest_residual_rel) },
+    { head: "Verdict", cell: (fit) => (fit.passed ? tag("pass") : tag("beyond tolerance", "bad")) },
+    { head: "Flags", cell: ({ coefficient }) => flagsOf(rows.find((row) => row.iso === coefficient.iso)) },
+  ];
+  const note = failing.length
+    ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Look at the residuals; do not exclude a point without a reason.")
+    : h("p", { class: "note good" }, h("strong", {}, ["", "Passed. ", "Both ISO values pass. "][fits.length] ?? `All ${fits.length} ISO values pass. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
+  return [note, table(columns, fits, { caption: "K of each ISO value" })];
+}
+
+function coefficients({ coefficients: rows }) {
+  const columns = [
+    { head: "Coefficient", header: true, cell: (row) => h("code", {}, row.name) },
+    { head: "Holds for", cell: (row) => holdsFor(row) || "all" },
+    { head: "Value", class: "number", cell: quantity },
+    { head: "u", class: "number", cell: (row) => relative(row.value, row.standard_uncertainty) },
+    { head: "Model", cell: (row) => words(row.model) },
+    { head: "Flags", cell: flagsOf },
+  ].filter((column) => column.head !== "Holds for" || rows.some(holdsFor));
+  return shorten(rows, (some) => table(columns, some, { caption: "Coefficients" }));
+}
+
+/** A long list begins short, with a button for the rest. */
+export function shorten(rows, draw, count = AT_FIRST) {
+  if (rows.length <= count + 4) return draw(rows);
+  const place = h("div", {}, draw(rows.slice(0, count)));
+  const more = h("button", { type: "button", class: "quiet" }, `Show all ${rows.length}`);
+  more.addEventListener("click", () => (place.replaceChildren(draw(rows)), more.remove()));
+  return [place, h("p", { class: "more" }, more)];
+}
+
+function flagsOf(row) {
+  return row?.flags.length ? row.flags.map((flag) => tag(flag, "warn")) : h("span", { class: "muted" }, "none");
+}
+
+/** Each flag once, in words, with where it was raised and what was found. */
+export function drawFlags({ diagnostics }, meanings) {
+  const raised = grouped(diagnostics.flags ?? []);
+  if (!raised.size) return h("p", { class: "note good" }, "Nothing was flagged.");
+  return h(
+    "ul",
+    { class: "todo flags" },
+    [...raised].map(([flag, found]) =>
+      h(
+        "li",
+        {},
+        h("div", { class: "todo-head" }, h("strong", {}, meanings[flag]), tag(flag, "warn")),
+        found.length > 3
+          ? h("details", {}, h("summary", {}, `${found.length} places`), h("ul", {}, found.map(place)))
+          : h("ul", {}, found.map(place)),
+      ),
+    ),
+  );
+}
+
+const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where}: `) : null, detail);
+
+function grouped(items) {
+  const found = new Map();
+  for (const item of items) found.set(item.flag, [...(found.get(item.flag) ?? []), item]);
+  return found;
+}

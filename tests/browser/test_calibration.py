@@ -1,0 +1,175 @@
+"""One version as people see it: plots to look into, a point left out, what publishing changes."""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.browser import check_access, look, settle, sign_in
+from tests.support.campaigns import ISOS, LEVELS, SETTINGS
+
+USED = len(ISOS) * len(LEVELS) * len(SETTINGS)
+# the point of a plot that lies furthest from all others: where it is on the page, and which frame it is
+LONELIEST = """(plot) => {
+    const root = document.getElementById(plot);
+    const view = [...Bokeh.index.roots].find((each) => root.contains(each.el));
+    const box = view.el.getBoundingClientRect();
+    const points = view.model.renderers.filter((each) => each.name === "points").flatMap((each) => {
+        const { x, y, frame, frame_id } = each.data_source.data;
+        return [...x].map((_, index) => ({
+            x: box.x + view.frame.x_scale.compute(x[index]), y: box.y + view.frame.y_scale.compute(y[index]),
+            frame: frame[index], frame_id: frame_id[index],
+        }));
+    });
+    const nearest = (one) => Math.min(
+        ...points.filter((each) => each !== one).map((each) => Math.hypot(each.x - one.x, each.y - one.y)),
+    );
+    const found = points.reduce((best, each) => nearest(each) > nearest(best) ? each : best);
+    return {...found, points: points.length, scales: [view.model.x_scale.type, view.model.y_scale.type]};
+}"""
+
+
+@pytest.fixture
+def shown(night_page, night):
+    night_page.goto(f"/calibrations/{night.version.id}")
+    settle(night_page)
+    for plot in ("signal-plot", "residuals-plot"):
+        expect(night_page.locator(f"#{plot} canvas").first).to_be_visible()
+    return night_page
+
+
+def find_point(page, plot):
+    page.locator(f"#{plot}").scroll_into_view_if_needed()
+    return page.evaluate(LONELIEST, plot)
+
+
+def draft(night, **params):
+    """A version of this test's own."""
+    return night.team.client.calibrate(night.campaign_id, **params)
+
+
+def test_what_was_found_stands_there_with_its_uncertainty(shown):
+    expect(shown.get_by_role("heading", level=1)).to_have_text("Luminance version 1")
+    expect(shown.locator("#standing")).to_contain_text("published")
+    rows = shown.locator("#verdict").get_by_role("row")
+    expect(rows).to_have_count(1 + len(ISOS))
+    expect(rows.filter(has_text="3200").first).to_contain_text(
+        re.compile(r"2\.0\d+ ± 0\.0\d+ DN·m²/\(cd·s\)")
+    )
+    expect(shown.locator("#flags")).to_contain_text("calibration uncertainty is not known")
+    models = shown.locator("#models").get_by_role("row")
+    expect(models).to_have_count(1 + 4 * len(ISOS))
+    expect(models.filter(has_text="reported")).to_have_count(len(ISOS))
+    expect(shown.locator("#budget figure")).to_have_count(len(ISOS))
+    expect(shown.locator("#made")).to_contain_text(re.compile("[0-9a-f]{64}"))
+    expect(shown.locator("#history")).to_contain_text("spring, reviewed by A. Meier")
+    check_access(shown)
+    look(shown, "calibration")
+
+
+@pytest.mark.parametrize("plot", ["signal-plot", "residuals-plot"])
+def test_a_point_tells_of_its_frame_where_it_is_touched(shown, plot):
+    found = find_point(shown, plot)
+    assert found["points"] == USED
+    with shown.expect_response(f"**/v1/frames/{found['frame_id']}/preview.png") as preview:
+        shown.mouse.move(found["x"], found["y"])
+        tip = shown.locator(".bk-Tooltip", has_text=found["frame"])
+        expect(tip).to_contain_text("ISO")
+    assert preview.value.status == 200
+    expect(tip).to_contain_text("residual")
+
+
+def test_the_axes_are_linear_or_logarithmic(shown):
+    assert find_point(shown, "signal-plot")["scales"] == ["LinearScale", "LinearScale"]
+    with shown.expect_response("**/signal?axes=log&**"):
+        shown.get_by_role("button", name="Logarithmic").click()
+    settle(shown)
+    expect(shown.locator("#signal-plot canvas").first).to_be_visible()
+    assert find_point(shown, "signal-plot")["scales"] == ["LogScale", "LogScale"]
+    expect(shown.get_by_role("button", name="Logarithmic")).to_have_attribute("aria-pressed", "true")
+
+
+def test_a_point_is_left_out_with_a_reason_and_the_version_before_stays(shown, night):
+    found = find_point(shown, "residuals-plot")
+    shown.mouse.click(found["x"], found["y"])
+    chosen = shown.get_by_role("region", name="Chosen points")
+    expect(chosen).to_contain_text(found["frame"])
+    shown.get_by_role("button", name="Show all").click()
+    expect(shown.get_by_role("checkbox", name=f"Choose {found['frame']}")).to_be_checked()
+    chosen.get_by_role("button", name="Leave out and fit anew").click()
+    dialog = shown.get_by_role("dialog")
+    check_access(shown)
+    dialog.get_by_label("Why it is left out").fill("somebody walked through the light")
+    dialog.get_by_role("button", name="Fit anew").click()
+    shown.wait_for_url(re.compile(f"/calibrations/(?!{night.version.id})"))
+    settle(shown)
+    shown.get_by_role("button", name="Show all").click()
+    row = shown.locator("#points").get_by_role("row").filter(has_text=found["frame"])
+    expect(row).to_contain_text("somebody walked through the light")
+    expect(shown.locator("#standing")).to_contain_text("draft")
+    expect(shown.locator("#siblings").get_by_role("row").filter(has_text="1 left out").first).to_be_visible()
+    # once more, with what was left out kept and another model
+    second = shown.url
+    shown.get_by_role("button", name="Fit anew…", exact=True).click()
+    dialog.get_by_label("Model").select_option("affine")
+    expect(dialog.get_by_role("checkbox", name=found["frame"])).to_be_checked()
+    dialog.get_by_role("button", name="Fit anew").click()
+    shown.wait_for_url(lambda url: "/calibrations/" in url and url != second and night.version.id not in url)
+    settle(shown)
+    with night.team.http() as http:
+        parameters = http.get(f"/v1{shown.url.removeprefix(night.team.url)}").json()["parameters"]
+    assert parameters["model"] == "affine"
+    (excluded,) = parameters["exclude"]
+    assert (excluded["frame"], excluded["reason"]) == (found["frame"], "somebody walked through the light")
+
+
+def test_what_publishing_changes_is_seen_before_it_is_decided(night_page, night):
+    version = draft(night, tolerance=0.031)
+    night_page.goto(f"/calibrations/{version.id}")
+    settle(night_page)
+    night_page.get_by_role("button", name="Publish…").click()
+    dialog = night_page.get_by_role("dialog")
+    expect(dialog).to_contain_text("Version 1 is in force then")
+    expect(dialog).to_contain_text("2 measurements were made with the version in force")
+    settle(night_page)
+    check_access(night_page)
+    look(night_page, "calibration-publish")
+    dialog.get_by_label("In force from (UTC)").fill("2025-01-01T00:00")
+    dialog.get_by_label("Why").click()
+    expect(dialog).to_contain_text("Nothing is in force then")
+    dialog.get_by_label("Until (UTC)").fill("2025-02-01T00:00")
+    dialog.get_by_label("Why").fill("a rehearsal")
+    dialog.get_by_role("button", name="Publish", exact=True).click()
+    expect(night_page.locator("#standing")).to_contain_text(re.compile("2025-01-01 . 2025-02-01"))
+    expect(night_page.locator("#said")).to_contain_text("What its certificate lacks")
+    expect(night_page.locator("#history")).to_contain_text("a rehearsal")
+    night_page.get_by_role("button", name="Revoke…").click()
+    expect(dialog).to_contain_text("No measurement was made with it")
+    dialog.get_by_label("Why").fill("it was a rehearsal")
+    dialog.get_by_role("button", name="Revoke for good").click()
+    expect(night_page.locator("#standing")).to_contain_text("it was a rehearsal")
+    expect(night_page.get_by_role("button", name="Publish")).to_have_count(0)
+
+
+def test_the_certificate_and_the_points_can_be_downloaded(shown):
+    for name, kind in (("PDF", "application/pdf"), ("JSON", "application/json")):
+        address = shown.locator("#standing").get_by_role("link", name=name).get_attribute("href")
+        answer = shown.request.get(address)
+        assert (answer.status, answer.headers["content-type"]) == (200, kind)
+    with shown.expect_download() as download:
+        shown.get_by_role("link", name="Download as CSV").click()
+    lines = download.value.path().read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 1 + USED
+
+
+def test_a_key_that_may_only_read_is_offered_nothing_else(context, night):
+    with night.team.http() as http:
+        made = http.post("/v1/keys", json={"name": "the office", "scopes": ["read"]})
+    page = sign_in(context, made.json()["secret"])
+    page.goto(f"/calibrations/{night.version.id}")
+    settle(page)
+    expect(page.locator("#verdict").get_by_role("row").first).to_be_visible()
+    expect(
+        page.locator("main").get_by_role("button").filter(has_text=re.compile("Publish|Revoke|Fit"))
+    ).to_have_count(0)
+    expect(page.locator("#points").get_by_role("checkbox")).to_have_count(0)
