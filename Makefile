@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test audit export verify lint format bench lock clean
+.PHONY: help demo up test chromium audit export verify lint format bench lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -16,8 +16,14 @@ demo: $(VENV)/run  ## a whole simulated calibration through the HTTP API, in a m
 up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
-test: $(VENV)/dev  ## every test, on SQLite and on PostgreSQL
+test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL
 	@pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal
+
+# Debian's, for the tests of the pages, where it may be installed; where not, they say so and skip.
+chromium:
+	@[ -n "$$STILB_CHROMIUM" ] || command -v chromium >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null \
+	|| timeout 600 sh -c 'export DEBIAN_FRONTEND=noninteractive; apt-get -qq -o Acquire::http::Timeout=20 update \
+	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends chromium' >/dev/null 2>&1 || true
 
 audit: $(VENV)/run  ## is the audit trail whole? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)

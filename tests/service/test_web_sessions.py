@@ -57,6 +57,15 @@ def test_a_page_asks_for_a_key_and_remembers_where_one_wanted_to_go(visitor):
     assert (answer.status_code, answer.headers["location"]) == (303, "/sign-in?next=%2Fjobs%3Fstate%3Dfailed")
 
 
+def test_who_follows_a_link_from_elsewhere_is_asked_again_by_a_page_of_ours(visitor):
+    from_elsewhere = PAGE | {"Sec-Fetch-Site": "cross-site"}
+    answer = visitor.get("/jobs?state=failed", headers=from_elsewhere)
+    assert 'content="0; url=/sign-in?next=/jobs%3Fstate%3Dfailed"' in answer.text
+    sign_in(visitor)
+    own = visitor.get("/sign-in?next=/jobs%3Fstate%3Dfailed", headers=PAGE, follow_redirects=False)
+    assert (own.status_code, own.headers["location"]) == (303, "/jobs?state=failed")
+
+
 @pytest.mark.parametrize("key", ["", "stilb_unknown", "ключ", "\x00"])
 def test_an_unknown_key_opens_nothing(visitor, key):
     answer = sign_in(visitor, key)

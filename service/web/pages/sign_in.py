@@ -20,6 +20,9 @@ router = APIRouter(include_in_schema=False)
 def show_sign_in(request: Request, context: UsesContext, next: str = "/") -> Response:  # noqa: A002  as in addresses
     if find_session(request, context) is not None:
         return RedirectResponse(_local(next), 303)
+    if request.headers.get("sec-fetch-site") in {"cross-site", "same-site"}:
+        # a link from elsewhere comes without the cookie, which is strict: a page of ours asks again
+        return render(request, "again.html", title="One moment", next=_local(next))
     return _form(request, next)
 
 

@@ -24,29 +24,36 @@ export const byId = (id) => document.getElementById(id);
 export const may = (scope) =>
   (document.querySelector("meta[name=scopes]")?.content ?? "").split(" ").includes(scope);
 
-/** A table in its frame. Columns: {head, cell: row => node or text, class?}; the first may be {header: true}. */
-export function table(columns, rows, { caption, row = () => ({}) } = {}) {
+/**
+ * A table in its frame. Columns: {head, cell: row => node or text, class?}; the first may be {header: true}.
+ * `stack`: on a phone each row becomes a card, for tables that are read row by row; others are moved sideways.
+ */
+export function table(columns, rows, { caption, row = () => ({}), stack = false } = {}) {
+  const cell = (column, each) =>
+    h(
+      column.header ? "th" : "td",
+      {
+        // said again, as a row that is laid out as a card would be no row any more
+        role: column.header ? "rowheader" : "cell",
+        scope: column.header ? "row" : null,
+        class: column.class,
+        "data-head": column.head || null,
+      },
+      column.cell(each),
+    );
   return h(
     "div",
     { class: "table", tabindex: "0", role: "region", "aria-label": caption ?? "Table" },
     h(
       "table",
-      {},
+      { role: "table", class: stack ? "stack" : null },
       caption ? h("caption", { class: "hidden" }, caption) : null,
-      h("thead", {}, h("tr", {}, columns.map((c) => h("th", { scope: "col", class: c.class }, c.head)))),
       h(
-        "tbody",
-        {},
-        rows.map((each) =>
-          h(
-            "tr",
-            row(each),
-            columns.map((c) =>
-              h(c.header ? "th" : "td", { scope: c.header ? "row" : null, class: c.class }, c.cell(each)),
-            ),
-          ),
-        ),
+        "thead",
+        { role: "rowgroup" },
+        h("tr", { role: "row" }, columns.map((c) => h("th", { role: "columnheader", scope: "col", class: c.class }, c.head))),
       ),
+      h("tbody", { role: "rowgroup" }, rows.map((each) => h("tr", { role: "row", ...row(each) }, columns.map((c) => cell(c, each))))),
     ),
   );
 }

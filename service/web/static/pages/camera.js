@@ -26,7 +26,7 @@ load(byId("history"), () => get(`/v1/cameras/${id}/decisions`), ({ items }) => {
     { head: "Who", cell: (each) => h("span", { title: each.by }, each.by_name ?? each.by) },
     { head: "Why", cell: (each) => each.reason ?? "" },
   ];
-  return table(columns, items, { caption: "Decisions about this camera's versions" });
+  return table(columns, items, { caption: "Decisions about this camera's versions", stack: true });
 });
 
 const KINDS = { made: "", published: "good", revoked: "bad" };

@@ -16,7 +16,7 @@ const show = () =>
       const button = may("calibrate") ? h("button", { type: "button", class: "primary", onclick: register }, "Register a camera") : null;
       return empty("No camera yet", "Register a camera body with the names that it writes into its files.", button);
     }
-    return table(columns, cameras.flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and what is in force for them" });
+    return table(columns, cameras.flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and what is in force for them", stack: true });
   });
 
 const columns = [

@@ -83,7 +83,7 @@ function shown(answer) {
   return [
     h("div", { class: "section-head" }, h("h2", {}, "Verdict "), tag(word, kind)),
     h("p", { class: `note ${kind}` }, answer.said),
-    answer.parameters.length ? table(columns, answer.parameters, { caption: "Verdict for each coefficient" }) : null,
+    answer.parameters.length ? table(columns, answer.parameters, { caption: "Verdict for each coefficient", stack: true }) : null,
     answer.left_out.length ? [h("h3", {}, "Left out"), h("ul", {}, answer.left_out.map((each) => h("li", {}, h("a", { href: `/calibrations/${each.calibration_id}` }, "a version"), `: ${each.why}`)))] : null,
     h("details", {}, h("summary", {}, "What this assumes"), h("ul", { class: "small muted" }, (answer.assumed ?? []).map((each) => h("li", {}, each)))),
   ];

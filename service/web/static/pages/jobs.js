@@ -65,7 +65,7 @@ function drawFailures(jobs) {
     { head: "When", cell: (job) => time(job.finished_at) },
     { head: "", cell: retryButton },
   ];
-  show("failures", table(columns, jobs, { caption: "Jobs that failed or were set aside" }));
+  show("failures", table(columns, jobs, { caption: "Jobs that failed or were set aside", stack: true }));
 }
 
 function drawRecent(jobs) {
@@ -80,7 +80,7 @@ function drawRecent(jobs) {
     { head: "Took", class: "number", cell: took },
     { head: "Attempts", class: "number", cell: (job) => number(job.attempt) },
   ];
-  show("recent", table(columns, jobs, { caption: "Latest jobs" }));
+  show("recent", table(columns, jobs, { caption: "Latest jobs", stack: true }));
 }
 
 function what(job) {
