@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from service.certificate.figures import in_print, in_step, optional, percent, plain
 from service.certificate.papers import Column, describe_paper
 from service.certificate.regions import region_blocks
-from service.certificate.sheet import Node, facts, flow, section, table
+from service.certificate.sheet import Node, facts, figure, flow, section, table
+from service.plots import draw_calibration
 
 _LEGEND = "u standard, U = k u expanded uncertainty, k coverage factor (95 %)."
 _EXACT = "held"
@@ -32,7 +33,7 @@ def list_sections(certificate: Node, preview: str) -> list[Node]:
     headlines = describe_paper(certificate["method"]).headlines
     others = [row for row in certificate["coefficients"] if row["name"] not in headlines]
     return [
-        section("Result", [facts(_conditions(certificate))]),
+        section("Result", [_drawn(certificate), facts(_conditions(certificate))]),
         *([section("Further coefficients", [_tabulate(others)])] if others else []),
         *(section(f"Uncertainty, {budget['band']}", [_budget(budget)]) for budget in certificate["budgets"]),
         *([section("Panel", list(_panels(certificate)))] if certificate["panels"] else []),
@@ -40,6 +41,11 @@ def list_sections(certificate: Node, preview: str) -> list[Node]:
         *_frames(certificate),
         section("Points of the fit", [_points(certificate)]),
     ]
+
+
+def _drawn(certificate: Node) -> Node:
+    plot = draw_calibration(certificate["method"], certificate["result"])
+    return figure(plot, "Bars and swaths: the expanded uncertainty. Hollow: left out.", width=1.0)
 
 
 def _tabulate(rows: list[Node]) -> Node:

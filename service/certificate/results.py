@@ -2,7 +2,7 @@
 
 from service.certificate.figures import extent, in_print, in_step, percent, plain
 from service.certificate.sheet import Node, facts, figure, section, table
-from service.plot import draw_calibration
+from service.plots import draw_calibration
 
 
 def result_sections(certificate: Node) -> list[Node]:
@@ -34,7 +34,7 @@ def _iso(result: Node, fit: Node, budget: list[Node], vignetting: str) -> Node:
         ["Expected", f"K about {plain(fit['expected_k'])} for a camera rated by ISO 12232"],
         ["Birge ratio", plain(fit["birge_ratio"], 4)],
     ]
-    plot = draw_calibration({**result, "iso_fits": [fit], "points": _drawn(result)})
+    plot = draw_calibration("luminance", {**result, "iso_fits": [fit], "points": _drawn(result)})
     caption = (
         f"ISO {plain(c['iso'])}: the fit against X and ln X, and its residuals. Hollow: left out. "
         f"Dashed: the tolerance, {percent(result['tolerance_rel'])}."

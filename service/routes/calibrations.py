@@ -15,7 +15,7 @@ from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.plot import draw_calibration
+from service.plots import draw_calibration
 from service.problems import HttpCode, Problem, invalid
 from service.routes import problems, sends_file
 from service.schemas.calibrations import (
@@ -142,12 +142,20 @@ def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context
     responses=sends_file("image/svg+xml"),
 )
 def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
-    """Signal against X with the fit, and the residuals in % of L, a row of panels per ISO."""
+    """The result drawn, each method its own way.
+
+    Luminance: signal against X and residuals, a row per ISO value. Reflectance: K per band and per visit.
+    Vignetting: falloff by f-number, and what is left over. Sharpness: the response by position. Geometry:
+    distortion, where corners were seen, each view's error. Noise: photon transfer, signal to noise,
+    linearity.
+    """
     with context.database.reading() as session:
         calibration = owned(session, Calibration, calibration_id, caller)
     tag = f"{calibration.content_sha256}-plot"
     return not_modified(request, tag) or Response(
-        draw_calibration(calibration.result), headers=immutable_headers(tag), media_type="image/svg+xml"
+        draw_calibration(calibration.method, calibration.result),
+        headers=immutable_headers(tag),
+        media_type="image/svg+xml",
     )
 
 

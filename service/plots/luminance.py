@@ -1,4 +1,4 @@
-"""A calibration drawn: signal against X, against ln X, and the residuals, a row of panels per ISO."""
+"""A luminance calibration drawn: signal against X and ln X, and the residuals, a row of panels per ISO."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -10,7 +10,7 @@ _WIDTH, _ROW_PX = 1140, 300
 _LEFT_PX, _PANEL_PX, _GAP_PX, _TOP_PX, _BOTTOM_PX = 64, 290, 82, 44, 52
 
 
-def draw_calibration(result: dict[str, Any]) -> str:
+def draw(result: dict[str, Any]) -> str:
     """SVG of a stored luminance result; points left out are hollow, the tolerance is dashed."""
     fits = result["iso_fits"]
     parts = [part for row, fit in enumerate(fits) for part in _row(result, fit, row * _ROW_PX)]

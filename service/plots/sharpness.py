@@ -1,0 +1,74 @@
+"""A sharpness calibration drawn: the response by position, a panel per channel; then its figure by radius."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from service.plots.sheet import Axis, bar, dot, finish, line, name_series, place, swath
+
+Node = dict[str, Any]
+
+_NYQUIST = 0.5
+_FIGURES = ("mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel")
+
+
+def draw(result: Node) -> str:
+    """SVG of a stored sharpness result; swaths and bars are twice the standard uncertainty."""
+    channels = list(dict.fromkeys(each["channel"] for each in result["positions"]))
+    parts: list[str] = []
+    for index, channel in enumerate(channels):
+        mine = [each for each in result["positions"] if each["channel"] == channel]
+        parts += _draw_curves(mine, channel, index)
+    parts += _draw_radii(result["positions"], channels, len(channels))
+    return finish(parts, panels=len(channels) + 1, label="Sharpness calibration")
+
+
+def _draw_curves(positions: list[Node], channel: str, index: int) -> Iterator[str]:
+    """The response of all directions together; the half and Nyquist's frequency are dashed."""
+    panel = place(
+        index,
+        x=Axis(values=[0.0, 1.0], label="cycles per pixel"),
+        y=Axis(values=[0.0, 1.0], label="response"),
+        title=f"Channel {channel}",
+    )
+    yield from panel.frame()
+    yield panel.line([(_NYQUIST, panel.y.low), (_NYQUIST, panel.y.high)], "limit")
+    yield panel.line([(panel.x.low, 0.5), (panel.x.high, 0.5)], "limit")
+    for series, each in enumerate(positions):
+        curve = each["curves"][0]
+        points = list(zip(curve["frequency"], curve["response"], curve["response_u"], strict=True))
+        yield swath(panel, [(f, r - 2 * u, r + 2 * u) for f, r, u in points], series)
+        yield panel.line([(f, r) for f, r, _ in points], line(series))
+    yield from name_series(panel, [_name(each) for each in positions])
+
+
+def _draw_radii(positions: list[Node], channels: list[str], index: int) -> Iterator[str]:
+    figured = [(each, found) for each in positions if (found := _find_figure(each)) is not None]
+    name = figured[0][1]["name"] if figured else _FIGURES[0]
+    panel = place(
+        index,
+        x=Axis(values=[0.0, 1.0], label="distance from the middle, 1 at the corners"),
+        y=Axis(
+            values=[found["quantity"]["value"] for _, found in figured],
+            include=(0.0,),
+            label="cycles per pixel",
+        ),
+        title=name.removesuffix("_cycles_per_pixel").replace("_", " "),
+    )
+    yield from panel.frame()
+    for each, found in figured:
+        series, told = channels.index(each["channel"]), found["quantity"]
+        value, u = told["value"], 2.0 * told["standard_uncertainty"]
+        yield bar(panel, each["radius_rel"], value - u, value + u, series)
+        yield panel.dot(each["radius_rel"], value, dot(series), f"{_name(each)}, {each['channel']}")
+    yield from name_series(panel, channels)
+
+
+def _find_figure(position: Node) -> Node | None:
+    named = {coefficient["name"]: coefficient for coefficient in position["coefficients"]}
+    return next((named[name] for name in _FIGURES if name in named), None)
+
+
+def _name(position: Node) -> str:
+    f_number = position.get("f_number")
+    name = str(position["position"] or position["kind"])
+    return f"{name}, f/{f_number:g}" if f_number else name

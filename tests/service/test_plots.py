@@ -1,0 +1,269 @@
+"""A result drawn: what is computed is where it belongs on the sheet, for every method."""
+
+import re
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from radiometry import methods
+from radiometry.vignetting.packing import pack
+from service.plots import draw_calibration
+from store.codec import drop_absent, encode
+
+GRAPH = "{http://www.w3.org/2000/svg}"
+
+
+def quantity(value, u=0.1, unit="1"):
+    return {"value": value, "standard_uncertainty": u, "unit": unit}
+
+
+def reflectance():
+    def coefficient(band, nm, k):
+        return {
+            "band": band,
+            "wavelength_nm": nm,
+            "reflectance_k": k,
+            "reflectance_k_unit": "1/s",
+            "expanded_uncertainty": 0.1 * k,
+            "knots": [
+                {"at_s": 100.0, "reflectance_k": 0.9 * k, "u_rel": 0.01},
+                {"at_s": 700.0, "reflectance_k": 1.1 * k, "u_rel": 0.01},
+            ],
+        }
+
+    bands = [coefficient("green", 550.0, 10.0), coefficient("nir", 790.0, 40.0)]
+    points = [
+        {"frame": f"{c['band']}-{at}", "band": c["band"], "used": used, "visit": 1, "at_s": at}
+        | {"reflectance_k": c["reflectance_k"] * share if used else None}
+        for c in bands
+        for at, share, used in ((100.0, 0.9, True), (700.0, 1.1, True), (300.0, 0.0, False))
+    ]
+    return {"band_fits": [{"coefficient": c} for c in bands], "points": points}
+
+
+def vignetting():
+    residuals = np.zeros((4, 6))
+    residuals[0, 0], residuals[3, 5], residuals[1, 1] = -0.01, 0.01, np.nan
+    fits = [
+        {
+            "coefficient": {
+                "f_number": f_number,
+                "channel": channel,
+                "height_px": 40,
+                "width_px": 60,
+                "k1": k1,
+                "k2": 0.0,
+                "k3": 0.0,
+                "covariance": np.diag([1e-4] * 5).tolist(),
+                "corner_falloff": -k1,
+                "corner_falloff_standard_uncertainty": 0.01,
+            },
+            "residuals": encode(pack(residuals, dtype="<f4")),
+        }
+        for f_number, k1 in ((2.0, -0.4), (4.0, -0.1))
+        for channel in ("R", "G1")
+    ]
+    return {"channel_fits": fits, "thresholds": [{"falloff": 0.1}], "points": []}
+
+
+def sharpness():
+    positions = [
+        {
+            "kind": "slanted_edge",
+            "position": name,
+            "channel": "G",
+            "f_number": None,
+            "radius_rel": radius,
+            "coefficients": [{"name": "mtf50_cycles_per_pixel", "quantity": quantity(mtf50, 0.01)}],
+            "curves": [
+                {
+                    "direction_deg": None,
+                    "frequency": [0.0, mtf50, 1.0],
+                    "response": [1.0, 0.5, 0.0],
+                    "response_u": [0.0, 0.02, 0.02],
+                }
+            ],
+        }
+        for name, radius, mtf50 in (("centre", 0.0, 0.3), ("corner", 0.9, 0.2))
+    ]
+    return {"positions": positions, "points": []}
+
+
+def geometry():
+    curve = [
+        {
+            "radius_px": r,
+            "distortion_px": -1e-4 * r**2,
+            "standard_uncertainty_px": 0.1,
+            "extrapolated": r > 200,
+        }
+        for r in (0.0, 100.0, 200.0, 300.0)
+    ]
+    points = [
+        {"frame": "a", "used": True, "left_out": "", "rms_px": 0.2},
+        {"frame": "b", "used": False, "left_out": "worse", "rms_px": 3.0},
+        {"frame": "c", "used": False, "left_out": "no board", "rms_px": None},
+    ]
+    return {
+        "curve": curve,
+        "camera": {"width_px": 640, "height_px": 480},
+        "coverage": {"counts": [[0, 7], [3, 0]], "share": 0.5},
+        "rms_px": 0.2,
+        "points": points,
+    }
+
+
+def noise():
+    levels = [
+        {
+            "exposure_time_s": time,
+            "signal_dn": signal,
+            "light_dn": signal,
+            "excess_dn2": 0.5 * signal,
+            "snr": (signal / 0.5) ** 0.5,
+            "deviation_rel": deviation,
+            "left_out": left_out,
+        }
+        for time, signal, deviation, left_out in (
+            (0.01, 100.0, 0.01, ""),
+            (0.1, 1000.0, -0.01, ""),
+            (1.0, 10000.0, None, "saturated"),
+        )
+    ]
+    fit = {
+        "iso": 100.0,
+        "channel": "G1",
+        "transfer": {"system_gain_dn_per_e": quantity(0.5)},
+        "levels": levels,
+    }
+    return {"channel_fits": [fit, {**fit, "channel": "R", "transfer": None}], "points": []}
+
+
+RESULTS = {
+    "reflectance": reflectance,
+    "vignetting": vignetting,
+    "sharpness": sharpness,
+    "geometry": geometry,
+    "noise": noise,
+}
+
+
+def draw(method):
+    return ET.fromstring(draw_calibration(method, RESULTS[method]()))
+
+
+def lines(picture, css):
+    found = [
+        each.get("points").split() for each in picture.iter(f"{GRAPH}polyline") if each.get("class") == css
+    ]
+    return [[tuple(map(float, point.split(","))) for point in points] for points in found]
+
+
+def texts(picture):
+    return [each.text for each in picture.iter(f"{GRAPH}text")]
+
+
+def told(picture):
+    return {
+        each.find(f"{GRAPH}title").text: (float(each.get("cx")), float(each.get("cy")), each.get("class"))
+        for each in picture.iter(f"{GRAPH}circle")
+    }
+
+
+def test_every_method_is_drawn():
+    assert set(RESULTS) | {"luminance"} == set(methods.METHODS)
+
+
+@pytest.mark.parametrize("method", RESULTS)
+def test_what_does_not_exist_may_be_null_or_left_out(method):
+    result = RESULTS[method]()
+    assert draw_calibration(method, drop_absent(result)) == draw_calibration(method, result)
+
+
+@pytest.mark.parametrize("method", RESULTS)
+def test_nothing_is_drawn_beside_the_sheet(method):
+    picture = draw(method)
+    width, height = float(picture.get("width")), float(picture.get("height"))
+    for each in picture.iter():
+        for x, y in re.findall(r"(-?[\d.]+),(-?[\d.]+)", each.get("points") or ""):
+            assert 0 <= float(x) <= width
+            assert 0 <= float(y) <= height
+
+
+def test_reflectance_shows_k_by_wavelength_and_its_drift():
+    dots = told(draw("reflectance"))
+    (x_green, y_green, _), (x_nir, y_nir, _) = dots["green: 10"], dots["nir: 40"]
+    # x from 520 to 820 with 6 % of air, over 290 px
+    assert x_nir - x_green == pytest.approx(240 * 290 / (300 * 1.12), abs=0.2)
+    # y from 0 to 44 with 6 % of air, over 204 px
+    assert y_green - y_nir == pytest.approx(30 * 204 / (44 * 1.12), abs=0.2)
+    first, last = dots["green-100.0"], dots["green-700.0"]
+    # -10 % and +10 %, with bars of 2 % more
+    assert first[1] - last[1] == pytest.approx(20 * 204 / (24 * 1.12), abs=0.2)
+    assert last[0] - first[0] == pytest.approx(290 / 1.12, abs=0.2)
+    assert "green-300.0" not in dots
+
+
+def test_vignetting_shows_the_curve_of_green_and_the_map_of_what_is_left():
+    picture = draw("vignetting")
+    for css, end in (("l0", 0.6), ("l1", 0.9)):
+        curve = lines(picture, css)[0]
+        # share of light from 0.6 to 1 with 6 % of air, over 204 px
+        assert curve[-1][1] - curve[0][1] == pytest.approx((1 - end) * 204 / (0.4 * 1.12), abs=0.2)
+    assert sum("left over, ±1 %" in text for text in texts(picture)) == 2
+    rects = [each for each in picture.iter(f"{GRAPH}rect") if each.get("class") != "box"]
+    assert len(rects) == 2 * 24
+    by_fill = {each.get("fill"): each for each in rects[:24]}
+    darkest, brightest = by_fill["#005ab5"], by_fill["#dc3220"]
+    # row 0 is at the top, column 0 at the left
+    assert float(darkest.get("y")) < float(brightest.get("y"))
+    assert float(darkest.get("x")) < float(brightest.get("x"))
+    assert [each.get("class") for each in rects[:24]].count("unknown") == 1
+
+
+def test_sharpness_shows_half_the_contrast_at_mtf50():
+    picture = draw("sharpness")
+    (half,) = [line for line in lines(picture, "limit") if line[0][1] == line[1][1]]
+    for css, mtf50 in (("l0", 0.3), ("l1", 0.2)):
+        curve = lines(picture, css)[0]
+        assert curve[1][1] == half[0][1]
+        share = (curve[1][0] - curve[0][0]) / (curve[2][0] - curve[0][0])
+        assert share == pytest.approx(mtf50, abs=0.001)
+    assert {"centre", "corner"} <= set(texts(picture))
+
+
+def test_geometry_shows_barrel_below_zero_and_rows_from_the_top():
+    picture = draw("geometry")
+    (seen,), (beyond,) = lines(picture, "l0"), lines(picture, "l1")
+    assert seen[-1] == beyond[0]
+    assert beyond[-1][1] > seen[-1][1] > seen[0][1]
+    counts = {each.text: each for each in picture.iter(f"{GRAPH}text") if each.get("class") == "mid note"}
+    assert float(counts["7"].get("y")) < float(counts["3"].get("y"))
+    assert float(counts["7"].get("x")) > float(counts["3"].get("x"))
+    dots = told(picture)
+    assert dots["a"][2] == "d0"
+    assert dots["b, left out: worse"][2] == "h0"
+    assert len(dots) == 2
+
+
+def test_noise_shows_the_variance_on_the_line_of_the_gain():
+    picture = draw("noise")
+    transfer, snr = lines(picture, "l0")[:2]
+    circles = [each for each in picture.iter(f"{GRAPH}circle") if each.get("class") in ("d0", "h0")]
+    # of the first channel: three levels on the transfer's line, three on the square root of the electrons
+    for line, mine in ((transfer, circles[:3]), (snr, circles[3:6])):
+        xs, ys = zip(*line, strict=True)
+        for circle in mine:
+            assert np.interp(float(circle.get("cx")), xs, ys) == pytest.approx(
+                float(circle.get("cy")), abs=0.3
+            )
+    assert [circle.get("class") for circle in circles[:3]] == ["d0", "d0", "h0"]
+    # no line for a channel without a gain
+    assert lines(picture, "l1") == []
+
+
+def test_two_series_are_told_apart_without_colour():
+    style = draw("noise").find(f"{GRAPH}style").text
+    dashes = re.findall(r"\.l\d\{[^}]*stroke-dasharray:([^}]*)\}", style)
+    assert len(dashes) == len(set(dashes)) == 6
