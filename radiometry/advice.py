@@ -14,8 +14,8 @@ _BY_FLAG = {
     "to be brighter.",
     Flag.BELOW_DETECTION: "Expose longer or open the aperture, or average several frames: this signal cannot "
     "be told from dark.",
-    Flag.NO_VIGNETTING_CORRECTION: "Calibrate the vignetting of this lens from flat fields, or keep what is "
-    "measured where the calibration's region lay.",
+    Flag.NO_VIGNETTING_CORRECTION: "Calibrate the vignetting of this lens from flat fields and fit K with "
+    "that version, or keep what is measured where the calibration's region lay.",
     Flag.ROI_ELSEWHERE: "Turn the camera until the surface lies where the calibration's region lay, or "
     "calibrate with a region there.",
     Flag.OBSERVER_DIFFERS: "For figures after EN 13201 or RP-8, measure from the observer's place with a "
@@ -37,12 +37,14 @@ _BY_SOURCE = {
     "f-number": "Have the apertures measured, or calibrate and measure at one aperture: the marking of the "
     "f-number is the largest source.",
     "ISO setting": "Calibrate at this very ISO setting: it is the largest source.",
+    "vignetting": "Take more and brighter flat fields at this f-number: the correction of vignetting is the "
+    "largest source.",
     "K": "Take the panel again, before and after the flight, in even light, and state its uncertainty: K is "
     "the largest source.",
     "sunshine readings": "Fly under a steady sky, or take the mean of more readings: the scatter of the "
     "sunshine sensor is the largest source.",
-    "sunshine gain": "Take the panel in the light of the flight, so that the sunshine sensor chooses the same "
-    "gain: the gain's ratio is the largest source.",
+    "sunshine gain": "Take the panel in the light of the flight, so that the sunshine sensor chooses the "
+    "same gain: the gain's ratio is the largest source.",
     "pixel noise": "Average several frames or a larger region: the noise of the pixels is the largest "
     "source.",
 }

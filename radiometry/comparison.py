@@ -79,6 +79,7 @@ def change_luminance(
     *,
     exposure: Exposure,
     signal_dn: float | None,
+    lens_share: float = 1.0,
     common_u_rel: float = 0.0,
 ) -> LuminanceChange:
     """Give the change of a luminance that was measured with ``old`` if it had been measured with ``new``.
@@ -87,6 +88,7 @@ def change_luminance(
 
     Takes
       signal_dn : N, black included [DN], as it was measured; None where it was not kept
+      lens_share : V, by which N - D was divided; versions that differ in vignetting cannot be compared
       common_u_rel : of the meter's calibration where both versions hang on the same one
     Source: JCGM 100:2008, 5.2.2; the error of N is the same in both and cancels for signals above dark
     """
@@ -96,6 +98,8 @@ def change_luminance(
         return _untold(f"{lacking} holds no coefficient for ISO {exposure.iso:g}.")
     if before.channel != after.channel:
         return _untold(f"One version takes the {before.channel} signal, the other {after.channel}.")
+    if before.vignetting != after.vignetting:
+        return _untold("The versions are corrected with different vignetting, or one of them with none.")
     if signal_dn is None:
         if {before.model, after.model} != {"proportional"}:
             return _untold(
@@ -103,7 +107,7 @@ def change_luminance(
             )
         ratio = before.luminance_k / after.luminance_k
     else:
-        ratio = _ratio(before, after, exposure, signal_dn)
+        ratio = _ratio(before, after, exposure, signal_dn, lens_share)
     if not math.isfinite(ratio):
         return _untold("The signal is so near the dark signal that a ratio says nothing.")
     u_rel = math.sqrt(max(0.0, _k_u_rel(before) ** 2 + _k_u_rel(after) ** 2 - 2.0 * common_u_rel**2))
@@ -113,14 +117,17 @@ def change_luminance(
     return LuminanceChange(change=change, basis="k_ratio" if signal_dn is None else "signal", why=None)
 
 
-def _ratio(before: Coefficient, after: Coefficient, exposure: Exposure, signal_dn: float) -> float:
-    was, becomes = (_luminance(coefficient, exposure, signal_dn) for coefficient in (before, after))
+def _ratio(
+    before: Coefficient, after: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float
+) -> float:
+    was, becomes = (_luminance(each, exposure, signal_dn, lens_share) for each in (before, after))
     return becomes / was if was > 0.0 else math.nan
 
 
-def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float) -> float:
+def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float) -> float:
     settings = exposure.on_basis(coefficient.exposure_basis)
-    rhs = models.invert(coefficient.model, coefficient.parameters, signal_dn - coefficient.dark_signal_dn)
+    adjusted_dn = (signal_dn - coefficient.dark_signal_dn) / lens_share
+    rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
     return rhs * settings.f_number**2 / (settings.exposure_time_s * settings.iso)
 
 

@@ -25,6 +25,8 @@ class Curve:
     ``readings`` : how many meter readings were averaged for the point's scene
     ``dark_u_dn``, ``dark_dof`` : of the dark signal, which all points share
     ``repeatability_u_rel`` : of one meter reading; None: estimated from the scatter between scenes
+    ``lens_shares`` : V, by which the signals were divided, 1 where vignetting is not corrected; so was their
+        noise, and so is the dark signal's error; ``lens_u_rel`` : u(V) / V, shared within an f-number
     """
 
     rhs: Vector
@@ -39,6 +41,8 @@ class Curve:
     f_number_u_rel: float
     time_u_rel: float
     repeatability_u_rel: float | None
+    lens_shares: Vector
+    lens_u_rel: Vector
 
     def take(self, keep: NDArray[np.bool_], *, repeatability_u_rel: float | None) -> "Curve":
         """Give some of the points, with the meter's repeatability now known."""
@@ -56,6 +60,8 @@ class Curve:
             f_number_u_rel=self.f_number_u_rel,
             time_u_rel=self.time_u_rel,
             repeatability_u_rel=repeatability_u_rel,
+            lens_shares=self.lens_shares[keep],
+            lens_u_rel=self.lens_u_rel[keep],
         )
 
 
@@ -102,6 +108,7 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     The covariance of ln N, here for N = K X, holds what points share [1]:
         V_ik = (u(N_i)^2 [i=k] + u(D)^2) / (K^2 X_i X_k)
              + u_r^2 / m_s [same scene] + 4 u_f^2 [same f-number] + u_t^2 [same time]
+             + u(V_i) u(V_k) / (V_i V_k) [same f-number], where N was divided by V, and u(N), u(D) with it
     X carries errors too (effective variance), so V depends on K and is renewed until K settles. u_r is
     estimated by restricted maximum likelihood where it is not given. When chi^2 / dof > 1 the variances that
     the scatter can test are multiplied by it (Birge); an error common to all points is not among them.
@@ -135,6 +142,7 @@ def _components(curve: Curve, axes: models.Axes, model: str) -> list[Component]:
         return [Component(source="scatter", kind="A", structure=np.eye(n), variance=spread, dof=n - 2)]
     reading = axes.per_relative_x / np.sqrt(curve.readings)
     given = curve.repeatability_u_rel
+    by_dark = axes.per_dn / curve.lens_shares
     return [
         Component(
             source="signal noise",
@@ -145,7 +153,7 @@ def _components(curve: Curve, axes: models.Axes, model: str) -> list[Component]:
         Component(
             source="dark signal",
             kind="A" if math.isfinite(curve.dark_dof) else "B",
-            structure=np.outer(axes.per_dn, axes.per_dn),
+            structure=np.outer(by_dark, by_dark),
             variance=curve.dark_u_dn**2,
             dof=curve.dark_dof,
         ),
@@ -157,6 +165,22 @@ def _components(curve: Curve, axes: models.Axes, model: str) -> list[Component]:
         ),
         _relative("f-number", curve.f_numbers, 2 * axes.per_relative_x, curve.f_number_u_rel),
         _relative("exposure time", curve.times_s, axes.per_relative_x, curve.time_u_rel),
+        *_of_lens(curve),
+    ]
+
+
+def _of_lens(curve: Curve) -> list[Component]:
+    """Give the error of V; the response is ln N, so that V's relative error is its change."""
+    if not np.any(curve.lens_u_rel):
+        return []
+    return [
+        Component(
+            source="vignetting",
+            kind="B",
+            structure=shared_structure(curve.f_numbers, curve.lens_u_rel),
+            variance=1.0,
+            common=len(set(curve.f_numbers)) == 1,
+        )
     ]
 
 

@@ -50,7 +50,8 @@ class Measured:
     ``mean`` : of the region's signal, as the calibration was made; ``shared_u_cd_m2`` and ``noise_u_cd_m2``
         are the two parts of its uncertainty
     ``smallest``, ``largest``, ``percentiles`` : of single pixels, with a single pixel's noise
-    ``vignetting`` : what the calibration was corrected with: "none"
+    ``vignetting`` : what it was corrected with: "none", or the version's name; ``lens_share`` : then V of the
+        region, of which mean = (signal - dark) / V f^2 / (K t S)
     """
 
     pixels: int
@@ -72,3 +73,4 @@ class Measured:
     saturated_share: float
     vignetting: str
     flags: tuple[Raised, ...]
+    lens_share: Quantity | None = None

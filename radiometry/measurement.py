@@ -14,13 +14,15 @@ from radiometry.flags import Raised
 from radiometry.frame import Frame
 from radiometry.luminance.application import apply_to_signal, choose_coefficient
 from radiometry.luminance.caveats import find_caveats, summarise_cells
-from radiometry.luminance.pixels import PERCENTILES, PixelSignal, order_pixels
+from radiometry.luminance.lens import correct_signal
+from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
 from radiometry.measured import Measured, Percentile, Share, Surface
 from radiometry.methods import luminance as method
 from radiometry.roi import Polygon, Window, bounding_window
 from radiometry.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.surface import Cells, Figure, Grid, judge_uniformity, lay_grid
+from radiometry.vignetting.lens import Lens
 
 _GREENS = ("G1", "G2", "G")
 
@@ -35,6 +37,14 @@ class Request:
     polygon: Polygon
     grid: Grid | None = None
     reflectance: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vignetting:
+    """The version that a frame's vignetting is corrected with, by the name that the answer gives it."""
+
+    name: str
+    lens: Lens
 
 
 def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
@@ -63,24 +73,34 @@ def measure(
     exposure: Exposure,
     coefficients: Sequence[Coefficient],
     calibrated: Sequence[Polygon],
+    correction: Vignetting | None = None,
     rendered: bool = False,
 ) -> Measured:
     """Measure a frame; ``frame`` holds `find_window`'s window, ``calibrated`` the calibration's regions.
 
     The region's mean and each cell's are `methods.luminance.apply` of their statistics: what was calibrated
-    is what is measured. E = pi L / rho holds for a diffuse surface; rho is taken as exact.
+    is what is measured. E = pi L / rho holds for a diffuse surface; rho is taken as exact. With a correction
+    every signal above dark is divided by V: `luminance.lens.correct_signal`.
 
     Flags  of `methods.luminance.apply`; no_vignetting_correction, roi_elsewhere, observer_differs, rendered
     Raises InputRejected
-      iso_not_calibrated, exposure_implausible, fit_failed, roi_empty, grid_invalid
+      iso_not_calibrated, exposure_implausible, fit_failed, roi_empty, grid_invalid;
+      vignetting_not_calibrated if K needs the correction and has none, or the reverse
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
+    lens = correction.lens if correction else None
     statistics = method.extract(frame, request.polygon)
-    region = method.apply(statistics, exposure=exposure, coefficients=coefficients)
-    pixels = order_pixels(frame, request.polygon, channel=coefficient.channel)
-    surface, cell_flags = _measure_surface(frame, request, exposure, coefficients)
+    camera = _Camera(exposure, coefficient, lens)
+    region = camera.apply(frame, request.polygon, statistics)
+    pixels = order_pixels(
+        frame,
+        request.polygon,
+        channel=coefficient.channel,
+        correction=Correction(lens, coefficient.dark_signal_dn) if lens else None,
+    )
+    surface, cell_flags = _measure_surface(frame, request, camera)
     measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
-    caveats = find_caveats(frame, measured, calibrated, rendered=rendered)
+    caveats = find_caveats(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
 
     def luminance(pixel: PixelSignal) -> Quantity:
         signal = Signal(
@@ -90,7 +110,9 @@ def measure(
             black_level_dn=0.0,
             white_level_dn=0.0,
         )
-        return apply_to_signal(signal, exposure=exposure, coefficient=coefficient).luminance_cd_m2
+        return apply_to_signal(
+            signal, exposure=exposure, coefficient=coefficient, share=pixel.share
+        ).luminance_cd_m2
 
     return Measured(
         pixels=pixels.pixels,
@@ -113,29 +135,44 @@ def measure(
         surface=surface,
         illuminance_lx=_illuminate(region.luminance_cd_m2, request.reflectance),
         saturated_share=measure_signal(statistics, channel=coefficient.channel).saturated_share,
-        vignetting="none",
+        vignetting=correction.name if correction else "none",
         flags=(*region.flags, *cell_flags, *caveats),
+        lens_share=region.lens_share,
     )
 
 
+@dataclass(frozen=True)
+class _Camera:
+    """What every region of a frame is measured with."""
+
+    exposure: Exposure
+    coefficient: Coefficient
+    lens: Lens | None
+
+    def apply(
+        self, frame: Frame, polygon: Polygon, statistics: Sequence[ChannelStatistics]
+    ) -> AppliedLuminance:
+        signal, share = measure_signal(statistics, channel=self.coefficient.channel), None
+        if self.lens is not None:
+            signal, share = correct_signal(
+                frame,
+                polygon,
+                signal,
+                self.lens,
+                channel=self.coefficient.channel,
+                dark_signal_dn=self.coefficient.dark_signal_dn,
+            )
+        return apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
+
+
 def _measure_surface(
-    frame: Frame,
-    request: Request,
-    exposure: Exposure,
-    coefficients: Sequence[Coefficient],
+    frame: Frame, request: Request, camera: _Camera
 ) -> tuple[Surface | None, tuple[Raised, ...]]:
     """Apply the calibration to every cell, and judge them together."""
     if request.grid is None:
         return None, ()
     applied = [
-        [
-            method.apply(
-                _require_green(method.extract(frame, cell), frame),
-                exposure=exposure,
-                coefficients=coefficients,
-            )
-            for cell in line
-        ]
+        [camera.apply(frame, cell, _require_green(method.extract(frame, cell), frame)) for cell in line]
         for line in lay_grid(request.grid)
     ]
     uniformity = judge_uniformity(_gather(applied))

@@ -109,7 +109,7 @@ def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "g
     """
     rows = select_rows(statistics, channel=channel)
     count = len(rows)
-    variance = sum(_mean_variance(row) for row in rows) / count**2
+    variance = sum(mean_variance(row.std_dn, row.n) for row in rows) / count**2
     return Signal(
         value_dn=sum(row.mean_dn for row in rows) / count,
         standard_uncertainty_dn=math.sqrt(variance),
@@ -119,9 +119,10 @@ def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "g
     )
 
 
-def _mean_variance(row: ChannelStatistics) -> float:
-    noise_variance = max(0.0, row.std_dn**2 - 1 / 12)
-    return row.std_dn**2 / row.n + math.exp(-4 * math.pi**2 * noise_variance) / 12
+def mean_variance(std_dn: float, n: int) -> float:
+    """Give the variance of a mean of n rounded numbers [DN^2]: the model of `measure_signal`."""
+    noise_variance = max(0.0, std_dn**2 - 1 / 12)
+    return std_dn**2 / n + math.exp(-4 * math.pi**2 * noise_variance) / 12
 
 
 def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Site]]:

@@ -9,6 +9,7 @@ from pydantic import TypeAdapter
 
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
+from radiometry.methods import luminance
 from radiometry.statistics import ChannelStatistics
 from store.tables import ChannelRow
 from store.tables.base import Json
@@ -17,12 +18,17 @@ _HEADER = TypeAdapter(FrameHeader)
 _EXPOSURE = TypeAdapter(Exposure)
 # one a type, built once: building an adapter costs far more than using it
 _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
+# What these had not when versions were first written is left out where there is none, and not null: a content
+# hash is over the very text, and stays what it was.
+_GROWN = (luminance.Params, luminance.Fit)
+_LATER = frozenset({"vignetting", "lens_share"})
 _STATISTICS = tuple(ChannelStatistics.__dataclass_fields__)
 
 
 def encode(value: Any) -> Any:  # noqa: ANN401
     """A dataclass as plain JSON values; tuples become lists, so that what is stored equals what is read."""
-    return _adapter(type(value)).dump_python(value, mode="json")
+    plain = _adapter(type(value)).dump_python(value, mode="json")
+    return _drop_later(plain) if isinstance(value, _GROWN) else plain
 
 
 def decode(kind: type[Any], stored: Any) -> Any:  # noqa: ANN401
@@ -51,6 +57,13 @@ def decode_statistics(row: ChannelRow) -> ChannelStatistics:
 
 def encode_statistics(row: ChannelStatistics) -> dict[str, Any]:
     return asdict(row)
+
+
+def _drop_later(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, dict):
+        kept = {name: member for name, member in value.items() if member is not None or name not in _LATER}
+        return {name: _drop_later(member) for name, member in kept.items()}
+    return [_drop_later(member) for member in value] if isinstance(value, list) else value
 
 
 def drop_absent(value: Any) -> Any:  # noqa: ANN401

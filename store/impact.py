@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 from radiometry.comparison import Comparison, LuminanceChange, change_luminance, compare_quantities
 from radiometry.evidence import Quantity
 from store.codec import decode_exposure
+from store.falloff import list_corrected
 from store.measuring.record import read_coefficients
 from store.measuring.version import read_time
 from store.publications import InForce
@@ -129,6 +130,7 @@ def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Cal
         read_coefficients(new),
         exposure=decode_exposure(frame.exposure),
         signal_dn=measurement.result.get("signal_dn"),
+        lens_share=(measurement.result.get("lens_share") or {}).get("value", 1.0),
         common_u_rel=compare_meters(old, new)[1],
     )
     return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)
@@ -138,7 +140,7 @@ def _measured_with(session: Session, calibration: Calibration) -> list[tuple[Mea
     rows = session.execute(
         select(Measurement, FrameRow)
         .join(FrameRow, FrameRow.id == Measurement.frame_id)
-        .where(Measurement.calibration_id == calibration.id)
+        .where(Measurement.calibration_id.in_([calibration.id, *list_corrected(session, calibration)]))
         .order_by(Measurement.id)
     )
     return [(row[0], row[1]) for row in rows]

@@ -13,6 +13,7 @@ from radiometry.flags import Flag, Raised
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
 from radiometry.statistics import ChannelStatistics, Signal, measure_signal
+from radiometry.vignetting.lens import LensShare
 
 NOISE = "pixel noise"
 _SAME_TIME_REL = 0.02
@@ -37,7 +38,8 @@ def apply_coefficient(
       iso_u_rel : of the ISO setting; 0 because K was found at the same setting
     Flags  outside_exposure_times, outside_f_numbers, outside_signals, saturated, below_detection
     Raises InputRejected
-      iso_not_calibrated if no coefficient is for the frame's ISO value, exposure_implausible
+      iso_not_calibrated if no coefficient is for the frame's ISO value, exposure_implausible;
+      vignetting_not_calibrated for a K that was made with vignetting: see `lens.correct_signal`
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     signal = measure_signal(statistics, channel=coefficient.channel)
@@ -45,21 +47,30 @@ def apply_coefficient(
 
 
 def apply_to_signal(
-    signal: Signal, *, exposure: Exposure, coefficient: Coefficient, iso_u_rel: float = 0.0
+    signal: Signal,
+    *,
+    exposure: Exposure,
+    coefficient: Coefficient,
+    share: LensShare | None = None,
+    iso_u_rel: float = 0.0,
 ) -> AppliedLuminance:
     """Give the luminance of a signal: of a region, of a cell, of a single pixel.
 
     The equation of `apply_coefficient`, each source's effect kept apart: what two luminances of a frame share
-    is the same number times their sensitivities, what is a luminance's own is its noise.
-    Raises InputRejected(exposure_implausible | fit_failed)
+    is the same number times their sensitivities, what is a luminance's own is its noise. K that was made with
+    vignetting holds for (N - D) / V in place of N - D, V the ``share`` at this place and f-number.
+    Raises InputRejected
+      exposure_implausible, fit_failed; vignetting_not_calibrated if K needs V and has none, or the reverse
     """
+    require_alike(coefficient, corrected=share is not None)
     settings = exposure.on_basis(coefficient.exposure_basis)
     require_plausible(settings)
-    adjusted = signal.value_dn - coefficient.dark_signal_dn
+    above_dark = signal.value_dn - coefficient.dark_signal_dn
+    adjusted = above_dark / share.value if share else above_dark
     rhs = _invert(coefficient, adjusted)
     scale = settings.f_number**2 / (settings.exposure_time_s * settings.iso)
-    effects = _effects(coefficient, signal, adjusted_dn=adjusted, rhs=rhs, scale=scale, iso_u_rel=iso_u_rel)
-    u_adjusted = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
+    effects = _effects(coefficient, signal, share, adjusted_dn=adjusted, scale=scale, iso_u_rel=iso_u_rel)
+    u_above_dark = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
     return AppliedLuminance(
         luminance_cd_m2=Quantity(
             value=rhs * scale,
@@ -70,8 +81,27 @@ def apply_to_signal(
         adjusted_signal_dn=adjusted,
         rhs=rhs,
         effects=effects,
-        flags=tuple(_flags(coefficient, settings, signal, adjusted, u_adjusted)),
+        flags=tuple(_flags(coefficient, settings, signal, above_dark, u_above_dark)),
+        lens_share=share.quantity if share else None,
     )
+
+
+def require_alike(coefficient: Coefficient, *, corrected: bool) -> None:
+    """Refuse K for a signal that is corrected for vignetting where K's was not, and the reverse.
+
+    Raises InputRejected(vignetting_not_calibrated)
+    """
+    if coefficient.vignetting is not None and not corrected:
+        raise InputRejected(
+            Code.VIGNETTING_NOT_CALIBRATED,
+            "This K holds for signals that are corrected for vignetting: measure with the vignetting version "
+            "that it was made with.",
+        )
+    if coefficient.vignetting is None and corrected:
+        raise InputRejected(
+            Code.VIGNETTING_NOT_CALIBRATED,
+            "This K was made without correcting vignetting, and holds for uncorrected signals alone.",
+        )
 
 
 def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Coefficient:
@@ -118,9 +148,9 @@ def _invert(coefficient: Coefficient, adjusted_dn: float) -> float:
 def _effects(
     coefficient: Coefficient,
     signal: Signal,
+    share: LensShare | None,
     *,
     adjusted_dn: float,
-    rhs: float,
     scale: float,
     iso_u_rel: float,
 ) -> tuple[Effect, ...]:
@@ -128,20 +158,23 @@ def _effects(
     by_signal, by_parameters = models.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
     variances, directions = np.linalg.eigh(np.array(coefficient.covariance))
     combined = by_parameters @ (directions * np.sqrt(np.maximum(variances, 0.0)))
-    luminance = rhs * scale
+    luminance = _invert(coefficient, adjusted_dn) * scale
+    through = share.value if share else 1.0
+    by_lens = [-by_signal * adjusted_dn * effect / through for effect in share.effects] if share else []
     # semilog has no K that scales with the meter
     meter_u_rel = coefficient.meter_calibration_u_rel if coefficient.model != "semilog" else 0.0
     dark_u_dn = coefficient.dark_signal_standard_uncertainty_dn
     shared = [
         *(("fit of K", float(effect) * scale) for effect in combined),
         ("meter calibration", luminance * meter_u_rel),
-        ("dark signal", -by_signal * dark_u_dn * scale),
+        ("dark signal", -by_signal * dark_u_dn / through * scale),
         ("exposure time", luminance * coefficient.exposure_time_u_rel),
         ("f-number", 2.0 * luminance * coefficient.f_number_u_rel),
         ("ISO setting", luminance * iso_u_rel),
+        *(("vignetting", effect * scale) for effect in by_lens),
     ]
     noise = Effect(
-        source=NOISE, shared=False, effect_cd_m2=by_signal * signal.standard_uncertainty_dn * scale
+        source=NOISE, shared=False, effect_cd_m2=by_signal * signal.standard_uncertainty_dn / through * scale
     )
     return (*(Effect(source=name, shared=True, effect_cd_m2=effect) for name, effect in shared), noise)
 

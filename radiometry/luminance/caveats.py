@@ -20,19 +20,32 @@ _OF_CELLS = {
 
 
 def find_caveats(
-    frame: Frame, measured: Sequence[Corners], calibrated: Sequence[Polygon], *, rendered: bool
+    frame: Frame,
+    measured: Sequence[Corners],
+    calibrated: Sequence[Polygon],
+    *,
+    rendered: bool,
+    corrected: bool = False,
 ) -> tuple[Raised, ...]:
     """Say what a measurement from the air cannot claim.
 
     Takes
       measured : corners (x, y) [px] of everything that was measured; calibrated : the calibration's regions
+      corrected : for vignetting: then K holds anywhere in the frame
     Flags  no_vignetting_correction, roi_elsewhere, observer_differs, rendered
     """
-    flags = [
-        Raised(
-            flag=Flag.NO_VIGNETTING_CORRECTION.value, where="", detail="Vignetting was corrected with: none."
-        )
-    ]
+    flags = [] if corrected else _find_falloff(frame, measured, calibrated)
+    if rendered:
+        flags.append(Raised(flag=Flag.RENDERED.value, where="", detail="The frame is no raw file."))
+    detail = "Luminance towards the camera, not towards a driver 60 m or a pedestrian 1.5 m away."
+    flags.append(Raised(flag=Flag.OBSERVER_DIFFERS.value, where="", detail=detail))
+    return tuple(flags)
+
+
+def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> list[Raised]:
+    """Say that K holds where it was found, and how far from there the measurement reaches."""
+    detail = "Vignetting was corrected with: none."
+    flags = [Raised(flag=Flag.NO_VIGNETTING_CORRECTION.value, where="", detail=detail)]
     distance = _farthest_px(measured, calibrated)
     diagonal = math.hypot(frame.height_px, frame.width_px)
     if distance > _NEAR_SHARE * diagonal:
@@ -41,11 +54,7 @@ def find_caveats(
             f"{distance / diagonal:.0%} of the frame's diagonal."
         )
         flags.append(Raised(flag=Flag.ROI_ELSEWHERE.value, where="", detail=detail))
-    if rendered:
-        flags.append(Raised(flag=Flag.RENDERED.value, where="", detail="The frame is no raw file."))
-    detail = "Luminance towards the camera, not towards a driver 60 m or a pedestrian 1.5 m away."
-    flags.append(Raised(flag=Flag.OBSERVER_DIFFERS.value, where="", detail=detail))
-    return tuple(flags)
+    return flags
 
 
 def summarise_cells(applied: Iterable[Iterable[AppliedLuminance]]) -> tuple[Raised, ...]:

@@ -7,13 +7,15 @@ import numpy as np
 
 from radiometry import models
 from radiometry.errors import Code, InputRejected
-from radiometry.evidence import BudgetEntry
+from radiometry.evidence import BudgetEntry, Quantity
 from radiometry.exposure import expect_luminance_k
 from radiometry.fit import Curve, CurveFit, coverage_factor, fit_curve
 from radiometry.gls import Vector
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Coefficient, IsoFit, ModelFit, Point
 from radiometry.luminance.rows import MODELS, Params
+
+_NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
 
 
 def fit_series(
@@ -62,12 +64,14 @@ def fit_coefficient(
 
 def _curve(series: IsoSeries, params: Params) -> Curve:
     used = series.used
+    shares = [c.lens_share or _NO_LENS for c in used]
+    through = np.array([share.value for share in shares])
+    spread_dn = series.dark.frame_spread_dn
     return Curve(
         rhs=np.array([candidate.rhs for candidate in used], np.float64),
-        signal_dn=np.array([c.signal.value_dn - series.dark.signal_dn for c in used]),
-        signal_u_dn=np.array(
-            [math.hypot(c.signal.standard_uncertainty_dn, series.dark.frame_spread_dn) for c in used]
-        ),
+        signal_dn=np.array([c.adjust_dn(series.dark.signal_dn) for c in used]),
+        signal_u_dn=np.array([math.hypot(c.signal.standard_uncertainty_dn, spread_dn) for c in used])
+        / through,
         scenes=tuple(c.scene for c in used),
         f_numbers=tuple(c.settings.f_number for c in used),
         times_s=tuple(c.settings.exposure_time_s for c in used),
@@ -77,6 +81,8 @@ def _curve(series: IsoSeries, params: Params) -> Curve:
         f_number_u_rel=params.f_number_u_rel,
         time_u_rel=params.exposure_time_u_rel,
         repeatability_u_rel=params.meter_repeatability_rel,
+        lens_shares=through,
+        lens_u_rel=np.array([share.standard_uncertainty for share in shares]) / through,
     )
 
 
@@ -184,6 +190,7 @@ def _coefficient(series: IsoSeries, params: Params, fit: CurveFit, calibration_u
         f_number_range=_range([c.settings.f_number for c in used]),
         signal_range_dn=_range(adjusted),
         rhs_range=_range(rhs),
+        vignetting=params.vignetting,
     )
 
 
@@ -210,7 +217,7 @@ def _points(series: IsoSeries, fit: CurveFit) -> tuple[Point, ...]:
 
 
 def _point(series: IsoSeries, fit: CurveFit, candidate: Candidate, weight: float) -> Point:
-    adjusted = candidate.signal.value_dn - series.dark.signal_dn
+    adjusted = candidate.adjust_dn(series.dark.signal_dn)
     fitted = error = None
     if candidate.rhs is not None:
         fitted = _finite(float(models.predict(fit.model, fit.parameters, np.array([candidate.rhs]))[0]))
@@ -238,4 +245,5 @@ def _point(series: IsoSeries, fit: CurveFit, candidate: Candidate, weight: float
         else None,
         residual_rel=error,
         weight=weight,
+        lens_share=candidate.lens_share,
     )

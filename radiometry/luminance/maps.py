@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 from radiometry.exposure import Exposure
 from radiometry.frame import Frame
-from radiometry.luminance.application import choose_coefficient, luminance_per_dn
+from radiometry.luminance.application import choose_coefficient, luminance_per_dn, require_alike
+from radiometry.luminance.lens import compute_shares
 from radiometry.luminance.results import Coefficient
 from radiometry.statistics import GREY
+from radiometry.vignetting.lens import Lens
 
 Plane = NDArray[np.float32]
 Sums = NDArray[np.unsignedinteger]
@@ -26,24 +28,31 @@ class MapScale:
     """How a frame's raw numbers become luminance: L = (N - dark) slope.
 
     ``channel`` : "green" | "grey", the calibration's signal
+    ``lens`` : of a K that was made with vignetting: L = (N - D) slope / V, pixel by pixel
     """
 
     slope_cd_m2_per_dn: float
     dark_signal_dn: float
     channel: str
+    lens: Lens | None = None
 
 
-def find_map_scale(coefficients: tuple[Coefficient, ...], exposure: Exposure) -> MapScale:
+def find_map_scale(
+    coefficients: tuple[Coefficient, ...], exposure: Exposure, *, lens: Lens | None = None
+) -> MapScale:
     """Give the scale of a frame's map.
 
     Raises InputRejected
-      iso_not_calibrated; fit_failed if the calibration's model is not proportional
+      iso_not_calibrated; fit_failed if the calibration's model is not proportional;
+      vignetting_not_calibrated if K needs the lens and has none, or the reverse
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
+    require_alike(coefficient, corrected=lens is not None)
     return MapScale(
         slope_cd_m2_per_dn=luminance_per_dn(coefficient, exposure),
         dark_signal_dn=coefficient.dark_signal_dn,
         channel=coefficient.channel,
+        lens=lens,
     )
 
 
@@ -87,6 +96,7 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
 
     L = (N - D) f^2 / (K t S) with N from `sum_signal`, each value the float32 nearest to it. Nothing is
     clipped: noise below dark is a negative luminance. NaN where a number that N is made of is saturated.
+    With a lens this is divided by the float32 nearest to V of the pixel.
 
     Returns (row, col) float32 [cd/m2]
     """
@@ -96,6 +106,8 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
     numbers = np.arange(top + 1) / parts
     table = ((numbers - scale.dark_signal_dn) * scale.slope_cd_m2_per_dn).astype(np.float32)
     luminance: Plane = table.take(sums, mode="clip")
+    if scale.lens is not None:
+        luminance /= compute_shares(frame, scale.lens, channel=scale.channel)
     saturated = find_saturated(frame, channel=scale.channel)
     if saturated is not None:
         luminance[saturated] = np.nan

@@ -1,18 +1,21 @@
 """The single pixels of a region: extremes, percentiles, and the noise that one pixel carries."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.errors import Code, InputRejected
 from radiometry.frame import Frame
-from radiometry.luminance.maps import find_measured, sum_signal
+from radiometry.luminance.lens import compute_shares, name_channels
+from radiometry.luminance.maps import Sums, find_measured, sum_signal
 from radiometry.roi import Polygon, Window, mask
-from radiometry.statistics import GREY
+from radiometry.statistics import GREY, name_site
+from radiometry.vignetting.lens import Lens, LensShare
 
 PERCENTILES = (5, 10, 90, 95)
+_ORDERED = (50, *PERCENTILES)
 
 _THREES_A_BIN = 500
 _MOST_BINS = 16
@@ -24,10 +27,14 @@ _MAD_TO_SIGMA = 1.4826
 
 @dataclass(frozen=True, kw_only=True)
 class PixelSignal:
-    """A number that a single pixel of the region has [DN], black included, and that pixel's noise."""
+    """A number that a single pixel of the region has [DN], black included, and that pixel's noise.
+
+    ``share`` : V at the pixel, where vignetting is corrected
+    """
 
     value_dn: float
     noise_dn: float
+    share: LensShare | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,12 +63,23 @@ class NoiseCurve:
         return math.sqrt(float(np.interp(level_dn, self.levels_dn, self.variances_dn2)))
 
 
-def order_pixels(frame: Frame, polygon: Polygon, *, channel: str) -> PixelSignals:
+@dataclass(frozen=True)
+class Correction:
+    """The lens that a region's pixels are corrected with; they are ordered by (N - dark) / V."""
+
+    lens: Lens
+    dark_signal_dn: float
+
+
+def order_pixels(
+    frame: Frame, polygon: Polygon, *, channel: str, correction: Correction | None = None
+) -> PixelSignals:
     """Give the extremes, the median and the percentiles of a region's pixels.
 
     Only measured pixels count: the green sites for ``green``; for ``grey`` of a mosaic each pixel's local
     mean over the pattern, as in a map. Percentiles lie between two pixels in proportion (numpy's "linear").
-    The median's noise is sqrt(pi / 2) times a mean's [1].
+    The median's noise is sqrt(pi / 2) times a mean's [1]. A percentile that lies between two corrected pixels
+    has the place of the nearest one.
 
     Takes
     ----------
@@ -75,28 +93,72 @@ def order_pixels(frame: Frame, polygon: Polygon, *, channel: str) -> PixelSignal
     height, width = sums.shape
     inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
     inside &= find_measured(frame, channel=channel)
-    values = sums[inside]
-    if not values.size:
+    if not inside.any():
         raise InputRejected(
             Code.ROI_EMPTY, f"The region holds no {channel} pixel of the frame: draw it larger."
         )
     noise = estimate_pixel_noise(sums, inside, parts=parts, lag=4 if channel == GREY else 2)
-    low, high = int(values.min()), int(values.max())
-    median, *percentiles = np.percentile(values, [50, *PERCENTILES], overwrite_input=True).tolist()
-
-    def pixel(number: float) -> PixelSignal:
-        return PixelSignal(value_dn=number / parts, noise_dn=noise.at(number / parts))
-
-    middle = pixel(median)
+    if correction is None:
+        found = _order_raw(sums[inside], parts, noise)
+    else:
+        found = _order_corrected(frame, sums, inside, parts, noise, correction, channel=channel)
+    smallest, largest, median, *percentiles = found
+    count = int(np.count_nonzero(inside))
     return PixelSignals(
-        pixels=int(values.size),
-        smallest=pixel(low),
-        largest=pixel(high),
-        median=PixelSignal(
-            value_dn=middle.value_dn, noise_dn=middle.noise_dn * math.sqrt(math.pi / 2 / values.size)
-        ),
-        percentiles=tuple(pixel(number) for number in percentiles),
+        pixels=count,
+        smallest=smallest,
+        largest=largest,
+        median=replace(median, noise_dn=median.noise_dn * math.sqrt(math.pi / 2 / count)),
+        percentiles=tuple(percentiles),
     )
+
+
+def _order_raw(values: Sums, parts: int, noise: NoiseCurve) -> list[PixelSignal]:
+    """Give the smallest, the largest, the median and the percentiles."""
+    low, high = int(values.min()), int(values.max())
+    numbers = [low, high, *np.percentile(values, _ORDERED, overwrite_input=True).tolist()]
+    return [PixelSignal(value_dn=number / parts, noise_dn=noise.at(number / parts)) for number in numbers]
+
+
+def _order_corrected(
+    frame: Frame,
+    sums: Sums,
+    inside: NDArray[np.bool_],
+    parts: int,
+    noise: NoiseCurve,
+    correction: Correction,
+    *,
+    channel: str,
+) -> list[PixelSignal]:
+    """Give the same of (N - dark) / V, each as the N that a pixel at its place has or would have."""
+    rows, cols = np.nonzero(inside)
+    raw = sums[inside] / parts
+    corrected = (raw - correction.dark_signal_dn) / compute_shares(frame, correction.lens, channel=channel)[
+        inside
+    ]
+    found = []
+    for number in (corrected.min(), corrected.max(), *np.percentile(corrected, _ORDERED)):
+        nearest = int(np.argmin(np.abs(corrected - number)))
+        row, col = int(rows[nearest]), int(cols[nearest])
+        share = correction.lens.at(
+            row + frame.row0, col + frame.col0, channels=_name_own(frame, row, col, channel=channel)
+        )
+        found.append(
+            PixelSignal(
+                value_dn=correction.dark_signal_dn + float(number) * share.value,
+                noise_dn=noise.at(float(raw[nearest])),
+                share=share,
+            )
+        )
+    return found
+
+
+def _name_own(frame: Frame, row: int, col: int, *, channel: str) -> tuple[str, ...]:
+    """Name the channels that a measured pixel's number is made of: a green site its own alone."""
+    names = name_channels(frame.cfa, channel=channel)
+    if frame.cfa in ("rgb", GREY) or channel == GREY:
+        return names
+    return (name_site(frame.cfa, 2 * ((row + frame.row0) % 2) + (col + frame.col0) % 2),)
 
 
 def estimate_pixel_noise(

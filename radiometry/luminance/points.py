@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Quantity
 from radiometry.exposure import Settings, compute_rhs
 from radiometry.luminance.dark import Dark, estimate_dark
 from radiometry.luminance.results import SceneSummary
@@ -31,6 +33,11 @@ class Candidate:
     readings: int
     rhs: float | None
     left_out: str
+    lens_share: Quantity | None = None
+
+    def adjust_dn(self, dark_dn: float) -> float:
+        """Give the signal above dark, and over V where vignetting is corrected [DN]."""
+        return (self.signal.value_dn - dark_dn) / (self.lens_share.value if self.lens_share else 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +108,7 @@ def _candidate(
         readings=scene.readings if scene else 0,
         rhs=compute_rhs(settings, luminance_cd_m2=luminance) if luminance is not None else None,
         left_out=_why_left_out(row, signal, dark, scene, params),
+        lens_share=row.lens_share,
     )
 
 
@@ -171,6 +179,22 @@ def list_missing(
                 f"{_reasons(series)}"
             )
     return found
+
+
+def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
+    """Refuse a fit in which some signals would be divided by V and others not.
+
+    Raises InputRejected(vignetting_not_calibrated)
+    """
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    light = [row for row in rows if row.role == "light" and row.statistics and row.frame not in excluded]
+    lacking = [row.frame for row in light if row.lens_share is None]
+    if params.vignetting is not None and lacking:
+        raise InputRejected(
+            Code.VIGNETTING_NOT_CALIBRATED,
+            f"The fit corrects vignetting, and {_name_frames(sorted(lacking), 'has', 'have')} no V of its "
+            "region: give it the vignetting version.",
+        )
 
 
 def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> list[str]:

@@ -15,7 +15,9 @@ class Coefficient:
     ``parameters``, ``covariance`` : of ``model``, named by ``parameter_names``; the meter's calibration is
         not in ``covariance``, it stands in ``meter_calibration_u_rel``
     ``luminance_k`` : the model's K; its standard uncertainty holds everything, also the meter's calibration
-    ``*_range`` : (lowest, highest) of the points used; ``exposure_times_s`` : each time that was used
+    ``*_range`` : (lowest, highest) of the points used, ``signal_range_dn`` of N - D, not divided by V;
+    ``exposure_times_s`` : each time that was used
+    ``vignetting`` : content hash of the vignetting version that K holds with, None: without any
     """
 
     iso: float
@@ -42,6 +44,7 @@ class Coefficient:
     f_number_range: tuple[float, float]
     signal_range_dn: tuple[float, float]
     rhs_range: tuple[float, float]
+    vignetting: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +75,7 @@ class ModelFit:
 class Point:
     """One light frame in the fit. ``left_out`` is "" for a point that was used, else the reason.
 
+    ``adjusted_signal_dn`` : (N - D) / V, ``lens_share`` V; without vignetting N - D, and no share
     ``weight`` : in K: adjusted signal times weight, summed, is K; 0 when left out
     ``residual_rel`` : (L_fit - L_meter) / L_meter
     """
@@ -94,6 +98,7 @@ class Point:
     fitted_luminance_cd_m2: float | None
     residual_rel: float | None
     weight: float
+    lens_share: Quantity | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,6 +157,7 @@ class Effect:
 class AppliedLuminance:
     """The luminance of a region in a frame, with its uncertainty, and what to know about it.
 
+    ``adjusted_signal_dn`` : (N - D) / V, ``lens_share`` V; without vignetting N - D
     ``effects`` : sum of squares is the variance; of one frame's luminances the shared ones come in one order
     """
 
@@ -161,3 +167,4 @@ class AppliedLuminance:
     rhs: float
     effects: tuple[Effect, ...]
     flags: tuple[Raised, ...]
+    lens_share: Quantity | None = None

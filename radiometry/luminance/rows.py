@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from radiometry.evidence import Exclusion
+from radiometry.evidence import Exclusion, Quantity
 from radiometry.exposure import Exposure
 from radiometry.statistics import ChannelStatistics
 
@@ -27,6 +27,7 @@ class Params:
     ``exposure_time_u_rel`` : standard uncertainty of a marked time, 0.5 %: electronic shutters are timed by a
         quartz; what is left is the choice of 1/60 or 1/64 s, for which there is the basis.
     ``panel_rho`` : luminance factor of the target, for the cross-check L = rho E / pi; None where unknown
+    ``vignetting`` : content hash of the vignetting version that the signals are divided by; None: none
     """
 
     model: str = "proportional"
@@ -38,6 +39,7 @@ class Params:
     exposure_time_u_rel: float = 0.005
     panel_rho: float | None = None
     exclude: tuple[Exclusion, ...] = ()
+    vignetting: str | None = None
 
     def __post_init__(self) -> None:
         """Hold what every caller must have checked at its edge."""
@@ -62,6 +64,7 @@ class FrameRow:
     ``statistics`` : rows of `extract`, None while the frame waits for its extraction or its region
     ``has_region`` : False while nobody has drawn a region for it
     ``gain_maps`` : sha256 of each GainMap opcode the file carries
+    ``lens_share`` : mean V of its region at its f-number, where the fit corrects vignetting
     """
 
     frame: str
@@ -72,6 +75,7 @@ class FrameRow:
     has_region: bool = True
     rendered: bool = False
     gain_maps: tuple[str, ...] = ()
+    lens_share: Quantity | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

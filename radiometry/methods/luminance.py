@@ -28,6 +28,7 @@ from radiometry.luminance.points import (
     collect_series,
     list_missing,
     list_unread_scenes,
+    require_shares,
 )
 from radiometry.luminance.results import (
     AppliedLuminance,
@@ -127,11 +128,12 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
       per scene: lamp_drift, rho_cross_check; of the whole: meter_certificate_missing, semilog_model
     Raises InputRejected
       fit_incomplete if fewer than three scenes of an ISO value can be used, or frames are not extracted yet;
-      fit_failed if the model does not settle
+      fit_failed if the model does not settle; vignetting_not_calibrated if V of a light frame is not given
     """
     lacking = list_missing(rows, readings, params)
     if lacking:
         raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+    require_shares(rows, params)
     calibration_u_rel, certified = meter_calibration_u_rel(readings)
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
     series = collect_series(rows, readings, params)

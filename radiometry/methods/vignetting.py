@@ -16,7 +16,6 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.statistics import CHANNELS
 from radiometry.vignetting.application import (
     Share,
-    average_over_polygon,
     evaluate,
     evaluate_window,
     list_windows,
@@ -28,6 +27,7 @@ from radiometry.vignetting.dng import DngVignette, export_dng
 from radiometry.vignetting.features import Features, FrameRow, extract_features
 from radiometry.vignetting.fitting import FittedChannel, fit_channel
 from radiometry.vignetting.judging import judge
+from radiometry.vignetting.lens import Lens, LensShare, average_over_polygon
 from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
 from radiometry.vignetting.planning import plan
 from radiometry.vignetting.points import (
@@ -59,6 +59,8 @@ __all__ = [
     "Features",
     "Fit",
     "FrameRow",
+    "Lens",
+    "LensShare",
     "LensfunNames",
     "Params",
     "Point",

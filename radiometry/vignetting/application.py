@@ -1,4 +1,4 @@
-"""What a fitted falloff says: V anywhere in the frame, between f-numbers, and on average over a region."""
+"""What a fitted falloff says: V anywhere in the frame, and between f-numbers."""
 
 import itertools
 import math
@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Quantity
-from radiometry.roi import Polygon, Window, bounding_window, mask
+from radiometry.roi import Window
 from radiometry.vignetting.curve import Array, evaluate_slopes, propagate
 from radiometry.vignetting.results import Coefficient
 
@@ -131,53 +130,6 @@ def evaluate_window(
     return evaluate(coefficients, rows, cols, channel=channel, f_number=f_number)
 
 
-def average_over_polygon(
-    coefficients: Sequence[Coefficient], polygon: Polygon, *, channels: Sequence[str], f_number: float
-) -> Quantity:
-    """Give the mean of V over a region, averaged over channels: an even surface's mean signal divided by it.
-
-    u^2 = sum over channels of J C J' / m^2 + (model term)^2 + (interpolation term)^2, J the mean of V's
-    slopes over the region, since the parameters' errors are shared by all of its pixels. The model's and the
-    interpolation's error are taken as alike in the whole region and in all channels: they do not average out.
-
-    Raises InputRejected
-      vignetting_not_calibrated, as `evaluate`; roi_outside_frame, roi_empty
-    """
-    value = variance = model = between = 0.0
-    count = len(channels)
-    for channel in channels:
-        ends = [
-            (coefficient, weight, *_average_one(coefficient, polygon))
-            for coefficient, weight in bracket(coefficients, channel=channel, f_number=f_number)
-        ]
-        value += sum(weight * mean for _, weight, mean, _ in ends) / count
-        for coefficient, weight, mean, slopes in ends:
-            own = float(propagate(slopes, np.array(coefficient.covariance)))
-            variance += (weight * own / count) ** 2
-            model += weight * coefficient.model_u_rel * mean / count
-        if len(ends) == 2:
-            between += _between(ends[1][1]) * abs(ends[1][2] - ends[0][2]) / count
-    return Quantity(
-        value=value, standard_uncertainty=math.hypot(math.sqrt(variance), model, between), unit="1"
-    )
-
-
-def _average_one(coefficient: Coefficient, polygon: Polygon) -> tuple[float, Slopes]:
-    """Give the means of V and of its slopes over a region's pixels, a band of rows at a time."""
-    whole = bounding_window(polygon, height_px=coefficient.height_px, width_px=coefficient.width_px)
-    total, slopes_total, count = 0.0, np.zeros(len(coefficient.covariance)), 0
-    for band in list_windows(whole.height, whole.width):
-        window = Window(row0=whole.row0 + band.row0, col0=whole.col0, height=band.height, width=band.width)
-        rows, cols = np.nonzero(mask(polygon, window))
-        value, slopes = _evaluate_one(
-            coefficient, (rows + window.row0).astype(np.float64), (cols + window.col0).astype(np.float64)
-        )
-        total += float(value.sum())
-        slopes_total += slopes.sum(axis=1)
-        count += rows.size
-    return total / count, slopes_total / count
-
-
 def _evaluate_one(coefficient: Coefficient, row_px: Array, col_px: Array) -> tuple[Array, Slopes]:
     return evaluate_slopes(
         row_px, col_px, coefficient.k, centre_px=coefficient.centre_px, radius_px=coefficient.radius_px
@@ -193,10 +145,10 @@ def _interpolate(ends: Sequence[tuple[float, Array, Array]]) -> Share:
     value = np.sum([weight * share for weight, share, _ in ends], axis=0)
     variance = np.sum([(weight * u) ** 2 for weight, _, u in ends], axis=0)
     if len(ends) == 2:
-        variance = variance + (_between(ends[1][0]) * (ends[1][1] - ends[0][1])) ** 2
+        variance = variance + (spread_between(ends[1][0]) * (ends[1][1] - ends[0][1])) ** 2
     return Share(share=np.asarray(value), standard_uncertainty=np.asarray(np.sqrt(variance)))
 
 
-def _between(weight: float) -> float:
+def spread_between(weight: float) -> float:
     """Give the standard uncertainty between two f-numbers, of the difference of their V."""
     return 4.0 * weight * (1.0 - weight) / (2.0 * math.sqrt(3.0))

@@ -1,6 +1,6 @@
 """Fits, versions and what is decided of them."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -19,6 +19,8 @@ from service.plots import draw_calibration
 from service.problems import HttpCode, Problem, invalid
 from service.routes import problems, sends_file
 from service.schemas.calibrations import (
+    IN_FORCE,
+    PARAMETERS,
     CalibrationAnswer,
     NewCalibration,
     NewPublication,
@@ -31,6 +33,7 @@ from service.tabular import write_csv
 from service.writing import Reply, Writes
 from store import jobs, publications
 from store.codec import encode
+from store.falloff import choose_falloff
 from store.fitting import list_missing, make_params
 from store.impact import list_touched
 from store.queries.calibrations import coefficients_of, history, standings
@@ -44,7 +47,7 @@ router = APIRouter(prefix="/v1", tags=["calibrations"])
     "/campaigns/{campaign_id}/calibrations",
     status_code=202,
     response_model=JobAnswer,
-    responses=problems(404),
+    responses=problems(404, 409),
 )
 def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator, writing: Writes) -> Response:
     """Fit the campaign. What is missing is said before it starts; the job's result names the version."""
@@ -214,7 +217,8 @@ def _read_params(
 ) -> Any:  # noqa: ANN401
     said = body.parameters()
     known = {field.name for field in fields(methods.describe(campaign.method).params)}
-    foreign = sorted({"tolerance" if name == "tolerance_rel" else name for name in said.keys() - known})
+    names = {parameter: name for name, parameter in PARAMETERS.items()}
+    foreign = sorted({names.get(name, name) for name in said.keys() - known})
     if foreign:
         message = f"is no parameter of a {campaign.method} fit"
         raise invalid([{"type": "parameter", "loc": ("body", name), "msg": message} for name in foreign])
@@ -228,7 +232,14 @@ def _read_params(
             )
         name = evidence.names[exclusion.frame_id]
         exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_id))
-    return make_params(session, campaign, **said, exclude=tuple(sorted(exclusions, key=lambda e: e.frame)))
+    said["exclude"] = tuple(sorted(exclusions, key=lambda e: e.frame))
+    asked = said.pop("vignetting", None)
+    params = make_params(session, campaign, **said)
+    if asked is None:
+        return params
+    named = None if asked == IN_FORCE else owned(session, Calibration, asked, caller)
+    chosen = choose_falloff(session, campaign, evidence, params, named)
+    return replace(params, vignetting=chosen.content_sha256)
 
 
 def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> Response:  # noqa: ANN401

@@ -144,8 +144,9 @@ def get_measurement(measurement_id: Id, request: Request, caller: Reader, contex
     with context.database.reading() as session:
         row = owned(session, Measurement, measurement_id, caller)
         answer = _answers(session, [row])[0]
-    # the figures never change; how their calibration stands may
-    tag = f"{row.content_sha256}-{answer.calibration.state}-{answer.calibration.superseded_by or ''}"
+    # the figures never change; how their calibration stands may, and that of its vignetting, which is a flag
+    state = f"{answer.calibration.state}-{answer.calibration.superseded_by or ''}-{len(answer.flags)}"
+    tag = f"{row.content_sha256}-{state}"
     response = not_modified(request, tag) or answer.respond({"ETag": f'"{tag}"'})
     response.headers["Cache-Control"] = "private, no-cache"
     return response
@@ -291,13 +292,19 @@ def _of_campaign(
 def _answers(session: Session, rows: list[Measurement]) -> list[MeasurementAnswer]:
     """Measurements with their frames and versions, in a handful of queries however many they are."""
     frame_ids, version_ids = {row.frame_id for row in rows}, {row.calibration_id for row in rows}
+    corrected = {row.id: row.parameters["vignetting"] for row in rows if "vignetting" in row.parameters}
     frames = {f.id: f for f in session.scalars(select(FrameRow).where(FrameRow.id.in_(frame_ids)))}
     wanted = select(Calibration).where(Calibration.id.in_(version_ids))
     versions = {version.id: version for version in session.scalars(wanted)}
-    standing = standings(session, sorted(versions))
+    falloff_ids = {named["calibration_id"] for named in corrected.values()}
+    standing = standings(session, sorted({*versions, *falloff_ids}))
     return [
         MeasurementAnswer.of(
-            row, frames[row.frame_id], versions[row.calibration_id], standing[row.calibration_id]
+            row,
+            frames[row.frame_id],
+            versions[row.calibration_id],
+            standing[row.calibration_id],
+            standing[corrected[row.id]["calibration_id"]] if row.id in corrected else None,
         )
         for row in rows
     ]

@@ -8,6 +8,7 @@ from service.schemas.base import Answer, Form, Instant, LongText, Number, Text
 from store.queries.calibrations import Standing
 from store.tables import Calibration, CoefficientRow
 
+IN_FORCE = "in_force"
 State = Literal["draft", "published", "superseded", "revoked"]
 
 
@@ -79,12 +80,23 @@ class NewCalibration(Form):
     panel_id: Annotated[
         Text | None, Field(description="Of a reflectance campaign: its panel from now on.")
     ] = None
+    vignetting_id: Annotated[
+        Text | None,
+        Field(
+            description="Of a luminance fit: the vignetting version that its signals are divided by, or "
+            "`in_force`: the one in force when the light frames were taken. Left out: none."
+        ),
+    ] = None
     exclude: Annotated[list[Exclusion] | None, Field(max_length=10_000)] = None
 
     def parameters(self) -> dict[str, Any]:
         """What is said of the fit itself, as the method's parameters name it."""
-        said = self.model_dump(exclude_none=True, exclude={"exclude", "tolerance", "panel_id"})
-        return said if self.tolerance is None else said | {"tolerance_rel": self.tolerance}
+        said = self.model_dump(exclude_none=True, exclude={"exclude", "panel_id"})
+        return {PARAMETERS.get(name, name): value for name, value in said.items()}
+
+
+PARAMETERS = {"tolerance": "tolerance_rel", "vignetting_id": "vignetting"}
+"""What the methods' parameters call otherwise than the form."""
 
 
 class NewPublication(Form):

@@ -192,7 +192,12 @@ class MeasurementAnswer(Answer):
     max_to_min: Quantity | None = None
     grid_illuminance: Quantity | None = Field(default=None, description="E = pi L_av / rho.")
     saturated_share: float | None = None
-    vignetting: str = Field(description="What vignetting was corrected with.")
+    vignetting: str = Field(
+        description="What vignetting was corrected with: `none`, `file`, or the calibration's id."
+    )
+    lens_share: Quantity | None = Field(
+        default=None, description="V of the region, by which its signal above dark was divided."
+    )
     signal: str = Field(description="The channel or the band.")
     flags: list[FlagAnswer]
     to_do_better: list[str]
@@ -205,11 +210,17 @@ class MeasurementAnswer(Answer):
 
     @classmethod
     def of(
-        cls, row: Measurement, frame: FrameRow, calibration: Calibration, standing: Standing
+        cls,
+        row: Measurement,
+        frame: FrameRow,
+        calibration: Calibration,
+        standing: Standing,
+        of_vignetting: Standing | None = None,
     ) -> "MeasurementAnswer":
         result, header = row.result, frame.header or {}
         place: dict[str, Any] = {name: header.get(name) for name in _FROM_HEADER}
-        flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]] + _flags_of(standing)
+        flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]]
+        flags += _flags_of(standing) + _flags_of_vignetting(of_vignetting)
         budget = [(share["source"], share["variance_share"]) for share in result.get("budget", [])]
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
@@ -285,6 +296,7 @@ def _figures(row: Measurement) -> dict[str, Any]:
             "max": result["largest"],
             "illuminance": result["illuminance_lx"],
             "signal": result["channel"],
+            "lens_share": result.get("lens_share"),
         }
     if "index" in result:
         index = IndexAnswer(name=result["index"], bands=[_band(band) for band in result["bands"]])
@@ -325,6 +337,14 @@ def _links(row: Measurement) -> dict[str, str]:
     if row.map_tif_sha256 is not None:
         links |= {"map_tif": f"{own}/map.tif", "map_png": f"{own}/map.png"}
     return links
+
+
+def _flags_of_vignetting(standing: Standing | None) -> list[FlagAnswer]:
+    """Only that it was revoked: a K belongs to its own vignetting version, whatever is in force since."""
+    if standing is None or standing.state != "revoked":
+        return []
+    detail = f"Of vignetting, because: {standing.revoked_reason}."
+    return [FlagAnswer(flag=Flag.CALIBRATION_REVOKED.value, where="", detail=detail)]
 
 
 def _flags_of(standing: Standing) -> list[FlagAnswer]:

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from radiometry import methods
 from radiometry.errors import Code, InputRejected
 from radiometry.luminance.application import choose_coefficient
+from radiometry.luminance.lens import name_channels
 from radiometry.luminance.maps import find_map_scale
 from radiometry.measurement import Request, find_window
 from radiometry.methods import reflectance
@@ -17,6 +18,7 @@ from radiometry.reflectance.indices import Index
 from radiometry.roi import Polygon, bounding_window
 from radiometry.surface import Grid, outline
 from store.codec import decode_exposure, decode_header, encode
+from store.falloff import find_falloff, read_lens
 from store.measuring.record import read_band_coefficients, read_coefficients
 from store.measuring.version import choose_version
 from store.queries.frames import current_roi, whole_frame_of
@@ -58,7 +60,7 @@ def plan_measurement(
         "products": list(asked.products),
     }
     if campaign.method == "luminance":
-        return plan | _plan_luminance(frame, calibration, polygon, asked)
+        return plan | _plan_luminance(session, frame, calibration, polygon, asked)
     return plan | _plan_reflectance(session, frame, calibration, polygon, asked)
 
 
@@ -96,18 +98,30 @@ def _refuse_foreign_options(method: methods.Method, asked: Asked) -> None:
 
 
 def _plan_luminance(
-    frame: FrameRow, calibration: Calibration, polygon: Polygon, asked: Asked
+    session: Session, frame: FrameRow, calibration: Calibration, polygon: Polygon, asked: Asked
 ) -> dict[str, Any]:
     coefficients, exposure = read_coefficients(calibration), decode_exposure(frame.exposure or {})
-    choose_coefficient(coefficients, iso=exposure.iso)
+    coefficient, header = choose_coefficient(coefficients, iso=exposure.iso), frame.header or {}
+    falloff, lens = find_falloff(session, calibration), read_lens(calibration, exposure)
+    if lens is not None:
+        channels = name_channels(header["cfa"], channel=coefficient.channel)
+        lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
     if "map" in asked.products:
-        find_map_scale(coefficients, exposure)
-    header = frame.header or {}
+        find_map_scale(coefficients, exposure, lens=lens)
     request = Request(polygon=polygon, grid=asked.grid, reflectance=asked.reflectance)
     find_window(request, height_px=header["height_px"], width_px=header["width_px"])
     return {
         **({"grid": encode(asked.grid)} if asked.grid else {}),
         **({"reflectance": asked.reflectance} if asked.reflectance is not None else {}),
+        **({"vignetting": _name_version(falloff)} if falloff else {}),
+    }
+
+
+def _name_version(version: Calibration) -> dict[str, Any]:
+    return {
+        "calibration_id": version.id,
+        "version": version.version,
+        "content_sha256": version.content_sha256,
     }
 
 

@@ -32,6 +32,8 @@ def curve(scenes, f_numbers, *, times=None, errors=0.0, u_dn=0.1, offset=0.0, ex
         f_number_u_rel=0.0,
         time_u_rel=0.0,
         repeatability_u_rel=0.0,
+        lens_shares=np.ones(n),
+        lens_u_rel=np.zeros(n),
     )
     return dataclasses.replace(made, **changes)
 

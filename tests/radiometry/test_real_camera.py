@@ -29,6 +29,8 @@ def fit_power(rhs, signal_dn):
         f_number_u_rel=0.0,
         time_u_rel=0.01,
         repeatability_u_rel=0.0,
+        lens_shares=np.ones(n),
+        lens_u_rel=np.zeros(n),
     )
     return fit_curve(curve, model="power")
 

@@ -9,6 +9,7 @@ from radiometry.frame import FrameHeader
 from radiometry.luminance.maps import RIM_PX, MapScale, compute_map, find_map_scale
 from radiometry.measured import Measured
 from store.codec import encode
+from store.falloff import read_lens
 from store.measuring.plan import read_request
 from store.measuring.record import Products, read_coefficients, read_regions
 from store.software import CODE_VERSION
@@ -35,24 +36,33 @@ def _measure(task: Task) -> Measured:
     pixels = task.context.decoders.read_window(
         task.path, (window.row0, window.col0, window.height, window.width)
     )
+    lens, falloff = read_lens(task.calibration, task.exposure), task.parameters.get("vignetting")
     return measurement.measure(
         pixels,
         request,
         exposure=task.exposure,
         coefficients=read_coefficients(task.calibration),
         calibrated=read_regions(task.calibration),
+        correction=measurement.Vignetting(name=falloff["calibration_id"], lens=lens)
+        if lens and falloff
+        else None,
         rendered=header.rendered,
     )
 
 
 def _map(task: Task) -> Products:
-    scale = find_map_scale(read_coefficients(task.calibration), task.exposure)
+    lens = read_lens(task.calibration, task.exposure)
+    scale = find_map_scale(read_coefficients(task.calibration), task.exposure, lens=lens)
     facts = MapFacts(
         header=task.header,
         exposure=task.exposure,
         software=f"stilb {CODE_VERSION}",
         description=task.describe(
-            quantity="luminance", unit="cd/m2", saturated="NaN", signal=scale.channel, vignetting="none"
+            quantity="luminance",
+            unit="cd/m2",
+            saturated="NaN",
+            signal=scale.channel,
+            vignetting=task.parameters.get("vignetting", "none"),
         ),
     )
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:

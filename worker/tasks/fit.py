@@ -5,6 +5,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from store.falloff import correct
 from store.fitting import read_params, write_version
 from store.jobs import Claim
 from store.queries.evidence import gather
@@ -17,8 +18,8 @@ def fit(context: Context, claim: Claim) -> Outcome:
     """Fit from stored rows; nothing is decoded here."""
     with context.database.reading() as session:
         campaign = session.get_one(Campaign, claim.subject_id)
-        evidence = gather(session, campaign)
-    params = read_params(campaign, claim.parameters)
+        params = read_params(campaign, claim.parameters)
+        evidence = correct(session, campaign, gather(session, campaign), params)
     fitted = methods.fit(campaign.method, evidence.frames, evidence.readings, params)
 
     def store(session: Session) -> dict[str, Any]:

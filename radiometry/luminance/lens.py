@@ -1,0 +1,133 @@
+"""Signals of a frame divided by what the lens passes, pixel by pixel: K then holds anywhere in the frame."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.frame import Frame
+from radiometry.roi import Polygon, Window, mask
+from radiometry.statistics import GREY, Signal, mean_variance, name_site
+from radiometry.vignetting.lens import Lens, LensShare
+
+_BAND_ROWS = 256
+_PLANES = ("R", "G", "B")
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The pixels of one channel in a window, and where in the frame they lie."""
+
+    channel: str
+    part: tuple[slice | int, ...]  # of the samples
+    rows: slice
+    cols: slice
+
+
+def name_channels(cfa: str, *, channel: str) -> tuple[str, ...]:
+    """Name the channels of a frame that a calibration's signal is made of.
+
+    Takes
+      channel : "green" | "grey"
+    """
+    if cfa == GREY:
+        return (GREY,)
+    if cfa == "rgb":
+        return _PLANES if channel == GREY else ("G",)
+    sites = tuple(name_site(cfa, index) for index in range(4))
+    return tuple(dict.fromkeys(site for site in sites if channel == GREY or site.startswith("G")))
+
+
+def correct_signal(
+    frame: Frame, polygon: Polygon, signal: Signal, lens: Lens, *, channel: str, dark_signal_dn: float
+) -> tuple[Signal, LensShare]:
+    """Give a region's signal N and the lens's share V, of which (N - D) / V is the mean of (N_i - D) / V_i.
+
+    Of an even surface N is the region's mean and V the harmonic mean of V_i. Of a structured one, no part of
+    the surface counts for more since the lens passes more there:
+        V = 1 / mean(1 / V_i),   N = D + V mean((N_i - D) / V_i)
+    The channels count as in the uncorrected signal: both greens alike, every site of "grey" alike. Noise is
+    the spread of (N_i - D) / V_i, which the falloff itself does not widen.
+
+    Takes
+      frame : holds the region's window; signal : of the region's statistics
+    Raises InputRejected(vignetting_not_calibrated)
+    """
+    height, width = frame.samples_dn.shape[:2]
+    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    gains, lights = [], []
+    for each in _list_parts(frame, channel=channel):
+        chosen = inside[each.rows, each.cols]
+        if not chosen.any():
+            continue
+        plane = lens.compute_plane(*_places(frame, each), channel=each.channel)
+        gains.append(1.0 / plane[chosen].astype(np.float64))
+        lights.append((frame.samples_dn[each.part][chosen] - dark_signal_dn) * gains[-1])
+    if channel == GREY:
+        gains, lights = [np.concatenate(gains)], [np.concatenate(lights)]
+    count = len(gains)
+    harmonic = 1.0 / (sum(float(gain.mean()) for gain in gains) / count)
+    light = sum(float(found.mean()) for found in lights) / count
+    variance = sum(mean_variance(_spread(found) * harmonic, found.size) for found in lights) / count**2
+    share = lens.over(polygon, channels=name_channels(frame.cfa, channel=channel))
+    corrected = replace(
+        signal,
+        value_dn=dark_signal_dn + light * harmonic,
+        standard_uncertainty_dn=math.sqrt(variance),
+    )
+    effects = tuple(effect * harmonic / share.value for effect in share.effects)
+    return corrected, LensShare(value=harmonic, effects=effects)
+
+
+def _spread(values: NDArray[np.float64]) -> float:
+    return float(values.std(ddof=1)) if values.size > 1 else 0.0
+
+
+def compute_shares(frame: Frame, lens: Lens, *, channel: str) -> NDArray[np.float32]:
+    """Give V of each pixel's signal as a map has it, (row, col).
+
+    A pixel that has its own number has its own channel's V; one that has the mean of its neighbours, the mean
+    of the channels' V at its own place: over two pixels V is a plane.
+    """
+    height, width = frame.samples_dn.shape[:2]
+    rows, cols = np.arange(height) + frame.row0, np.arange(width) + frame.col0
+    channels = name_channels(frame.cfa, channel=channel)
+    shares = np.empty((height, width), np.float32)
+    for top in range(0, height, _BAND_ROWS):
+        band = rows[top : top + _BAND_ROWS]
+        planes = [lens.compute_plane(band, cols, channel=name) for name in channels]
+        shares[top : top + _BAND_ROWS] = sum(planes[1:], planes[0]) / np.float32(len(planes))
+        if channel == GREY or frame.cfa in ("rgb", GREY):
+            continue
+        for each in _list_parts(frame, channel=channel):
+            plane, first = planes[channels.index(each.channel)], (each.rows.start - top) % 2
+            shares[top : top + _BAND_ROWS][first::2, each.cols] = plane[first::2, each.cols]
+    return shares
+
+
+def _list_parts(frame: Frame, *, channel: str) -> list[_Part]:
+    every = slice(None)
+    if frame.cfa == GREY:
+        return [_Part(GREY, (every, every), every, every)]
+    wanted = name_channels(frame.cfa, channel=channel)
+    if frame.cfa == "rgb":
+        return [
+            _Part(name, (every, every, index), every, every)
+            for index, name in enumerate(_PLANES)
+            if name in wanted
+        ]
+    parts = []
+    for index in range(4):
+        name = name_site(frame.cfa, index)
+        rows = slice((index // 2 - frame.row0) % 2, None, 2)
+        cols = slice((index % 2 - frame.col0) % 2, None, 2)
+        if name in wanted:
+            parts.append(_Part(name, (rows, cols), rows, cols))
+    return parts
+
+
+def _places(frame: Frame, part: _Part) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Give the rows and columns, in the frame, of a part's pixels."""
+    height, width = frame.samples_dn.shape[:2]
+    return (np.arange(height) + frame.row0)[part.rows], (np.arange(width) + frame.col0)[part.cols]

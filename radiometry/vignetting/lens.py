@@ -1,0 +1,150 @@
+"""One lens at one f-number: what it passes at every pixel and over regions, for a correction of luminance."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.evidence import Quantity
+from radiometry.roi import Polygon, Window, bounding_window, mask
+from radiometry.vignetting.application import bracket, list_windows, require_format, spread_between
+from radiometry.vignetting.curve import Array, evaluate_curve, evaluate_slopes
+from radiometry.vignetting.results import Coefficient
+
+_End = tuple[Coefficient, float, float, Array]  # with its weight, and at the place: V and its slopes
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensShare:
+    """V at a place or over a region, and what each independent error of its calibration does to it.
+
+    ``effects`` : change of V by one standard uncertainty of each source, with its sign. At one f-number, of
+        the same channels, they come in one order: what two places share is the same error in both.
+    """
+
+    value: float
+    effects: tuple[float, ...]
+
+    @property
+    def standard_uncertainty(self) -> float:
+        """Of the value, all sources together."""
+        return math.hypot(*self.effects)
+
+    @property
+    def quantity(self) -> Quantity:
+        """The share as it is reported."""
+        return Quantity(value=self.value, standard_uncertainty=self.standard_uncertainty, unit="1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """A vignetting version at a frame's f-number. ``coefficients`` : all that the version holds."""
+
+    coefficients: tuple[Coefficient, ...]
+    f_number: float
+
+    def require(self, *, channels: Sequence[str], height_px: int, width_px: int) -> None:
+        """Refuse frames that the version does not hold for.
+
+        Raises InputRejected(vignetting_not_calibrated) : another picture size, channel or f-number
+        """
+        require_format(self.coefficients, height_px=height_px, width_px=width_px)
+        for channel in channels:
+            bracket(self.coefficients, channel=channel, f_number=self.f_number)
+
+    def over(self, polygon: Polygon, *, channels: Sequence[str]) -> LensShare:
+        """Give the mean of V over a region, averaged over channels.
+
+        The parameters' errors are shared by all pixels of the region: they enter by the mean of V's slopes.
+        Raises InputRejected(vignetting_not_calibrated | roi_outside_frame | roi_empty)
+        """
+        return _combine(
+            [
+                [(each, weight, *average_curve(each, polygon)) for each, weight in self._bracket(channel)]
+                for channel in channels
+            ]
+        )
+
+    def at(self, row_px: int, col_px: int, *, channels: Sequence[str]) -> LensShare:
+        """Give V at one pixel's centre, averaged over channels."""
+        row, col = np.array(float(row_px)), np.array(float(col_px))
+
+        def resolve(channel: str) -> list[_End]:
+            found = [(each, w, *_evaluate_at(each, row, col)) for each, w in self._bracket(channel)]
+            return [(each, weight, float(value), slopes) for each, weight, value, slopes in found]
+
+        return _combine([resolve(channel) for channel in channels])
+
+    def compute_plane(
+        self, rows_px: NDArray[np.intp], cols_px: NDArray[np.intp], *, channel: str
+    ) -> NDArray[np.float32]:
+        """Give V of a channel at rows and columns, (row, col), without its uncertainty: a tenth of the work.
+
+        Takes
+          rows_px, cols_px : (n,) and (m,) of pixel centres
+        """
+        plane = np.zeros((rows_px.size, cols_px.size))
+        for coefficient, weight in self._bracket(channel):
+            centre, radius = coefficient.centre_px, coefficient.radius_px
+            squared = ((rows_px - centre[0]) / radius)[:, None] ** 2 + ((cols_px - centre[1]) / radius) ** 2
+            plane += weight * evaluate_curve(squared, coefficient.k)
+        return plane.astype(np.float32)
+
+    def _bracket(self, channel: str) -> tuple[tuple[Coefficient, float], ...]:
+        return bracket(self.coefficients, channel=channel, f_number=self.f_number)
+
+
+def average_over_polygon(
+    coefficients: Sequence[Coefficient], polygon: Polygon, *, channels: Sequence[str], f_number: float
+) -> Quantity:
+    """Give the mean of V over a region, averaged over channels: an even surface's mean signal divided by it.
+
+    u^2 = sum over channels of J C J' / m^2 + (model term)^2 + (interpolation term)^2, J the mean of V's
+    slopes over the region, since the parameters' errors are shared by all of its pixels. The model's and the
+    interpolation's error are taken as alike in the whole region and in all channels: they do not average out.
+
+    Raises InputRejected
+      vignetting_not_calibrated, as `evaluate`; roi_outside_frame, roi_empty
+    """
+    return Lens(coefficients=tuple(coefficients), f_number=f_number).over(polygon, channels=channels).quantity
+
+
+def average_curve(coefficient: Coefficient, polygon: Polygon) -> tuple[float, Array]:
+    """Give the means of V and of its slopes over a region's pixels, a band of rows at a time."""
+    whole = bounding_window(polygon, height_px=coefficient.height_px, width_px=coefficient.width_px)
+    total, slopes_total, count = 0.0, np.zeros(len(coefficient.covariance)), 0
+    for band in list_windows(whole.height, whole.width):
+        window = Window(row0=whole.row0 + band.row0, col0=whole.col0, height=band.height, width=band.width)
+        rows, cols = np.nonzero(mask(polygon, window))
+        value, slopes = _evaluate_at(
+            coefficient, (rows + window.row0).astype(np.float64), (cols + window.col0).astype(np.float64)
+        )
+        total += float(value.sum())
+        slopes_total += slopes.sum(axis=1)
+        count += rows.size
+    return total / count, slopes_total / count
+
+
+def _evaluate_at(coefficient: Coefficient, row_px: Array, col_px: Array) -> tuple[Array, Array]:
+    return evaluate_slopes(
+        row_px, col_px, coefficient.k, centre_px=coefficient.centre_px, radius_px=coefficient.radius_px
+    )
+
+
+def _combine(channels: Sequence[Sequence[_End]]) -> LensShare:
+    """Average over channels and between f-numbers; correlated parameters as independent combinations."""
+    count = len(channels)
+    value = model = between = 0.0
+    effects: list[float] = []
+    for ends in channels:
+        for coefficient, weight, mean, slopes in ends:
+            value += weight * mean / count
+            model += weight * coefficient.model_u_rel * mean / count
+            variances, directions = np.linalg.eigh(np.array(coefficient.covariance))
+            combined = slopes @ (directions * np.sqrt(np.maximum(variances, 0.0)))
+            effects += (weight / count * combined).tolist()
+        if len(ends) == 2:
+            between += spread_between(ends[1][1]) * (ends[1][2] - ends[0][2]) / count
+    return LensShare(value=value, effects=(*effects, model, between))
