@@ -1,8 +1,8 @@
-"""`make demo`: start the service, simulate a campaign, calibrate through HTTP, compare with the truth.
+"""`make demo METHOD=...`: start the service, simulate, calibrate through HTTP, compare with the truth.
 
-The exit code is 0 only when every K agrees with the truth within three standard uncertainties. ``KEEP=1``
-keeps serving until Ctrl-C. ``STILB_DATA`` names the data folder; without it a new one is made, and removed
-at the end when nothing went wrong and nothing is kept.
+The exit code is 0 only when every figure agrees with the truth within three standard uncertainties. Without
+``METHOD`` it is luminance. ``KEEP=1`` keeps serving until Ctrl-C. ``STILB_DATA`` names the data folder;
+without it a new one is made, and removed at the end when nothing went wrong and nothing is kept.
 """
 
 import os
@@ -13,18 +13,17 @@ import tempfile
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import assert_never
 
 from rich.console import Console
 
 import stilb
-from demo.campaign import TOLERANCE_REL, plan_campaign
+from demo import geometry, noise, reflectance, sharpness, vignetting
 from demo.child import NotServing, Service, serving
 from demo.display import Display
-from demo.frames import write_frames
-from demo.journey import travel
-from demo.report import as_table, compare
-
-_SEED = 20250301
+from demo.luminance.run import run as run_luminance
+from demo.stage import Stage
+from radiometry.methods import METHODS, Method
 
 
 def main() -> int:
@@ -32,11 +31,16 @@ def main() -> int:
     # By default Python would end at once and leave everything behind; so it ends as by Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console = Console()
+    asked = os.environ.get("METHOD") or "luminance"
+    method = next((known for known in METHODS if known == asked), None)
+    if method is None:
+        console.print(f"demo: METHOD is one of {', '.join(METHODS)}", highlight=False, soft_wrap=True)
+        return 2
     given = os.environ.get("STILB_DATA")
     keep = os.environ.get("KEEP", "") not in {"", "0"}
     data = Path(given).absolute() if given else _new_folder()
     try:
-        code = _run(data, Display(console), keep=keep)
+        code = _run(method, data, Display(console), keep=keep)
     except (stilb.Problem, NotServing) as error:
         console.print(f"demo: {error}", markup=False, highlight=False, soft_wrap=True)
         code = 1
@@ -49,22 +53,35 @@ def main() -> int:
     return code
 
 
-def _run(data: Path, display: Display, *, keep: bool) -> int:
+def _run(method: Method, data: Path, display: Display, *, keep: bool) -> int:
     began = time.monotonic()
-    campaign = plan_campaign(_SEED)
     with serving(data) as service:
-        with display.stage(f"simulating {len(campaign.shots)} frames") as advance:
-            paths = write_frames(campaign, data / "demo", on_written=advance)
         with stilb.Client(service.url, service.key) as client:
-            outcome = travel(client, campaign, paths, display)
-        rows = compare(outcome, truth=campaign.true_luminance_k, tolerance_rel=TOLERANCE_REL)
-        display.show(as_table(rows))
-        display.say(f"version {outcome.calibration.version} is {outcome.calibration.state}")
+            agrees = play(method, Stage(client=client, folder=data / "demo" / method, display=display))
         display.say(f"every route: {service.url}/docs")
         display.say(f"in {time.monotonic() - began:.1f} s")
         if keep:
             _keep_serving(service, display)
-    return 0 if all(row.agrees for row in rows) else 1
+    return 0 if agrees else 1
+
+
+def play(method: Method, stage: Stage) -> bool:
+    """Go a method's whole way; whether everything agrees with its truth."""
+    match method:
+        case "luminance":
+            return run_luminance(stage)
+        case "reflectance":
+            return reflectance.run(stage)
+        case "vignetting":
+            return vignetting.run(stage)
+        case "sharpness":
+            return sharpness.run(stage)
+        case "geometry":
+            return geometry.run(stage)
+        case "noise":
+            return noise.run(stage)
+        case _:
+            assert_never(method)
 
 
 def _keep_serving(service: Service, display: Display) -> None:

@@ -1,118 +1,84 @@
-"""A campaign's way through the service, as a field team and then a dashboard go it."""
+"""The stretches of the way that every method goes: campaign, frames, fit, publication, what is in force.
 
-from dataclasses import dataclass
+Going them again, with the same files, changes nothing and ends the same.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import stilb
-from demo.campaign import SURFACE_REFLECTANCE, TOLERANCE_REL, Campaign, Meter, Shot
 from demo.display import Display
-from demo.frames import LENS_MAKE, LENS_MODEL, LENS_SERIAL
-from stilb.records import Certificate, Reading
+from demo.findings import Finding, as_table
+from demo.stage import Stage
+from stilb.records import CampaignDetails
+
+# numpy's generators give up the interpreter's lock while they draw, which is most of the work.
+_THREADS = 2
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """What came of it: the version, and what a dashboard is told about it."""
-
-    camera_id: str
-    calibration: stilb.Calibration
-    in_force: list[stilb.Coefficient]
-    series: list[dict[str, Any]]
-
-
-def travel(client: stilb.Client, campaign: Campaign, paths: list[Path], display: Display) -> Outcome:
-    """Go the whole way. Going it again, with the same files, changes nothing and ends the same."""
-    camera = client.create_camera(
-        campaign.camera.make,
-        campaign.camera.model,
-        campaign.camera.serial,
-        lens={"make": LENS_MAKE, "model": LENS_MODEL, "serial": LENS_SERIAL},
-        pixel_pitch_um=3.28,
-        sensor_width_mm=17.3,
-    )
-    campaign_id = _find_or_create(client, camera.id, campaign)
-    client.set_roi(campaign_id, polygon=campaign.roi)
-    _read_meters(client, campaign_id, campaign)
-    frames = _push(client, campaign_id, campaign, paths, display)
-    _wait_for_statistics(client, frames, display)
-    with display.stage("fitting"):
-        calibration = client.calibrate(campaign_id, model="proportional", tolerance=TOLERANCE_REL)
-        if calibration.state == "draft":
-            calibration = client.publish(
-                calibration.id,
-                valid_from=campaign.started_at,
-                reason="simulated campaign, checked by the demo",
-            )
-    return Outcome(
-        camera_id=camera.id,
-        calibration=client.calibration(calibration.id),
-        in_force=client.coefficients(camera.id, method="luminance"),
-        series=client.series(camera_id=camera.id, method="luminance"),
-    )
+def write_files(stage: Stage, writers: Sequence[Callable[[], Path]]) -> list[Path]:
+    """Simulate and write every file, in order."""
+    stage.folder.mkdir(parents=True, exist_ok=True)
+    paths: list[Path] = []
+    with (
+        stage.display.stage(f"simulating {len(writers)} frames") as advance,
+        ThreadPoolExecutor(max_workers=_THREADS) as pool,
+    ):
+        for path in pool.map(lambda write: write(), writers):
+            paths.append(path)
+            advance(len(paths) / len(writers))
+    return paths
 
 
-def _find_or_create(client: stilb.Client, camera_id: str, campaign: Campaign) -> str:
-    """A campaign has no natural key: the project's number tells an earlier run's from others."""
+def ensure_campaign(
+    client: stilb.Client, camera_id: str, method: str, **details: Unpack[CampaignDetails]
+) -> str:
+    """Give a campaign's id; without a natural key, the project's number tells an earlier run's."""
+    wanted = (camera_id, method, details["project_number"])
     for known in client.campaigns():
-        if (known.camera_id, known.project_number) == (camera_id, campaign.project_number):
+        if (known.camera_id, known.method, known.project_number) == wanted:
             return known.id
-    made = client.create_campaign(
-        camera_id,
-        method="luminance",
-        project_number=campaign.project_number,
-        recorder="the demo",
-        started_at=campaign.started_at,
-        surface_reflectance=SURFACE_REFLECTANCE,
-    )
-    return made.id
+    details["recorder"] = "the demo"
+    return client.create_campaign(camera_id, method=method, **details).id
 
 
-def _read_meters(client: stilb.Client, campaign_id: str, campaign: Campaign) -> None:
-    if any(client.readings(campaign_id)):
-        return
-    ids = {meter.kind: _register(client, meter) for meter in campaign.meters}
-    readings: list[Reading] = [
-        {
-            "scene": reading.scene,
-            "quantity": reading.quantity,
-            "value": reading.value,
-            "unit": reading.unit,
-            "meter_id": ids[reading.quantity],
-        }
-        for reading in campaign.readings
-    ]
-    client.add_readings(campaign_id, readings)
-
-
-def _register(client: stilb.Client, meter: Meter) -> str:
-    certificate: Certificate = {
-        "number": meter.certificate_number,
-        "laboratory": "Photometry Laboratory, Demo",
-        "issued_on": "2025-01-17",
-        "due_on": "2026-01-17",
-        "expanded_uncertainty_rel": meter.expanded_uncertainty_rel,
-        "coverage_factor": meter.coverage_factor,
-    }
-    return client.create_meter(meter.kind, meter.make, meter.model, meter.serial, certificate=certificate).id
-
-
-def _push(
-    client: stilb.Client, campaign_id: str, campaign: Campaign, paths: list[Path], display: Display
-) -> list[stilb.Frame]:
-    uploads = [_upload(campaign_id, shot, path) for shot, path in zip(campaign.shots, paths, strict=True)]
-    size_mb = sum(path.stat().st_size for path in paths) / 1e6
-    with display.stage(f"sending {len(paths)} frames, {size_mb:.0f} MB") as advance:
-        return client.push_all(
-            uploads, on_progress=lambda progress: advance(progress.bytes_sent / progress.bytes_total)
+def send(stage: Stage, uploads: Iterable[stilb.Upload]) -> list[stilb.Frame]:
+    """Send files and wait until they are read."""
+    wanted = list(uploads)
+    size_mb = sum(Path(upload.path).stat().st_size for upload in wanted) / 1e6
+    with stage.display.stage(f"sending {len(wanted)} frames, {size_mb:.0f} MB") as advance:
+        frames = stage.client.push_all(
+            wanted, on_progress=lambda progress: advance(progress.bytes_sent / progress.bytes_total)
         )
+    _wait_for_statistics(stage.client, frames, stage.display)
+    return frames
 
 
-def _upload(campaign_id: str, shot: Shot, path: Path) -> stilb.Upload:
-    exposed = shot.exposed
-    return stilb.Upload(
-        campaign_id=campaign_id, path=path, role=exposed.role, scene=exposed.scene, roi=shot.own_roi
-    )
+def calibrate(
+    stage: Stage,
+    campaign_id: str,
+    *,
+    valid_from: datetime,
+    valid_to: datetime | None = None,
+    **params: object,
+) -> stilb.Calibration:
+    """Fit and put in force; an earlier run's version is in force already."""
+    with stage.display.stage("fitting"):
+        found = stage.client.calibrate(campaign_id, **params)
+        if found.state == "draft":
+            reason = "simulated campaign, checked by the demo"
+            stage.client.publish(found.id, valid_from=valid_from, valid_to=valid_to, reason=reason)
+    return stage.client.calibration(found.id)
+
+
+def conclude(stage: Stage, calibration: stilb.Calibration, findings: Sequence[Finding]) -> bool:
+    """Show the findings; whether all of them agree with the truth."""
+    stage.display.show(as_table(calibration.method, findings))
+    stage.display.say(f"version {calibration.version} is {calibration.state}")
+    return bool(findings) and all(finding.agrees for finding in findings)
 
 
 def _wait_for_statistics(client: stilb.Client, frames: list[stilb.Frame], display: Display) -> None:

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from rich import box
 from rich.table import Table
 
-from demo.journey import Outcome
-
-AGREES_WITHIN = 3.0  # standard uncertainties
+from demo.findings import AGREES_WITHIN
+from demo.luminance.journey import Outcome
 
 
 @dataclass(frozen=True, kw_only=True)

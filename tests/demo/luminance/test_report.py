@@ -4,8 +4,8 @@ import pytest
 from rich.console import Console
 
 import stilb
-from demo.journey import Outcome
-from demo.report import as_table, compare
+from demo.luminance.journey import Outcome
+from demo.luminance.report import as_table, compare
 
 TRUTH = {3200: 32.0}
 

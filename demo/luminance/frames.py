@@ -1,16 +1,14 @@
 """The campaign's frames as files: the simulated sensor's numbers, written as the camera writes them."""
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from demo.campaign import Campaign, Shot
 from demo.dng import write_dng
 from demo.exif import Exposure
+from demo.luminance.campaign import Campaign, Shot
 from radiometry.roi import Window
 from radiometry.simulate import render_frame
 
@@ -20,24 +18,17 @@ LENS_SERIAL = "L0042"
 
 _FOCAL_LENGTH_MM = 15.0
 _BETWEEN_SHOTS = timedelta(seconds=20)
-# numpy's generators give up the interpreter's lock while they draw, which is most of the work.
-_THREADS = 2
 _STRIP_ROWS = 256  # a full frame at once would take more than a gigabyte
 
 
-def write_frames(campaign: Campaign, folder: Path, *, on_written: Callable[[float], None]) -> list[Path]:
-    """Expose and write every shot, in the campaign's order; ``on_written`` is told the share that is done."""
-    folder.mkdir(parents=True, exist_ok=True)
-
-    def write(number: int) -> Path:
-        return _write(campaign, number, folder)
-
-    paths: list[Path] = []
-    with ThreadPoolExecutor(max_workers=_THREADS) as pool:
-        for path in pool.map(write, range(len(campaign.shots))):
-            paths.append(path)
-            on_written(len(paths) / len(campaign.shots))
-    return paths
+def write_frame(campaign: Campaign, number: int, folder: Path) -> Path:
+    """Expose and write one shot."""
+    shot = campaign.shots[number]
+    path = folder / shot.filename
+    write_dng(
+        path, expose(campaign, number), camera=campaign.camera, exposure=_exposure(campaign, number, shot)
+    )
+    return path
 
 
 def expose(campaign: Campaign, number: int) -> NDArray[np.uint16]:
@@ -57,15 +48,6 @@ def expose(campaign: Campaign, number: int) -> NDArray[np.uint16]:
         for strip in _strips(shot.window)
     ]
     return np.concatenate([strip.samples_dn for strip in strips])
-
-
-def _write(campaign: Campaign, number: int, folder: Path) -> Path:
-    shot = campaign.shots[number]
-    path = folder / shot.filename
-    write_dng(
-        path, expose(campaign, number), camera=campaign.camera, exposure=_exposure(campaign, number, shot)
-    )
-    return path
 
 
 def _exposure(campaign: Campaign, number: int, shot: Shot) -> Exposure:

@@ -1,0 +1,34 @@
+"""Every method finds the truth on the really started service; a second time it ends the same."""
+
+import pytest
+from rich.console import Console
+
+from demo.__main__ import play
+from demo.display import Display
+from demo.stage import Stage
+from radiometry.methods import METHODS
+
+
+def go(method, team, folder):
+    stage = Stage(client=team.client, folder=folder, display=Display(Console(width=120)), quick=True)
+    return play(method, stage)
+
+
+@pytest.mark.parametrize("method", [method for method in METHODS if method != "luminance"])
+def test_the_truth_is_found(embedded, method, tmp_path, capsys):
+    with embedded.team() as team:
+        assert go(method, team, tmp_path), capsys.readouterr().out
+        shown = capsys.readouterr().out
+        assert f"{method} beside the simulated truth" in shown
+        assert "version 1 is published" in shown
+
+
+def test_the_second_time_changes_nothing(embedded, tmp_path, capsys):
+    with embedded.team() as team:
+        tables = []
+        for _ in range(2):
+            assert go("vignetting", team, tmp_path)
+            shown = capsys.readouterr().out
+            tables.append(shown[shown.index("vignetting beside") :])
+        assert tables[0] == tables[1]
+        assert len(list(team.client.campaigns())) == 1
