@@ -17,6 +17,7 @@ from store.measuring.record import read_coefficients
 from store.measuring.version import read_time
 from store.publications import InForce
 from store.queries.calibrations import coefficients_of
+from store.reflected import compare_panels, touch_reflectance
 from store.tables import Calibration, CoefficientRow, FrameRow, Measurement, Publication, Slot
 
 MeterCalibration = Literal["common", "separate", "unknown"]
@@ -52,7 +53,7 @@ class CoefficientChange:
 class Impact:
     """A version against the one in force.
 
-    ``meter_calibration`` : whether the luminance meters' calibration error is the same in both
+    ``meter_calibration`` : whether the error of what both hang on, meters or panel, is the same in both
     ``flags_gained``, ``flags_lost`` : (flag, where)
     """
 
@@ -74,14 +75,14 @@ def find_in_force(session: Session, calibration: Calibration, at: datetime) -> I
 def assess(session: Session, calibration: Calibration, against: InForce) -> Impact:
     """What publishing a version changes against the one in force."""
     old = against.calibration
-    shared, common_u_rel = compare_meters(old, calibration)
+    shared, common = _compare_references(old, calibration)
     rows = coefficients_of(session, [old.id, calibration.id])
     isos = {key: {row.iso for row in rows[key] if row.iso is not None} for key in (old.id, calibration.id)}
     flags = {version.id: _flags(version) for version in (old, calibration)}
     return Impact(
         against=against,
         meter_calibration=shared,
-        coefficients=_compare(rows[old.id], rows[calibration.id], common_u_rel),
+        coefficients=_compare(rows[old.id], rows[calibration.id], common),
         isos_gained=sorted(isos[calibration.id] - isos[old.id]),
         isos_lost=sorted(isos[old.id] - isos[calibration.id]),
         flags_gained=sorted(flags[calibration.id] - flags[old.id]),
@@ -122,8 +123,11 @@ def _find_successor(frame: FrameRow, others: Sequence[InForce]) -> tuple[Calibra
 
 
 def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Calibration) -> Touched:
+    if old.method == new.method == "reflectance":
+        change = touch_reflectance(measurement, frame, old, new)
+        return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)
     if old.method != _METHOD_OF_CHANGE or frame.exposure is None:
-        why = f"What changes is told for {_METHOD_OF_CHANGE} only."
+        why = f"What changes is told for versions of {_METHOD_OF_CHANGE} and reflectance only."
         return Touched(measurement=measurement, frame=frame, successor=new, change=None, why=why)
     change = change_luminance(
         read_coefficients(old),
@@ -165,8 +169,22 @@ def _holds(held: InForce, earliest: datetime, latest: datetime) -> bool:
     return start <= earliest and (end is None or latest < end)
 
 
+def _compare_references(
+    old: Calibration, new: Calibration
+) -> tuple[MeterCalibration, dict[tuple[str, str | None], float]]:
+    """Whether both hang on the same meters or panel; the error that they share, by coefficient and band."""
+    if old.method == new.method == "reflectance":
+        shared, of_bands = compare_panels(old, new)
+        return shared, {("reflectance_k", band): u_rel for band, u_rel in of_bands.items()}
+    shared, u_rel = compare_meters(old, new)
+    # the meter's error is in K alone, and in no semilogarithmic slope
+    return shared, {("luminance_k", None): u_rel}
+
+
 def _compare(
-    old: list[CoefficientRow], new: list[CoefficientRow], common_u_rel: float
+    old: list[CoefficientRow],
+    new: list[CoefficientRow],
+    common: dict[tuple[str, str | None], float],
 ) -> list[CoefficientChange]:
     found = {_key(row): row for row in new}
     pairs = [(row, found[_key(row)]) for row in old if _key(row) in found]
@@ -177,8 +195,7 @@ def _compare(
             comparison=compare_quantities(
                 _quantity(before),
                 _quantity(after),
-                # the meter's error is in K alone, and in no semilogarithmic slope
-                common_u_rel=common_u_rel if before.name == "luminance_k" else 0.0,
+                common_u_rel=common.get((before.name, before.band), 0.0),
             )
             if before.unit == after.unit
             else None,
@@ -188,7 +205,9 @@ def _compare(
 
 
 def _key(row: CoefficientRow) -> tuple[Any, ...]:
-    return row.name, row.iso, row.f_number, row.band
+    # a position is part of sharpness's model, "slanted_edge:top-left"; elsewhere a new model is a change
+    _, _, position = row.model.partition(":")
+    return row.name, row.iso, row.f_number, row.band, row.channel, position
 
 
 def _quantity(row: CoefficientRow) -> Quantity:

@@ -130,7 +130,10 @@ def get_calibration(calibration_id: Id, caller: Reader, context: UsesContext) ->
     responses=sends_file("text/csv"),
 )
 def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
-    """Every point of the fit, used or left out, a line each."""
+    """Every point of the fit, used or left out, a line each.
+
+    Of what is a list, such as the spots of a flat frame, stands its length, in a column `<name>_count`.
+    """
     with context.database.reading() as session:
         calibration = owned(session, Calibration, calibration_id, caller)
     tag = f"{calibration.content_sha256}-points"

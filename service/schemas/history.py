@@ -11,6 +11,7 @@ from store.impact import CoefficientChange, Impact, Touched
 from store.publications import InForce
 from store.tables import Calibration
 
+_OF_COEFFICIENT = ("name", "iso", "f_number", "band", "channel", "model")
 _CHANGE = {"value": -3.1, "standard_uncertainty": 0.9, "unit": "%"}
 _TOUCHED: dict[str, Any] = {
     "measurement_id": "msr_1",
@@ -60,7 +61,9 @@ class TouchedMeasurement(Answer):
     successor: VersionNamed | None = Field(
         default=None, description="In force when the frame was taken. Absent where none is."
     )
-    change: Quantity | None = Field(default=None, description="L_new / L_old - 1, in %.")
+    change: Quantity | None = Field(
+        default=None, description="Of the luminance, L_new / L_old - 1, or of the reflectance; in %."
+    )
     basis: Literal["signal", "k_ratio"] | None = Field(
         default=None,
         description="`signal`: both applied to the measured signal; `k_ratio`: K_old / K_new - 1.",
@@ -120,6 +123,8 @@ class CoefficientChanged(Answer):
     iso: float | None = None
     f_number: float | None = None
     band: str | None = None
+    channel: str | None = None
+    model: str | None = Field(default=None, description="The new one's; of sharpness it names the position.")
     old: Quantity
     new: Quantity
     difference: Quantity | None = Field(default=None, description="new - old. Absent where the units differ.")
@@ -131,7 +136,7 @@ class CoefficientChanged(Answer):
     @classmethod
     def of(cls, row: CoefficientChange) -> "CoefficientChanged":
         return cls(
-            **{name: getattr(row.new, name) for name in ("name", "iso", "f_number", "band")},
+            **{name: getattr(row.new, name) for name in _OF_COEFFICIENT},
             old=Quantity.model_validate(row.old),
             new=Quantity.model_validate(row.new),
             **_compared(row.comparison),
@@ -162,6 +167,7 @@ class ImpactAnswer(Answer):
                         {
                             "name": "luminance_k",
                             "iso": 3200,
+                            "model": "proportional",
                             "old": {"value": 30.0, "standard_uncertainty": 0.4, "unit": "DN*m2/(cd*s)"},
                             "new": {"value": 30.96, "standard_uncertainty": 0.4, "unit": "DN*m2/(cd*s)"},
                             "difference": {
@@ -194,7 +200,8 @@ class ImpactAnswer(Answer):
         default=None,
         description="`common`: both versions hang on the same meter certificates, whose error cancels in the "
         "comparison and is left out of its uncertainty; `separate`: they do not, and it counts in both; "
-        "`unknown`: a reading has no certificate, and nothing is left out.",
+        "`unknown`: a reading has no certificate, and nothing is left out. Of reflectance the same of the "
+        "panel: one panel of one day, another, or one that is not registered.",
     )
     coefficients: list[CoefficientChanged]
     isos_gained: list[float]

@@ -1,0 +1,61 @@
+"""What a change of a reflectance version makes of the measurements that were made with it."""
+
+from typing import Any, Literal
+
+from radiometry.comparison import LuminanceChange
+from radiometry.errors import InputRejected
+from radiometry.reflectance.comparison import change_reflectance
+from store.codec import decode_header
+from store.measuring.record import read_band_coefficients
+from store.tables import Calibration, FrameRow, Measurement
+
+PanelCalibration = Literal["common", "separate", "unknown"]
+
+_PANEL = "panel reflectance"
+
+
+def compare_panels(old: Calibration, new: Calibration) -> tuple[PanelCalibration, dict[str, float]]:
+    """Whether both hang on one panel, and the error that they then share, relative to K, by band."""
+    before, after = _panels(old), _panels(new)
+    if not before or not after:
+        return "unknown", {}
+    if before != after:
+        return "separate", {}
+    of_old, of_new = _panel_u_rel(old), _panel_u_rel(new)
+    return "common", {band: min(of_old[band], of_new[band]) for band in of_old.keys() & of_new.keys()}
+
+
+def touch_reflectance(
+    measurement: Measurement, frame: FrameRow, old: Calibration, new: Calibration
+) -> LuminanceChange:
+    """The change of what was measured, or why there is no figure."""
+    if "index" in measurement.parameters:
+        return _untold("An index changes with both of its bands: measure it anew.")
+    band = str(measurement.result.get("band", ""))
+    try:
+        change = change_reflectance(
+            read_band_coefficients(old),
+            read_band_coefficients(new),
+            header=decode_header(frame.header or {}),
+            incidence_angle_deg=float(measurement.parameters.get("incidence_angle_deg", 0.0)),
+            common_u_rel=compare_panels(old, new)[1].get(band, 0.0),
+        )
+    except InputRejected as refusal:
+        return _untold(refusal.message)
+    return LuminanceChange(change=change, basis="signal", why=None)
+
+
+def _untold(why: str) -> LuminanceChange:
+    return LuminanceChange(change=None, basis=None, why=why)
+
+
+def _panels(version: Calibration) -> set[tuple[str, str]]:
+    return {(panel["serial"], panel["measured_on"]) for panel in version.inputs.get("panels", [])}
+
+
+def _panel_u_rel(version: Calibration) -> dict[str, float]:
+    return {fit["coefficient"]["band"]: _share_of_panel(fit["budget"]) for fit in version.result["band_fits"]}
+
+
+def _share_of_panel(budget: list[dict[str, Any]]) -> float:
+    return next((float(entry["u_rel"]) for entry in budget if entry["source"] == _PANEL), 0.0)
