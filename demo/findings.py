@@ -48,7 +48,7 @@ def as_table(title: str, findings: Sequence[Finding]) -> Table:
     """Lay the findings out for a person."""
     table = Table(title=f"{title} beside the simulated truth", box=box.SIMPLE_HEAD)
     table.add_column("", no_wrap=True)
-    for heading in ("found", "u", "truth", "(found-truth)/u"):
+    for heading in ("found", "u", "truth", "off / u"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("unit")
     for one in findings:

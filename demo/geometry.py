@@ -104,7 +104,7 @@ def _undistort(stage: Stage, calibration: stilb.Calibration, lens: CameraModel) 
     values = np.array([stated["parameters"][name]["value"] for name in PARAMETERS])
     slopes = _find_slopes(values, lens)
     return Finding(
-        what="corner of the frame moved by",
+        what="corner undistorted by",
         value=float(np.linalg.norm(moved)),
         standard_uncertainty=float(np.sqrt(slopes @ np.array(stated["covariance"]["matrix"]) @ slopes)),
         truth=_move_corner(lens),

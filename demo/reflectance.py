@@ -194,13 +194,19 @@ def _measure(stage: Stage, camera_id: str, camera: SimulatedSequoia, files: list
         for number, found in enumerate(sorted(measured, key=lambda one: order.index(one.filename))):
             band = found.raw["reflected"]["band"]
             what = f"meadow, {band}, {number // len(BANDS) + 1}"
-            findings.append(Finding.of(what, found.mean, truth=truth[band]))
+            findings.append(Finding.of(what, _mean_of(found), truth=truth[band]))
         ndvi = (truth["nir"] - truth["red"]) / (truth["nir"] + truth["red"])
         for number, frame in enumerate(frame for frame in frames if frame.filename.endswith("_RED.TIF")):
             index = client.measure(frame.id, index="ndvi")
-            findings.append(Finding.of(f"meadow, NDVI, {number + 1}", index.mean, truth=ndvi))
+            findings.append(Finding.of(f"meadow, NDVI, {number + 1}", _mean_of(index), truth=ndvi))
     findings.append(_check_map(stage, camera, frames[-1]))
     return findings
+
+
+def _mean_of(found: stilb.Measurement) -> stilb.Quantity:
+    if found.mean is None:
+        raise ValueError(f"{found.filename} was measured without a figure")
+    return found.mean
 
 
 def _check_map(stage: Stage, camera: SimulatedSequoia, frame: stilb.Frame) -> Finding:
@@ -212,11 +218,11 @@ def _check_map(stage: Stage, camera: SimulatedSequoia, frame: stilb.Frame) -> Fi
     plane = tifffile.imread(path)
     (left, top), (right, bottom) = corners[0], corners[2]
     mean = float(plane[round(top) : round(bottom), round(left) : round(right)].mean(dtype=np.float64))
-    band = found.raw["reflected"]["band"]
+    band, stated = found.raw["reflected"]["band"], _mean_of(found)
     return Finding(
         what=f"soil on the map, {band}",
         value=mean,
-        standard_uncertainty=found.mean.standard_uncertainty,
+        standard_uncertainty=stated.standard_uncertainty,
         truth=_SURFACES["soil"][band],
-        unit=found.mean.unit,
+        unit=stated.unit,
     )

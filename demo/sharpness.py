@@ -13,6 +13,11 @@ _SEED = 20260503
 _CHANNEL = "G"
 _BLURS_PX = {"centre": 0.70, "top-left": 0.95, "top-right": 0.90, "bottom-left": 1.00, "bottom-right": 0.92}
 _ANGLES_DEG = {"centre": 5.0, "top-left": 7.0, "top-right": 4.5, "bottom-left": 6.0, "bottom-right": 8.0}
+_SHORT = {
+    "mtf50_cycles_per_pixel": "mtf50",
+    "edge_rise_10_90_px": "edge rise",
+    "lsf_fwhm_px": "lsf fwhm",
+}
 _FRAMES = 4
 _PITCH_UM = 3.28
 
@@ -49,7 +54,7 @@ def run(stage: Stage) -> bool:
     rows = stage.client.coefficients(camera_id, method="sharpness")
     found = {(row.model, row.name): row for row in rows if row.channel == _CHANNEL}
     findings = [
-        Finding.of(f"{name}, {figure}", found[f"slanted_edge:{name}", figure], truth=truth)
+        Finding.of(f"{name}, {_SHORT[figure]}", found[f"slanted_edge:{name}", figure], truth=truth)
         for name, blur_px in _BLURS_PX.items()
         for figure, truth in _truths(blur_px).items()
     ]

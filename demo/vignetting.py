@@ -118,8 +118,6 @@ def _export(
         "dng.json": ((1.0 + sum(dng["k"])) * share, math.hypot(u, dng["largest_error_rel"])),
     }
     return [
-        Finding(
-            what=f"f/{f_number:g}, corner by {name}", value=value, standard_uncertainty=u, truth=1.0, unit="1"
-        )
+        Finding(what=f"f/{f_number:g}, {name}", value=value, standard_uncertainty=u, truth=1.0, unit="1")
         for name, (value, u) in left.items()
     ]
