@@ -254,7 +254,7 @@ class Measurement(Record):
     frame_id: str
     filename: str
     camera_id: str
-    mean: Quantity
+    mean: Quantity | None = None  # an undistorted picture has none
     min: Quantity | None = None  # an index has a mean alone
     max: Quantity | None = None
     median: Quantity | None = None

@@ -1,5 +1,6 @@
 """A picture as a lens without distortion would have taken it."""
 
+from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import cv2
@@ -7,12 +8,58 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.errors import Code, InputRejected
+from radiometry.frame import Frame
 from radiometry.geometry.camera import CameraModel
+from radiometry.geometry.grey import make_grey
 
 _Sample = TypeVar("_Sample", np.uint8, np.uint16, np.float32)
 
 # cv2.remap counts in 16 bits.
 _LONGEST_SIDE_PX: Final = 32_766
+
+
+@dataclass(frozen=True, kw_only=True)
+class Undistorted:
+    """A frame's undistorted picture in raw numbers, black not subtracted.
+
+    ``samples_dn`` : (row, col) or (row, col, plane) uint16 [DN], 0 where the camera did not see
+    ``planes`` : ("grey",) or ("R", "G", "B"); ``seen_share`` : of the pixels, that the camera saw
+    """
+
+    samples_dn: NDArray[np.uint16]
+    planes: tuple[str, ...]
+    seen_share: float
+
+
+def undistort_frame(frame: Frame, camera: CameraModel) -> Undistorted:
+    """Undo the distortion of a whole frame.
+
+    A rendered colour picture keeps its planes. A mosaic becomes one grey plane, in which the four sites of
+    its pattern weigh a quarter each around every pixel: the picture in which the calibration places corners.
+
+    Raises InputRejected(wrong_camera) if the picture has another size than the camera
+    """
+    planes: tuple[str, ...] = ("grey",)
+    if frame.cfa == "rgb":
+        samples, planes = frame.samples_dn, ("R", "G", "B")
+    else:
+        fine = make_grey(frame, bits_per_sample=16).fine
+        samples = np.rint(fine).astype(np.uint16)
+    moved, seen = undistort(samples, camera)
+    return Undistorted(samples_dn=moved, planes=planes, seen_share=float(np.mean(seen)))
+
+
+def require_size(camera: CameraModel, *, height_px: int, width_px: int) -> None:
+    """Refuse a picture of another size than the calibration's.
+
+    Raises InputRejected(wrong_camera)
+    """
+    if (height_px, width_px) != (camera.height_px, camera.width_px):
+        raise InputRejected(
+            Code.WRONG_CAMERA,
+            f"The picture is {width_px} x {height_px} pixels, the calibration holds for "
+            f"{camera.width_px} x {camera.height_px}. Take a picture of the same size and crop.",
+        )
 
 
 def undistort(samples: NDArray[_Sample], camera: CameraModel) -> tuple[NDArray[_Sample], NDArray[np.bool_]]:
@@ -27,12 +74,7 @@ def undistort(samples: NDArray[_Sample], camera: CameraModel) -> tuple[NDArray[_
     Raises InputRejected(wrong_camera) if the picture has another size than the camera
     """
     height, width = samples.shape[:2]
-    if (height, width) != (camera.height_px, camera.width_px):
-        raise InputRejected(
-            Code.WRONG_CAMERA,
-            f"The picture is {width} x {height} pixels, the calibration holds for "
-            f"{camera.width_px} x {camera.height_px}. Take a picture of the same size and crop.",
-        )
+    require_size(camera, height_px=height, width_px=width)
     if max(height, width) > _LONGEST_SIDE_PX:
         raise ValueError(f"a side of more than {_LONGEST_SIDE_PX} px")
     cols, rows = cv2.initUndistortRectifyMap(

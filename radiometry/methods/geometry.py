@@ -25,7 +25,7 @@ from radiometry.geometry.planning import plan_views as plan
 from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, Point
 from radiometry.geometry.rows import CHART, FrameRow, Params
 from radiometry.geometry.target import Target
-from radiometry.geometry.undistortion import undistort
+from radiometry.geometry.undistortion import Undistorted, require_size, undistort, undistort_frame
 from radiometry.geometry.views import list_missing as missing
 from radiometry.verdicts import Taken, Verdict
 
@@ -42,6 +42,7 @@ __all__ = [
     "Params",
     "Point",
     "Target",
+    "Undistorted",
     "export_json",
     "export_opencv",
     "export_ros",
@@ -51,7 +52,9 @@ __all__ = [
     "list_figures",
     "missing",
     "plan",
+    "require_size",
     "undistort",
+    "undistort_frame",
 ]
 
 SCHEMA_VERSION = 1

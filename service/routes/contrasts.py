@@ -36,6 +36,9 @@ def contrast_measurements(
 
 def _side(session: Session, measurement_id: str, caller: Caller) -> Side:
     row = owned(session, Measurement, measurement_id, caller)
+    if row.method == "geometry":
+        message = "is an undistorted picture: it has no figure to compare"
+        raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
     return Side(
         measurement=row,
         frame=session.get_one(FrameRow, row.frame_id),

@@ -35,6 +35,9 @@ def get_measurement_map_values(
     if row.map_tif_sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
         raise Problem(404, HttpCode.NOT_FOUND, detail)
+    if row.method == "geometry":
+        detail = "An undistorted picture is no map of values: take its map.tif."
+        raise Problem(404, HttpCode.NOT_FOUND, detail)
     tag = f"{row.map_tif_sha256}-{row.content_sha256[:16]}-{asked.tag}"
     unchanged = not_modified(request, tag)
     if unchanged is not None:

@@ -160,7 +160,10 @@ def get_measurement(measurement_id: Id, request: Request, caller: Reader, contex
 def get_measurement_map(
     measurement_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
-    """The luminance of every pixel in cd/m2, float32, with the frame's metadata. Saturated pixels are NaN."""
+    """The luminance of every pixel in cd/m2, float32, with the frame's metadata. Saturated pixels are NaN.
+
+    Of a geometry campaign's frame: its undistorted picture, uint16.
+    """
     row = _owned(context, measurement_id, caller)
     return _blob(request, context, row.map_tif_sha256, "image/tiff", f"{measurement_id}.tif")
 

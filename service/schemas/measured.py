@@ -68,6 +68,22 @@ class IndexAnswer(Answer):
     bands: list[BandAnswer]
 
 
+class UndistortedAnswer(Answer):
+    """What `map.tif` then holds: the whole picture as a lens without distortion would have taken it."""
+
+    planes: list[str] = Field(
+        description="`grey`: around each pixel of a mosaic its pattern's four sites weigh a quarter each; "
+        "`R`, `G`, `B` of a rendered picture."
+    )
+    linear: bool = Field(
+        description="Raw numbers [DN], black included; false: with the picture's tone curve."
+    )
+    height_px: int
+    width_px: int
+    seen_share: float = Field(description="Of the pixels that the camera saw; the others are 0.")
+    parameters: dict[str, Quantity] = Field(description="The camera's, in OpenCV's notation.")
+
+
 class MapCounts(Answer):
     """Of all pixels of the map: how many leave [0, 1], are saturated, or have no index."""
 
@@ -166,7 +182,9 @@ class MeasurementAnswer(Answer):
     region: list[list[float]]
     region_origin: Literal["request", "frame", "campaign", "grid", "whole_frame"]
     pixels: int | None = Field(default=None, description="How many measured pixels the region holds.")
-    mean: Quantity = Field(description="Of a luminance in cd/m2; of a reflectance or an index without unit.")
+    mean: Quantity | None = Field(
+        default=None, description="Of a luminance in cd/m2; of a reflectance or an index without unit."
+    )
     shared_u_cd_m2: float | None = Field(
         default=None, description="The part of the mean's standard uncertainty that all pixels share [cd/m2]."
     )
@@ -180,6 +198,7 @@ class MeasurementAnswer(Answer):
     budget: list[BudgetRow]
     reflected: ReflectedAnswer | None = Field(default=None, description="Of a band's reflectance.")
     index: IndexAnswer | None = None
+    undistorted: UndistortedAnswer | None = Field(default=None, description="Of a geometry campaign's frame.")
     map: MapCounts | None = Field(default=None, description="Of a map of reflectance or of an index.")
     illuminance: Quantity | None = Field(default=None, description="E = pi L / rho of the region's mean.")
     grid: GridAnswer | None = None
@@ -298,6 +317,9 @@ def _figures(row: Measurement) -> dict[str, Any]:
             "signal": result["channel"],
             "lens_share": result.get("lens_share"),
         }
+    if row.method == "geometry":
+        undistorted = UndistortedAnswer.model_validate(result["undistorted"])
+        return {"undistorted": undistorted, "vignetting": "none", "signal": "".join(undistorted.planes)}
     if "index" in result:
         index = IndexAnswer(name=result["index"], bands=[_band(band) for band in result["bands"]])
         return {"mean": result["value"], "index": index, "vignetting": "file", "signal": result["index"]}

@@ -13,13 +13,13 @@ from radiometry.luminance.application import choose_coefficient
 from radiometry.luminance.lens import name_channels
 from radiometry.luminance.maps import find_map_scale
 from radiometry.measurement import Request, find_window
-from radiometry.methods import reflectance
+from radiometry.methods import geometry, reflectance
 from radiometry.reflectance.indices import Index
 from radiometry.roi import Polygon, bounding_window
 from radiometry.surface import Grid, outline
 from store.codec import decode_exposure, decode_header, encode
 from store.falloff import find_falloff, read_lens
-from store.measuring.record import read_band_coefficients, read_coefficients
+from store.measuring.record import read_band_coefficients, read_camera, read_coefficients
 from store.measuring.version import choose_version
 from store.queries.frames import current_roi, whole_frame_of
 from store.tables import Calibration, Campaign, FrameRow
@@ -47,7 +47,7 @@ def plan_measurement(
     Raises InputRejected or Conflict, saying what to do, for whatever can be known before the pixels are read.
     """
     campaign = session.get_one(Campaign, frame.campaign_id)
-    _require_read(frame)
+    _require_read(frame, campaign.method)
     _refuse_foreign_options(campaign.method, asked)
     calibration, chosen, why = choose_version(session, frame, campaign, named)
     polygon, origin = _find_region(session, frame, campaign, asked)
@@ -61,6 +61,9 @@ def plan_measurement(
     }
     if campaign.method == "luminance":
         return plan | _plan_luminance(session, frame, calibration, polygon, asked)
+    if campaign.method == "geometry":
+        _require_picture(frame, calibration, asked)
+        return plan
     return plan | _plan_reflectance(session, frame, calibration, polygon, asked)
 
 
@@ -76,6 +79,7 @@ def _refuse_foreign_options(method: methods.Method, asked: Asked) -> None:
     options: dict[methods.Method, dict[str, object]] = {
         "luminance": {"grid": asked.grid, "reflectance": asked.reflectance},
         "reflectance": {"incidence_angle_deg": asked.incidence_angle_deg, "index": asked.index},
+        "geometry": {},
     }
     if method not in options:
         raise InputRejected(
@@ -123,6 +127,20 @@ def _name_version(version: Calibration) -> dict[str, Any]:
         "version": version.version,
         "content_sha256": version.content_sha256,
     }
+
+
+def _require_picture(frame: FrameRow, calibration: Calibration, asked: Asked) -> None:
+    """What geometry makes of a frame is its undistorted picture, and that is of the whole frame."""
+    header = frame.header or {}
+    geometry.require_size(
+        read_camera(calibration), height_px=header["height_px"], width_px=header["width_px"]
+    )
+    if "map" not in asked.products or asked.polygon is not None:
+        raise InputRejected(
+            Code.OPTION_NOT_OF_METHOD,
+            "What geometry gives of a frame is its whole undistorted picture: ask for products=[map], "
+            "without a region.",
+        )
 
 
 def _plan_reflectance(
@@ -175,7 +193,7 @@ def read_request(parameters: dict[str, Any]) -> Request:
     )
 
 
-def _require_read(frame: FrameRow) -> None:
+def _require_read(frame: FrameRow, method: methods.Method) -> None:
     if frame.state == "refused":
         raise InputRejected(
             Code.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"
@@ -185,7 +203,7 @@ def _require_read(frame: FrameRow) -> None:
             Code.FRAME_NOT_READ,
             f"Frame {frame.filename} has not been read yet: wait for its job and ask again.",
         )
-    if frame.exposure is None:
+    if frame.exposure is None and method != "geometry":
         raise InputRejected(
             Code.EXPOSURE_MISSING,
             f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in.",
@@ -194,6 +212,8 @@ def _require_read(frame: FrameRow) -> None:
 
 def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: Asked) -> tuple[Polygon, str]:
     """The request's own region, else the frame's or the campaign's, else the grid's outline."""
+    if campaign.method == "geometry":
+        return whole_frame_of(frame), "whole_frame"
     if asked.polygon is not None:
         return asked.polygon, "request"
     roi = current_roi(session, frame, campaign)

@@ -11,8 +11,9 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.luminance.results import Coefficient
-from radiometry.methods import reflectance
+from radiometry.methods import geometry, reflectance
 from radiometry.roi import Polygon
+from store.codec import decode
 from store.columns import new_id
 from store.software import CODE_VERSION, MEASURER
 from store.tables import Blob, Calibration, Campaign, FrameRow, Measurement
@@ -39,6 +40,11 @@ def read_coefficients(calibration: Calibration) -> tuple[Coefficient, ...]:
 def read_band_coefficients(calibration: Calibration) -> tuple[reflectance.Coefficient, ...]:
     fits = calibration.result["band_fits"]
     return _BAND_COEFFICIENTS.validate_python([band_fit["coefficient"] for band_fit in fits])
+
+
+def read_camera(calibration: Calibration) -> geometry.CameraModel:
+    camera: geometry.CameraModel = decode(geometry.CameraModel, calibration.result["camera"])
+    return camera
 
 
 def read_regions(calibration: Calibration) -> tuple[Polygon, ...]:

@@ -14,6 +14,7 @@ NUMBERS_WITHOUT_UNIT = {
     *("in_standard_uncertainties", "horizontal", "vertical"),  # the last two in fov_deg
     *("i_sq", "i_sq_standard_uncertainty", "i_ss", "reflectance_k", "shared_u", "noise_u"),  # of a sensor's own unit, which stands beside them
     *("diffuse_share", "refractive_index", "below_zero_share", "above_one_share", "centre_x_share"),
+    *("seen_share", "star_contrast", "gain_range_share"),
     "centre_y_share",
     *("pixels", "below_zero", "above_one", "saturated", "undefined"),
     *("saturated_share", "zero_share", "variance_share", "reflectance"),

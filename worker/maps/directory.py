@@ -18,23 +18,21 @@ _LARGEST: Final = 1_000_000
 Entry = tuple[int, int, int, bytes]  # tag, type, count, value
 
 
-def append_directories(path: Path, header: FrameHeader, exposure: Exposure) -> None:
+def append_directories(path: Path, header: FrameHeader, exposure: Exposure | None) -> None:
     """Hang what is known of the exposure and the place into a little-endian TIFF with empty pointers."""
-    _append(path, tags.EXIF, _exif_entries(header, exposure))
+    if has_exif(header, exposure):
+        _append(path, tags.EXIF, _exif_entries(header, exposure))
     if header.latitude_deg is not None and header.longitude_deg is not None:
         _append(path, tags.GPS, _gps_entries(header.latitude_deg, header.longitude_deg, header.altitude_m))
 
 
-def _exif_entries(header: FrameHeader, exposure: Exposure) -> list[Entry]:
-    entries = [
-        _rational(tags.EXPOSURE_TIME, exposure.exposure_time_s),
-        _rational(tags.F_NUMBER, exposure.f_number),
-        _iso(exposure.iso),
-    ]
-    if exposure.exposure_time_apex_s is not None:
-        entries.append(_signed(tags.SHUTTER_SPEED_VALUE, -math.log2(exposure.exposure_time_apex_s)))
-    if exposure.f_number_apex is not None:
-        entries.append(_rational(tags.APERTURE_VALUE, 2 * math.log2(exposure.f_number_apex)))
+def has_exif(header: FrameHeader, exposure: Exposure | None) -> bool:
+    """Whether there is anything to say: a directory without an entry is none."""
+    return bool(_exif_entries(header, exposure))
+
+
+def _exif_entries(header: FrameHeader, exposure: Exposure | None) -> list[Entry]:
+    entries = _exposure_entries(exposure) if exposure is not None else []
     texts = {
         tags.BODY_SERIAL: header.serial,
         tags.LENS_MAKE: header.lens_make,
@@ -48,6 +46,19 @@ def _exif_entries(header: FrameHeader, exposure: Exposure) -> list[Entry]:
         texts[tags.SUB_SEC_TIME_ORIGINAL] = fraction
         texts[tags.OFFSET_TIME_ORIGINAL] = "+00:00" if offset == "Z" else offset
     return entries + [_text(tag, text) for tag, text in texts.items() if text]
+
+
+def _exposure_entries(exposure: Exposure) -> list[Entry]:
+    entries = [
+        _rational(tags.EXPOSURE_TIME, exposure.exposure_time_s),
+        _rational(tags.F_NUMBER, exposure.f_number),
+        _iso(exposure.iso),
+    ]
+    if exposure.exposure_time_apex_s is not None:
+        entries.append(_signed(tags.SHUTTER_SPEED_VALUE, -math.log2(exposure.exposure_time_apex_s)))
+    if exposure.f_number_apex is not None:
+        entries.append(_rational(tags.APERTURE_VALUE, 2 * math.log2(exposure.f_number_apex)))
+    return entries
 
 
 def _split_fraction(rest: str) -> tuple[str, str]:

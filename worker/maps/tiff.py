@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
 from worker.decode import tags
-from worker.maps.directory import append_directories
+from worker.maps.directory import append_directories, has_exif
 
 TILE_PX: Final = 256
 _DEFLATE: Final = 8
@@ -24,6 +24,7 @@ _ASCII, _LONG = 2, 4
 _WHOLE: Final = TILE_PX**2
 
 Plane = NDArray[np.float32]
+Samples = NDArray[np.uint16]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +32,7 @@ class MapFacts:
     """What a map says of itself beside its pixels; ``description`` is kept as JSON in ImageDescription."""
 
     header: FrameHeader
-    exposure: Exposure
+    exposure: Exposure | None
     software: str
     description: dict[str, Any]
 
@@ -50,18 +51,37 @@ def write_tiff(path: Path, tiles: Iterable[bytes], facts: MapFacts) -> None:
             description=json.dumps(facts.description, sort_keys=True),
             software=facts.software,
             metadata=None,
-            extratags=_tags(header),
+            extratags=_tags(facts),
         )
     append_directories(path, header, facts.exposure)
 
 
-def _tags(header: FrameHeader) -> list[tuple[int | str, int, int, Any, bool]]:
+def write_picture(path: Path, samples: Samples, facts: MapFacts) -> None:
+    """Write whole numbers, (row, col) or (row, col, 3): differences of neighbours are small, so predicted."""
+    with tifffile.TiffWriter(path, byteorder="<") as file:
+        file.write(
+            samples,
+            tile=(TILE_PX, TILE_PX),
+            compression=_DEFLATE,
+            predictor=True,
+            photometric="rgb" if samples.ndim == 3 else "minisblack",
+            description=json.dumps(facts.description, sort_keys=True),
+            software=facts.software,
+            metadata=None,
+            extratags=_tags(facts),
+        )
+    append_directories(path, facts.header, facts.exposure)
+
+
+def _tags(facts: MapFacts) -> list[tuple[int | str, int, int, Any, bool]]:
+    header = facts.header
     texts = {tags.MAKE: header.make, tags.MODEL: header.model, tags.CAMERA_SERIAL: header.serial}
     named: list[tuple[int | str, int, int, Any, bool]] = [
         (tag, _ASCII, 0, text.encode("utf-8"), True) for tag, text in texts.items() if text
     ]
     # by their names: by number tifffile would refuse them; the values follow in append_directories
-    named.append(("ExifTag", _LONG, 1, 0, True))
+    if has_exif(header, facts.exposure):
+        named.append(("ExifTag", _LONG, 1, 0, True))
     if header.latitude_deg is not None:
         named.append(("GPSTag", _LONG, 1, 0, True))
     return named

@@ -47,7 +47,9 @@ class Task:
                 "content_sha256": calibration.content_sha256,
             },
             "frame": {"id": self.frame.id, "sha256": self.frame.sha256, "filename": self.frame.filename},
-            "exposure": {name: exposure[name] for name in ("exposure_time_s", "f_number", "iso")},
+            "exposure": {
+                name: exposure[name] for name in ("exposure_time_s", "f_number", "iso") if name in exposure
+            },
             "software": {"stilb": CODE_VERSION, "measurer": MEASURER},
         }
 

@@ -13,7 +13,7 @@ from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
 from worker.decode.refusals import Refusal
-from worker.measuring import luminance, reflectance
+from worker.measuring import geometry, luminance, reflectance
 from worker.measuring.task import Task
 from worker.tasks.outcome import Outcome
 
@@ -60,6 +60,8 @@ def _measure(task: Task) -> tuple[dict[str, Any], Products | None]:
             return luminance.measure(task)
         case "reflectance":
             return reflectance.measure(task)
+        case "geometry":
+            return geometry.measure(task)
         case method:
             raise AssertionError(f"the plan let a frame be measured by {method}")
 

@@ -1,0 +1,158 @@
+"""A frame's undistorted picture over HTTP: pixels, metadata, the camera that made it."""
+
+import io
+import json
+from datetime import UTC, datetime
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from demo.dng import Camera, write_dng
+from demo.exif import Exposure
+from tests.service.test_optics import EDGE_CAMERA, begin, fit, publish
+from tests.support.data import data_file
+
+VIEWS = (1, 3, 4, 5, 6)
+SHAPE = (480, 640)
+
+
+@pytest.fixture(scope="module")
+def calibrated(sqlite_house):
+    """OpenCV's camera, of a few of its pictures."""
+    house = sqlite_house
+    target = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}
+    campaign = begin(house, "geometry", camera=EDGE_CAMERA, target=target)
+    for number in VIEWS:
+        name = f"left{number:02d}.jpg"
+        house.upload(campaign, data_file(f"checkerboard/{name}").read_bytes(), role="chart", filename=name)
+    version = fit(house, campaign)
+    publish(house, version)
+    return house, campaign, version
+
+
+def measure(house, frame, **asked):
+    body = {"frame_id": frame["id"], "products": ["map"]} | asked
+    job = house.post("/v1/measurements", body, status=202)
+    house.work()
+    done = house.get(f"/v1/jobs/{job['id']}")
+    assert done["state"] == "succeeded", done
+    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+
+
+def read_map(house, found):
+    with tifffile.TiffFile(io.BytesIO(house.http.get(found["links"]["map_tif"]).content)) as file:
+        page = file.pages.first
+        known = {tag.name: tag.value for tag in page.tags.values()}
+        return file.asarray(), json.loads(page.description), known
+
+
+def matrix_of(version):
+    rows = {row["name"]: row["value"] for row in version["coefficients"]}
+    matrix = np.array([[rows["fx_px"], 0, rows["cx_px"]], [0, rows["fy_px"], rows["cy_px"]], [0, 0, 1]])
+    return matrix, np.array([rows[name] for name in ("k1", "k2", "p1", "p2", "k3")])
+
+
+def test_a_chart_without_exposure_as_opencv_undistorts_it(calibrated):
+    house, campaign, version = calibrated
+    frames = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]
+    frame = next(frame for frame in frames if frame["filename"] == "left01.jpg")
+    found = measure(house, frame, calibration_id=version["id"])
+    picture, said, known = read_map(house, found)
+    # a picture without EXIF gets none
+    assert not {"ExifTag", "Make"} & set(known)
+    source = cv2.imread(str(data_file("checkerboard/left01.jpg")), cv2.IMREAD_UNCHANGED)
+    expected = cv2.undistort(source, *matrix_of(version))
+    assert (picture.dtype, picture.shape) == (np.uint16, SHAPE)
+    # where the camera did not see, and in its last half pixel, ours is 0 and not a fading rim
+    seen = picture > 0
+    assert seen.mean() > 0.95
+    assert np.abs(picture.astype(int) - expected)[seen & (expected > 0)].max() <= 8
+    assert np.abs(picture.astype(int) - expected)[10:-10, 10:-10].mean() < 0.2
+    undistorted = found["undistorted"]
+    assert (undistorted["planes"], undistorted["linear"]) == (["grey"], False)
+    fx = next(row for row in version["coefficients"] if row["name"] == "fx_px")
+    assert undistorted["parameters"]["fx_px"] == {
+        name: fx[name] for name in ("value", "standard_uncertainty", "unit")
+    }
+    assert set(undistorted["parameters"]) == {
+        *("fx_px", "fy_px", "cx_px", "cy_px"),
+        *("k1", "k2", "k3"),
+        "p1",
+        "p2",
+    }
+    assert said["parameters"] == undistorted["parameters"]
+    assert said["calibration"]["content_sha256"] == version["content_sha256"]
+    assert ("mean" in found, found["region_origin"]) == (False, "whole_frame")
+    preview = Image.open(io.BytesIO(house.http.get(found["links"]["map_png"]).content))
+    assert (preview.mode, preview.size) == ("L", (640, 480))
+    assert measure(house, frame, calibration_id=version["id"])["id"] == found["id"]
+
+
+def test_a_raw_field_frame_gives_its_grey_plane_in_raw_numbers(calibrated, tmp_path):
+    house, campaign, version = calibrated
+    rows, cols = np.indices(SHAPE)
+    mosaic = (1000 + 3 * rows + 2 * cols + 400 * ((rows % 2) ^ (cols % 2))).astype(np.uint16)
+    exposure = Exposure(
+        exposure_time_s=0.01,
+        f_number=4.0,
+        iso=100,
+        taken_at=datetime(2026, 5, 1, 12, 0, tzinfo=UTC),
+        body_serial="1",
+        lens_make="Canon",
+        lens_model="15mm",
+        lens_serial="L1",
+        focal_length_mm=15.0,
+    )
+    camera = Camera(make="Canon", model="EOS 5D", black_level_dn=256, white_level_dn=4095, serial="1")
+    path = tmp_path / "field.dng"
+    write_dng(path, mosaic, camera=camera, exposure=exposure)
+    frame = house.upload(campaign, path.read_bytes(), role="field", filename="field.DNG")
+    house.work()
+    found = measure(house, frame, calibration_id=version["id"])
+    picture, said, known = read_map(house, found)
+    assert (found["undistorted"]["planes"], found["undistorted"]["linear"]) == (["grey"], True)
+    assert (known["Make"], known["ExifTag"]["FNumber"]) == ("Canon", (4, 1))
+    assert (said["black_level_dn"][0], said["exposure"]["iso"]) == (256.0, 100.0)
+    # the pattern is gone and the plane of the light is left, moved by the distortion: 3 and 2 DN a pixel
+    smooth = 1200.0 + 3 * rows + 2 * cols
+    expected = cv2.undistort(smooth.astype(np.float32), *matrix_of(version))
+    seen = (picture > 0) & (expected > 0)
+    seen[:2] = seen[-2:] = seen[:, :2] = seen[:, -2:] = False
+    assert np.abs(picture - expected)[60:-60, 80:-80].max() < 1.0
+    assert seen.mean() > 0.9
+    moved = np.abs(expected - smooth)[60:-60, 80:-80].max()
+    assert moved > 10.0
+
+
+def test_what_an_undistorted_picture_cannot_be_asked_for(calibrated):
+    house, campaign, version = calibrated
+    frame = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"][0]
+    named = {"frame_id": frame["id"], "calibration_id": version["id"]}
+    assert house.post("/v1/measurements", named, status=422)["code"] == "option_not_of_method"
+    for more in ({"reflectance": 0.2}, {"roi": {"polygon": [[0, 0], [9, 0], [9, 9]]}}):
+        problem = house.post("/v1/measurements", named | {"products": ["map"]} | more, status=422)
+        assert problem["code"] == "option_not_of_method"
+    small = np.zeros((64, 96), np.uint8)
+    content = cv2.imencode(".png", small)[1].tobytes()
+    other = house.upload(campaign, content, role="chart", filename="small.png")
+    house.work()
+    problem = house.post(
+        "/v1/measurements",
+        {"frame_id": other["id"], "calibration_id": version["id"], "products": ["map"]},
+        status=422,
+    )
+    assert (problem["code"], "640 x 480" in problem["detail"]) == ("wrong_camera", True)
+
+
+def test_a_picture_is_no_map_of_values_and_has_no_figure_to_compare(calibrated):
+    house, campaign, version = calibrated
+    frame = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"][0]
+    found = measure(house, frame, calibration_id=version["id"])
+    assert house.get(f"/v1/measurements/{found['id']}/map.json", status=404)["code"] == "not_found"
+    house.get(f"/v1/measurements/{found['id']}/contrast", status=422, old=found["id"])
+    assert found["id"] in {row["id"] for row in house.get("/v1/measurements")["items"]}
+    lines = house.http.get(f"/v1/campaigns/{campaign['id']}/measurements.csv").text
+    assert found["id"] in lines
