@@ -30,7 +30,7 @@ def build_app(context: Context) -> FastAPI:
         version=API_VERSION,
         summary="Raw frames and meter readings in, camera coefficients with their uncertainty out.",
         generate_unique_id_function=_operation_id,
-        # FastAPI's own pages load their scripts from elsewhere: service/routes/pages.py has ours
+        # FastAPI's own pages load their scripts from elsewhere: service/web/pages/documents.py has ours
         docs_url=None,
         redoc_url=None,
     )

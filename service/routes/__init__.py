@@ -64,7 +64,6 @@ def include_routes(app: FastAPI) -> None:
         measurements,
         meters,
         organisation,
-        pages,
         panels,
         purges,
         readings,
@@ -72,8 +71,7 @@ def include_routes(app: FastAPI) -> None:
         tools,
     )
 
-    for module in (system, pages):
-        app.include_router(module.router)
+    app.include_router(system.router)
     for module in (
         keys,
         cameras,
