@@ -68,5 +68,5 @@ def _photograph(path: Path, lamps: tuple[float, ...], seed: int) -> Path:
     for place, lamp in enumerate(lamps):
         distance2 = (row - 100.0) ** 2 / 70.0**2 + (col - (60.0 + 84.0 * place)) ** 2 / 40.0**2
         luminance += 24.0 * lamp * np.exp(-distance2)
-    luminance[6:14, 130:150] = 200.0
+    luminance[6:14, 130:150] = 900.0
     return write_frame(path, signal_dn=luminance / _PER_DN, shape=SHAPE, seed=seed, **_SETTINGS)

@@ -1,5 +1,6 @@
 // The four models beside one another, and where the uncertainty comes from.
 
+import { bars } from "../bars.js";
 import { h, table } from "../dom.js";
 import { number, percent, tag, withUncertainty } from "../format.js";
 
@@ -50,18 +51,5 @@ function card(title, budget) {
     { class: "card budget" },
     h("figcaption", {}, h("strong", {}, title), h("span", { class: "muted" }, ` together ${percent(whole)}`)),
     bars(rows.map((row) => ({ name: row.source, share: row.u_rel / rows[0].u_rel, said: percent(row.u_rel), more: row.kind === "A" ? "from scatter" : "from elsewhere" }))),
-  );
-}
-
-/** Bars with their names and figures: {name, share 0..1, said, more?}. */
-export function bars(rows) {
-  return h(
-    "dl",
-    { class: "bars" },
-    rows.map(({ name, share, said, more }) => {
-      const bar = h("span", { class: "bar", "aria-hidden": "true" });
-      bar.style.width = `${Math.max(0.5, 100 * share)}%`;
-      return h("div", { title: more }, h("dt", {}, name), h("dd", {}, h("span", { class: "track" }, bar), h("span", { class: "said" }, said)));
-    }),
   );
 }

@@ -2,10 +2,11 @@
 
 import { all, get, getOr } from "../api.js";
 import { byId, fill, h } from "../dom.js";
-import { load, empty, failed } from "../states.js";
+import { empty, failed, load } from "../states.js";
+import { drawFlags } from "../flags.js";
 import { drawBudget, drawModels } from "./detail.js";
 import { offerDecisions } from "./decide.js";
-import { drawFlags, drawStanding, drawVerdict } from "./result.js";
+import { drawStanding, drawVerdict } from "./result.js";
 import { drawHistory, drawMade, drawSiblings } from "./record.js";
 import { drawPlots } from "./curves.js";
 import { drawPoints } from "./points.js";
@@ -21,7 +22,7 @@ async function start() {
   const calibration = get(`/v1/calibrations/${id}`);
   standing(calibration);
   load(byId("verdict"), () => calibration, drawVerdict);
-  load(byId("flags"), () => calibration, (found) => drawFlags(found, JSON.parse(meanings)));
+  load(byId("flags"), () => calibration, (found) => drawFlags(found.diagnostics.flags ?? [], JSON.parse(meanings)));
   load(byId("points"), () => calibration, (found) => drawPoints(found, choice));
   load(byId("made"), () => calibration, drawMade);
   try {

@@ -70,31 +70,3 @@ export function shorten(rows, draw, count = AT_FIRST) {
 function flagsOf(row) {
   return row?.flags.length ? row.flags.map((flag) => tag(flag, "warn")) : h("span", { class: "muted" }, "none");
 }
-
-/** Each flag once, in words, with where it was raised and what was found. */
-export function drawFlags({ diagnostics }, meanings) {
-  const raised = grouped(diagnostics.flags ?? []);
-  if (!raised.size) return h("p", { class: "note good" }, "Nothing was flagged.");
-  return h(
-    "ul",
-    { class: "todo flags" },
-    [...raised].map(([flag, found]) =>
-      h(
-        "li",
-        {},
-        h("div", { class: "todo-head" }, h("strong", {}, meanings[flag]), tag(flag, "warn")),
-        found.length > 3
-          ? h("details", {}, h("summary", {}, `${found.length} places`), h("ul", {}, found.map(place)))
-          : h("ul", {}, found.map(place)),
-      ),
-    ),
-  );
-}
-
-const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where}: `) : null, detail);
-
-function grouped(items) {
-  const found = new Map();
-  for (const item of items) found.set(item.flag, [...(found.get(item.flag) ?? []), item]);
-  return found;
-}

@@ -1,0 +1,55 @@
+// Two measurements against each other: the difference and whether it means anything, both maps, every cell.
+
+import { get } from "../api.js";
+import { byId, fill, h } from "../dom.js";
+import { day, quantity, withUncertainty } from "../format.js";
+import { empty, load } from "../states.js";
+import { cellTable } from "./grid.js";
+import { MapView } from "./map.js";
+import { scaleTools } from "./tools.js";
+import { loadMap } from "./values.js";
+
+const { old, new: newer } = document.querySelector("main").dataset;
+const both = Promise.all([get(`/v1/measurements/${old}`), get(`/v1/measurements/${newer}`)]);
+const views = {};
+
+load(byId("verdict"), () => get(`/v1/measurements/${newer}/contrast?old=${old}`), (found) => {
+  byId("cells-section").hidden = !found.cells;
+  if (found.cells) fill(byId("cells"), cellTable(found.cells, changeOf, { caption: "Change of each cell in %" }));
+  return [
+    h("p", { class: `note ${found.significant ? "warn" : ""}` }, h("strong", {}, found.said)),
+    found.same_region ? null : h("p", { class: "note warn" }, "The two regions are not the same part of the image. Whether they show the same ground only the pilot knows."),
+    h(
+      "dl",
+      { class: "figures" },
+      side("Older", found.old),
+      side("Newer", found.new),
+      figure("Difference", quantity(found.difference), found.change ? changeText(found.change) : ""),
+      figure("Over its uncertainty", found.in_standard_uncertainties === undefined ? "–" : found.in_standard_uncertainties.toFixed(1), found.significant ? "2 or more: it changed" : "below 2: not to be told from none"),
+    ),
+    h("p", { class: "small muted" }, found.common.length ? `Cancels, since it is the same error in both: ${found.common.join(", ")}.` : "They share no error: both uncertainties count in full."),
+  ];
+});
+
+for (const [place, index] of [["old", 0], ["new", 1]]) {
+  load(byId(`map-${place}`), async () => mapOf((await both)[index], place), (drawn) => drawn);
+}
+
+async function mapOf(found, place) {
+  const title = h("h3", {}, h("a", { href: `/measurements/${found.id}` }, found.filename), h("span", { class: "muted" }, ` ${found.taken_at ? day(found.taken_at) : ""}`));
+  if (!found.links.map_tif) return [title, empty("Without a map", "Measure the frame again with a map to see it here.")];
+  const map = await loadMap(found, await get(found.links.frame));
+  views[place] = new MapView(map, { region: found.region, grid: found.grid, name: `Map of ${found.filename}` });
+  fill(byId("map-tools"), scaleTools(Object.values(views)));
+  return [title, views[place].element];
+}
+
+const figure = (name, value, more) => h("div", {}, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, more) : null));
+const side = (name, { filename, taken_at: taken, mean }) => figure(name, quantity(mean), `${taken ? `${day(taken)}, ` : ""}${filename}`);
+const changeText = (change) => `${change.value > 0 ? "+" : ""}${withUncertainty(change.value, change.standard_uncertainty)} %`;
+
+function changeOf(cell) {
+  if (!cell.change) return "–";
+  const sure = cell.in_standard_uncertainties >= 2;
+  return h("span", { class: sure ? "significant" : "muted", title: `${cell.in_standard_uncertainties?.toFixed(1)} standard uncertainties` }, changeText(cell.change).replace(" %", ""), sure ? h("span", { class: "hidden" }, " significant") : null);
+}

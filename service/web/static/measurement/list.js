@@ -1,0 +1,122 @@
+// All measurements, newest first; two of a kind can be compared.
+
+import { all, get } from "../api.js";
+import { byId, fill, h, may, table } from "../dom.js";
+import { number, quantity, tag, time, words } from "../format.js";
+import { act, empty, failed, load } from "../states.js";
+import { titleOf } from "./words.js";
+
+const form = byId("filters");
+const asked = new URL(location.href).searchParams;
+const chosen = new Map();
+let rows = [];
+let next = null;
+
+offerFilters();
+show();
+form.addEventListener("change", () => {
+  const said = new URLSearchParams([...new FormData(form)].filter(([, value]) => value));
+  history.replaceState(null, "", said.size ? `?${said}` : location.pathname);
+  show();
+});
+
+async function offerFilters() {
+  try {
+    const [cameras, campaigns] = await Promise.all([all("/v1/cameras"), all("/v1/campaigns")]);
+    offer("camera_id", cameras.map((each) => [each.id, `${each.model} ${each.serial}`]));
+    offer("campaign_id", campaigns.reverse().map((each) => [each.id, each.project_number ?? `${words(each.method)} of ${each.created_at.slice(0, 10)}`]));
+  } catch (error) {
+    if (!error.code) throw error;
+    form.after(failed(error));
+  }
+}
+
+function offer(name, options) {
+  const select = form.elements[name];
+  select.append(...options.map(([value, text]) => h("option", { value, selected: value === asked.get(name) }, text)));
+}
+
+function show() {
+  const said = new URL(location.href).searchParams;
+  const query = new URLSearchParams(["camera_id", "campaign_id"].filter((name) => said.get(name)).map((name) => [name, said.get(name)]));
+  load(
+    byId("measurements"),
+    async () => {
+      const page = await get(`/v1/measurements?${new URLSearchParams([...query, ["limit", "100"]])}`);
+      const wanted = said.get("compare");
+      if (wanted && !chosen.size) {
+        const found = page.items.find((each) => each.id === wanted) ?? (await get(`/v1/measurements/${wanted}`));
+        chosen.set(found.id, found);
+      }
+      return page;
+    },
+    (page) => {
+      ({ items: rows, next } = page);
+      drawPair();
+      return rows.length ? draw() : none(query.size);
+    },
+  );
+}
+
+const none = (filtered) =>
+  filtered
+    ? empty("Nothing was measured there", "Choose another camera or campaign.")
+    : empty("Nothing measured yet", "Send a frame of the field to a campaign, and measure it with the calibration of its camera.", may("upload") ? h("a", { class: "button primary", href: "/measurements/new" }, "Measure a frame") : h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
+
+function draw() {
+  const columns = [
+    { head: h("span", { class: "hidden" }, "Compare"), class: "pick", cell: box },
+    { head: h("span", { class: "hidden" }, "Picture"), class: "thumb", cell: (row) => h("img", { src: `/v1/frames/${row.frame_id}/preview.png`, alt: "", loading: "lazy", width: 72, height: 48 }) },
+    { head: "Frame", header: true, class: "nowrap", cell: (row) => h("a", { href: `/measurements/${row.id}` }, row.filename) },
+    { head: "Taken", cell: (row) => time(row.taken_at) },
+    { head: "What", cell: titleOf },
+    { head: "Mean", class: "number", cell: (row) => quantity(row.mean) },
+    { head: "U₀", class: "number", cell: (row) => (row.u_o ? number(row.u_o.value, 2) : "–") },
+    { head: "Calibration", cell: (row) => h("span", { class: "nowrap" }, h("a", { href: `/calibrations/${row.calibration.id}` }, `version ${row.calibration.version}`), " ", row.calibration.state === "published" ? null : tag(row.calibration.state)) },
+    { head: "Flags", class: "number", cell: (row) => (row.flags.length ? h("span", { title: [...new Set(row.flags.map((each) => words(each.flag)))].join(", ") }, String(new Set(row.flags.map((each) => each.flag)).size)) : "–") },
+  ];
+  const more = h("button", { type: "button" }, "Show more");
+  more.addEventListener("click", () =>
+    act(more, async () => {
+      const { pathname, search } = new URL(next);
+      const page = await get(pathname + search);
+      rows = [...rows, ...page.items];
+      next = page.next;
+      fill(byId("measurements"), draw());
+    }),
+  );
+  return [table(columns, rows, { caption: "Measurements" }), next ? h("p", { class: "more" }, more) : null];
+}
+
+function box(row) {
+  return h("input", { type: "checkbox", checked: chosen.has(row.id), "data-id": row.id, "aria-label": `Compare ${row.filename}`, onchange: (event) => {
+    if (event.target.checked) chosen.set(row.id, row);
+    else chosen.delete(row.id);
+    // the first of three gives way
+    if (chosen.size > 2) chosen.delete(chosen.keys().next().value);
+    for (const each of document.querySelectorAll("input[data-id]")) each.checked = chosen.has(each.dataset.id);
+    drawPair();
+  } });
+}
+
+function drawPair() {
+  const bar = byId("pair");
+  bar.hidden = !chosen.size;
+  if (bar.hidden) return;
+  const pair = [...chosen.values()].sort((a, b) => (a.taken_at ?? a.created_at).localeCompare(b.taken_at ?? b.created_at));
+  const alike = pair.length === 2 && titleOf(pair[0]) === titleOf(pair[1]);
+  fill(
+    bar,
+    h("p", {}, pair.length === 2 ? [h("strong", {}, pair[0].filename), " against ", h("strong", {}, pair[1].filename)] : [h("strong", {}, pair[0].filename), h("span", { class: "muted" }, " against another: choose one more")]),
+    h(
+      "span",
+      { class: "actions" },
+      h("button", { type: "button", class: "quiet", onclick: () => {
+        chosen.clear();
+        for (const each of document.querySelectorAll("input[data-id]")) each.checked = false;
+        drawPair();
+      } }, "Clear"),
+      pair.length === 2 ? (alike ? h("a", { class: "button primary", href: `/measurements/contrast?old=${pair[0].id}&new=${pair[1].id}` }, "Compare") : h("span", { class: "muted" }, "They are not of the same quantity.")) : null,
+    ),
+  );
+}

@@ -1,0 +1,132 @@
+// A map in false colours: what lies under the pointer, or under the cross that the arrows move, is read out.
+
+import { fill, h } from "../dom.js";
+import { number, unit, withUncertainty } from "../format.js";
+import { cellLines } from "./surface.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const STEPS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
+
+export class MapView {
+  /** `region`: points [x, y]; `grid`: corners, rows, columns, where there is one. */
+  constructor(map, { region, grid, name = "Map" }) {
+    this.map = map;
+    this.place = [Math.floor(map.height / 2), Math.floor(map.width / 2)];
+    this.canvas = h("canvas", { width: map.squares[0].length, height: map.squares.length, "aria-hidden": "true" });
+    this.cross = svg("path", { class: "map-cross", visibility: "hidden" });
+    this.over = svg(
+      "svg",
+      { class: "map-over", viewBox: `0 0 ${map.width} ${map.height}`, tabindex: "0", role: "application", "aria-label": `${name}: the arrows move the cross, ten pixels at a time with Shift` },
+      ...outlines(region, grid),
+      this.cross,
+    );
+    this.said = h("output", { class: "map-said", "aria-live": "polite" }, "Point at the map to read it.");
+    this.bar = h("div", { class: "map-bar" });
+    this.element = h("div", { class: "map" }, h("div", { class: "map-stage" }, this.canvas, this.over), this.said, this.bar);
+    this.canvas.parentElement.style.aspectRatio = `${map.width} / ${map.height}`;
+    this.listen();
+  }
+
+  show(scale) {
+    const { canvas, map } = this;
+    const painter = canvas.getContext("2d");
+    const picture = painter.createImageData(canvas.width, canvas.height);
+    let at = 0;
+    for (const line of map.squares) {
+      for (const value of line) {
+        const [red, green, blue] = scale.colour(value);
+        picture.data.set([red, green, blue, 255], at);
+        at += 4;
+      }
+    }
+    painter.putImageData(picture, 0, 0);
+    canvas.classList.toggle("coarse", map.width < 800);
+    fill(this.bar, drawBar(scale, map));
+  }
+
+  listen() {
+    const { over, map } = this;
+    over.addEventListener("pointermove", (event) => this.look(this.under(event)));
+    over.addEventListener("pointerdown", (event) => this.look(this.under(event)));
+    over.addEventListener("pointerleave", () => this.cross.setAttribute("visibility", "hidden"));
+    over.addEventListener("focus", () => over.matches(":focus-visible") && this.look(this.place));
+    over.addEventListener("keydown", (event) => {
+      const step = STEPS[event.key];
+      if (!step) return;
+      event.preventDefault();
+      const far = event.shiftKey ? 10 : 1;
+      this.look([clamp(this.place[0] + step[0] * far, map.height), clamp(this.place[1] + step[1] * far, map.width)]);
+    });
+  }
+
+  under({ clientX, clientY }) {
+    const box = this.over.getBoundingClientRect();
+    const { map } = this;
+    return [clamp(Math.floor(((clientY - box.top) / box.height) * map.height), map.height), clamp(Math.floor(((clientX - box.left) / box.width) * map.width), map.width)];
+  }
+
+  /** Read a pixel: the square it lies in at once, its own value as soon as it is there. */
+  async look([row, col]) {
+    this.place = [row, col];
+    const arm = Math.max(this.map.width, this.map.height) / 60;
+    this.cross.setAttribute("d", `M${col + 0.5 - arm} ${row + 0.5}h${2 * arm}M${col + 0.5} ${row + 0.5 - arm}v${2 * arm}`);
+    this.cross.setAttribute("visibility", "visible");
+    if (this.map.step > 1) this.say(row, col, this.map.square(row, col), "about ");
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(async () => {
+      try {
+        const value = await this.map.pixel(row, col);
+        if (this.place[0] === row && this.place[1] === col) this.say(row, col, value);
+      } catch (error) {
+        if (!error.code) throw error;
+        fill(this.said, error.message);
+      }
+    }, this.map.step > 1 ? 60 : 0);
+  }
+
+  say(row, col, value, about = "") {
+    const u = this.map.uncertaintyOf(value);
+    const figure = value === null ? unknownOf(this.map) : `${about}${u === undefined ? number(value) : withUncertainty(value, u)} ${this.map.unit === "1" ? "" : unit(this.map.unit)}`;
+    fill(this.said, h("strong", {}, figure.trim()), h("span", { class: "muted" }, ` at x ${col}, y ${row}`));
+    this.said.dataset.value = value === null ? "" : String(value);
+  }
+}
+
+const clamp = (place, size) => Math.min(Math.max(place, 0), size - 1);
+const unknownOf = (map) => (map.unit === "1" ? "no value here" : "saturated: brighter than can be told");
+
+function outlines(region, grid) {
+  const shapes = [svg("polygon", { class: "map-region back", points: region.join(" ") }), svg("polygon", { class: "map-region", points: region.join(" ") })];
+  if (grid) shapes.push(svg("path", { class: "map-cells", d: cellLines(grid).map(([from, to]) => `M${from}L${to}`).join("") }));
+  return shapes;
+}
+
+function drawBar(scale, map) {
+  const strip = h("canvas", { width: 256, height: 1, "aria-hidden": "true" });
+  const painter = strip.getContext("2d");
+  const picture = painter.createImageData(256, 1);
+  for (let index = 0; index < 256; index += 1) {
+    const share = (index + 0.5) / 256;
+    const value = scale.logarithmic ? scale.low * (scale.high / scale.low) ** share : scale.low + (scale.high - scale.low) * share;
+    picture.data.set([...scale.colour(value), 255], 4 * index);
+  }
+  painter.putImageData(picture, 0, 0);
+  const ticks = scale.ticks().map((tick) => {
+    const label = h("span", {}, number(tick, 3));
+    label.style.left = `${100 * scale.share(tick)}%`;
+    return label;
+  });
+  const unknown = map.squares.some((line) => line.includes(null));
+  return [
+    h("div", { class: "map-strip" }, strip, h("div", { class: "map-ticks" }, ticks)),
+    h("span", { class: "muted small" }, map.unit === "1" ? "" : unit(map.unit)),
+    unknown ? h("span", { class: "small nowrap" }, h("span", { class: "map-unknown", "aria-hidden": "true" }), map.unit === "1" ? "no value" : "saturated") : null,
+  ];
+}
+
+function svg(tag, attributes = {}, ...children) {
+  const element = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...children);
+  return element;
+}

@@ -1,0 +1,99 @@
+// Measure a frame: which, where on it, with what.
+
+import { all, get, getOr, post, Problem } from "../api.js";
+import { byId, fill, h, may } from "../dom.js";
+import { day, words } from "../format.js";
+import { followJob } from "../live.js";
+import { act, empty, failed, load } from "../states.js";
+import { decimal, field, select } from "../campaign/forms.js";
+import { numberOf } from "../campaign/numbers.js";
+import { regionPart } from "./region.js";
+
+const asked = new URL(location.href).searchParams;
+const form = byId("new-measurement");
+const region = regionPart();
+const settings = h("div", { class: "fields" });
+const chosen = {};
+
+load(byId("form"), begin, (drawn) => drawn);
+form.addEventListener("submit", (event) => {
+  event.preventDefault();
+  act(form.querySelector("button[type=submit]"), measure);
+});
+
+async function begin() {
+  if (!may("upload")) return empty("Your key may not measure", "It needs the scope upload. An admin of your organisation makes another.");
+  const [campaigns, wanted] = await Promise.all([all("/v1/campaigns"), asked.has("frame") ? get(`/v1/frames/${asked.get("frame")}`) : undefined]);
+  if (!campaigns.length) return empty("No campaign yet", "A frame is sent to a campaign of its camera first.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
+  const able = campaigns.filter((each) => ["luminance", "reflectance"].includes(each.method)).reverse();
+  const campaign = select(able.map((each) => [each.id, nameOf(each)]), { onchange: () => offerFrames() }, wanted?.campaign_id ?? asked.get("campaign") ?? able[0]?.id);
+  const frame = select([], { onchange: () => choose(frame.value) });
+  const note = h("div");
+  async function offerFrames() {
+    chosen.campaign = able.find((each) => each.id === campaign.value);
+    try {
+      const [frames, versions, roi] = await Promise.all([framesOf(chosen.campaign), all(`/v1/cameras/${chosen.campaign.camera_id}/calibrations?method=${chosen.campaign.method}`), getOr(`/v1/campaigns/${chosen.campaign.id}/roi`, null)]);
+      chosen.frames = frames;
+      chosen.roi = roi;
+      fill(frame, frames.map((each) => h("option", { value: each.id, selected: each.id === wanted?.id }, each.filename)));
+      fill(note, frames.length ? null : empty("No field frame", "This campaign has none yet. Send frames with the role field.", h("a", { class: "button", href: `/campaigns/${chosen.campaign.id}` }, "To the campaign")));
+      rest.hidden = !frames.length;
+      offerSettings(versions);
+      if (frames.length) choose(frame.value);
+    } catch (error) {
+      fill(note, failed(error, offerFrames));
+    }
+  }
+  const rest = h("div", { class: "stack-wide" }, section("Region", region.element), section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })));
+  const ready = offerFrames();
+  await ready;
+  return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign), field("Frame", frame)), note), rest);
+}
+
+const section = (title, ...content) => h("fieldset", { class: "card" }, h("legend", { class: "legend" }, title), content);
+const nameOf = (campaign) => [campaign.project_number ?? campaign.created_at.slice(0, 10), words(campaign.method)].join(", ");
+const framesOf = async ({ id }) => (await all(`/v1/campaigns/${id}/frames?brief=true`)).filter((each) => each.role === "field" && ["read", "extracted"].includes(each.state)).reverse();
+
+function choose(id) {
+  chosen.frame = chosen.frames.find((each) => each.id === id);
+  region.show(chosen.frame, chosen.roi?.polygon);
+}
+
+function offerSettings(versions) {
+  const usable = versions.filter((each) => each.state !== "revoked");
+  const options = [["", "The one in force when the frame was taken"], ...usable.map((each) => [each.id, `Version ${each.version}, ${each.state}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`])];
+  chosen.calibration = select(options);
+  chosen.map = h("input", { type: "checkbox", checked: true, id: "with-map" });
+  const luminance = chosen.campaign.method === "luminance";
+  chosen.number = decimal();
+  chosen.index = select([["", "The band’s reflectance"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
+  fill(
+    settings,
+    field("Calibration", chosen.calibration),
+    luminance ? field("Reflectance ρ of the surface", chosen.number, "For the illuminance E = π L / ρ; asphalt has about 0.08. May be left empty.") : [field("What", chosen.index), field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: 0.")],
+    h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
+  );
+}
+
+async function measure() {
+  const progress = byId("progress");
+  const said = numberOf(chosen.number);
+  const name = chosen.campaign.method === "luminance" ? "reflectance" : "incidence_angle_deg";
+  const body = {
+    frame_id: chosen.frame.id,
+    ...region.read(),
+    ...(said === undefined ? {} : { [name]: said }),
+    ...(chosen.calibration.value ? { calibration_id: chosen.calibration.value } : {}),
+    ...(chosen.campaign.method === "reflectance" && chosen.index.value ? { index: chosen.index.value } : {}),
+    ...(chosen.map.checked ? { products: ["map"] } : {}),
+  };
+  try {
+    progress.textContent = "Asking…";
+    const started = await post("/v1/measurements", body);
+    const job = await followJob(started.id, (each) => (progress.textContent = each.state === "queued" ? "Waits for its turn…" : `Measuring, ${Math.round(100 * each.progress)} %`));
+    if (job.state !== "succeeded") throw new Problem(job.error);
+    location.assign(`/measurements/${job.result.measurement_id}`);
+  } finally {
+    progress.textContent = "";
+  }
+}

@@ -1,0 +1,103 @@
+// One measurement: its map, its figures, what it was measured with and what to know.
+
+import { get } from "../api.js";
+import { bars } from "../bars.js";
+import { byId, fill, h, may } from "../dom.js";
+import { drawFlags } from "../flags.js";
+import { number, percent, tag, time, words } from "../format.js";
+import { empty, load } from "../states.js";
+import { drawFigures } from "./figures.js";
+import { drawGrid } from "./grid.js";
+import { MapView } from "./map.js";
+import { scaleTools } from "./tools.js";
+import { loadMap } from "./values.js";
+import { titleOf } from "./words.js";
+
+const { measurementId: id, meanings } = document.querySelector("main").dataset;
+const measurement = get(`/v1/measurements/${id}`);
+
+load(byId("figures"), () => measurement, (found) => {
+  offer(found);
+  warn(found);
+  const grid = drawGrid(found);
+  byId("grid-section").hidden = !grid;
+  if (grid) fill(byId("grid"), grid);
+  return drawFigures(found);
+});
+load(byId("map"), drawableMap, (drawn) => drawn);
+load(byId("with"), () => measurement, drawCalibration);
+load(byId("budget"), () => measurement, drawBudget);
+load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, each))) : h("p", { class: "muted" }, "Nothing stands against these figures.")));
+load(byId("flags"), () => measurement, ({ flags }) => drawFlags(flags, JSON.parse(meanings)));
+load(byId("made"), () => measurement, drawRecord);
+
+async function drawableMap() {
+  const found = await measurement;
+  if (!found.links.map_tif) return withoutMap(found);
+  const values = await loadMap(found, await get(found.links.frame));
+  const view = new MapView(values, { region: found.region, grid: found.grid, name: `Map of ${found.filename}` });
+  fill(byId("map-tools"), scaleTools([view]), h("a", { class: "button", href: found.links.map_tif, download: `${found.filename}.tif` }, "TIFF"));
+  return view.element;
+}
+
+function withoutMap(found) {
+  return [
+    h("img", { class: "map-preview", src: `${found.links.frame}/preview.png`, alt: `Preview of ${found.filename}` }),
+    empty("No map was asked for", "The figures are those of the region. Measure again with a map to read every pixel.", may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Measure again") : null),
+  ];
+}
+
+function offer(found) {
+  fill(
+    byId("go-on"),
+    h("a", { class: "button", href: `/measurements?camera_id=${found.camera_id}&compare=${found.id}` }, "Compare with…"),
+    may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Measure again") : null,
+  );
+}
+
+/** What makes the figure unfit for use stands above everything. */
+function warn({ calibration }) {
+  const said = {
+    revoked: ["bad", "The calibration that this was measured with has been revoked. Do not use the figures; measure again.", calibration.revoked_reason],
+    superseded: ["warn", "The calibration that this was measured with has been superseded. Measure again if the figures are still in use."],
+    draft: ["warn", "The calibration that this was measured with is a draft that nobody has published."],
+  }[calibration.state];
+  if (said) fill(byId("warning"), h("p", { class: `note ${said[0]}` }, h("strong", {}, said[1]), said[2] ? ` Because: ${said[2]}` : null));
+}
+
+function drawCalibration({ calibration, signal, vignetting, method }) {
+  return h(
+    "div",
+    { class: "card" },
+    h("p", {}, h("a", { href: `/calibrations/${calibration.id}` }, `${words(method)} version ${calibration.version}`), " ", tag(calibration.state)),
+    h("p", { class: "small muted" }, calibration.why),
+    h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, signal), h("dt", {}, "Vignetting corrected with"), h("dd", {}, typeof vignetting === "string" ? vignetting : JSON.stringify(vignetting))),
+  );
+}
+
+function drawBudget({ budget, mean }) {
+  const rows = budget.filter((row) => row.variance_share > 0).sort((a, b) => b.variance_share - a.variance_share);
+  if (!rows.length) return h("p", { class: "muted" }, "No budget is kept for this figure.");
+  const ofRow = (row) => row.standard_uncertainty_cd_m2 ?? row.standard_uncertainty;
+  const largest = ofRow(rows[0]);
+  return h(
+    "div",
+    { class: "card" },
+    bars(rows.map((row) => ({ name: row.source, share: ofRow(row) / largest, said: mean.value ? percent(ofRow(row) / Math.abs(mean.value)) : number(ofRow(row), 2), more: row.shared ? "the same error in every pixel" : "of this region alone" }))),
+    h("p", { class: "small muted budget-note" }, "Of the mean. All but the pixel noise are the same in every pixel of the frame: no mean over pixels reduces them."),
+  );
+}
+
+function drawRecord(found) {
+  const facts = [
+    ["What", titleOf(found)],
+    ["Frame", h("a", { href: `/campaigns/${found.campaign_id}` }, found.filename)],
+    ["Taken", found.taken_at ? time(found.taken_at) : "the file does not say"],
+    ["Where", found.latitude_deg === undefined ? "the file does not say" : `${number(found.latitude_deg, 9)}°, ${number(found.longitude_deg, 9)}°${found.altitude_m === undefined ? "" : `, ${number(found.altitude_m, 5)} m`}`],
+    ["Region", `${found.region.length} corners, from the ${words(found.region_origin)}${found.pixels ? `; ${number(found.pixels, 9)} measured pixels` : ""}`],
+    ["Measured", time(found.created_at)],
+    ["Software", Object.entries(found.software).map(([name, version]) => `${name} ${version}`).join(", ")],
+    ["Content, SHA-256", h("code", { class: "small" }, found.content_sha256)],
+  ];
+  return h("dl", { class: "facts card" }, facts.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]));
+}

@@ -1,0 +1,27 @@
+// A rectangle on the ground as a camera sees it: where its cells lie in the image.
+
+/**
+ * From the unit square to its image: (u, v) to [x, y].
+ * Corners: top-left, top-right, bottom-right, bottom-left (P. Heckbert, Fundamentals of texture mapping, 1989).
+ */
+export function projection([[x0, y0], [x1, y1], [x2, y2], [x3, y3]]) {
+  const [sx, sy] = [x0 - x1 + x2 - x3, y0 - y1 + y2 - y3];
+  const [dx1, dx2, dy1, dy2] = [x1 - x2, x3 - x2, y1 - y2, y3 - y2];
+  const whole = dx1 * dy2 - dx2 * dy1;
+  const g = (sx * dy2 - dx2 * sy) / whole;
+  const k = (dx1 * sy - sx * dy1) / whole;
+  const [a, b, d, e] = [x1 - x0 + g * x1, x3 - x0 + k * x3, y1 - y0 + g * y1, y3 - y0 + k * y3];
+  return (u, v) => {
+    const w = g * u + k * v + 1;
+    return [(a * u + b * v + x0) / w, (d * u + e * v + y0) / w];
+  };
+}
+
+/** The lines between the cells of a grid, each from one point to another. */
+export function cellLines({ corners, rows, columns }) {
+  const at = projection(corners);
+  const lines = [];
+  for (let row = 1; row < rows; row += 1) lines.push([at(0, row / rows), at(1, row / rows)]);
+  for (let column = 1; column < columns; column += 1) lines.push([at(column / columns, 0), at(column / columns, 1)]);
+  return lines;
+}

@@ -1,0 +1,9 @@
+// What a measurement is of.
+
+import { words } from "../format.js";
+
+/** "luminance", "reflectance, band red", "NDVI". */
+export function titleOf(measurement) {
+  if (measurement.index) return measurement.index.name.toUpperCase();
+  return measurement.method === "reflectance" ? `reflectance, band ${measurement.signal}` : words(measurement.method);
+}

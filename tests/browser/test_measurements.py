@@ -1,0 +1,177 @@
+"""Measurements as people see them: the map's numbers under the pointer, cells, two dates, a new one."""
+
+import io
+import re
+
+import numpy as np
+import pytest
+import tifffile
+from playwright.sync_api import expect
+
+from tests.support.browser import check_access, look, settle
+from tests.support.nightwork import SHAPE
+from worker.maps.colours import make_colours
+
+
+@pytest.fixture
+def plane(night):
+    """The map that is downloaded."""
+    with night.team.http() as http:
+        content = http.get(f"/v1/measurements/{night.new.id}/map.tif").content
+    return tifffile.imread(io.BytesIO(content))
+
+
+@pytest.fixture
+def shown(night_page, night):
+    night_page.goto(f"/measurements/{night.new.id}")
+    settle(night_page)
+    return night_page
+
+
+def point_at(page, row, col):
+    """Put the pointer on the middle of a pixel, and say what the page reads there."""
+    over = page.locator(".map-over").first
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    page.mouse.move(
+        box["x"] + (col + 0.5) * box["width"] / SHAPE[1], box["y"] + (row + 0.5) * box["height"] / SHAPE[0]
+    )
+    said = page.locator(".map-said").first
+    expect(said).to_contain_text(f"x {col}, y {row}")
+    return said
+
+
+@pytest.mark.parametrize("context", ["desktop", "phone"], indirect=True)
+def test_the_map_reads_what_the_tiff_holds(shown, plane):
+    for row, col in ((100, 60), (40, 250), (190, 3)):
+        said = point_at(shown, row, col)
+        assert np.float32(said.get_attribute("data-value")) == plane[row, col]
+        expect(said).to_contain_text("±")
+        expect(said).to_contain_text("cd/m²")
+    # the sign is saturated: the map knows no number there
+    assert np.isnan(plane[10, 140])
+    expect(point_at(shown, 10, 140)).to_contain_text("saturated")
+
+
+def test_the_map_is_read_with_the_keys_alone(shown, plane):
+    shown.locator(".map-over").focus()
+    for key in ("ArrowRight", "Shift+ArrowUp", "ArrowDown"):
+        shown.keyboard.press(key)
+    said = shown.locator(".map-said")
+    row, col = SHAPE[0] // 2 - 9, SHAPE[1] // 2 + 1
+    expect(said).to_contain_text(f"x {col}, y {row}")
+    assert np.float32(said.get_attribute("data-value")) == plane[row, col]
+
+
+def test_a_large_map_asks_for_the_pixels_that_are_pointed_at(shown, plane):
+    """In squares first: then the readout is of the pixel all the same."""
+    read = shown.evaluate(
+        """async (id) => {
+            const src = [...document.querySelectorAll("script[type=module]")].at(-1).src;
+            const { MapValues } = await import(src.replace("page.js", "values.js"));
+            const squares = await (await fetch(`/v1/measurements/${id}/map.json?step=8`)).json();
+            const map = new MapValues(id, squares);
+            return { square: map.square(101, 61), pixel: await map.pixel(101, 61) };
+        }""",
+        shown.url.rpartition("/")[2],
+    )
+    assert np.float32(read["pixel"]) == plane[101, 61]
+    assert read["square"] == pytest.approx(plane[96:104, 56:64].mean(), rel=1e-6)
+
+
+def test_the_colours_are_those_of_the_picture(shown):
+    anchors = shown.evaluate(
+        """async () => {
+            const src = [...document.querySelectorAll("script[type=module]")].at(-1).src;
+            return (await import(src.replace("page.js", "colours.js"))).ANCHORS;
+        }"""
+    )
+    assert anchors == ["#{:02x}{:02x}{:02x}".format(*colour) for colour in make_colours()[::15]]
+
+
+def test_figures_cells_and_what_to_know_stand_there(shown, night):
+    figures = shown.locator("#figures")
+    for word in ("Mean", "Overall uniformity", "Illuminance", "Pixels from"):
+        expect(figures).to_contain_text(word)
+    expect(shown.locator("#grid").get_by_role("row")).to_have_count(1 + 3)
+    expect(shown.locator("#with").get_by_role("link")).to_have_attribute(
+        "href", f"/calibrations/{night.version.id}"
+    )
+    expect(shown.locator("#budget")).to_contain_text("f-number")
+    expect(shown.locator("#better").get_by_role("listitem").first).to_be_visible()
+    expect(shown.locator("#flags")).to_contain_text("not the observer of EN 13201")
+    check_access(shown)
+    look(shown, "measurement")
+    shown.get_by_role("button", name="Linear").click()
+    expect(shown.get_by_role("button", name="Linear")).to_have_attribute("aria-pressed", "true")
+
+
+def test_two_dates_are_chosen_and_compared(night_page, night):
+    night_page.goto("/measurements")
+    settle(night_page)
+    expect(night_page.get_by_role("row").filter(has_text="road-june.DNG").first).to_contain_text("version 1")
+    check_access(night_page)
+    look(night_page, "measurements")
+    for name in ("road-may.DNG", "road-june.DNG"):
+        night_page.get_by_role("checkbox", name=f"Compare {name}").first.check()
+    night_page.get_by_role("region", name="Chosen to compare").get_by_role("link", name="Compare").click()
+    night_page.wait_for_url("**/measurements/contrast?**")
+    night_page.goto(f"/measurements/contrast?old={night.old.id}&new={night.new.id}")
+    settle(night_page)
+    expect(night_page.locator("#verdict")).to_contain_text("it changed")
+    expect(night_page.locator("#verdict")).to_contain_text("fit of K")
+    expect(night_page.locator(".map-over")).to_have_count(2)
+    # the lamp in the middle fell out: only cells near it are marked
+    cells = night_page.locator("#cells")
+    expect(cells.get_by_role("row").nth(2).get_by_role("cell").nth(2)).to_contain_text("significant")
+    check_access(night_page)
+    look(night_page, "contrast")
+
+
+def test_a_filter_says_so_when_nothing_is_left(night_page, night):
+    night_page.goto("/measurements?camera_id=none")
+    settle(night_page)
+    expect(night_page.get_by_text("Nothing was measured there")).to_be_visible()
+    night_page.get_by_label("Campaign").select_option(night.campaign_id)
+    settle(night_page)
+    expect(night_page.get_by_role("row").filter(has_text="road-may.DNG").first).to_be_visible()
+
+
+def test_a_frame_is_measured_from_the_page(night_page, night):
+    night_page.goto(f"/measurements/new?frame={night.field[0].id}")
+    settle(night_page)
+    expect(night_page.get_by_label("Frame", exact=True)).to_have_value(night.field[0].id)
+    night_page.get_by_role("radio", name="A lit surface in cells").check()
+    night_page.get_by_role("button", name="Rectangle").click()
+    corners = night_page.get_by_role("textbox", name="Corners")
+    expect(corners).to_have_value(re.compile(r"^\d+,\d+( \d+,\d+){3}$"))
+    corners.fill("40,24 250,24 276,168 12,168")
+    corners.press("Tab")
+    night_page.get_by_label("Rows of cells").fill("2")
+    night_page.get_by_label("Columns of cells").fill("2")
+    check_access(night_page)
+    look(night_page, "measurement-new")
+    night_page.get_by_role("button", name="Measure").click()
+    night_page.wait_for_url(re.compile("/measurements/msr_"))
+    settle(night_page)
+    expect(night_page.locator("#grid").get_by_role("row")).to_have_count(1 + 2)
+
+
+def test_what_is_missing_is_said_before_anything_is_sent(night_page, night):
+    night_page.goto(f"/measurements/new?campaign={night.campaign_id}")
+    settle(night_page)
+    night_page.get_by_role("radio", name="Drawn here").check()
+    night_page.get_by_role("button", name="Draw anew").click()
+    night_page.get_by_role("button", name="Measure").click()
+    expect(night_page.get_by_role("alert")).to_contain_text("Draw the region first")
+
+
+def test_an_empty_house_says_what_to_do(page):
+    page.goto("/measurements")
+    settle(page)
+    expect(page.get_by_text("Nothing measured yet")).to_be_visible()
+    check_access(page)
+    look(page, "measurements-empty")
+    page.goto("/measurements/new")
+    settle(page)
+    expect(page.get_by_text("No campaign yet")).to_be_visible()
