@@ -2,6 +2,7 @@
 
 certificate.json  certificate.pdf   as the service gives them
 readings.json     roi.json          the meter readings and regions that went in
+panels.json                         the reflectance panels, where there are any
 frames/<hash>-<name>                every frame, byte for byte
 SHA256SUMS                          for `sha256sum --check` of the frames
 """
@@ -17,7 +18,7 @@ from typing import Any
 from stilb.problem import Problem
 from stilb.transport import Call, Transport, address
 
-CERTIFICATE, READINGS, REGIONS = "certificate.json", "readings.json", "roi.json"
+CERTIFICATE, READINGS, PANELS, REGIONS = "certificate.json", "readings.json", "panels.json", "roi.json"
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
@@ -73,6 +74,8 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
             )
     transport.download(Call(method="GET", path=f"{of_version}/certificate.pdf"), folder / "certificate.pdf")
     _write_json(folder / READINGS, certificate["readings"])
+    if certificate.get("panels"):
+        _write_json(folder / PANELS, certificate["panels"])
     _write_json(folder / REGIONS, certificate["regions"])
     sums = "".join(f"{frame['sha256']}  {frame_path(frame)}\n" for frame in frames)
     (folder / "SHA256SUMS").write_text(sums, encoding="utf-8")

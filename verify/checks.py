@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator
 
-from radiometry.luminance.budget import explain_budget
-from radiometry.roi import Polygon
+from radiometry import methods
 from store.codec import drop_absent, encode
 from store.fitting import hash_content
-from store.software import CODE_VERSION, EXTRACTOR
+from store.queries.frames import name_extractor
+from store.software import CODE_VERSION
+from store.stating import state_budgets, state_coefficients
 from verify.compare import ABSENT, Row, compare
 from verify.data import Data, Node
-from verify.recompute import Recomputed, inputs_of
+from verify.recompute import Recomputed, hash_region, inputs_of
 
 _DECIDED_LATER = ("validity", "published", "checklist", "gaps")
 """What may rightly have changed since a certificate was handed out."""
@@ -21,6 +22,7 @@ def check(certificate: Node, data: Data, found: Recomputed) -> list[Row]:
         *_software(certificate),
         *_frames(found),
         *compare("readings", certificate["readings"], data.readings),
+        *compare("panels", certificate["panels"], data.panels),
         *compare("regions", certificate["regions"], data.regions),
         *_regions(data),
         *_meters(certificate),
@@ -34,7 +36,10 @@ def _software(certificate: Node) -> Iterator[Row]:
     yield from compare(
         "software",
         {name: certificate["software"].get(name, ABSENT) for name in ("stilb", "extractor")},
-        {"stilb": CODE_VERSION, "extractor": EXTRACTOR},
+        {
+            "stilb": CODE_VERSION,
+            "extractor": name_extractor(certificate["method"], certificate.get("target")),
+        },
     )
 
 
@@ -50,16 +55,18 @@ def _frames(found: Recomputed) -> Iterator[Row]:
         if frame.row is None:
             yield Row(group="frames", quantity=name, certificate="can be read", recomputed=frame.trouble)
             continue
-        exposure = drop_absent(encode(frame.row.exposure))
-        yield from compare("exposures", stated["exposure"], exposure, name)
+        exposure = drop_absent(encode(frame.exposure)) if frame.exposure else {}
+        yield from compare("exposures", stated.get("exposure", {}), exposure, name)
         yield from compare("frame statistics", {key: stated[key] for key in frame.signal}, frame.signal, name)
 
 
 def _regions(data: Data) -> Iterator[Row]:
     for region in data.regions:
-        found = Polygon.from_points(region["points"]).sha256
         yield Row(
-            group="regions", quantity="SHA-256 of its corners", certificate=region["sha256"], recomputed=found
+            group="regions",
+            quantity="SHA-256 of its corners",
+            certificate=region["sha256"],
+            recomputed=hash_region(region),
         )
 
 
@@ -86,14 +93,12 @@ def _figures(certificate: Node, found: Recomputed) -> Iterator[Row]:
     result = drop_absent(encode(found.fit))
     for name in sorted(stated.keys() | result.keys()):
         yield from compare(name, stated.get(name, ABSENT), result.get(name, ABSENT), name)
-    budgets = [
-        {
-            "iso": fit.coefficient.iso,
-            "lines": [drop_absent(encode(line)) for line in explain_budget(fit)],
-        }
-        for fit in found.fit.iso_fits
-    ]
-    yield from compare("budgets", certificate["budgets"], budgets, "budgets")
+    method = certificate["method"]
+    figures = [encode(figure) for figure in methods.list_figures(method, found.fit)]
+    stored = encode(found.fit)
+    coefficients = state_coefficients(method, stored, figures)
+    yield from compare("coefficients", certificate["coefficients"], coefficients, "coefficients")
+    yield from compare("budgets", certificate["budgets"], state_budgets(method, stored), "budgets")
     flags = [_without(flag, "meaning") for flag in certificate["flags"]]
     yield from compare("flags in words", flags, result["flags"], "flags")
 

@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import stilb
-from stilb.export import CERTIFICATE, READINGS, REGIONS, frame_path
+from stilb.export import CERTIFICATE, PANELS, READINGS, REGIONS, frame_path
 
 Node = dict[str, Any]
 
@@ -26,6 +26,7 @@ class Data:
     folder: Path
     certificate: Node
     readings: list[Node]
+    panels: list[Node]
     regions: list[Node]
 
     def path(self, frame: Node) -> Path:
@@ -70,10 +71,12 @@ def split_address(place: str) -> tuple[str, str]:
 
 
 def _read_folder(folder: Path) -> Data:
+    certificate = _read_json(folder / CERTIFICATE)
     return Data(
         folder=folder,
-        certificate=_read_json(folder / CERTIFICATE),
+        certificate=certificate,
         readings=_read_json(folder / READINGS),
+        panels=_read_json(folder / PANELS) if certificate.get("panels") else [],
         regions=_read_json(folder / REGIONS),
     )
 

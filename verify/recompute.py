@@ -1,37 +1,40 @@
-"""From the bytes of the frames and the readings to the figures, with the code that the service runs."""
+"""From the bytes of the frames, readings and panels to the figures, with the code that the service runs."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
-from pydantic import TypeAdapter
-
+from radiometry import methods
 from radiometry.acceptance import Camera, SuppliedExposure, accept_frame
 from radiometry.errors import InputRejected
+from radiometry.evidence import Extracted, FrameEvidence, Region
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
-from radiometry.luminance.rows import FrameRow, Params, Reading
-from radiometry.methods import luminance
+from radiometry.luminance.lens import name_channels
+from radiometry.methods import luminance, reflectance, vignetting
 from radiometry.roi import Polygon, bounding_window
 from radiometry.statistics import ChannelStatistics, measure_signal
 from stilb.export import hash_file
-from store.codec import drop_absent, encode, encode_statistics
+from store.codec import decode, drop_absent, encode, encode_statistics
+from store.queries.campaigns import Drawing
 from verify.data import Data, Node
 from worker.decode.pool import DecoderCrashed, DecoderPool
-
-_PARAMS = TypeAdapter(Params)
-_READING = TypeAdapter(Reading)
 
 OnFrame = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class FoundFrame:
-    """A frame of the certificate, read again. ``trouble``: why it could not be, else ""."""
+    """A frame of the certificate, read again. ``trouble``: why it could not be, else "".
+
+    ``row`` : as the method's fit wants it, None where it could not be read
+    """
 
     stated: Node
     sha256: str
     trouble: str
-    row: FrameRow | None
+    exposure: Exposure | None = None
+    row: Any = None
     signal: Node
 
 
@@ -39,90 +42,156 @@ class FoundFrame:
 class Recomputed:
     """``fit`` is None where the data allow none; ``trouble`` then says why."""
 
-    params: Params
+    params: Any
     frames: list[FoundFrame]
-    readings: list[Reading]
-    fit: luminance.Fit | None
+    readings: list[Any]
+    fit: Any
     trouble: str
 
 
 def recompute(certificate: Node, data: Data, decoders: DecoderPool, on_frame: OnFrame) -> Recomputed:
     """Decode, measure and fit again, with the certificate's parameters and the data's frames and readings."""
-    params = _PARAMS.validate_python(certificate["parameters"])
-    regions = {region["sha256"]: Polygon.from_points(region["points"]) for region in data.regions}
+    method: methods.Method = certificate["method"]
+    params = decode(methods.describe(method).params, certificate["parameters"])
+    regions = {region["sha256"]: region for region in data.regions}
     frames = []
     for number, stated in enumerate(certificate["frames"], start=1):
-        frames.append(_read(stated, certificate, data, regions, decoders))
+        frames.append(_read(stated, certificate, data, regions.get(stated["roi_sha256"]), decoders))
         on_frame(number, len(certificate["frames"]))
-    readings = _readings(data.readings)
+    readings = _readings(method, data)
     try:
-        fit = luminance.fit([frame.row for frame in frames if frame.row], readings, params)
+        fit = methods.fit(method, [frame.row for frame in frames if frame.row], readings, params)
     except InputRejected as refusal:
         return Recomputed(params=params, frames=frames, readings=readings, fit=None, trouble=refusal.message)
     return Recomputed(params=params, frames=frames, readings=readings, fit=fit, trouble="")
 
 
-def _readings(rows: Iterable[Node]) -> list[Reading]:
-    names = Reading.__dataclass_fields__.keys()
-    return [_READING.validate_python({name: row.get(name) for name in names}) for row in rows]
+def _readings(method: methods.Method, data: Data) -> list[Any]:
+    if method == "reflectance":
+        return [
+            reflectance.Reading(
+                panel=panel["serial"],
+                band=band["band"],
+                reflectance=band["reflectance"],
+                standard_uncertainty=band.get("standard_uncertainty"),
+            )
+            for panel in data.panels
+            for band in sorted(panel["bands"], key=lambda each: str(each["band"]))
+        ]
+    names = luminance.Reading.__dataclass_fields__.keys()
+    return [decode(luminance.Reading, {name: row.get(name) for name in names}) for row in data.readings]
 
 
 def _read(
-    stated: Node, certificate: Node, data: Data, regions: dict[str, Polygon], decoders: DecoderPool
+    stated: Node, certificate: Node, data: Data, region: Node | None, decoders: DecoderPool
 ) -> FoundFrame:
     path = data.path(stated)
     if not path.exists():
-        return FoundFrame(stated=stated, sha256="", trouble="the file is missing", row=None, signal={})
+        return FoundFrame(stated=stated, sha256="", trouble="the file is missing", signal={})
     sha256 = hash_file(path)
-    region = regions.get(stated["roi_sha256"])
-    if region is None or region.sha256 != stated["roi_sha256"]:
+    if region is None or hash_region(region) != stated["roi_sha256"]:
         trouble = "its region is not among the data's"
-        return FoundFrame(stated=stated, sha256=sha256, trouble=trouble, row=None, signal={})
+        return FoundFrame(stated=stated, sha256=sha256, trouble=trouble, signal={})
     try:
         header = decoders.read_header(path)
-        window = bounding_window(region, height_px=header.height_px, width_px=header.width_px)
+        exposure = _expose(stated, header, certificate)
+        around = Polygon.from_points(region["points"])
+        window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
         pixels = decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
-        statistics = luminance.extract(pixels, region)
-        exposure = _expose(stated, header, certificate["item"])
+        extracted = methods.extract(
+            certificate["method"],
+            pixels,
+            _parts(region),
+            header=header,
+            exposure=exposure,
+            target=_target(certificate),
+        )
+        row = _make_row(stated, certificate, header, exposure, extracted, around)
     except (InputRejected, DecoderCrashed) as refusal:
-        return FoundFrame(stated=stated, sha256=sha256, trouble=refusal.message, row=None, signal={})
-    row = FrameRow(
+        return FoundFrame(stated=stated, sha256=sha256, trouble=refusal.message, signal={})
+    signal = _signal(extracted.statistics, certificate)
+    return FoundFrame(stated=stated, sha256=sha256, trouble="", exposure=exposure, row=row, signal=signal)
+
+
+def hash_region(region: Node) -> str:
+    """The key of a region, of one polygon or of several parts."""
+    if region.get("parts"):
+        return Drawing.of_parts(_parts(region)).sha256
+    return Polygon.from_points(region["points"]).sha256
+
+
+def _parts(region: Node) -> list[Region]:
+    parts = region.get("parts") or [{"name": "", "points": region["points"]}]
+    return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in parts]
+
+
+def _target(certificate: Node) -> Any:  # noqa: ANN401 (the method's own)
+    kind = methods.describe(certificate["method"]).target
+    return decode(kind, certificate["target"]) if kind and certificate.get("target") else None
+
+
+def _make_row(
+    stated: Node,
+    certificate: Node,
+    header: FrameHeader,
+    exposure: Exposure | None,
+    extracted: Extracted[Any],
+    around: Polygon,
+) -> Any:  # noqa: ANN401 (the method's own)
+    kind = methods.describe(certificate["method"]).features
+    evidence = FrameEvidence(
         frame=stated["frame"],
         role=stated["role"],
         scene=stated.get("scene"),
+        header=header,
         exposure=exposure,
-        statistics=statistics,
-        rendered=header.rendered,
-        gain_maps=tuple(opcode.sha256 for opcode in header.opcodes if opcode.name == "GainMap"),
+        statistics=_in_order(extracted.statistics),
+        # by way of JSON, as the service keeps them
+        features=decode(kind, encode(extracted.features)) if kind else None,
     )
-    signal = _signal(statistics, channel=certificate["parameters"]["channel"])
-    return FoundFrame(stated=stated, sha256=sha256, trouble="", row=row, signal=signal)
+    row = methods.make_row(certificate["method"], evidence)
+    if not certificate.get("falloff") or stated["role"] != "light" or exposure is None:
+        return row
+    if stated["frame"] in {exclusion["frame"] for exclusion in certificate["parameters"]["exclude"]}:
+        return row
+    share = vignetting.average_over_polygon(
+        decode(tuple[vignetting.Coefficient, ...], certificate["falloff"][0]["coefficients"]),
+        around,
+        channels=name_channels(header.cfa, channel=certificate["parameters"]["channel"]),
+        f_number=exposure.f_number,
+    )
+    return replace(row, lens_share=share)
 
 
-def _expose(stated: Node, header: FrameHeader, item: Node) -> Exposure:
+def _in_order(statistics: Iterable[ChannelStatistics]) -> tuple[ChannelStatistics, ...]:
+    """In the order in which the service keeps them, which is that of every sum."""
+    return tuple(sorted(statistics, key=lambda row: row.channel))
+
+
+def _expose(stated: Node, header: FrameHeader, certificate: Node) -> Exposure | None:
     """The exposure as the file says it; what was typed in because the file is silent is taken over."""
-    said = stated["exposure"]
+    said, item = stated.get("exposure", {}), certificate["item"]
     supplied = {
         name: said[name]
         for name in ("exposure_time_s", "f_number", "iso")
         if said.get(f"{name}_origin") == "supplied"
     }
     camera = Camera(make=item["make"], model=item["model"], serial=item["serial"])
-    accepted = accept_frame(
+    return accept_frame(
         header, role=stated["role"], supplied=SuppliedExposure(**supplied), camera=camera
     ).exposure
-    assert accepted is not None  # noqa: S101  narrows the type: only a chart has none, and no fit takes charts
-    return accepted
 
 
-def _signal(statistics: tuple[ChannelStatistics, ...], *, channel: str) -> Node:
-    # in the order in which the service keeps them, which is that of the sum
-    ordered = sorted(statistics, key=lambda row: row.channel)
-    signal = measure_signal(ordered, channel=channel)
+def _signal(statistics: tuple[ChannelStatistics, ...], certificate: Node) -> Node:
+    ordered = _in_order(statistics)
+    rows = {"statistics": [drop_absent(encode_statistics(row)) for row in ordered]}
+    if certificate["method"] != "luminance":
+        return rows
+    signal = measure_signal(ordered, channel=certificate["parameters"]["channel"])
     return {
         "signal_dn": signal.value_dn,
         "signal_standard_uncertainty_dn": signal.standard_uncertainty_dn,
-        "statistics": [drop_absent(encode_statistics(row)) for row in ordered],
+        **rows,
     }
 
 
@@ -137,17 +206,32 @@ def inputs_of(certificate: Node, found: Recomputed, data: Data) -> Node:
                 "sha256": frame.sha256,
                 "role": stated["role"],
                 **({"scene": stated["scene"]} if "scene" in stated else {}),
-                "exposure": encode(frame.row.exposure) if frame.row else {},
+                **({"exposure": encode(frame.exposure)} if frame.exposure else {}),
                 "roi_sha256": stated["roi_sha256"],
             }
         )
+    parts = {region["sha256"]: region["parts"] for region in data.regions if region.get("parts")}
     return {
         "frames": frames,
         "readings": [encode(reading) for reading in found.readings],
-        "meters": _meters_of(certificate),
+        **_references(certificate, data),
+        **({"target": certificate["target"]} if certificate.get("target") else {}),
+        **({"roi_parts": parts} if parts else {}),
         "rois": {region["sha256"]: region["points"] for region in data.regions},
         "extractor": certificate["software"]["extractor"],
     }
+
+
+def _references(certificate: Node, data: Data) -> Node:
+    """What the readings were made with, and what the signals were corrected with."""
+    match certificate["method"]:
+        case "luminance":
+            falloff = certificate.get("falloff")
+            return {"meters": _meters_of(certificate), **({"vignetting": falloff} if falloff else {})}
+        case "reflectance":
+            return {"panels": data.panels}
+        case _:
+            return {}
 
 
 def _meters_of(certificate: Node) -> list[Node]:

@@ -1,5 +1,7 @@
 """The table that a verification prints: results one by one, the rest by kind, differences in full."""
 
+from collections.abc import Iterator
+
 from rich.table import Table
 
 from verify.compare import Row
@@ -12,6 +14,7 @@ _HEADLINES = {
     "coverage_factor": "k",
     "dark_signal_dn": "D",
 }
+_HELD_FOR = ("iso", "f_number", "band", "channel")
 _MOST_IN_GROUP = 12
 
 
@@ -20,15 +23,8 @@ def tabulate(certificate: Node, rows: list[Row]) -> Table:
     table = Table(title=f"Certificate {certificate['number']}", title_justify="left")
     for name in ("quantity", "certificate", "recomputed", "same?"):
         table.add_column(name, overflow="fold")
-    isos = [fit["coefficient"]["iso"] for fit in certificate["result"]["iso_fits"]]
-    figures = {row.quantity: row for row in rows if row.group == "iso_fits"}
-    for index, iso in enumerate(isos):
-        for name, symbol in _HEADLINES.items():
-            row = figures.get(f"iso_fits[{index}].coefficient.{name}")
-            if row is not None:
-                table.add_row(
-                    f"ISO {iso:g} {symbol}", _show(row.certificate), _show(row.recomputed), _verdict(row)
-                )
+    for name, row in _list_headlines(certificate, rows):
+        table.add_row(name, _show(row.certificate), _show(row.recomputed), _verdict(row))
     table.add_section()
     for group in dict.fromkeys(row.group for row in rows):
         mine = [row for row in rows if row.group == group]
@@ -46,6 +42,26 @@ def tabulate(certificate: Node, rows: list[Row]) -> Table:
         if len(mine) > _MOST_IN_GROUP:
             table.add_row(f"{group}: and {len(mine) - _MOST_IN_GROUP} more", "", "", "NO")
     return table
+
+
+def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, Row]]:
+    """The results by name: of luminance per ISO value, of other methods every coefficient with u."""
+    # the whole certificate is compared with the data's copy too, under the same names
+    figures = {row.quantity: row for row in rows if row.group in ("iso_fits", "coefficients")}
+    if certificate["method"] == "luminance":
+        for index, fit in enumerate(certificate["result"]["iso_fits"]):
+            for name, symbol in _HEADLINES.items():
+                row = figures.get(f"iso_fits[{index}].coefficient.{name}")
+                if row is not None:
+                    yield f"ISO {fit['coefficient']['iso']:g} {symbol}", row
+        return
+    for index, coefficient in enumerate(certificate["coefficients"]):
+        held = [f"{name} {coefficient[name]}" for name in _HELD_FOR if name in coefficient]
+        named = ", ".join([coefficient["name"], *held])
+        for name, symbol in (("value", named), ("standard_uncertainty", f"u({named})")):
+            row = figures.get(f"coefficients[{index}].{name}")
+            if row is not None:
+                yield symbol, row
 
 
 def conclude(rows: list[Row]) -> str:

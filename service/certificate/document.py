@@ -45,7 +45,7 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
     row = dossier.calibration
     meters, panels = describe_meters(dossier), _panels(dossier)
     result, paper = drop_absent(row.result), describe_paper(row.method)
-    vignetting = say_vignetting(row.method, row.inputs.get("vignetting") or row.parameters.get("vignetting"))
+    vignetting = say_vignetting(row.method, row.parameters.get("vignetting"))
     certificate = CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
@@ -72,6 +72,7 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         coefficients=_coefficients(dossier),
         budgets=[Budget(**budget) for budget in state_budgets(row.method, row.result)],
         vignetting=vignetting,
+        falloff=row.inputs.get("vignetting"),
         flags=[FlagInWords(**flag, meaning=_MEANINGS[flag["flag"]]) for flag in result["flags"]],
         checklist=_checklist(dossier),
         software={**row.software, "extractor": row.inputs["extractor"]},

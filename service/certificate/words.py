@@ -1,10 +1,8 @@
 """The sentences of a certificate: what it states, what its figures hang on, what they were corrected for."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from radiometry.methods import Method
-from service.certificate.figures import plain
 from service.certificate.papers import describe_paper
 from service.schemas.certificates import UsedMeter, UsedPanel
 from store.stating import COVERAGE_FACTOR
@@ -56,22 +54,13 @@ def say_traceability(method: Method, meters: Sequence[UsedMeter], panels: Sequen
             return describe_paper(method).traceability
 
 
-def say_vignetting(method: Method, found: Any) -> str:  # noqa: ANN401  JSON
-    """``found`` : what a luminance version says of the falloff that its signals were divided by."""
+def say_vignetting(method: Method, content_sha256: str | None) -> str:
+    """What the signals were corrected with. ``content_sha256`` : of the version that luminance holds with."""
     if method == "reflectance":
         return "as each file states it"
-    if not found:
-        return "none"
-    if isinstance(found, dict):
-        told = [
-            f"{name} {_show(value)}" for name, value in found.items() if not isinstance(value, dict | list)
-        ]
-        return ", ".join(told) or "applied"
-    return str(found)
-
-
-def _show(value: Any) -> str:  # noqa: ANN401  JSON
-    return plain(value) if isinstance(value, float) else str(value)
+    return (
+        f"the camera's vignetting version of content SHA-256 {content_sha256}" if content_sha256 else "none"
+    )
 
 
 def _through_meters(meters: Sequence[UsedMeter]) -> str:

@@ -255,6 +255,9 @@ class CertificateAnswer(Answer):
     coefficients: list[CertifiedCoefficient]
     budgets: list[Budget]
     vignetting: str = Field(description="What the signals were corrected with.")
+    falloff: list[dict[str, Any]] | None = Field(
+        default=None, description="The vignetting version of a luminance K, with its coefficients."
+    )
     flags: list[FlagInWords]
     checklist: Checklist
     software: dict[str, Any]

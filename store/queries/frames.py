@@ -16,6 +16,7 @@ from store import jobs
 from store.columns import new_id
 from store.software import EXTRACTOR
 from store.tables import Blob, Campaign, ChannelRow, Extraction, FrameRow, Roi
+from store.tables.base import Json
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,11 +75,15 @@ def describe_anew(frame: FrameRow, values: dict[str, Any]) -> bool:
 
 def extractor_of(campaign: Campaign) -> str:
     """What makes this campaign's extractions: the code, its method, and what it was told to look for."""
-    if methods.describe(campaign.method).features is None:
+    return name_extractor(campaign.method, campaign.target)
+
+
+def name_extractor(method: methods.Method, target: Json | None) -> str:
+    if methods.describe(method).features is None:
         return EXTRACTOR
-    target = json.dumps(campaign.target, sort_keys=True) if campaign.target else ""
-    told = f"+{hashlib.sha256(target.encode()).hexdigest()[:16]}" if target else ""
-    return f"{EXTRACTOR}+{campaign.method}{told}"
+    text = json.dumps(target, sort_keys=True) if target else ""
+    told = f"+{hashlib.sha256(text.encode()).hexdigest()[:16]}" if text else ""
+    return f"{EXTRACTOR}+{method}{told}"
 
 
 def current_roi(session: Session, frame: FrameRow, campaign: Campaign) -> Roi | None:

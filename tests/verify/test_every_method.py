@@ -1,0 +1,142 @@
+"""Certificates of every method come out again from an export; a changed panel, frame or figure is found."""
+
+import json
+import shutil
+
+import pytest
+
+from radiometry import methods
+from stilb.export import frame_path
+from store.database import Database
+from tests.support.certificates import export_version
+from tests.support.every_method import make_version
+from tests.support.house import House
+from verify.__main__ import main
+
+OTHERS = [method for method in methods.METHODS if method != "luminance"]
+
+
+@pytest.fixture(autouse=True)
+def wide(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "250")
+
+
+@pytest.fixture(scope="module")
+def exports(migrated_sqlite, tmp_path_factory):
+    """Exports each method's version when a test first asks for it."""
+    folder = tmp_path_factory.mktemp("every")
+    shutil.copy(migrated_sqlite, folder / "stilb.sqlite")
+    database = Database(f"sqlite:///{folder / 'stilb.sqlite'}")
+    made = {}
+    with House(database, folder) as house:
+
+        def bring(method):
+            if method not in made:
+                made[method] = export_version(house, make_version(house, method), folder / method)
+            return made[method]
+
+        yield bring
+    database.dispose()
+
+
+def run(capsys, folder):
+    code = main([str(folder / "certificate.json"), "--data", str(folder)])
+    return code, " ".join(capsys.readouterr().out.split())
+
+
+def change(path, edit):
+    content = json.loads(path.read_text())
+    edit(content)
+    path.write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize("method", OTHERS)
+def test_an_untouched_export_agrees(capsys, exports, method):
+    code, said = run(capsys, exports(method))
+    assert "NO" not in said
+    assert code == 0
+    assert "quantities are the same to the last bit." in said
+    certificate = json.loads((exports(method) / "certificate.json").read_text())
+    first = certificate["coefficients"][0]
+    assert f"│ {first['value']!r} │ {first['value']!r} │ yes" in said
+    assert (exports(method) / "panels.json").exists() == (method == "reflectance")
+
+
+@pytest.fixture
+def reflectance(exports, tmp_path):
+    return shutil.copytree(exports("reflectance"), tmp_path / "export")
+
+
+def test_a_changed_panel_is_found_and_moves_k(capsys, reflectance):
+    def edit(panels):
+        panels[0]["bands"][0]["reflectance"] *= 1.01
+
+    change(reflectance / "panels.json", edit)
+    code, said = run(capsys, reflectance)
+    assert code == 1
+    assert "panels: [0].bands[0].reflectance │ 0.18 │ 0.1818" in said
+    k = said.split("reflectance_k, band green │")[1].split("u(reflectance_k")[0]
+    assert "NO" in k
+    assert "content hash: content SHA-256" in said
+
+
+def test_a_changed_frame_is_found_and_moves_k(capsys, reflectance):
+    certificate = json.loads((reflectance / "certificate.json").read_text())
+    frame = certificate["frames"][0]
+    path = reflectance / frame_path(frame)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2 | 1] ^= 0x40  # the upper half of a sample in the middle of the frame
+    path.write_bytes(content)
+    code, said = run(capsys, reflectance)
+    assert code == 1
+    assert f"frame files: {frame['frame']} SHA-256 │ {frame['sha256']}" in said
+
+
+PLACES = [
+    ("coefficients", 0, "value"),
+    ("coefficients", 1, "expanded_uncertainty"),
+    ("coefficients", 0, "coverage_factor"),
+    ("result", "band_fits", 0, "coefficient", "knots", 0, "reflectance_k"),
+    ("budgets", 0, "lines", 0, "u"),
+    ("panels", 0, "bands", 0, "standard_uncertainty"),
+    ("parameters", "incidence_angle_u_deg"),
+    ("frames", 0, "statistics", 0, "mean_dn"),
+]
+
+
+@pytest.mark.parametrize("place", PLACES, ids=lambda place: ".".join(map(str, place)))
+def test_a_changed_number_in_the_certificate_is_found(capsys, reflectance, place):
+    """In its last bits, and although the data's own copy was changed along with it."""
+
+    def edit(certificate):
+        *path, last = place
+        node = certificate
+        for name in path:
+            node = node[name]
+        node[last] = node[last] * (1 + 1e-15) + 1e-15
+
+    change(reflectance / "certificate.json", edit)
+    code, said = run(capsys, reflectance)
+    assert code == 1
+    assert "quantities differ." in said
+
+
+def test_a_target_or_a_part_of_a_region_that_was_changed_is_found(capsys, exports, tmp_path):
+    folder = shutil.copytree(exports("geometry"), tmp_path / "geometry")
+
+    def enlarge(certificate):
+        certificate["target"]["square_size_mm"] *= 2
+
+    change(folder / "certificate.json", enlarge)
+    code, said = run(capsys, folder)
+    assert code == 1
+    assert "software: extractor" in said
+    folder = shutil.copytree(exports("sharpness"), tmp_path / "sharpness")
+
+    def move(regions):
+        regions[0]["parts"][0]["points"][0][0] += 1.0
+
+    change(folder / "roi.json", move)
+    code, said = run(capsys, folder)
+    assert code == 1
+    assert "regions: SHA-256 of its corners" in said
