@@ -3,7 +3,7 @@
 import sys
 import time
 
-from bench import mapping, reading, upload
+from bench import mapping, reading, reflectance, upload
 from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
 
@@ -13,7 +13,12 @@ def main(scale: Scale | None = None) -> int:
     scale = scale or Scale()
     say(describe_machine())
     say("medians of turns (the middle half in brackets); ratios are formed turn by turn")
-    verdicts = reading.run(scale) + mapping.run(scale) + upload.run(scale)
+    verdicts = [
+        *reading.run(scale),
+        *mapping.run(scale),
+        *reflectance.run(scale),
+        *upload.run(scale),
+    ]
     say(f"\n{summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
     return 0
 

@@ -18,8 +18,8 @@ from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.timing import compare, take_turns
 from demo.dng import Compression
-from radiometry import methods
 from radiometry.frame import Frame
+from radiometry.methods import luminance
 from radiometry.roi import Polygon, Window, bounding_window
 from radiometry.statistics import ChannelStatistics
 from worker.decode.pool import DecoderPool
@@ -85,7 +85,7 @@ def extract_ours(pool: DecoderPool, path: Path, polygon: Polygon) -> Rows:
     header = pool.read_header(path)
     window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     frame = pool.read_window(path, (window.row0, window.col0, window.height, window.width))
-    return methods.extract("luminance", frame, polygon)
+    return luminance.extract(frame, polygon)
 
 
 def extract_with_rawpy(path: Path, polygon: Polygon) -> Rows:
@@ -94,7 +94,7 @@ def extract_with_rawpy(path: Path, polygon: Polygon) -> Rows:
         mosaic = raw.raw_image_visible
         window = bounding_window(polygon, height_px=mosaic.shape[0], width_px=mosaic.shape[1])
         rows, cols = _slices(window)
-        return methods.extract("luminance", _as_frame(mosaic[rows, cols], window, *mosaic.shape), polygon)
+        return luminance.extract(_as_frame(mosaic[rows, cols], window, *mosaic.shape), polygon)
 
 
 def _limit_of_pixels(path: Path, window: Window, polygon: Polygon) -> Callable[[], Rows]:
@@ -105,7 +105,7 @@ def _limit_of_pixels(path: Path, window: Window, polygon: Polygon) -> Callable[[
 
     def extract() -> Rows:
         mosaic = np.memmap(path, "<u2", mode="r", offset=offset, shape=shape)
-        return methods.extract("luminance", _as_frame(mosaic[_slices(window)], window, *shape), polygon)
+        return luminance.extract(_as_frame(mosaic[_slices(window)], window, *shape), polygon)
 
     return extract
 
@@ -140,7 +140,7 @@ def _limit_of_tiles(path: Path, window: Window, polygon: Polygon) -> Callable[[]
                 samples[at_row : at_row + tile[0], at_col : at_col + tile[1]] = imagecodecs.ljpeg_decode(
                     file.read(count)
                 )
-        return methods.extract("luminance", _as_frame(samples[_slices(inner)], window, *shape), polygon)
+        return luminance.extract(_as_frame(samples[_slices(inner)], window, *shape), polygon)
 
     return extract
 

@@ -3,7 +3,6 @@
 import hashlib
 import itertools
 import os
-import re
 import socket
 import subprocess
 import sys
@@ -17,6 +16,7 @@ from pathlib import Path
 import httpx
 
 import stilb
+from bench.memory import forget_peak, read_memory_mb
 from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale, make_mosaic, write_copies
 from bench.timing import compare, take_turns
@@ -37,15 +37,6 @@ class Service:
 
     url: str
     pid: int
-
-    def memory_mb(self, name: str) -> float:
-        """`VmRSS`: now; `VmHWM`: at most since it was last asked to start anew."""
-        status = Path(f"/proc/{self.pid}/status").read_text(encoding="ascii")
-        found = re.search(rf"^{name}:\s+(\d+) kB", status, re.MULTILINE)
-        return int(found[1]) * 1024 / 1e6 if found else float("nan")
-
-    def forget_peak(self) -> None:
-        Path(f"/proc/{self.pid}/clear_refs").write_text("5", encoding="ascii")
 
 
 def run(scale: Scale) -> list[bool]:
@@ -83,10 +74,10 @@ def _measure(
         path.with_suffix(".copy").unlink(missing_ok=True)
 
     take_turns(ways, rounds=1, warm_up=1, prepare=prepare)
-    before_mb = service.memory_mb("VmRSS")
-    service.forget_peak()
+    before_mb = read_memory_mb(service.pid, "VmRSS")
+    forget_peak(service.pid)
     seconds = take_turns(ways, rounds=scale.uploads, warm_up=0, prepare=prepare)
-    grown_mb = service.memory_mb("VmHWM") - before_mb
+    grown_mb = read_memory_mb(service.pid, "VmHWM") - before_mb
     show_times(seconds)
     size_mb = path.stat().st_size / 1e6
     for name, each in seconds.items():

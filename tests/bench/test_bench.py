@@ -23,9 +23,10 @@ def test_every_benchmark_runs_and_leaves_nothing_behind(tmp_path, monkeypatch, c
     before = family(1)
     assert main(TINY) == 0
     told = capfd.readouterr().out
-    assert told.count("target:") == 6
-    assert "6 targets, " in told
+    assert told.count("target:") == 7
+    assert "7 targets, " in told
     assert "MB more over" in told
+    assert told.count("MB before, at most") == 3
     assert list(tmp_path.iterdir()) == []
     assert [pid for pid in alive(family(1)) - before if "stilb_bench" in _environment(pid)] == []
 
