@@ -4,6 +4,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
+from radiometry.evidence import Region
 from radiometry.frame import FrameHeader
 from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral, SunshineCounts, SunshineRecord
@@ -43,10 +44,15 @@ def take(random, surface, *, camera=CAMERA, minutes=0.0, role="panel", polygon=P
 
 def row(name, shot, *, role="panel", polygon=PANEL, header=None):
     header = header or shot.header
-    features = reflectance.extract(shot.frame, polygon, header=header, exposure=shot.exposure)
+    features = extract(shot.frame, polygon, header=header, exposure=shot.exposure)
     return reflectance.FrameRow(
         frame=name, role=role, header=header, exposure=shot.exposure, features=features
     )
+
+
+def extract(frame, polygon, *, header, exposure):
+    region = Region(name="", polygon=polygon)
+    return reflectance.extract(frame, [region], header=header, exposure=exposure).features
 
 
 def seeded(seed=1):

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from captures import CAMERA, NOON, PANEL, PANEL_R, READINGS, flags_of, make_header, seeded, take
+from captures import CAMERA, NOON, PANEL, PANEL_R, READINGS, extract, flags_of, make_header, seeded, take
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -203,7 +203,7 @@ def test_the_map_gives_the_surface_within_its_uncertainty():
 def test_the_map_s_mean_is_the_region_s_reflectance():
     shot = expose(0.1)
     scale, found = map_of(shot)
-    features = reflectance.extract(shot.frame, PANEL, header=shot.header, exposure=shot.exposure)
+    features = extract(shot.frame, PANEL, header=shot.header, exposure=shot.exposure)
     applied = reflectance.apply(features, header=shot.header, coefficients=COEFFICIENTS)
     assert found.reflectance[40:80, 50:110].mean() == pytest.approx(applied.reflectance.value, rel=1e-6)
     assert scale.band == "green"

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from radiometry.evidence import Region
 from radiometry.exposure import Exposure
 from radiometry.methods import reflectance
 from radiometry.reflectance.alignment import align
@@ -38,7 +39,8 @@ def exposure_of(header):
 
 def extract(path, header, polygon):
     frame = reading.read_window(path, 0, 0, header.height_px, header.width_px)
-    return reflectance.extract(frame, polygon, header=header, exposure=exposure_of(header))
+    region = Region(name="", polygon=polygon)
+    return reflectance.extract(frame, [region], header=header, exposure=exposure_of(header)).features
 
 
 @pytest.mark.parametrize("band", I_SQ)
