@@ -20,7 +20,9 @@ def upgrade() -> None:
         sa.Column("created_at", sa.DateTime(timezone=True), nullable=False),
         sa.ForeignKeyConstraint(["organisation_id"], ["organisation.id"], name="fk_panel_organisation_id"),
         sa.PrimaryKeyConstraint("id", name="pk_panel"),
-        sa.UniqueConstraint("organisation_id", "serial", "measured_on", name="uq_panel_organisation_id_serial_measured_on"),
+        sa.UniqueConstraint(
+            "organisation_id", "serial", "measured_on", name="uq_panel_organisation_id_serial_measured_on"
+        ),
     )
     # in one statement: SQLite cannot add a constraint later, a copied table would lose its references
     op.execute(

@@ -36,5 +36,5 @@ def take_census(session: Session) -> Census:
 def _count_by(
     session: Session, column: InstrumentedAttribute[str] | InstrumentedAttribute[str | None]
 ) -> dict[str, int]:
-    rows = select(column, func.count()).where(column.is_not(None)).group_by(column).order_by(column)
-    return {row[0]: row[1] for row in session.execute(rows)}
+    rows = select(column, func.count()).group_by(column).order_by(column)
+    return {row[0]: row[1] for row in session.execute(rows) if row[0] is not None}

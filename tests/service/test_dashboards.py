@@ -116,5 +116,6 @@ def test_the_notebook_runs(house, measured, capsys, monkeypatch):
             assert not cell.get("outputs")
             if cell["cell_type"] == "code":
                 exec(compile("".join(cell["source"]), "notebook", "exec"), names)
+        names["client"].close()
     (coefficient,) = [row for row in measured["coefficients"] if row["name"] == "luminance_k"]
     assert f"luminance_k {coefficient['value']:.3f}" in capsys.readouterr().out

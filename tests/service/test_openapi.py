@@ -9,10 +9,12 @@ from service.document import resolve
 
 JSON, PROBLEM = "application/json", "application/problem+json"
 NUMBERS_WITHOUT_UNIT = {
-    *("value", "standard_uncertainty", "expanded_uncertainty", "entered_value"),  # their unit stands beside them
+    # their unit stands beside them
+    *("value", "standard_uncertainty", "expanded_uncertainty", "entered_value"),
     *("iso", "f_number", "coverage_factor", "progress", "tolerance", "surface_reflectance"),
     *("in_standard_uncertainties", "horizontal", "vertical"),  # the last two in fov_deg
-    *("i_sq", "i_sq_standard_uncertainty", "i_ss", "reflectance_k", "shared_u", "noise_u"),  # of a sensor's own unit, which stands beside them
+    # of a sensor's own unit, which stands beside them
+    *("i_sq", "i_sq_standard_uncertainty", "i_ss", "reflectance_k", "shared_u", "noise_u"),
     *("diffuse_share", "refractive_index", "below_zero_share", "above_one_share", "centre_x_share"),
     *("seen_share", "star_contrast", "gain_range_share"),
     "centre_y_share",
