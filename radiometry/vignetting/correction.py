@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.statistics import GREY
+from radiometry.statistics import GREY, name_site
 from radiometry.vignetting.application import evaluate_window, list_windows
-from radiometry.vignetting.features import name_site
 from radiometry.vignetting.results import Coefficient
 
 _COLOURS = ("R", "G", "B")

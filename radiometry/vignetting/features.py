@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.packing import Packed, pack
 from radiometry.roi import Window, mask
-from radiometry.statistics import GREY, compute_statistics
+from radiometry.statistics import GREY, compute_statistics, name_site
 from radiometry.vignetting.grid import Axis, Grid, Site, Vector
-from radiometry.vignetting.packing import Packed, pack
 
 Samples = NDArray[np.float32]
 
@@ -104,13 +104,6 @@ def _list_channels(cfa: str, band: str) -> list[_Channel]:
         _Channel(name_site(cfa, index), 0, index, Site(row0=index // 2, col0=index % 2, step=2))
         for index in range(4)
     ]
-
-
-def name_site(cfa: str, index: int) -> str:
-    """Name a site as the statistics do: a green is G1 when its row holds the red."""
-    if cfa[index] != "G":
-        return cfa[index]
-    return "G1" if cfa[index ^ 1] == "R" else "G2"
 
 
 def _embed(frame: Frame, inside: NDArray[np.bool_]) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:

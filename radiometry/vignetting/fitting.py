@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiometry.errors import Code, InputRejected
+from radiometry.packing import pack
 from radiometry.vignetting.curve import (
     evaluate_curve,
     evaluate_slopes,
@@ -16,7 +17,6 @@ from radiometry.vignetting.curve import (
     sample_radii,
 )
 from radiometry.vignetting.grid import Grid
-from radiometry.vignetting.packing import pack
 from radiometry.vignetting.quality import measure_gradient
 from radiometry.vignetting.results import ChannelFit, Coefficient
 from radiometry.vignetting.solving import Blocks, Solution, is_gradient_significant, solve_falloff

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from radiometry.packing import unpack
 from radiometry.roi import Polygon
 from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
 from radiometry.vignetting.features import FrameRow
-from radiometry.vignetting.packing import unpack
 from radiometry.vignetting.points import collect_candidates
 from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots
 from radiometry.vignetting.rows import DARK, Params

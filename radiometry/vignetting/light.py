@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.packing import unpack
 from radiometry.vignetting.features import ChannelBlocks, Features, FrameRow
 from radiometry.vignetting.grid import Plane
-from radiometry.vignetting.packing import unpack
 from radiometry.vignetting.rows import DARK
 from radiometry.vignetting.solving import Blocks
 

@@ -1,6 +1,5 @@
 """The block of a frame: its place, its samples, what is refused, and that it survives JSON."""
 
-import dataclasses
 import json
 
 import numpy as np
@@ -12,7 +11,7 @@ from radiometry.evidence import Region
 from radiometry.frame import Frame
 from radiometry.methods import noise
 from radiometry.noise.simulation import SimulatedSensor, describe
-from radiometry.packing import Packed, pack, unpack
+from radiometry.packing import unpack
 from radiometry.roi import Polygon
 
 HEADER = describe(SimulatedSensor())
@@ -132,17 +131,3 @@ def test_features_survive_json():
     adapter = TypeAdapter(noise.Features)
     text = json.dumps(adapter.dump_python(features, mode="json"))
     assert adapter.validate_python(json.loads(text)) == features
-
-
-@pytest.mark.parametrize("dtype", ["<u2", "<i4", "<f4"])
-def test_arrays_survive_packing(dtype):
-    array = np.arange(12).reshape(3, 4)
-    np.testing.assert_array_equal(unpack(pack(array, dtype=dtype)), array)
-
-
-@pytest.mark.parametrize("change", [{"shape": (3, 5)}, {"shape": (3, 3)}, {"dtype": "<f8"}, {"dtype": "|O"}])
-def test_an_array_that_does_not_fit_its_description_is_refused(change):
-    packed = dataclasses.replace(pack(np.zeros((3, 4)), dtype="<u2"), **change)
-    assert isinstance(packed, Packed)
-    with pytest.raises(ValueError, match=r"dtype|do not fill"):
-        unpack(packed)

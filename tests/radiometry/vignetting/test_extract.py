@@ -10,9 +10,9 @@ from radiometry.errors import InputRejected
 from radiometry.evidence import Region
 from radiometry.frame import Frame
 from radiometry.methods import vignetting
+from radiometry.packing import unpack
 from radiometry.roi import Polygon
 from radiometry.vignetting.grid import Grid, Site, average_radial
-from radiometry.vignetting.packing import Packed, pack, unpack
 from radiometry.vignetting.simulation import SimulatedLens, simulate_flat
 from tests.radiometry.vignetting.flats import SMALL, row, whole
 
@@ -131,17 +131,6 @@ def test_a_rendered_picture_has_three_planes():
     assert [each.channel for each in features.channels] == ["R", "G", "B"]
     levels = [np.median(unpack(each.mean_dn)) - 256.0 for each in features.channels]
     assert levels[0] / levels[1] == pytest.approx(0.6, rel=0.01)
-
-
-def test_a_damaged_array_is_refused():
-    packed = pack(np.arange(6.0).reshape(2, 3), dtype="<f4")
-    assert unpack(packed).tolist() == [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]
-    with pytest.raises(ValueError, match="do not fill"):
-        unpack(dataclasses.replace(packed, shape=(2, 4)))
-    with pytest.raises(ValueError, match="do not fill"):
-        unpack(dataclasses.replace(packed, shape=(1, 1)))
-    with pytest.raises(ValueError, match="is none of"):
-        unpack(Packed(dtype="<f8", shape=(1,), data=packed.data))
 
 
 def test_a_large_frame_has_at_most_64_blocks():

@@ -13,9 +13,9 @@ from scipy.stats import chi2
 from radiometry.errors import InputRejected
 from radiometry.evidence import Exclusion
 from radiometry.methods import vignetting
+from radiometry.packing import unpack
 from radiometry.vignetting.fitting import fit_channel
 from radiometry.vignetting.grid import Site
-from radiometry.vignetting.packing import unpack
 from radiometry.vignetting.simulation import FALLOFFS, SimulatedLens, Target, simulate_campaign
 from radiometry.vignetting.solving import is_gradient_significant, solve_falloff
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, exact_blocks, flags_of, flat, grid_of, row
