@@ -18,17 +18,10 @@ from service.problems import invalid, located
 from service.routes import problems
 from service.schemas.attitudes import FrameMotionAnswer, FrameOptics
 from service.schemas.base import Form
-from service.schemas.tools import (
-    MOST_CASES,
-    CoverageAnswer,
-    CoveragesAnswer,
-    ExposureAnswer,
-    MotionAnswer,
-    MotionsAnswer,
-    NewCoverage,
-    NewExposureSeries,
-    NewMotion,
-)
+from service.schemas.tools.coverage import CoverageAnswer, CoveragesAnswer, NewCoverage
+from service.schemas.tools.exposure import ExposureAnswer, NewExposureSeries
+from service.schemas.tools.motion import MotionAnswer, MotionsAnswer, NewMotion
+from service.schemas.tools.settings import MOST_CASES
 from service.tool_plots import draw_footprints, draw_motion
 from service.writing import IdempotencyKey
 from store.codec import decode_exposure, decode_header

@@ -1,0 +1,1 @@
+"""The calculators: nothing is stored."""
