@@ -58,7 +58,7 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         equation=paper.equation,
         configuration=row.configuration,
         laboratory=Laboratory(name=dossier.organisation.name, address=dossier.organisation.address),
-        item=Item(**CameraAnswer.of(dossier.camera).model_dump()),
+        item=Item(**CameraAnswer.of(dossier.camera).model_dump(exclude_none=True)),
         work=describe_work(dossier),
         meters=meters,
         panels=panels,

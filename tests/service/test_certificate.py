@@ -65,6 +65,14 @@ def test_it_carries_what_the_version_rests_on(house, version):
     assert certificate["software"] | version["software"] == certificate["software"]
 
 
+def test_a_lens_need_not_have_a_serial_number(house):
+    house.camera(lens={"make": "DJI", "model": "MFT 15mm F1.7 ASPH"})
+    version = calibrated_campaign(house, isos=(3200,))
+    assert certificate_of(house, version)["item"]["lens"] == {"make": "DJI", "model": "MFT 15mm F1.7 ASPH"}
+    assert publish(house, version, status=200)["state"] == "published"
+    assert house.http.get(f"/v1/calibrations/{version['id']}/certificate.pdf").content.startswith(b"%PDF-")
+
+
 def test_its_figures_are_the_versions(house, version):
     certificate = certificate_of(house, version)
     stated = {fit["coefficient"]["iso"]: fit["coefficient"] for fit in certificate["result"]["iso_fits"]}
