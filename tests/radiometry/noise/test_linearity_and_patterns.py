@@ -1,0 +1,68 @@
+"""What is not photon transfer: linearity, dark current, and what differs from pixel to pixel."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from radiometry.flags import Flag
+from radiometry.methods import noise
+from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, flags_of, only, take
+
+
+def bent_error(times, share):
+    """The linearity error of a noiseless sensor that loses ``share`` at white, by a plain weighted fit."""
+    signal = LIGHT * 0.5 * np.array(times)
+    signal = signal * (1 - share * signal / (16383 - 256))
+    inside = (signal > 0.05 * 16127) & (signal < 0.95 * 16127)
+    t, y = np.array(times)[inside], signal[inside]
+    a1, a0 = np.polyfit(t, y, 1, w=1 / y)
+    return np.mean(np.abs(y / (a0 + a1 * t) - 1))
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1])
+def test_a_bent_sensor_has_the_linearity_error_of_its_bend(share):
+    sensor = dataclasses.replace(SMALL, rows=96, cols=96, bend_rel=share)
+    times = (0.07, 0.15, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0)
+    linearity = only(noise.fit(take(sensor, 9, times=times), PARAMS)).linearity
+    agrees(linearity.error_rel, bent_error(times, share), errors=4.0)
+    assert linearity.error_rel.value > 20 * linearity.error_rel.standard_uncertainty
+    assert linearity.levels_used == 8
+
+
+def test_dark_frames_of_another_time_serve_through_their_line():
+    sensor = dataclasses.replace(SMALL, rows=96, cols=96, dark_current_e_per_s=200.0)
+    fit = noise.fit(take(sensor, 15, times=(*TIMES, 0.9), dark_times=(0.01, 0.5, 2.0)), PARAMS)
+    assert Flag.DARK_EXPOSURE_DIFFERS not in flags_of(fit)
+    linearity = only(fit).linearity
+    assert linearity.error_rel.value < 6 * linearity.error_rel.standard_uncertainty
+    far = noise.fit(take(sensor, 16, times=(*TIMES, 0.9), dark_times=(0.01,)), PARAMS)
+    assert Flag.DARK_EXPOSURE_DIFFERS in flags_of(far)
+
+
+def test_a_compensated_dark_current_is_seen_in_the_noise():
+    sensor = dataclasses.replace(SMALL, rows=64, cols=64, dark_current_e_per_s=50.0, compensates_dark=True)
+    fit = noise.fit(take(sensor, 10, dark_times=(0.02, 1.0, 2.0, 4.0)), PARAMS)
+    current = only(fit).dark_current
+    agrees(current.from_variance_e_per_s, 50.0)
+    agrees(current.dark_current_e_per_s, 0.0)
+    assert Flag.DARK_CURRENT_COMPENSATED in flags_of(fit)
+
+
+def test_a_dark_signal_cut_at_zero_is_flagged():
+    sensor = dataclasses.replace(SMALL, black_level_dn=2.0)
+    assert Flag.DARK_CLIPPED in flags_of(noise.fit(take(sensor, 11), PARAMS))
+
+
+def test_the_pattern_of_the_dark_is_no_part_of_the_prnu():
+    sensor = dataclasses.replace(SMALL, rows=64, cols=64, dsnu_e=80.0, prnu_rel=0.005)
+    channel = only(noise.fit(take(sensor, 24, frames=4), PARAMS))
+    agrees(channel.prnu_rel, 0.005)
+    agrees(channel.transfer.dsnu_e, 80.0)
+    assert channel.prnu_rel.standard_uncertainty < 0.0005
+
+
+def test_a_pattern_below_the_noise_is_not_resolved():
+    fit = noise.fit(take(SMALL, 12), PARAMS)
+    assert Flag.PATTERN_NOT_RESOLVED in flags_of(fit)
+    assert only(fit).dsnu_dn.standard_uncertainty > 0.0

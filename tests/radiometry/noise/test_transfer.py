@@ -1,0 +1,166 @@
+"""Photon transfer: gain, read noise and saturation, and how well they are known."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from radiometry.errors import Code, InputRejected
+from radiometry.flags import Flag
+from radiometry.methods import noise
+from radiometry.noise.levels import list_levels
+from radiometry.noise.simulation import expose, make_row
+from radiometry.noise.stacks import make_stacks
+from radiometry.noise.transfer import find_saturation, fit_gain
+from radiometry.packing import pack
+from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
+
+
+def test_figures_scatter_as_they_say():
+    """Fifty sensors of known gain: no tolerance but the predicted one."""
+    pulls = []
+    for seed in range(50):
+        transfer = only(noise.fit(take(SMALL, seed, times=TIMES[1:]), PARAMS)).transfer
+        gain, read = transfer.system_gain_dn_per_e, transfer.read_noise_e
+        threshold, full = transfer.sensitivity_threshold_e, transfer.full_well_e
+        truths = (
+            (gain, 0.5),
+            (read, 6.0),
+            (threshold, math.sqrt(36.0 + 1 / 3) + 0.5),
+            (full, (16383 - 256) / 0.5),
+        )
+        pulls.append([(found.value - true) / found.standard_uncertainty for found, true in truths])
+    pulls = np.array(pulls)
+    assert np.abs(pulls.mean(axis=0)).max() < 3.5 / math.sqrt(50)
+    # Birge's ratio enlarges u(K) by a tenth on the average, and never makes it smaller
+    assert np.all(pulls.std(axis=0) < 1.0 + 3.5 / math.sqrt(100))
+    assert np.all(pulls.std(axis=0)[:3] > 0.9 - 3.5 / math.sqrt(100))
+
+
+def test_faint_levels_share_the_error_of_their_dark_frames():
+    """Where light adds less noise than the dark has, its error is in every level, and in the read noise."""
+    sensor = dataclasses.replace(SMALL, read_noise_e=20.0, rows=48, cols=48)
+    times = (0.002, 0.004, 0.006, 0.008, 0.010)
+    pulls = []
+    for seed in range(40):
+        transfer = only(noise.fit(take(sensor, seed, times=times), PARAMS)).transfer
+        found = ((transfer.system_gain_dn_per_e, 0.5), (transfer.read_noise_e, 20.0))
+        pulls.append([(each.value - true) / each.standard_uncertainty for each, true in found])
+    assert np.abs(np.mean(pulls, axis=0)).max() < 3.5 / math.sqrt(40)
+    assert np.abs(np.std(pulls, axis=0) - 1.0).max() < 3.5 / math.sqrt(80)
+
+
+def test_a_dark_stack_moves_the_gain_as_its_covariance_says():
+    sensor = dataclasses.replace(SMALL, read_noise_e=20.0)
+    stacks = make_stacks(take(sensor, 25, times=(0.002, 0.005, 0.01), dark_times=(0.002, 0.01)))
+
+    def fit(shift_dn2):
+        moved = [
+            dataclasses.replace(
+                stack,
+                temporal=dataclasses.replace(stack.temporal, value_dn2=stack.temporal.value_dn2 + shift_dn2),
+            )
+            if stack.setting.role == "dark" and stack.setting.exposure_time_s == 0.002
+            else stack
+            for stack in stacks
+        ]
+        levels = list_levels(moved, PARAMS)
+        saturation = find_saturation(levels, white_signal_dn=16127.0)
+        return fit_gain(levels, saturation, range_share=0.7)
+
+    transfer = fit(0.0)
+    dark = transfer.levels[0].dark
+    slope = (fit(0.01).gain_dn_per_e - fit(-0.01).gain_dn_per_e) / 0.02
+    assert dark.setting.exposure_time_s == 0.002
+    assert slope < 0.0
+    # the weights follow the noise too, a little
+    assert transfer.covariance_with(dark) == pytest.approx(slope * dark.temporal.u_dn2**2, rel=0.05)
+
+
+def shift_left(samples, block):
+    """Numbers of a sensor of fewer bits as a larger container holds them: in steps of sixteen."""
+    return dataclasses.replace(
+        block,
+        samples_dn=pack(16 * samples, dtype="<u2"),
+        black_level_dn=16 * block.black_level_dn,
+        white_level_dn=16 * block.white_level_dn,
+    )
+
+
+@pytest.mark.parametrize("read_noise_e", [20.0, 3.0])
+def test_numbers_in_steps_of_sixteen_are_the_same_electrons(read_noise_e):
+    sensor = dataclasses.replace(
+        SMALL, system_gain_dn_per_e=0.1, read_noise_e=read_noise_e, white_level_dn=4095.0
+    )
+    rows = take(sensor, 5, times=(*TIMES, 1.5), dark_times=(0.02, 1.0))
+    plain, steps = (
+        {figure.name: figure for figure in noise.list_figures(noise.fit(each, PARAMS))}
+        for each in (rows, [repack(row, shift_left) for row in rows])
+    )
+    for name, figure in plain.items():
+        factor = 16.0 if "dn" in name else 1.0
+        assert steps[name].value == pytest.approx(factor * figure.value, rel=1e-9)
+        expected = factor * figure.standard_uncertainty
+        assert steps[name].standard_uncertainty == pytest.approx(expected, rel=1e-6)
+
+
+def test_noise_below_rounding_is_a_limit():
+    quiet = dataclasses.replace(SMALL, system_gain_dn_per_e=0.05, read_noise_e=2.0)
+    fit = noise.fit(take(quiet, 6, light=10 * LIGHT), PARAMS)
+    channel = only(fit)
+    assert Flag.READ_NOISE_BELOW_ROUNDING in flags_of(fit)
+    assert channel.read_noise_dn.value == pytest.approx(0.396, abs=0.001)
+    assert channel.transfer.read_noise_e.value > 2.0
+    agrees(channel.transfer.system_gain_dn_per_e, 0.05)
+
+
+def test_a_full_well_below_white_is_where_the_variance_falls():
+    sensor = dataclasses.replace(SMALL, full_well_e=20_000.0)
+    times = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.8)
+    fit = noise.fit(take(sensor, 7, times=times), PARAMS)
+    transfer = only(fit).transfer
+    assert transfer.saturation_origin == "variance_maximum"
+    agrees(transfer.full_well_e, 20_000.0, errors=2.0)
+    assert Flag.FULL_WELL_NOT_REACHED not in flags_of(fit)
+
+
+def test_a_sensor_that_nobody_saturated_says_so():
+    fit = noise.fit(take(SMALL, 8, times=TIMES[:5]), PARAMS)
+    assert only(fit).transfer.saturation_origin == "white_level_assumed"
+    assert Flag.FULL_WELL_NOT_REACHED in flags_of(fit)
+    assert Flag.FEW_POINTS in flags_of(fit)
+
+
+def test_light_that_brings_no_noise_has_no_gain():
+    """Rendered and smoothed pictures: signal without shot noise."""
+    rng = np.random.default_rng(19)
+    rows = [
+        make_row(
+            SMALL,
+            dataclasses.replace(
+                expose(SMALL, rng, light_e_per_s=0.0, exposure_time_s=time),
+                samples_dn=np.asarray(
+                    256 + level + (9 if not level else 2) * rng.standard_normal((32, 32)), np.uint16
+                ),
+            ),
+            name=f"{time}-{n}",
+            role="flat" if level else "dark",
+            exposure_time_s=time,
+        )
+        for time, level in ((0.1, 0), (0.2, 2000), (0.3, 3000), (0.4, 4000), (0.5, 5000))
+        for n in range(2)
+    ]
+    with pytest.raises(InputRejected, match="noise grows with its signal") as refused:
+        noise.fit(rows, PARAMS)
+    assert refused.value.code is Code.FIT_FAILED
+
+
+def test_an_iso_without_levels_still_has_its_dark_figures():
+    rows = take(SMALL, 20) + take(dataclasses.replace(SMALL, iso=800.0), 21, times=(0.1,))
+    fit = noise.fit(rows, PARAMS)
+    poor = fit.channel_fits[1]
+    assert (poor.iso, poor.transfer) == (800.0, None)
+    assert poor.read_noise_dn.value == pytest.approx(3.0, abs=4 * poor.read_noise_dn.standard_uncertainty)
+    assert (Flag.NO_PHOTON_TRANSFER, "iso 800 grey") in {(r.flag, r.where) for r in fit.flags}
+    assert {f.name for f in noise.list_figures(fit) if f.iso == 800.0} == {"read_noise_dn", "dsnu_dn"}
