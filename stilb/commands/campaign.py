@@ -18,7 +18,7 @@ from stilb.field.files import sort_files
 from stilb.field.plan import FILENAME, read_plan
 from stilb.field.pushing import Report, as_json
 from stilb.field.running import ensure_campaign, ensure_readings
-from stilb.field.template import write_template
+from stilb.field.template import METHODS, write_template
 from stilb.problem import Unclear
 
 app = typer.Typer(help="A campaign in a folder: camera, meter, readings and frames.", no_args_is_help=True)
@@ -32,10 +32,12 @@ def init(
     make: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
     model: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
     serial: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
-    method: Annotated[str, typer.Option(help="What is calibrated.")] = "luminance",
+    method: Annotated[str, typer.Option(help=f"What is calibrated: {', '.join(METHODS)}.")] = "luminance",
     project: Annotated[str | None, typer.Option(help="Project number; else the folder's name.")] = None,
 ) -> None:
     """Write a campaign.toml to be filled in. One that is there stays as it is."""
+    if method not in METHODS:
+        raise typer.BadParameter(f"--method is one of {', '.join(METHODS)}")
     path = folder / FILENAME
     said = {"make": make, "model": model, "serial": serial, "method": method}
     said["project_number"] = project or folder.resolve().name

@@ -13,15 +13,20 @@ from stilb.commands.talk import Talk, talks
 def k(
     talk: Talk,
     camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id, or its serial.")],
+    method: Annotated[str, typer.Option(help="Whose coefficients.")] = "luminance",
     iso: Annotated[float | None, typer.Option(help="Only of this ISO.")] = None,
     at: Annotated[str | None, typer.Option(help="What was in force then; else now.")] = None,
     known_at: Annotated[str | None, typer.Option(help="As it was known then; else now.")] = None,
 ) -> None:
-    """Show the luminance coefficient K in force, with its uncertainty and where it comes from."""
+    """Show the luminance coefficient K in force, with its uncertainty and where it comes from.
+
+    Of another method: every coefficient that is in force.
+    """
     with talk.client() as client:
         found = client.coefficients(
             client.find_camera(camera).id,
-            name="luminance_k",
+            method=method,
+            name="luminance_k" if method == "luminance" else None,
             iso=iso,
             at=read_moment(at),
             known_at=read_moment(known_at),

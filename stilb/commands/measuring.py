@@ -16,7 +16,7 @@ _GRID = re.compile(r"(\d+)x(\d+)")
 
 
 @talks
-def measure(
+def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     talk: Talk,
     frames: Annotated[list[str] | None, typer.Argument(metavar="[FRAME]...", help="Ids of frames.")] = None,
     campaign: Annotated[str | None, typer.Option(help="Every field frame of this campaign.")] = None,
@@ -26,6 +26,7 @@ def measure(
         str | None, typer.Option(help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.')
     ] = None,
     reflectance: Annotated[float | None, typer.Option(help="Of the surface: gives its illuminance.")] = None,
+    index: Annotated[str | None, typer.Option(help="Of a near infrared frame: ndvi, ndre or gndvi.")] = None,
     save_map: Annotated[
         Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame there.")
     ] = None,
@@ -34,6 +35,8 @@ def measure(
     if bool(frames) == (campaign is not None):
         raise typer.BadParameter("give frames, or --campaign")
     details = _details(calibration, region, grid, reflectance)
+    if index is not None:
+        details["index"] = index
     refused: list[dict[str, Any]] = []
     with talk.client() as client:
         with_map = save_map is not None

@@ -8,6 +8,8 @@ from rich.text import Text
 
 from stilb.records import Coefficient, Quantity
 
+_HOLDS_FOR = {"iso": "ISO", "f_number": "f", "band": "band", "channel": "channel"}
+
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
     """A row a thing; nothing of a cell is taken for markup."""
@@ -16,6 +18,8 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
         made.add_column(column, overflow="fold")
     for row in rows:
         made.add_row(*(Text(str(cell)) for cell in row))
+    if not made.rows:
+        made.add_row("none", *[""] * (len(columns) - 1))
     return made
 
 
@@ -26,11 +30,17 @@ def figure(quantity: Quantity | Coefficient) -> str:
 
 
 def of_coefficients(rows: Iterable[Coefficient]) -> Table:
-    """The coefficients of one or several versions."""
+    """The coefficients of one or several versions, with what each holds for."""
+    found = list(rows)
+    held = {name: head for name, head in _HOLDS_FOR.items() if any(getattr(row, name) for row in found)}
     return table(
-        ("name", "ISO", "value", "flags"),
+        ("name", *held.values(), "value", "flags"),
         [
-            (row.name, "" if row.iso is None else f"{row.iso:g}", figure(row), " ".join(row.flags))
-            for row in rows
+            (row.name, *(_plain(getattr(row, name)) for name in held), figure(row), " ".join(row.flags))
+            for row in found
         ],
     )
+
+
+def _plain(value: float | str | None) -> str:
+    return f"{value:g}" if isinstance(value, float | int) else value or ""

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 from stilb.field.files import ROLES, USUAL_RULES, Rule
 from stilb.problem import Unclear
-from stilb.records import CameraDetails, CampaignDetails, Reading
+from stilb.records import CameraDetails, CampaignDetails, Polygon, Reading
 from stilb.upload import FrameDetails
 
 FILENAME = "campaign.toml"
@@ -26,9 +26,11 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
         {"make", "model", "serial"},
     ),
     "campaign": (
-        {"method", *CampaignDetails.__annotations__},
+        {"method", *CampaignDetails.__annotations__} - {"panel_id", "target"},
         {"method", "project_number"},
     ),
+    "panel": ({"serial", "measured_on", "bands"}, {"serial", "measured_on", "bands"}),
+    "target": (set(), set()),
     "meter": ({"kind", "make", "model", "serial", "certificate"}, {"kind", "make", "model", "serial"}),
     "frames": ({"role", "pattern", "scene", "first", "last", *_EXPOSURE}, {"role"}),
     "readings": ({"file"}, {"file"}),
@@ -36,7 +38,7 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
         {"scene", "quantity", "value", "unit", "taken_at"},
         {"scene", "quantity", "value", "unit"},
     ),
-    "region": ({"polygon", "imagej", "file"}, set()),
+    "region": ({"polygon", "imagej", "file", "parts"}, set()),
     "fit": (set(), set()),
 }
 _LISTS = frozenset({"meter", "frames", "reading"})
@@ -45,7 +47,11 @@ _NEEDED = frozenset({"camera", "campaign"})
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What campaign.toml says. ``readings_csv``: the text of the spreadsheet; ``imagej``: or ``polygon``."""
+    """What campaign.toml says.
+
+    ``panel``: as `Client.create_panel` takes it; ``readings_csv``: the text of the spreadsheet; of
+    ``polygon``, ``imagej`` and ``parts`` one at most.
+    """
 
     make: str
     model: str
@@ -54,12 +60,14 @@ class Plan:
     method: str
     project_number: str
     campaign: CampaignDetails
+    panel: dict[str, Any] | None = None
     meters: tuple[dict[str, Any], ...] = ()
     rules: tuple[Rule, ...] = USUAL_RULES
     readings: tuple[Reading, ...] = ()
     readings_csv: str | None = None
-    polygon: tuple[tuple[float, float], ...] | None = None
+    polygon: Polygon | None = None
     imagej: str | None = None
+    parts: dict[str, Polygon] | None = None
     fit: dict[str, Any] = field(default_factory=dict)
 
 
@@ -81,6 +89,8 @@ def read_plan(folder: Path) -> Plan:
 def _plan(said: dict[str, Any], folder: Path) -> Plan:
     _check(said)
     camera, campaign = said["camera"], said["campaign"]
+    if "target" in said:
+        campaign["target"] = said["target"]
     csv = said.get("readings", {}).get("file")
     frames = said.get("frames")
     return Plan(
@@ -91,6 +101,7 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
         method=campaign.pop("method"),
         project_number=campaign["project_number"],
         campaign=cast("CampaignDetails", campaign),
+        panel=said.get("panel"),
         meters=tuple(said.get("meter", ())),
         rules=USUAL_RULES if frames is None else tuple(map(_rule, frames)),
         readings=tuple(said.get("reading", ())),
@@ -114,7 +125,7 @@ def _check(said: Mapping[str, Any]) -> None:
             where = f"{name} {number}" if name in _LISTS else name
             if allowed:
                 _known(f" in {where}", set(row), allowed)
-            for key in sorted(key for key in needed if row.get(key) in {None, ""}):
+            for key in sorted(key for key in needed if row.get(key) in (None, "", [])):
                 raise Unclear(f"{key} in {where} is not filled in")
             _known(f" in the lens of {where}", set(row.get("lens", ())), _LENS)
             _known(f" in the certificate of {where}", set(row.get("certificate", ())), _CERTIFICATE)
@@ -136,15 +147,23 @@ def _rule(row: dict[str, Any]) -> Rule:
 
 def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
     if len(said) > 1:
-        raise Unclear("region takes one of polygon, imagej and file")
+        raise Unclear("region takes one of polygon, imagej, file and parts")
     if "polygon" in said:
-        try:
-            return {"polygon": tuple((float(x), float(y)) for x, y in said["polygon"])}
-        except (ValueError, TypeError):
-            raise Unclear("polygon in region must be corners: [[x, y], [x, y], [x, y]]") from None
+        return {"polygon": _corners("polygon in region", said["polygon"])}
+    if "parts" in said:
+        if not isinstance(said["parts"], dict):
+            raise Unclear("parts in region must be written as [region.parts], a name and its corners a line")
+        return {"parts": {name: _corners(f"{name} in region", each) for name, each in said["parts"].items()}}
     if "file" in said:
         return {"imagej": _text(folder / said["file"])}
     return {"imagej": said.get("imagej")}
+
+
+def _corners(what: str, said: Any) -> Polygon:  # noqa: ANN401  whatever TOML holds
+    try:
+        return tuple((float(x), float(y)) for x, y in said)
+    except (ValueError, TypeError):
+        raise Unclear(f"{what} must be corners: [[x, y], [x, y], [x, y]]") from None
 
 
 def _text(path: Path) -> str:

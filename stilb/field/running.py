@@ -4,11 +4,11 @@ import hashlib
 import itertools
 import json
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 from stilb.client import Client
 from stilb.field.plan import Plan
-from stilb.records import Campaign, Reading
+from stilb.records import Campaign, CampaignDetails, Reading
 
 
 def find_planned(client: Client, plan: Plan) -> Campaign | None:
@@ -25,9 +25,13 @@ def find_planned(client: Client, plan: Plan) -> Campaign | None:
 
 
 def ensure_campaign(client: Client, plan: Plan) -> Campaign:
-    """The plan's campaign, made where there is none, with its region."""
-    campaign = find_planned(client, plan) or _create(client, plan)
-    if plan.polygon is not None:
+    """The plan's campaign, made where there is none, with what the plan says of it now, and its region."""
+    details = _details(client, plan)
+    campaign = find_planned(client, plan)
+    campaign = _correct(client, campaign, details) if campaign else _create(client, plan, details)
+    if plan.parts is not None:
+        client.set_roi(campaign.id, regions=plan.parts)
+    elif plan.polygon is not None:
         client.set_roi(campaign.id, polygon=plan.polygon)
     elif plan.imagej is not None:
         client.set_roi(campaign.id, imagej=plan.imagej)
@@ -45,11 +49,31 @@ def ensure_readings(client: Client, plan: Plan, campaign_id: str) -> tuple[int, 
     return len(own), others
 
 
-def _create(client: Client, plan: Plan) -> Campaign:
+def _details(client: Client, plan: Plan) -> CampaignDetails:
+    if plan.panel is None:
+        return plan.campaign
+    return {**plan.campaign, "panel_id": client.create_panel(**plan.panel).id}
+
+
+def _correct(client: Client, campaign: Campaign, details: CampaignDetails) -> Campaign:
+    """Say anew what was said otherwise before; a time may be written in several ways, so it stays."""
+    said = {name: value for name, value in details.items() if name != "started_at"}
+    changed = {name: value for name, value in said.items() if not _holds(campaign.raw.get(name), value)}
+    return client.change_campaign(campaign.id, **cast("CampaignDetails", changed)) if changed else campaign
+
+
+def _holds(stored: object, said: object) -> bool:
+    """The service writes a target's defaults out: what was said must be in it, more may be."""
+    if isinstance(stored, dict) and isinstance(said, dict):
+        return stored.keys() >= said.keys() and all(_holds(stored[name], said[name]) for name in said)
+    return stored == said
+
+
+def _create(client: Client, plan: Plan, details: CampaignDetails) -> Campaign:
     camera = client.create_camera(plan.make, plan.model, plan.serial, **plan.camera)
     # Two runs that begin at once, or one that is killed before its answer, make one campaign.
-    key = _digest("campaign", camera.id, plan.method, plan.campaign)
-    return client.create_campaign(camera.id, method=plan.method, idempotency_key=key, **plan.campaign)
+    key = _digest("campaign", camera.id, plan.method, details)
+    return client.create_campaign(camera.id, method=plan.method, idempotency_key=key, **details)
 
 
 def _send_once(

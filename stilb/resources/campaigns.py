@@ -21,10 +21,13 @@ class Campaigns(Connection):
         **details: Unpack[CampaignDetails],
     ) -> Campaign:
         """Begin a campaign. Two calls with the same ``idempotency_key`` begin one."""
-        body: dict[str, Any] = {"camera_id": camera_id, "method": method, **details}
-        if "started_at" in details:
-            body["started_at"] = as_text(details["started_at"])
+        body = {"camera_id": camera_id, "method": method, **_written(details)}
         call = Call(method="POST", path=address("campaigns"), json=body, headers=_idempotent(idempotency_key))
+        return Campaign.of(self._transport.json(call))
+
+    def change_campaign(self, campaign_id: str, **details: Unpack[CampaignDetails]) -> Campaign:
+        """Correct what is written on a campaign. With another ``target`` its frames are read anew."""
+        call = Call(method="PATCH", path=address("campaigns", campaign_id), json=_written(details))
         return Campaign.of(self._transport.json(call))
 
     def campaign(self, campaign_id: str) -> Campaign:
@@ -112,6 +115,13 @@ class Campaigns(Connection):
 def region(polygon: Polygon) -> dict[str, Any]:
     """Corners as the service reads them."""
     return {"polygon": [[x, y] for x, y in polygon]}
+
+
+def _written(details: CampaignDetails) -> dict[str, Any]:
+    body = dict[str, Any](details)
+    if "started_at" in details:
+        body["started_at"] = as_text(details["started_at"])
+    return body
 
 
 def _idempotent(key: str | None) -> dict[str, str]:

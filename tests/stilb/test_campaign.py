@@ -1,15 +1,20 @@
 """A campaign in a folder: one command goes from card to draft, and once more changes nothing."""
 
+import re
+
 import pytest
 
 from stilb.commands.exits import Exit
+from stilb.field.files import ROLES
 from stilb.field.plan import read_plan
 from stilb.field.running import ensure_campaign
+from stilb.field.template import METHODS
 from stilb.problem import Unclear
 from tests.support.campaigns import K_TRUE, LEVELS
 from tests.support.cards import write_card, write_plan
 
 NUMBERS = "readings.csv"
+KINDS = {"sharpness": "siemens_star", "geometry": "checkerboard"}
 
 
 @pytest.fixture
@@ -130,20 +135,29 @@ def test_init_writes_what_run_reads_once_it_is_filled_in(signed_in, handful):
     assert (again.code, read_plan(handful)) == (Exit.USAGE, plan)
 
 
-def test_everything_that_is_commented_out_in_the_template_can_be_used(signed_in, handful):
-    (handful / "campaign.toml").unlink()
-    signed_in("campaign", "init", handful, "--make", "DJI", "--model", "M", "--serial", "S")
-    lines = (handful / "campaign.toml").read_text().splitlines()
-    used = [
-        line[2:] if line.startswith(("# [", "# ")) and ("=" in line or "[" in line) else line
-        for line in lines
-    ]
-    used = [line for line in used if not line.startswith(("What the", "last =", "The ", "One "))]
-    (handful / "campaign.toml").write_text("\n".join(used))
-    plan = read_plan(handful)
+@pytest.mark.parametrize("method", METHODS)
+def test_everything_that_is_commented_out_in_a_template_can_be_used(signed_in, team, tmp_path, method):
+    signed_in(
+        *("campaign", "init", tmp_path, "--method", method), *("--make", "M", "--model", "M", "--serial", "S")
+    )
+    path = tmp_path / "campaign.toml"
+    path.write_text(re.sub(r"^# (?=\[|[\w-]+ = )", "", path.read_text(), flags=re.MULTILINE))
+    (tmp_path / NUMBERS).write_text("scene,quantity,value,unit\na,luminance,1,cd/m2\n")
+    plan = read_plan(tmp_path)
     assert plan.campaign["started_at"] == "2026-05-01T20:30:00+00:00"
-    assert plan.meters[0]["certificate"]["issued_on"] == "2026-01-17"
-    assert plan.imagej.startswith("makePolygon(")
+    campaign = ensure_campaign(team.client, plan)
+    assert campaign.method == method
+    assert team.client.roi(campaign.id)["polygon"]
+    assert len(plan.meters) == (method == "luminance")
+    assert ("panel_id" in campaign.raw) == (method == "reflectance")
+    assert campaign.raw.get("target", {}).get("kind") == KINDS.get(method)
+    assert {rule.role for rule in plan.rules} <= set(ROLES)
+
+
+def test_a_method_that_is_not_known_is_named(signed_in, tmp_path):
+    ended = signed_in("campaign", "init", tmp_path, "--method", "colour")
+    assert (ended.code, (tmp_path / "campaign.toml").exists()) == (Exit.USAGE, False)
+    assert "luminance, reflectance" in " ".join(ended.err.split())
 
 
 @pytest.mark.parametrize(
@@ -159,8 +173,14 @@ def test_everything_that_is_commented_out_in_the_template_can_be_used(signed_in,
         ('pattern = "dark/*"\n', "", "frames with the role dark need a pattern, or first and last"),
         ("[fit]", "[fit", "at line"),
         ("[campaign]", "[campaign]\nstarted_at = 2026-05-01T20:00:00", "has no time zone"),
-        ("imagej =", "polygon = [[1, 2]]\nimagej =", "region takes one of polygon, imagej and file"),
+        ("imagej =", "polygon = [[1, 2]]\nimagej =", "region takes one of polygon, imagej, file"),
         ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "polygon = [[1], [2]]", "must be corners"),
+        ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "parts = [[1, 2]]", "as [region.parts]"),
+        (
+            "[fit]",
+            '[panel]\nserial = "P"\nmeasured_on = 2026-03-14\n[fit]',
+            "bands in panel is not filled in",
+        ),
         ('file = "readings.csv"', 'file = "no.csv"', "No such file"),
     ],
 )
@@ -194,7 +214,8 @@ def test_another_word_in_the_plan_makes_no_other_campaign(signed_in, handful, te
     (handful / "campaign.toml").write_text(plan.replace("[campaign]", '[campaign]\nrecorder = "A. Meier"'))
     again = signed_in("campaign", "run", handful, "--no-fit", "--json").json
     assert (again["campaign_id"], again["sent"]) == (first["campaign_id"], 0)
-    assert len(list(team.client.campaigns())) == 1
+    (campaign,) = team.client.campaigns()
+    assert campaign.raw["recorder"] == "A. Meier"
 
 
 def test_a_run_that_was_killed_before_its_answer_makes_one_campaign(handful, team, monkeypatch):

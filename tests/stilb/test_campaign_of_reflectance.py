@@ -1,0 +1,101 @@
+"""A panel capture in a folder: one command goes from card to one K a band."""
+
+import numpy as np
+import pytest
+
+from demo.sequoia import name_file, write_sequoia
+from radiometry.reflectance.simulation import BANDS, SimulatedSequoia, simulate_sequoia_capture
+from stilb.commands.exits import Exit
+from stilb.field.plan import read_plan
+from stilb.field.running import ensure_campaign
+from stilb.problem import Unclear
+
+REFLECTS = 0.18
+BANDS_TOML = ", ".join(
+    f'{{ band = "{band}", reflectance = {REFLECTS}, standard_uncertainty = 0.002 }}' for band in BANDS
+)
+PLAN = """
+[camera]
+make = "Parrot"
+model = "Sequoia"
+serial = "{serial}"
+
+[campaign]
+method = "reflectance"
+project_number = "field 7"
+
+[panel]
+serial = "P-18"
+measured_on = 2018-03-01
+bands = [{bands}]
+
+[region]
+polygon = [[50, 40], [110, 40], [110, 80], [50, 80]]
+"""
+
+
+@pytest.fixture
+def card(tmp_path):
+    camera = SimulatedSequoia(height_px=120, width_px=160)
+    shots = simulate_sequoia_capture(
+        camera, np.random.default_rng(1), reflectance=dict.fromkeys(BANDS, REFLECTS)
+    )
+    (tmp_path / "panel").mkdir()
+    for shot in shots.values():
+        write_sequoia(tmp_path / "panel" / name_file(0, shot.header), shot)
+        serial = shot.header.serial
+    (tmp_path / "campaign.toml").write_text(PLAN.format(serial=serial, bands=BANDS_TOML))
+    return tmp_path
+
+
+def test_from_card_to_one_k_a_band_in_force(signed_in, card):
+    ended = signed_in("campaign", "run", card, "--json")
+    assert ended.code == Exit.DONE, ended.err
+    draft = ended.json["calibration"]
+    found = {row["band"]: row for row in draft["coefficients"]}
+    assert found.keys() == BANDS.keys()
+    for band, row in found.items():
+        assert abs(row["value"] - BANDS[band].reflectance_k) < 4 * row["standard_uncertainty"]
+    signed_in("publish", draft["id"], "--from", "2018-01-01", "--reason", "spring")
+    shown = signed_in("k", draft["camera_id"], "--method", "reflectance", "--at", "2018-05-01")
+    assert shown.code == Exit.DONE, shown.err
+    assert all(band in shown.out for band in BANDS)
+
+
+def test_a_corrected_panel_takes_the_place_of_the_other(card, team):
+    first = ensure_campaign(team.client, read_plan(card))
+    same = ensure_campaign(team.client, read_plan(card))
+    assert (same.id, same.raw["panel_id"]) == (first.id, first.raw["panel_id"])
+    path = card / "campaign.toml"
+    path.write_text(path.read_text().replace("2018-03-01", "2018-03-02"))
+    other = ensure_campaign(team.client, read_plan(card))
+    assert other.id == first.id
+    assert other.raw["panel_id"] != first.raw["panel_id"]
+
+
+def test_a_target_is_said_anew_only_when_it_has_changed(card, team, monkeypatch):
+    path = card / "campaign.toml"
+    said = path.read_text().split("[panel]")[0].replace("reflectance", "geometry")
+    said += '[target]\nkind = "checkerboard"\ncolumns = 9\nrows = 6\nsquare_size_mm = 25.0\n'
+    path.write_text(said)
+    campaign = ensure_campaign(team.client, read_plan(card))
+    change = type(team.client).change_campaign
+    monkeypatch.setattr(type(team.client), "change_campaign", None)
+    assert ensure_campaign(team.client, read_plan(card)).id == campaign.id
+    monkeypatch.setattr(type(team.client), "change_campaign", change)
+    path.write_text(said.replace("25.0", "30.0"))
+    assert ensure_campaign(team.client, read_plan(card)).raw["target"]["square_size_mm"] == 30.0
+
+
+def test_parts_of_a_region_have_names(card, team):
+    path = card / "campaign.toml"
+    said = path.read_text().split("[panel]")[0].replace("reflectance", "sharpness")
+    path.write_text(
+        said
+        + "[region.parts]\ncentre = [[40, 40], [80, 40], [80, 80]]\n'top left' = [[1, 1], [9, 1], [9, 9]]\n"
+    )
+    campaign = ensure_campaign(team.client, read_plan(card))
+    assert [part["name"] for part in team.client.roi(campaign.id)["regions"]] == ["centre", "top left"]
+    path.write_text(path.read_text().replace("[1, 1]", "[1]"))
+    with pytest.raises(Unclear, match="top left in region must be corners"):
+        read_plan(card)
