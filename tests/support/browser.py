@@ -3,14 +3,17 @@
 import os
 import shutil
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, BrowserContext, Page, Playwright, expect
+from PIL import Image
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, Playwright, expect
 
 WIDTHS = {"desktop": (1440, 900), "phone": (390, 844)}
 CHROMIUM = os.environ.get("STILB_CHROMIUM") or shutil.which("chromium") or "/usr/bin/chromium"
 PICTURES = os.environ.get("STILB_PICTURES")
+ILLUSTRATIONS = os.environ.get("STILB_ILLUSTRATIONS")
 _ARGUMENTS = [
     *("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
@@ -72,6 +75,27 @@ def look(page: Page, name: str, folder: Path | None = None) -> None:
             into.mkdir(parents=True, exist_ok=True)
             page.screenshot(path=into / f"{name}-{label}.png", full_page=True)
     page.set_viewport_size(before)
+
+
+def illustrate(page: Page, name: str, what: Locator | None = None) -> None:
+    """With STILB_ILLUSTRATIONS, a folder: keep what is seen, or one part of it, small enough to ship."""
+    if ILLUSTRATIONS is None:
+        return
+    shown = Image.open(BytesIO((what or page).screenshot()))
+    Path(ILLUSTRATIONS).mkdir(parents=True, exist_ok=True)
+    shown.convert("RGB").save(Path(ILLUSTRATIONS) / f"{name}.webp", quality=80, method=6)
+
+
+def drop(page: Page, place: Locator, paths: list[Path]) -> None:
+    """Drag files and folders from the desktop onto a place, as the window system does."""
+    place.scroll_into_view_if_needed()
+    box = place.bounding_box()
+    where = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    data = {"items": [], "files": [str(path) for path in paths], "dragOperationsMask": 1}
+    session = page.context.new_cdp_session(page)
+    for kind in ("dragEnter", "dragOver", "drop"):
+        session.send("Input.dispatchDragEvent", {"type": kind, **where, "data": data})
+    session.detach()
 
 
 def check_access(page: Page) -> None:

@@ -2,7 +2,7 @@
 
 import { all, post } from "../api.js";
 import { fill, h, may, table } from "../dom.js";
-import { quantity, number, tag, time, words } from "../format.js";
+import { ago, number, quantity, tag, words } from "../format.js";
 import { followJob } from "../live.js";
 import { act, empty, load } from "../states.js";
 import { decimal, field, select } from "./forms.js";
@@ -86,11 +86,11 @@ function list(found) {
   };
   return table(
     [
-      { head: "Version", header: true, cell: (each) => h("a", { href: `/calibrations/${each.id}` }, `Version ${each.version}`) },
+      { head: "Version", header: true, class: "nowrap", cell: (each) => h("a", { href: `/calibrations/${each.id}` }, `Version ${each.version}`) },
       { head: "State", cell: (each) => tag(each.state) },
       { head: "Result", cell: first },
       { head: "Flags", cell: (each) => number(new Set(each.coefficients.flatMap((c) => c.flags)).size) },
-      { head: "Made", cell: (each) => time(each.created_at) },
+      { head: "Made", class: "nowrap", cell: (each) => h("time", { datetime: each.created_at, title: each.created_at }, ago(each.created_at)) },
     ],
     found,
     { caption: "Versions fitted from this campaign" },

@@ -22,16 +22,16 @@ export function framesSection(state) {
   const bare = h("div");
   const grid = virtualTable({
     columns: [
-      { head: may("calibrate") ? everyone() : "", class: "pick" },
+      { head: may("calibrate") ? everyone() : h("span", { class: "hidden" }, "Choice"), class: "pick" },
       { head: h("span", { class: "hidden" }, "Picture"), class: "thumb" },
       { head: "Frame", class: "name" },
-      { head: "Exposure", class: "wide-only nowrap" },
-      { head: "Signal [DN]", class: "number wide-only" },
-      { head: "Clipped", class: "number wide-only" },
+      { head: "Exposure", class: "wide-only exposure" },
+      { head: "Signal [DN]", class: "number wide-only signal" },
+      { head: "Clipped", class: "number wide-only clipped" },
       { head: "Verdict", class: "verdict" },
     ],
     rowHeight: ROW_PX,
-    caption: "Frames",
+    caption: "Frames that have come",
     draw: (frame) => cells(frame),
     keyOf: (frame) => frame.id,
     markOf: (frame) => JSON.stringify([frame.state, frame.role, frame.scene, frame.exposure_time_s, frame.iso, signalOf(frame), state.verdicts.get(frame.id), chosen.has(frame.id)]),

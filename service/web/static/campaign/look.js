@@ -45,7 +45,8 @@ export function lookPart(onClipping) {
       }, { signal });
       if (signal.aborted) return;
       if (!job.result) throw Object.assign(new Error(job.error.detail), { title: "Not read", code: job.error.code, retryable: false });
-      told.textContent = `${number(areaOf(region.points), 9)} px² of ${frame.filename}, from its raw numbers`;
+      const clipped = job.result.clipping.cells.length ? "; red is clipped" : "";
+      told.textContent = `${number(areaOf(region.points), 9)} px² of ${frame.filename}, from its raw numbers${clipped}`;
       fill(shown, histogram(job.result), rows(job.result.statistics));
       element.classList.remove("stale");
       onClipping(job.result.clipping);
@@ -64,7 +65,7 @@ const hintOf = (points) => (points.length ? `${points.length} ${points.length ==
 function rows(statistics) {
   return table(
     [
-      { head: "", header: true, cell: (row) => h("span", { class: `channel ${row.channel}` }, row.channel) },
+      { head: h("span", { class: "hidden" }, "Channel"), header: true, cell: (row) => h("span", { class: `channel ${row.channel}` }, row.channel) },
       { head: "Mean", class: "number", cell: (row) => fixed(row.mean_dn, 1) },
       { head: "Std", class: "number", cell: (row) => fixed(row.std_dn, 1) },
       { head: "Min", class: "number", cell: (row) => number(row.min_dn, 6) },

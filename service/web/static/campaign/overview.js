@@ -43,8 +43,8 @@ function advice({ missing, advice: better }) {
   return h(
     "div",
     { class: "columns advice" },
-    missing.length ? h("div", { class: "note warn" }, h("h3", {}, "What is missing"), listOf(missing)) : null,
-    better.length ? h("div", { class: "note" }, h("h3", {}, "What would make it better"), listOf(better)) : null,
+    missing.length ? h("div", { class: "note warn" }, h("h2", {}, "What is missing"), listOf(missing)) : null,
+    better.length ? h("div", { class: "note" }, h("h2", {}, "What would make it better"), listOf(better)) : null,
   );
 }
 

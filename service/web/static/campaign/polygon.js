@@ -9,7 +9,6 @@ export const areaOf = (points) => Math.abs(points.reduce((sum, [x, y], i) => {
 /** Why a polygon cannot be a region, or null: the service checks it again. */
 export function faultOf(points) {
   if (points.length < 3) return "Set three corners or more.";
-  if (areaOf(points) === 0) return "It encloses nothing: its corners lie on one line.";
   const edges = points.map((point, i) => [point, points[(i + 1) % points.length]]);
   for (let a = 0; a < edges.length; a += 1) {
     for (let b = a + 1; b < edges.length; b += 1) {
@@ -17,6 +16,7 @@ export function faultOf(points) {
       if (!neighbours && cross(...edges[a], ...edges[b])) return "Its edges cross. Move a corner, or undo.";
     }
   }
+  if (areaOf(points) === 0) return "It encloses nothing: its corners lie on one line.";
   return null;
 }
 

@@ -43,8 +43,8 @@ export class UploadQueue extends EventTarget {
 
   /** Go on with what an earlier visit did not finish. Answers how many files that are. */
   async resume() {
-    if (!(await hold(`stilb-upload ${this.path}`))) return 0;
-    const rows = await this.journal.read();
+    await hold(`stilb-upload ${this.path}`);
+    const rows = (await this.journal.read()).filter((row) => !this.items.some((item) => item.key === row.key));
     for (const row of rows) {
       const item = { ...row, sent: 0, state: "lost" };
       this.items.push(item);
@@ -207,13 +207,13 @@ async function readable(file) {
   }
 }
 
-/** Whether this page is the one that sends: of two tabs on a campaign, the second only looks. */
+/** Until this page is the one that sends what was left: of two tabs on a campaign, the second waits for the first. */
 function hold(name) {
-  if (!navigator.locks) return Promise.resolve(true);
+  if (!navigator.locks) return Promise.resolve();
   return new Promise((done) => {
-    navigator.locks.request(name, { ifAvailable: true }, (lock) => {
-      done(Boolean(lock));
-      return lock ? new Promise(() => {}) : undefined;
+    navigator.locks.request(name, () => {
+      done();
+      return new Promise(() => {});
     });
   });
 }

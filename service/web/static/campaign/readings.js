@@ -19,7 +19,7 @@ export function readingsSection(state) {
   };
   const draw = (readings) => {
     const standing = readings.filter((each) => !each.withdrawn_at).length;
-    byId("readings-note").textContent = readings.length ? `${standing} of ${new Set(readings.map((each) => each.scene)).size} scenes` : "";
+    byId("readings-note").textContent = readings.length ? `${standing} ${standing === 1 ? "reading" : "readings"} of ${new Set(readings.map((each) => each.scene)).size} scenes` : "";
     entry.offer(meters.all);
     return readings.length ? rows(readings, meters, again) : empty("No reading yet", "What the luminance meter said of each scene; several of a scene are averaged.");
   };
@@ -42,10 +42,10 @@ function rows(readings, meters, again) {
   const meterOf = (each) => nameOfMeter(meters.all.find((meter) => meter.id === each.meter_id)) ?? "–";
   const entered = (each) => `${number(each.entered_value, 6)} ${each.entered_unit.replace("m2", "m²")}`;
   const columns = [
-    { head: "Scene", header: true, cell: (each) => each.scene },
+    { head: "Scene", header: true, class: "nowrap", cell: (each) => each.scene },
     { head: "Reading", class: "number", cell: (each) => [`${number(each.value, 5)} ${each.unit.replace("m2", "m²")}`, each.entered_unit === each.unit ? null : h("span", { class: "sub" }, entered(each))] },
     { head: "Meter", cell: (each) => meterOf(each) },
-    { head: "Taken", cell: (each) => (each.taken_at ? time(each.taken_at) : "–") },
+    { head: "Taken", class: "wide-only", cell: (each) => (each.taken_at ? time(each.taken_at) : "–") },
     ...(may("calibrate") ? [{ head: h("span", { class: "hidden" }, "Withdraw"), cell: (each) => (each.withdrawn_at ? h("span", { class: "tag" }, "withdrawn") : h("button", { type: "button", class: "quiet", "aria-label": `Withdraw ${entered(each)} of ${each.scene}`, onclick: (event) => act(event.target, async () => (await send("DELETE", `/v1/readings/${each.id}`), await again())) }, "Withdraw")) }] : []),
   ];
   return table(columns, sorted, { caption: "Readings", row: (each) => ({ class: each.withdrawn_at ? "withdrawn" : "" }) });

@@ -41,13 +41,18 @@ function build(state, drawable) {
   const look = lookPart((clipping) => canvas.showClipping(clipping));
   let frame = null;
   let seen = false;
+  // dark frames often come first, and nothing can be seen on them
+  let chosenByHand = false;
 
-  const frames = select([], { "aria-label": "Frame to draw on", onchange: () => choose(frames.value) });
-  const step = (by) => choose(frames.options[Math.min(Math.max(frames.selectedIndex + by, 0), frames.options.length - 1)].value);
+  const frames = select([], { "aria-label": "Frame to draw on", onchange: () => take(frames.value) });
+  const take = (id) => ((chosenByHand = true), choose(id));
+  const step = (by) => take(frames.options[Math.min(Math.max(frames.selectedIndex + by, 0), frames.options.length - 1)].value);
   function offer(some) {
     if (frames.options.length !== some.length) {
       fill(frames, some.map((each) => h("option", { value: each.id }, [each.filename, each.scene].filter(Boolean).join(" · "))));
       if (frame) frames.value = frame.id;
+      const lit = some.find((each) => each.role !== "dark");
+      if (frame?.role === "dark" && lit && !chosenByHand && !editor.dirty) choose(lit.id);
     }
   }
   function choose(id) {
@@ -93,7 +98,7 @@ function build(state, drawable) {
     else toast("Somebody has set another region meanwhile. Yours is still here; setting it takes the other’s place.");
   });
   state.on("draw-on", (event) => {
-    choose(event.detail);
+    take(event.detail);
     byId("region").scrollIntoView();
   });
   const element = h(

@@ -6,8 +6,10 @@ const PARTS = { "{scene}": "(?<scene>[^/]+)", "**/": "(?:.*/)?", "*": "[^/]*", "
 
 /** The rules that hold until somebody writes others: folders and names that mean a role, then folders as scenes. */
 export function usualRules(roles, usual) {
-  const named = ROLES.filter((role) => role !== "light" && role !== usual && roles.includes(role));
+  const named = ROLES.filter((role) => !["light", "field", usual].includes(role) && roles.includes(role));
   const rules = named.flatMap((role) => [{ pattern: `**/${role}*/*`, role }, { pattern: `*${role}*`, role }]);
+  // every campaign has frames to measure beside those to fit; by the folder alone, as a flat field is none
+  rules.push({ pattern: "**/field*/*", role: "field" });
   return [...rules, ...(roles.includes("light") ? [{ pattern: "**/{scene}/*", role: "light" }] : []), { pattern: "*", role: usual }];
 }
 

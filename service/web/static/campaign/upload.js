@@ -125,17 +125,17 @@ function itemTable(state, queue) {
     queue.changed();
   };
   return virtualTable({
-    columns: [{ head: "File", class: "name" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number wide-only" }, { head: "How far", class: "how-far" }],
+    columns: [{ head: "File", class: "name" }, { head: "How far", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }],
     rowHeight: ROW_PX,
     caption: "What is sent",
     keyOf: (item) => item.key,
     markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : "", state.verdicts.get(item.frameId)?.outcome].join("|"),
     draw: (item) => [
       h("span", { title: item.name }, item.name),
+      progressOf(state, item),
       editable(item) ? select(ROLES.map((name) => [name, name]), { "aria-label": `Role of ${item.name}`, onchange: (event) => edit(item, { role: event.target.value }) }, item.role) : item.role,
       editable(item) ? h("input", { "aria-label": `Scene of ${item.name}`, value: item.scene ?? "", list: "scenes-known", onchange: (event) => edit(item, { scene: event.target.value.trim() || undefined }) }) : (item.scene ?? "–"),
       bytes(item.size),
-      progressOf(state, item),
     ],
   });
 }

@@ -1,0 +1,264 @@
+"""A campaign on its page: made, filled, calibrated; by one person and by two."""
+
+import hashlib
+import json
+import re
+
+import pytest
+from playwright.sync_api import expect
+from sqlalchemy import select
+
+from store.columns import new_id
+from store.tables import Blob, FrameRow
+from tests.support.browser import check_access, look, settle, sign_in, visit
+from tests.support.campaigns import LEVELS
+from tests.support.fieldwork import write_campaign
+from tests.support.frames import write_frame
+
+
+@pytest.fixture(scope="module")
+def shots(tmp_path_factory):
+    """The frames of the small campaign at its first ISO value."""
+    found = write_campaign(tmp_path_factory.mktemp("shots"))
+    return [shot for shot in found if "-3200-" in shot.path.name]
+
+
+def add_pattern(page, pattern, role):
+    page.get_by_role("button", name="Add a pattern").click()
+    page.get_by_label("Pattern", exact=True).last.fill(pattern)
+    page.get_by_label("Pattern", exact=True).last.blur()
+    page.get_by_label("Role", exact=True).last.select_option(role)
+
+
+def click_at(page, x_share, y_share):
+    box = page.locator(".roi-canvas").bounding_box()
+    page.locator(".roi-canvas").click(position={"x": x_share * box["width"], "y": y_share * box["height"]})
+
+
+def test_from_the_camera_s_files_to_a_version(page, shots):
+    page.goto("/campaigns")
+    expect(page.get_by_text("No campaign yet")).to_be_visible()
+    page.get_by_role("link", name="New campaign").first.click()
+    for label, text in {
+        "Make": "DJI",
+        "Model": "FC6520",
+        "Serial number": "0K1XE8",
+        "Project number": "P-17",
+    }.items():
+        page.get_by_role("textbox", name=label, exact=True).fill(text)
+    check_access(page)
+    look(page, "campaign-new")
+    page.get_by_role("button", name="Create campaign").click()
+    expect(page.get_by_role("heading", level=1)).to_have_text("P-17")
+    settle(page)
+    check_access(page)
+    look(page, "campaign-empty")
+
+    page.get_by_label("Files to send").set_input_files([shot.path for shot in shots])
+    page.get_by_text("Role and scene by pattern").click()
+    add_pattern(page, "dark*", "dark")
+    add_pattern(page, "{scene}-????-?.DNG", "light")
+    expect(page.get_by_label("Scene of level-1-3200-0.DNG")).to_have_value("level-1")
+    look(page, "campaign-files")
+    page.get_by_role("button", name=f"Send {len(shots)} files").click()
+    expect(page.get_by_text(f"{len(shots)} of {len(shots)} received", exact=False)).to_be_visible()
+
+    canvas = page.locator(".roi-canvas")
+    canvas.scroll_into_view_if_needed()
+    for x_share, y_share in [(0.1, 0.2), (0.9, 0.2), (0.9, 0.9), (0.1, 0.9), (0.1, 0.2)]:
+        click_at(page, x_share, y_share)
+    expect(page.locator(".look .histogram")).to_be_visible()
+    page.get_by_role("button", name="Set for the campaign").click()
+    expect(page.get_by_text("The region is set")).to_be_visible()
+
+    sheet = "\n".join(f"{scene}\t{value:.2f}".replace(".", ",") for scene, value in LEVELS.items())
+    page.get_by_label("Lines").fill(sheet)
+    expect(page.get_by_text(f"{len(LEVELS)} understood")).to_be_visible()
+    page.get_by_role("button", name="Add", exact=True).click()
+    expect(page.get_by_text("Nothing is missing.", exact=True)).to_be_visible(timeout=30_000)
+    page.get_by_role("button", name="Calibrate").click()
+    version = page.get_by_role("link", name="Look at the version")
+    expect(version).to_have_attribute("href", re.compile(r"/calibrations/cal_"))
+    expect(page.get_by_role("link", name="Version 1")).to_be_visible()
+    settle(page)
+    page.evaluate("scrollTo(0, 0)")
+    check_access(page)
+    look(page, "campaign")
+
+    page.get_by_role("button", name="level-2-3200-1.DNG").click()
+    expect(page.get_by_role("dialog").get_by_role("table")).to_be_visible()
+    check_access(page)
+    look(page, "campaign-frame")
+    page.get_by_role("button", name="Close").click()
+    page.goto("/campaigns")
+    expect(page.get_by_role("link", name="P-17")).to_be_visible()
+    look(page, "campaigns")
+
+
+def test_chosen_frames_are_changed_together(page, team, shots):
+    campaign = team.campaign()
+    team.push(campaign, shots[:3])
+    page.goto(f"/campaigns/{campaign.id}")
+    page.get_by_label("Choose all that are listed").check()
+    page.get_by_label("Scene of the chosen").fill("dusk")
+    page.get_by_role("button", name="Change", exact=True).click()
+    expect(page.get_by_text("3 changed")).to_be_visible()
+    assert {frame.scene for frame in team.client.frames(campaign.id)} == {"dusk"}
+
+
+def test_two_people_see_each_other_s_frames(page, team, browser, service, shots):
+    campaign = team.campaign()
+    page.goto(f"/campaigns/{campaign.id}")
+    expect(page.get_by_text("No frame yet")).to_be_visible()
+    with visit(browser, service.url) as other_context:
+        other = sign_in(other_context, team.key)
+        other.goto(f"/campaigns/{campaign.id}")
+        other.get_by_label("Files to send").set_input_files(shots[1].path)
+        other.get_by_role("button", name="Send 1 file").click()
+        expect(page.get_by_role("button", name=shots[1].path.name)).to_be_visible()
+
+
+def test_the_first_rows_do_not_wait_for_a_thousand(page, team, service, tmp_path):
+    campaign = team.campaign()
+    path = write_frame(tmp_path / "frame-0.DNG")
+    with team.http() as http:
+        sent = http.post(
+            f"/v1/campaigns/{campaign.id}/frames",
+            params={"role": "light", "scene": "level-1", "filename": path.name},
+            content=path.read_bytes(),
+        ).json()
+    service.wait_for_jobs([sent["id"]])
+    multiply(service.database, sent["id"], 1000)
+    held = []
+
+    def hold(route):
+        held.append(route)
+
+    page.route(re.compile(r"/frames\?.*cursor="), hold)
+    page.goto(f"/campaigns/{campaign.id}")
+    # all but the first page is held back
+    expect(page.get_by_role("button", name="frame-3.DNG", exact=True)).to_be_visible()
+    page.unroute_all()
+    for route in held:
+        route.continue_()
+    expect(page.locator("#frames-note")).to_have_text(
+        re.compile(r"^1.?000 of this campaign$"), timeout=30_000
+    )
+    expect(page.locator(".virtual tbody tr")).not_to_have_count(1000)
+    assert page.locator(".virtual tbody tr").count() < 60
+    page.locator(".virtual").last.evaluate("element => element.scrollTo(0, element.scrollHeight)")
+    expect(page.get_by_role("button", name="frame-999.DNG")).to_be_visible()
+    assert page.locator(".virtual tbody tr").count() < 60
+
+
+def multiply(database, frame_id, count):
+    """As many frames as that: the same row, under other names and hashes."""
+    with database.writing("test") as session:
+        row = session.scalar(select(FrameRow).where(FrameRow.id == frame_id))
+        columns = {column.key: getattr(row, column.key) for column in FrameRow.__table__.columns}
+        hashes = [hashlib.sha256(f"{frame_id} {index}".encode()).hexdigest() for index in range(1, count)]
+        session.add_all([Blob(sha256=each, size_bytes=1) for each in hashes])
+        session.flush()
+        session.add_all(
+            [
+                FrameRow(**columns | {"id": new_id("frm"), "sha256": each, "filename": f"frame-{index}.DNG"})
+                for index, each in enumerate(hashes, start=1)
+            ]
+        )
+
+
+@pytest.mark.parametrize("context", ["phone"], indirect=True)
+def test_readings_are_pasted_and_each_bad_line_is_named(page, team):
+    campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)
+    page.goto(f"/campaigns/{campaign.id}#readings")
+    page.get_by_label("Lines").fill("level-1\t54,4\nlevel-2\t1,234\nlevel-3\tabout 2\n\nlevel-4\t0,26\tfL")
+    faults = page.locator(".faults li")
+    expect(faults).to_have_text(
+        [re.compile("Line 2: .*a thousand or one and a bit"), re.compile("Line 3: .*not a number")]
+    )
+    page.get_by_role("button", name="Add", exact=True).click()
+    expect(page.get_by_role("alert").filter(has_text="Line 2")).to_have_count(2)
+
+    page.get_by_role("button", name="Register a meter").click()
+    form = {"Make": "Gossen", "Model": "Starlite 2", "Serial number": "8F0042", "Certificate number": "D-K-1"}
+    for label, text in (
+        form
+        | {
+            "Laboratory": "PTB",
+            "Issued on": "2026-04-02",
+            "Due on": "2027-04-02",
+            "Expanded uncertainty": "2,5",
+        }
+    ).items():
+        page.get_by_role("dialog").get_by_label(label).fill(text)
+    check_access(page)
+    page.get_by_role("button", name="Register", exact=True).click()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    page.get_by_label("Lines").fill("scene;value;unit\nlevel-1;54,4;cd/m²\nlevel-4;0,26;fL")
+    page.get_by_role("button", name="Add", exact=True).click()
+    expect(
+        page.get_by_role("row", name="level-4").filter(has_text=re.compile("0.89083 .*0.26 fL.*Gossen"))
+    ).to_be_visible()
+    page.get_by_role("button", name="Withdraw 54.4 cd/m² of level-1").click()
+    expect(page.get_by_role("row", name=re.compile("level-1.*withdrawn"))).to_be_visible()
+    with team.http() as http:
+        (meter,) = http.get("/v1/meters").json()["items"]
+        readings = http.get(f"/v1/campaigns/{campaign.id}/readings").json()["items"]
+    assert meter["certificate"]["expanded_uncertainty_rel"] == 0.025
+    assert [(each["entered_value"], each["entered_unit"], "withdrawn_at" in each) for each in readings] == [
+        (54.4, "cd/m2", True),
+        (0.26, "fL", False),
+    ]
+
+
+def test_the_checklist_is_ticked_noted_and_signed(page, team):
+    campaign = team.campaign()
+    page.goto(f"/campaigns/{campaign.id}#checklist")
+    page.locator("#checklist summary", has_text="Drone Camera Calibration Equipment").click()
+    page.get_by_role("checkbox", name="A dimmable lamp").check()
+    expect(page.locator("#checklist summary", has_text="Equipment")).to_contain_text("1 of")
+    page.get_by_role("button", name="Note on: A dimmable lamp").click()
+    page.get_by_label("What was done").fill("40 W halogen")
+    page.get_by_role("button", name="Keep").click()
+    expect(page.get_by_text("“40 W halogen”")).to_be_visible()
+    page.evaluate("scrollTo(0, 0)")
+    check_access(page)
+    page.get_by_role("button", name="Sign the checklist").click()
+    page.get_by_label("Operator").fill("A. Meier")
+    page.get_by_role("button", name="Sign", exact=True).click()
+    expect(page.get_by_text("Signed by A. Meier")).to_be_visible()
+
+
+def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, team):
+    team.client.create_camera("DJI", "FC6520", "0K1XE8")
+    page.goto("/campaigns/new")
+    page.get_by_role("radio", name="Geometry").check()
+    page.get_by_label("Inner corners across").fill("9")
+    page.get_by_label("Inner corners down").fill("6,5")
+    page.get_by_label("Side of a square").fill("24,8")
+    page.get_by_role("button", name="Create campaign").click()
+    expect(page.get_by_role("alert")).to_contain_text("“6,5” is not a whole number")
+    page.get_by_label("Inner corners down").fill("6")
+    check_access(page)
+    look(page, "campaign-new-geometry")
+    page.get_by_role("button", name="Create campaign").click()
+    page.wait_for_url("**/campaigns/cmp_*")
+    settle(page)
+    page.goto("/campaigns/new")
+    page.get_by_role("radio", name="Reflectance").check()
+    page.locator("#panel select").select_option("new")
+    page.locator("#panel").get_by_label("Serial number").fill("RP02")
+    page.locator("#panel").get_by_label("Measured on").fill("2026-03-14")
+    page.locator("#panel").get_by_label("What it reflects").fill("green 0,69 0,005\nred 0,68")
+    page.get_by_role("button", name="Create campaign").click()
+    page.wait_for_url("**/campaigns/cmp_*")
+    settle(page)
+    with team.http() as http:
+        board, reflecting = http.get("/v1/campaigns").json()["items"]
+        (panel,) = http.get("/v1/panels").json()["items"]
+    assert (
+        board["target"] | {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 24.8}
+        == board["target"]
+    )
+    assert reflecting["panel_id"] == panel["id"]
+    assert json.dumps(panel["bands"]).count("reflectance") == 2

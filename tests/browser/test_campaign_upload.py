@@ -1,0 +1,132 @@
+"""Files on their way: known ones are not sent, a lost connection and a reload lose nothing."""
+
+import hashlib
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.frames import write_frame
+
+UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames\?")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("card")
+    return [write_frame(folder / f"level-1-{seed}.DNG", seed=seed) for seed in range(3)]
+
+
+@pytest.fixture
+def campaign(team, page):
+    """One with its readings and its region, whose page is open."""
+    made = team.campaign()
+    page.goto(f"/campaigns/{made.id}")
+    return made
+
+
+def choose(page, files):
+    page.get_by_label("Files to send").set_input_files(files)
+
+
+def names_of(team, campaign):
+    with team.http() as http:
+        items = http.get(f"/v1/campaigns/{campaign.id}/frames").json()["items"]
+    return sorted(item["filename"] for item in items)
+
+
+def test_what_the_service_has_is_not_sent_again(page, team, campaign, files):
+    choose(page, files[:1])
+    page.get_by_role("button", name="Send 1 file").click()
+    expect(page.get_by_text("1 of 1 received")).to_be_visible()
+    page.reload()
+    sent = []
+    page.on(
+        "request",
+        lambda asked: asked.method == "POST" and UPLOADS.search(asked.url) and sent.append(asked.url),
+    )
+    choose(page, files[:2])
+    expect(page.get_by_text("1 there already: not sent")).to_be_visible()
+    page.get_by_role("button", name="Send 1 file").click()
+    expect(page.get_by_text("1 of 1 received")).to_be_visible()
+    assert len(sent) == 1
+    assert names_of(team, campaign) == ["level-1-0.DNG", "level-1-1.DNG"]
+
+
+def test_a_lost_connection_is_waited_for(page, team, campaign, files):
+    lost = []
+
+    def lose(route):
+        lost.append(route.request.url)
+        if len(lost) <= 2:
+            route.abort("connectionreset")
+        else:
+            route.continue_()
+
+    page.route(UPLOADS, lambda route: lose(route) if route.request.method == "POST" else route.continue_())
+    choose(page, files)
+    page.get_by_role("button", name="Send 3 files").click()
+    expect(page.get_by_text("wait for the connection").first).to_be_visible()
+    expect(page.get_by_text("3 of 3 received")).to_be_visible()
+    assert len(lost) == 5
+    assert names_of(team, campaign) == [path.name for path in files]
+    # the browser itself notes what was lost
+    complaints = page.context.complaints
+    assert [said for said in complaints if "ERR_CONNECTION_RESET" not in said] == []
+    complaints.clear()
+
+
+def test_a_reload_goes_on_where_it_was(page, team, campaign, files):
+    held = []
+    page.route(
+        UPLOADS, lambda route: held.append(route) if route.request.method == "POST" else route.continue_()
+    )
+    choose(page, files)
+    page.get_by_label(f"Scene of {files[2].name}").fill("dusk")
+    page.get_by_label(f"Scene of {files[2].name}").blur()
+    page.get_by_role("button", name="Send 3 files").click()
+    page.wait_for_function(KEPT, arg=len(files))
+    page.reload()
+    expect(page.get_by_text("Going on with 3 files of an earlier visit")).to_be_visible()
+    # what is held goes on its way
+    page.unroute_all()
+    expect(page.get_by_text("3 of 3 received")).to_be_visible()
+    with team.http() as http:
+        items = http.get(f"/v1/campaigns/{campaign.id}/frames").json()["items"]
+    assert {item["filename"]: item.get("scene") for item in items}["level-1-2.DNG"] == "dusk"
+    page.reload()
+    expect(page.get_by_role("button", name=files[0].name)).to_be_visible()
+    expect(page.locator(".upload-panel")).to_be_hidden()
+
+
+# as many files lie in the browser's own store
+KEPT = """count => new Promise(done => {
+    const asked = indexedDB.open("stilb-uploads");
+    asked.onsuccess = () => {
+        const all = asked.result.transaction("files").objectStore("files").count();
+        all.onsuccess = () => (asked.result.close(), done(all.result === count));
+    };
+})"""
+
+
+def test_a_file_that_is_none_says_why(page, campaign):  # noqa: ARG001  its page is looked at
+    choose(page, {"name": "notes.txt", "mimeType": "text/plain", "buffer": b"no frame at all"})
+    page.get_by_role("button", name="Send 1 file").click()
+    expect(page.get_by_text("1 of 1 received, 1 fail")).to_be_visible()
+    page.get_by_role("button", name="notes.txt").click()
+    expect(page.get_by_role("dialog").locator(".note.bad")).to_be_visible()
+
+
+@pytest.mark.parametrize("size", [0, 55, 56, 64, 1000, 70_000])
+def test_hashes_are_right_where_the_browser_has_none(page, size):
+    page.goto("/campaigns")
+    found = page.evaluate(
+        """async size => {
+            const own = document.querySelector("script[type=module]").src;
+            const { Sha256 } = await import(own.replace("list.js", "sha256.js"));
+            const bytes = Uint8Array.from({ length: size }, (_, i) => (7 * i) % 256);
+            return new Sha256().update(bytes.subarray(0, 13)).update(bytes.subarray(13)).hex();
+        }""",
+        size,
+    )
+    assert found == hashlib.sha256(bytes((7 * i) % 256 for i in range(size))).hexdigest()
