@@ -98,6 +98,7 @@ class Taken:
     ``flags`` : those raised when it was accepted
     ``format`` : of a frame that has been read, else None
     ``region`` : the polygon that holds for it now, None where nobody has drawn one
+    ``needs_region`` : False for a frame that is measured as a whole where none is drawn
     """
 
     frame: str
@@ -108,6 +109,7 @@ class Taken:
     flags: tuple[str, ...]
     format: Format | None
     region: Polygon | None
+    needs_region: bool = True
 
 
 def conclude(reasons: Iterable[Reason]) -> Verdict:
@@ -182,6 +184,8 @@ def _inspect_format(frame: Taken, of_region: Format | None, usual: Format | None
 
 
 def _inspect_region(frame: Taken, width_px: int, height_px: int) -> list[Reason]:
+    if frame.region is None and not frame.needs_region:
+        return []
     if frame.region is None:
         detail = "No region (ROI) is drawn yet: draw it on the preview, for the campaign or for this frame."
         return [Reason(code=ReasonCode.NO_REGION, outcome="pending", detail=detail)]

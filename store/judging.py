@@ -24,11 +24,11 @@ class Stock:
 
 
 def take_stock(session: Session, campaign: Campaign) -> Stock:
-    evidence = gather(session, campaign)
     params = make_params(session, campaign)
+    every = gather(session, campaign, applied=True)
     return Stock(
-        missing=list_missing(campaign, evidence, params),
-        advice=list(methods.plan(campaign.method, evidence.frames, evidence.readings, params)),
+        missing=list_missing(campaign, gather(session, campaign), params),
+        advice=list(methods.plan(campaign.method, every.frames, every.readings, params)),
     )
 
 
@@ -37,12 +37,12 @@ def judge_frames(session: Session, campaign: Campaign) -> dict[str, Verdict]:
     rows = session.scalars(
         select(FrameRow).where(FrameRow.campaign_id == campaign.id).order_by(FrameRow.id)
     ).all()
-    evidence = gather(session, campaign)
+    evidence = gather(session, campaign, applied=True)
     of_frame = region_ids(session, campaign, rows)
     regions = _read_regions(session, set(of_frame.values()))
     # what no fit sees needs no name, only one that no other frame has
     names = {row.id: evidence.names.get(row.id, row.id) for row in rows}
-    taken = [_take(row, names[row.id], _region(row, campaign, regions.get(of_frame[row.id]))) for row in rows]
+    taken = [_take(row, campaign, names[row.id], regions.get(of_frame[row.id])) for row in rows]
     verdicts = methods.judge(
         campaign.method, taken, evidence.frames, evidence.readings, make_params(session, campaign)
     )
@@ -53,7 +53,7 @@ def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdic
     """The verdict on a frame that is about to be read: nothing of it can be held against others yet."""
     roi = current_roi(session, frame, campaign)
     region = Polygon.from_points(roi.points) if roi else None
-    return conclude(inspect_frame(_take(frame, frame.id, _region(frame, campaign, region))))
+    return conclude(inspect_frame(_take(frame, campaign, frame.id, region)))
 
 
 def _region(row: FrameRow, campaign: Campaign, drawn: Polygon | None) -> Polygon | None:
@@ -68,7 +68,7 @@ def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None
     return {roi.id: Polygon.from_points(roi.points) for roi in rois}
 
 
-def _take(row: FrameRow, name: str, region: Polygon | None) -> Taken:
+def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -> Taken:
     return Taken(
         frame=name,
         role=row.role,
@@ -77,7 +77,8 @@ def _take(row: FrameRow, name: str, region: Polygon | None) -> Taken:
         refusal=row.refusal_detail or "",
         flags=tuple(row.warnings),
         format=_read_format(row.header),
-        region=region,
+        region=_region(row, campaign, drawn),
+        needs_region=row.role not in methods.describe(campaign.method).applied_roles,
     )
 
 

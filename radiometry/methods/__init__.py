@@ -25,7 +25,8 @@ class Room:
     """What others must know of a method to carry its things.
 
     ``schema_version`` : of the form in which its parameters and results are stored
-    ``roles`` : of the frames that its fit sees; ``applied_roles`` : of those that only `apply` sees
+    ``roles`` : of the frames that its fit sees; ``applied_roles`` : of those that only `apply` sees,
+        which are judged beside them and need no region
     ``features`` : its figures of one frame, None where statistics are all; ``target`` : what is photographed,
         None where nobody need say
     ``whole_frame`` : it looks at the whole frame where nobody has drawn a region
@@ -35,6 +36,7 @@ class Room:
     schema_version: int
     roles: frozenset[str]
     params: type[Any]
+    applied_roles: frozenset[str] = frozenset()
     features: type[Any] | None = None
     target: type[Any] | None = None
     whole_frame: bool = False
@@ -53,6 +55,7 @@ def describe(method: Method) -> Room:
                 schema_version=reflectance.SCHEMA_VERSION,
                 roles=reflectance.ROLES,
                 params=reflectance.Params,
+                applied_roles=reflectance.APPLIED_ROLES,
                 features=reflectance.Features,
                 manual_exposure=False,
             )

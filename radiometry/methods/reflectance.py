@@ -49,6 +49,7 @@ from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import TiltParams
 
 __all__ = [
+    "APPLIED_ROLES",
     "INDICES",
     "ROLES",
     "SCHEMA_VERSION",
@@ -89,7 +90,8 @@ __all__ = [
 ]
 
 SCHEMA_VERSION = 1
-ROLES = frozenset({"panel", "field"})
+ROLES = frozenset({"panel"})
+APPLIED_ROLES = frozenset({"field"})
 
 
 def extract(

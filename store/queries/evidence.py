@@ -30,13 +30,18 @@ class Evidence:
     """What the readings were made with, as it is now: meters with their certificates, panels."""
 
 
-def gather(session: Session, campaign: Campaign) -> Evidence:
-    """Frames with the statistics of the region that holds for them now, and the readings that stand."""
+def gather(session: Session, campaign: Campaign, *, applied: bool = False) -> Evidence:
+    """Frames with the statistics of the region that holds for them now, and the readings that stand.
+
+    ``applied``: those too that no fit sees, which are only judged and measured.
+    """
+    room = methods.describe(campaign.method)
+    roles = room.roles | room.applied_roles if applied else room.roles
     rows = list(
         session.scalars(
             select(FrameRow)
             .where(FrameRow.campaign_id == campaign.id, FrameRow.state != "refused")
-            .where(FrameRow.role.in_(methods.describe(campaign.method).roles))
+            .where(FrameRow.role.in_(roles))
         )
     )
     rows.sort(key=lambda row: (row.filename, row.sha256))

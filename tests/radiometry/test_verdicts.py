@@ -65,6 +65,7 @@ def test_equals_keep_their_order():
         ({"state": "received", "format": None}, [("not_read", "pending")]),
         ({"state": "read"}, [("not_extracted", "pending")]),
         ({"state": "read", "region": None}, [("no_region", "pending")]),
+        ({"state": "read", "region": None, "needs_region": False}, []),
         ({"flags": (Flag.EXPOSURE_NOT_MANUAL.value,)}, [("exposure_not_manual", "warn")]),
         ({"flags": (Flag.RENDERED.value,)}, [("rendered", "warn")]),
         ({"flags": (Flag.SERIAL_UNKNOWN.value,)}, []),

@@ -47,7 +47,7 @@ def _describe(method: methods.Method) -> dict[str, Any]:
     room = methods.describe(method)
     return {
         "method": method,
-        "roles": sorted(room.roles),
+        "roles": sorted(room.roles | room.applied_roles),
         "target": room.target is not None,
         "whole_frame": room.whole_frame,
     }

@@ -1,0 +1,140 @@
+"""A real RedEdge over HTTP: a panel capture with its drawn regions, and a flight in the same campaign."""
+
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+import tifffile
+
+from tests.support.data import data_file
+
+BANDS = ("blue", "green", "red", "nir", "red_edge")
+CAMERA = {"make": "MicaSense", "model": "RedEdge", "serial": "1777777"}
+# The panel's corners in band 1, and by how much the other bands see it moved, (x, y).
+CORNERS = ((809, 613), (648, 615), (646, 454), (808, 452))
+SHIFTS = dict(zip(BANDS, ((0, 0), (-35, 10), (-35, 38), (20, 43), (0, 20)), strict=True))
+# What the maker's own library makes of the same files.
+RADIANCE = dict(zip(BANDS, (0.17028382, 0.17940027, 0.16221727, 0.10647021, 0.13081078), strict=True))
+IRRADIANCE = dict(zip(BANDS, (0.79845, 0.81682, 0.74944, 0.54834, 0.61336), strict=True))
+ALBEDO = dict(zip(BANDS, (0.67, 0.69, 0.68, 0.61, 0.67), strict=True))
+DLS = dict(zip(BANDS, (1.084825, 0.983995, 0.921404, 0.486932, 0.771330), strict=True))
+PANEL = {
+    "serial": "RP02-1603036-SC",
+    "measured_on": "2016-03-14",
+    "bands": [
+        {"band": band, "reflectance": albedo, "standard_uncertainty": 0.005}
+        for band, albedo in ALBEDO.items()
+    ],
+}
+
+
+def name(capture, band):
+    return f"0000SET_000_IMG_000{capture}_{BANDS.index(band) + 1}.tif"
+
+
+def send(house, campaign, capture, band, **query):
+    content = data_file(f"rededge/{name(capture, band)}").read_bytes()
+    return house.upload(campaign, content, filename=name(capture, band), **query)
+
+
+@pytest.fixture(scope="module")
+def campaign(sqlite_house):
+    """The flight's frames are there before the fit, and nobody draws anything on them."""
+    house = sqlite_house
+    camera = house.camera(**CAMERA)
+    house.post("/v1/panels", PANEL)
+    made = house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance"})
+    for band, (dx, dy) in SHIFTS.items():
+        region = json.dumps([[x + dx, y + dy] for x, y in CORNERS])
+        send(house, made, 0, band, role="panel", roi=region)
+    for band in ("red", "nir"):
+        send(house, made, 1, band, role="field")
+    house.work()
+    return made
+
+
+@pytest.fixture(scope="module")
+def frames(sqlite_house, campaign):
+    items = sqlite_house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]
+    return {(frame["role"], frame["band"]): frame for frame in items}
+
+
+@pytest.fixture(scope="module")
+def version(sqlite_house, campaign):
+    job = sqlite_house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=202)
+    sqlite_house.work()
+    job = sqlite_house.get(f"/v1/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job
+    return sqlite_house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+
+
+def measure(house, frame, version, **more):
+    body = {"frame_id": frame["id"], "calibration_id": version["id"], **more}
+    job = house.post("/v1/measurements", body, status=202)
+    house.work()
+    job = house.get(f"/v1/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job
+    return house.get(f"/v1/measurements/{job['result']['measurement_id']}")
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_a_panel_frame_gives_the_published_radiance_and_the_light_sensor_s_reading(frames, band):
+    frame = frames["panel", band]
+    (row,) = frame["statistics"]
+    assert (row["channel"], row["i_sq_unit"]) == (band, "W/(m2*sr*nm)")
+    assert row["i_sq"] == pytest.approx(RADIANCE[band], rel=1e-3)
+    sunshine = frame["sunshine"]
+    assert sunshine["i_ss"] == pytest.approx(DLS[band], abs=1e-6)
+    assert (sunshine["unit"], sunshine["serial"], sunshine["readings"]) == (
+        "W/(m2*nm)",
+        "DL03-1706120-SC",
+        1,
+    )
+
+
+def test_flight_frames_are_no_part_of_the_version_and_wait_for_no_region(frames, version):
+    names = {frame["frame"] for frame in version["inputs"]["frames"]}
+    assert names == {name(0, band) for band in BANDS}
+    assert frames["field", "nir"]["verdict"] == {"outcome": "pass", "reasons": []}
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_k_is_the_light_over_the_panel_s_radiance(version, band):
+    row = next(row for row in version["coefficients"] if row["band"] == band)
+    assert (row["unit"], version["configuration"]["sunshine_sensor"]["serial"]) == ("sr", "DL03-1706120-SC")
+    assert row["value"] == pytest.approx(ALBEDO[band] * DLS[band] / RADIANCE[band], rel=1e-3)
+    assert {"sunshine_scale_assumed", "sunshine_single_reading"} <= set(row["flags"])
+    # I_ss / E of the published irradiance on the panel, E = pi L / albedo
+    assert row["value"] == pytest.approx(math.pi * DLS[band] / IRRADIANCE[band], rel=1e-3)
+
+
+def test_the_panel_measures_itself(sqlite_house, frames, version):
+    found = measure(sqlite_house, frames["panel", "red"], version)
+    assert found["region_origin"] == "frame"
+    assert found["mean"]["value"] == pytest.approx(ALBEDO["red"], rel=1e-9)
+    assert found["mean"]["standard_uncertainty"] > 0.005
+
+
+def test_a_flight_frame_is_measured_whole_and_its_map_agrees(sqlite_house, frames, version):
+    found = measure(sqlite_house, frames["field", "nir"], version, products=["map"])
+    assert (found["region_origin"], found["pixels"]) == ("whole_frame", 1280 * 960)
+    answer = sqlite_house.http.get(found["links"]["map_tif"])
+    with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
+        plane, said = file.asarray(), json.loads(file.pages[0].description)
+    assert (said["band"], said["wavelength_nm"], said["capture_id"]) == (
+        "NIR",
+        840.0,
+        frames["field", "nir"]["capture_id"],
+    )
+    assert found["map"] == {
+        "pixels": plane.size,
+        "below_zero": int((plane < 0).sum()),
+        "above_one": int((plane > 1).sum()),
+        "saturated": int(np.isnan(plane).sum()),
+    }
+    assert found["map"]["above_one"] > 100  # roofs and stones: not clipped
+    assert found["map"]["saturated"] == round(found["saturated_share"] * plane.size) == 207
+    # the region's mean counts saturated pixels as they stand, the map leaves them out
+    assert float(np.nanmean(plane, dtype=float)) == pytest.approx(found["mean"]["value"], rel=1e-3)
