@@ -158,12 +158,17 @@ def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
     errors = list(errors)
     for error in errors:
         if error["type"] == "json_invalid":
-            where = f"{error['ctx']['error']} at character {error['loc'][-1]}"
-            return Problem(400, HttpCode.BAD_REQUEST, f"The body is not JSON: {where}.")
+            return Problem(400, HttpCode.BAD_REQUEST, f"The body is not JSON: {_locate_in_json(error)}.")
     named = [member for error in errors for member in describe(error)]
     detail = "; ".join(f"{member['field']}: {member['message']}" for member in named[:5])
     more = f"; and {len(named) - 5} more" if len(named) > 5 else ""
     return Problem(422, HttpCode.VALIDATION_FAILED, f"{detail}{more}", errors=named)
+
+
+def _locate_in_json(error: Mapping[str, Any]) -> str:
+    """Where the text stops being JSON: one reader counts characters, the other says line and column itself."""
+    said, place = error["ctx"]["error"], error["loc"][-1]
+    return f"{said} at character {place}" if isinstance(place, int) else str(said)
 
 
 def located(error: ValidationError, *place: str) -> list[dict[str, Any]]:

@@ -15,6 +15,7 @@ _WORDS = {
     "float_type": "must be a number",
     "float_parsing": "must be a number",
     "int_parsing": "must be a whole number",
+    "int_from_float": "must be a whole number",
     "string_type": "must be text",
     "string_pattern_mismatch": "must not hold control characters such as line breaks or tabs",
     "string_unicode": "must be text in Unicode",
@@ -27,6 +28,9 @@ _WORDS = {
     "date_from_datetime_parsing": "must be a date such as 2026-05-01",
     "date_from_datetime_inexact": "must be a date such as 2026-05-01",
 }
+_ASIDE = " after validation"
+"""What pydantic says of the length of a list, as if the team had validated it."""
+
 _PREFIXES = ("Value error, ", "Input should ", "String should ", "List should ", "Dictionary should ")
 
 
@@ -42,6 +46,7 @@ def describe(error: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def _plain(message: str) -> str:
+    message = message.replace(_ASIDE, "")
     for prefix in _PREFIXES:
         if message.startswith(prefix):
             rest = message.removeprefix(prefix)

@@ -152,6 +152,9 @@ def test_geometry_needs_a_board_and_says_which_field_is_wrong(house):
     body["target"] = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25, "colour": "red"}
     problem = house.post("/v1/campaigns", body, status=422)
     assert [error["field"] for error in problem["errors"]] == ["body.target.colour"]
+    body["target"] = {"kind": "checkerboard", "columns": 9.5, "rows": 6, "square_size_mm": 25}
+    problem = house.post("/v1/campaigns", body, status=422)
+    assert problem["detail"] == "body.target.columns: must be a whole number"
     body = {"camera_id": camera["id"], "method": "luminance", "target": {"kind": "checkerboard"}}
     problem = house.post("/v1/campaigns", body, status=422)
     assert [error["field"] for error in problem["errors"]] == ["body.target"]

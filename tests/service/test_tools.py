@@ -100,7 +100,7 @@ def test_what_does_not_exist_is_absent(house):
         ),
         ("motion", MOTION | {"exposure_time_s": True}, "body.exposure_time_s", "must be a number"),
         ("motion", [MOTION, MOTION | {"limit_px": None}], "body.1.limit_px", "null is not a value"),
-        ("motion", [], "body", "at least 1 item"),
+        ("motion", [], "body", "must have at least 1 item, not 0"),
         ("coverage", COVERAGE | {"tilt_deg": 90}, "body.tilt_deg", "less than 90"),
         ("exposure", {"rows": [], "white_level_dn": 1000}, "body.rows", "at least 1 item"),
     ],
@@ -109,6 +109,13 @@ def test_a_wrong_field_is_named(house, tool, body, field, message):
     (error,) = ask(house, tool, body, status=422)["errors"]
     assert error["field"] == field
     assert message in error["message"]
+
+
+@pytest.mark.parametrize("body", [b"", b"{", b"pixel_pitch_um"])
+def test_what_is_no_json_says_where_it_ends(house, body):
+    problem = house.http.post("/v1/tools/motion", content=body).json()
+    assert (problem["status"], problem["code"]) == (400, "bad_request")
+    assert problem["detail"].endswith(f"at line 1 column {min(len(body), 1)}.")
 
 
 @pytest.mark.parametrize("text", ["NaN", "Infinity", "-Infinity", "1e400"])
