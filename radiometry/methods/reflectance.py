@@ -26,7 +26,15 @@ from radiometry.reflectance.application import apply_features as apply
 from radiometry.reflectance.caveats import check_candidates, check_fit, check_frame
 from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.fitting import describe_point, fit_band
-from radiometry.reflectance.indices import INDICES, BandMap, Index, IndexMap, compute_index, name_bands
+from radiometry.reflectance.indices import (
+    INDICES,
+    BandMap,
+    Index,
+    IndexMap,
+    align_region,
+    compute_index,
+    name_bands,
+)
 from radiometry.reflectance.judging import judge, plan
 from radiometry.reflectance.points import (
     Candidate,
@@ -71,6 +79,7 @@ __all__ = [
     "Scale",
     "Sunshine",
     "TiltParams",
+    "align_region",
     "apply",
     "check_frame",
     "compute_index",

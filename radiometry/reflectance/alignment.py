@@ -8,6 +8,7 @@ from scipy import ndimage
 
 from radiometry.errors import Code, InputRejected
 from radiometry.multispectral import RigGeometry
+from radiometry.roi import Polygon
 
 Grid = NDArray[np.float64]
 
@@ -33,22 +34,59 @@ def align(
     Source: Pix4D, "How are the internal and external camera parameters defined?" (lens models); the sense of
     R was found on a real Sequoia capture, see the tests
     """
-    x, y = _find_positions(plane.shape, of=_require(of), onto=_require(onto))
+    rows, cols = (np.arange(size, dtype=np.float64) for size in plane.shape)
+    x, y = _find_positions(
+        np.broadcast_to(cols, plane.shape),
+        np.broadcast_to(rows[:, None], plane.shape),
+        of=_require(of),
+        onto=_require(onto),
+    )
     found = ndimage.map_coordinates(plane, [y, x], order=1, mode="constant", cval=np.nan, output=np.float32)
     return np.asarray(found, np.float32)
 
 
-def _find_positions(shape: tuple[int, ...], *, of: RigGeometry, onto: RigGeometry) -> tuple[Grid, Grid]:
-    """Give where (x, y) [px] the band ``of`` sees what each pixel of ``onto`` does; if nowhere, beside it.
+def move_region(
+    polygon: Polygon, *, of: RigGeometry | None, onto: RigGeometry | None, height_px: int, width_px: int
+) -> tuple[Polygon, Polygon]:
+    """Give a region of band ``onto`` as ``onto`` and as ``of`` see it: the part of it that both frames hold.
+
+    The corners are moved as `align` moves pixels; the lines between them stay straight.
+
+    Raises InputRejected
+      bands_not_aligned as `align`; roi_outside_frame if the other band sees nothing of the region
+    """
+    lenses = (_require(of), _require(onto))
+    try:
+        moved = _move_points(np.array(polygon.points), of=lenses[0], onto=lenses[1])
+        held = np.clip(moved, 0.0, (width_px, height_px))
+        if np.array_equal(held, moved):
+            return polygon, Polygon.from_points(held.tolist())
+        back = _move_points(held, of=lenses[1], onto=lenses[0])
+        return Polygon.from_points(np.clip(back, 0.0, (width_px, height_px)).tolist()), Polygon.from_points(
+            held.tolist()
+        )
+    except InputRejected as refusal:
+        raise InputRejected(
+            Code.ROI_OUTSIDE_FRAME,
+            "The other band of this capture looks a little aside, and does not see this region. "
+            "Draw it nearer to the middle of the frame.",
+        ) from refusal
+
+
+def _move_points(points: Grid, *, of: RigGeometry, onto: RigGeometry) -> Grid:
+    """Move points (n, 2) [px] from where ``onto`` sees them: a region's 0.5 is the centre of pixel 0."""
+    x, y = _find_positions(points[:, 0] - 0.5, points[:, 1] - 0.5, of=of, onto=onto)
+    return np.column_stack((x, y)) + 0.5
+
+
+def _find_positions(x: Grid, y: Grid, *, of: RigGeometry, onto: RigGeometry) -> tuple[Grid, Grid]:
+    """Give where (x, y) [px] the band ``of`` sees what ``onto`` sees at x, y; if nowhere, beside the image.
 
     A file's numbers may be any, and resampling at a position that is no number reads beside the memory: what
     is not finite, or behind the lens, is put beside the image.
     """
-    rows, cols = (np.arange(size, dtype=np.float64) for size in shape)
     with np.errstate(all="ignore"):
-        directions = find_directions(
-            onto, x=np.broadcast_to(cols, shape), y=np.broadcast_to(rows[:, None], shape)
-        )
+        directions = find_directions(onto, x=x, y=y)
         turned = directions @ (_rotation(of).T @ _rotation(onto)).T
         x, y = project(of, turned)
         seen = np.isfinite(x) & np.isfinite(y) & (turned[..., 2] > 0.0)

@@ -1,6 +1,6 @@
 """Vegetation indices of the bands of one capture."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from radiometry.errors import Code, InputRejected
 from radiometry.frame import FrameHeader
-from radiometry.reflectance.alignment import align
+from radiometry.reflectance.alignment import align, move_region
 from radiometry.reflectance.imaging import require_band
+from radiometry.roi import Polygon
 
 Index = Literal["ndvi", "ndre", "gndvi"]
 INDICES: tuple[Index, ...] = get_args(Index)
@@ -66,7 +67,7 @@ def compute_index(index: Index, bands: Mapping[str, BandMap]) -> IndexMap:
             f"{' and '.join(lacking)} is not there. Upload the capture's other files.",
         )
     nir, other = bands[nir_name], bands[other_name]
-    _require_one_capture(nir, other)
+    _require_one_capture(nir.header, other.header, sizes={each.reflectance.shape for each in (nir, other)})
     aligned = align(
         other.reflectance,
         of=require_band(other.header).geometry,
@@ -79,14 +80,26 @@ def compute_index(index: Index, bands: Mapping[str, BandMap]) -> IndexMap:
     return IndexMap(index=index, values=values, undefined=int(np.count_nonzero(~exists)))
 
 
-def _require_one_capture(one: BandMap, other: BandMap) -> None:
-    captures = [require_band(each.header).capture_id for each in (one, other)]
+def align_region(polygon: Polygon, nir: FrameHeader, other: FrameHeader) -> tuple[Polygon, Polygon]:
+    """Give a region of the near infrared frame as it and the capture's other band see it.
+
+    Raises InputRejected
+      bands_not_aligned as `compute_index`; roi_outside_frame if the other band sees nothing of it
+    """
+    _require_one_capture(nir, other, sizes={(each.height_px, each.width_px) for each in (nir, other)})
+    return move_region(
+        polygon,
+        of=require_band(other).geometry,
+        onto=require_band(nir).geometry,
+        height_px=nir.height_px,
+        width_px=nir.width_px,
+    )
+
+
+def _require_one_capture(one: FrameHeader, other: FrameHeader, *, sizes: Collection[tuple[int, ...]]) -> None:
+    captures = [require_band(each).capture_id for each in (one, other)]
     same = captures[0] is not None and captures[0] == captures[1]
-    if (
-        not same
-        or one.header.serial != other.header.serial
-        or one.reflectance.shape != other.reflectance.shape
-    ):
+    if not same or one.serial != other.serial or len(sizes) > 1:
         raise InputRejected(
             Code.BANDS_NOT_ALIGNED,
             "The two files are not bands of one capture (their capture ids, cameras or sizes differ): the "

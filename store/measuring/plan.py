@@ -55,7 +55,7 @@ def plan_measurement(
         "calibration_id": calibration.id,
         "calibration_chosen": chosen,
         "why": why,
-        "polygon": [list(point) for point in polygon.points],
+        "polygon": _list_points(polygon),
         "region_origin": origin,
         "products": list(asked.products),
     }
@@ -148,16 +148,25 @@ def _plan_reflectance(
 ) -> dict[str, Any]:
     coefficients, angle_deg = read_band_coefficients(calibration), asked.incidence_angle_deg or 0.0
     plan: dict[str, Any] = {"incidence_angle_deg": angle_deg}
-    frames = [frame]
+    header = decode_header(frame.header or {})
+    bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
+    headers = [header]
     if asked.index is not None:
         other = _find_band(session, frame, reflectance.name_bands(asked.index)[1])
-        plan |= {"index": asked.index, "other": {"frame_id": other.id, "sha256": other.sha256}}
-        frames.append(other)
-    for each in frames:
-        header = decode_header(each.header or {})
-        bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
-        reflectance.find_scale_of_frame(header, coefficients=coefficients, incidence_angle_deg=angle_deg)
+        headers.append(decode_header(other.header or {}))
+        here, there = reflectance.align_region(polygon, header, headers[1])
+        plan |= {
+            "index": asked.index,
+            "polygon": _list_points(here),
+            "other": {"frame_id": other.id, "sha256": other.sha256, "polygon": _list_points(there)},
+        }
+    for each in headers:
+        reflectance.find_scale_of_frame(each, coefficients=coefficients, incidence_angle_deg=angle_deg)
     return plan
+
+
+def _list_points(polygon: Polygon) -> list[list[float]]:
+    return [list(point) for point in polygon.points]
 
 
 def _find_band(session: Session, frame: FrameRow, band: str) -> FrameRow:

@@ -117,6 +117,15 @@ def test_the_panel_measures_itself(sqlite_house, frames, version):
     assert found["mean"]["standard_uncertainty"] > 0.005
 
 
+@pytest.mark.parametrize("products", [[], ["map"]])
+def test_an_index_of_bands_that_lie_apart_is_refused_before_the_job(sqlite_house, frames, version, products):
+    """This firmware wrote no RigRelatives, and the bands lie some 40 pixels apart."""
+    body = {"frame_id": frames["field", "red"]["id"], "calibration_id": version["id"], "index": "ndvi"}
+    problem = sqlite_house.post("/v1/measurements", body | {"products": products}, status=422)
+    assert problem["code"] == "bands_not_aligned"
+    assert "RigRelatives" in problem["detail"]
+
+
 def test_a_flight_frame_is_measured_whole_and_its_map_agrees(sqlite_house, frames, version):
     found = measure(sqlite_house, frames["field", "nir"], version, products=["map"])
     assert (found["region_origin"], found["pixels"]) == ("whole_frame", 1280 * 960)

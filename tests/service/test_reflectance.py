@@ -183,18 +183,28 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
     version = fit(house, campaign)
     frame = frames_of(house, campaign)["red"]
     found = measure(house, frame, calibration_id=version["id"], index="ndvi", products=["map"])
-    # both bands were made 0.18 in this region: the index of equals is 0
     assert found["index"]["name"] == "ndvi"
     assert [band["band"] for band in found["index"]["bands"]] == ["nir", "red"]
-    assert found["mean"]["value"] == pytest.approx(0.0, abs=1e-6)
-    u = [band["reflectance"]["standard_uncertainty"] for band in found["index"]["bands"]]
-    expected = math.hypot(*u) * 2 * 0.18 / 0.36**2
-    assert found["mean"]["standard_uncertainty"] == pytest.approx(expected, rel=1e-5)
+    a, b = (band["reflectance"] for band in found["index"]["bands"])
+    total = a["value"] + b["value"]
+    assert a["value"] == pytest.approx(0.18, rel=1e-6)
+    assert found["mean"]["value"] == pytest.approx((a["value"] - b["value"]) / total, rel=1e-9)
+    u = math.hypot(b["value"] * a["standard_uncertainty"], a["value"] * b["standard_uncertainty"])
+    assert found["mean"]["standard_uncertainty"] == pytest.approx(2 * u / total**2, rel=1e-5)
     plane, said = read_map(house, found)
     assert said["quantity"] == "ndvi"
     assert plane.shape == (960, 1280)
     assert found["map"] == {"pixels": plane.size, "undefined": int(np.isnan(plane).sum())}
     assert np.isfinite(plane).sum() > 0.9 * plane.size
+    # the region's red is what the map compares with there, not the same pixels of a band that looks aside
+    nir, _ = read_map(
+        house,
+        measure(house, frames_of(house, campaign)["nir"], calibration_id=version["id"], products=["map"]),
+    )
+    centre = np.s_[440:520, 600:680]
+    red = nir[centre] * (1 - plane[centre]) / (1 + plane[centre])
+    assert b["value"] == pytest.approx(float(red.mean(dtype=float)), rel=2e-3)
+    assert abs(b["value"] - 0.18) > 0.02
     # nothing is clipped: where one band's noise falls below zero the index leaves [-1, 1]
     assert np.mean(np.abs(plane[np.isfinite(plane)]) <= 1.0) > 0.99
 

@@ -126,8 +126,13 @@ def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
     index = task.parameters["index"]
     with ExitStack() as stack:
         path = stack.enter_context(task.context.blobs.local_path(other_row.sha256))
-        other = replace(task, frame=other_row, header=decode_header(other_row.header or {}), path=path)
-        # the second band's region is the first one's: bands of one capture differ by some pixels
+        other = replace(
+            task,
+            frame=other_row,
+            header=decode_header(other_row.header or {}),
+            path=path,
+            parameters=task.parameters | {"polygon": task.parameters["other"]["polygon"]},
+        )
         result: dict[str, Any] = encode(measure_index(index, _apply(task), _apply(other)))
         task.report(0.1)
         if not task.wants_map:

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from radiometry.errors import InputRejected
 from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral, RigGeometry
-from radiometry.reflectance.alignment import _rotation, align, find_directions, project
+from radiometry.reflectance.alignment import _rotation, align, find_directions, move_region, project
 from radiometry.reflectance.simulation import SimulatedSequoia, simulate_sequoia_capture
+from radiometry.roi import Polygon, Window, mask
 
 FISHEYE = RigGeometry(
     model="fisheye",
@@ -163,6 +164,57 @@ def test_aligning_undoes_the_turning(lens):
     found = align(draw_spot(y[0], x[0]), of=turned, onto=lens)
     row, col = np.unravel_index(np.nanargmax(found), found.shape)
     assert (row, col) == (300, 700)
+
+
+SIZE = {"height_px": 960, "width_px": 1280}
+WHOLE = Polygon.from_points([(0, 0), (1280, 0), (1280, 960), (0, 960)])
+
+
+@pytest.mark.parametrize("lens", [FISHEYE, PERSPECTIVE], ids=["fisheye", "perspective"])
+def test_a_region_holds_in_the_other_band_what_it_holds_in_the_first(lens):
+    """A spot in the other band, at the moved region's middle, is brought to the region's own middle."""
+    turned = turn(lens, -0.43, -0.32, 0.5)
+    region = Polygon.from_points([(695, 297), (706, 297), (706, 304), (695, 304)])
+    here, there = move_region(region, of=turned, onto=lens, **SIZE)
+    assert here == region
+    x, y = np.mean(there.points, axis=0)
+    assert np.hypot(x - 700.5, y - 300.5) > 8.0
+    found = align(draw_spot(y - 0.5, x - 0.5), of=turned, onto=lens)
+    inside = mask(region, Window(row0=0, col0=0, height=960, width=1280))
+    assert np.unravel_index(np.nanargmax(np.where(inside, found, np.nan)), found.shape) == (300, 700)
+    assert np.nanmax(found[inside]) == np.nanmax(found)
+
+
+def test_of_a_whole_frame_both_bands_keep_what_both_see():
+    # 1449.4 tan(2 deg) = 51 px in the middle, a fifth more at the rim, where the lens draws wider
+    turned = turn(PERSPECTIVE, phi=2.0)
+    here, there = move_region(WHOLE, of=turned, onto=PERSPECTIVE, **SIZE)
+    spans = [np.ptp(np.array(region.points), axis=0) for region in (here, there)]
+    assert spans[0][0] == pytest.approx(1280 - 56, abs=6)
+    assert spans[0] == pytest.approx(spans[1], abs=8)
+    # and so from the other side
+    back, again = move_region(there, of=PERSPECTIVE, onto=turned, **SIZE)
+    for found, expected in ((back, there), (again, here)):
+        for end in (np.min, np.max):
+            ends = [end(np.array(region.points), axis=0) for region in (found, expected)]
+            assert ends[0] == pytest.approx(ends[1], abs=1e-3)
+
+
+@pytest.mark.parametrize("phi", [20.0, 120.0])
+def test_a_region_that_the_other_band_does_not_see_is_refused(phi):
+    region = Polygon.from_points([(695, 297), (706, 297), (706, 304), (695, 304)])
+    with pytest.raises(InputRejected, match="looks a little aside") as refusal:
+        move_region(region, of=turn(PERSPECTIVE, phi=3 * phi / 2), onto=PERSPECTIVE, **SIZE)
+    assert refusal.value.code == "roi_outside_frame"
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
+def test_a_region_of_equal_bands_stays_where_it_is(omega, phi, kappa):
+    lens = turn(FISHEYE, omega, phi, kappa)
+    region = Polygon.from_points([(100, 120), (900, 130), (880, 700), (110, 690)])
+    here, there = move_region(region, of=lens, onto=lens, **SIZE)
+    assert here == region
+    assert np.array(there.points) == pytest.approx(np.array(region.points), abs=1e-2)
 
 
 def test_turning_about_x_moves_the_image_along_y():
