@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +11,7 @@ from rich.console import RenderableType
 
 from stilb.client import Client
 from stilb.commands.moments import read_moment
-from stilb.commands.tables import of_coefficients
+from stilb.commands.tables import holds_for, of_coefficients
 from stilb.commands.talk import Talk, talks
 from stilb.export import ExportProgress
 from stilb.problem import Unclear
@@ -27,12 +28,21 @@ def roi(
     campaign: CampaignNamed,
     polygon: Annotated[str | None, typer.Option(help='Corners in pixels: "x,y x,y x,y ...".')] = None,
     imagej: Annotated[str | None, typer.Option(help="makePolygon(...), or a file that holds it.")] = None,
+    frame: Annotated[
+        list[str] | None, typer.Option(help="Only of this frame, by id or file name; repeatable.")
+    ] = None,
 ) -> None:
     """Set the region of a campaign's frames, or show it."""
     if polygon is not None and imagej is not None:
         raise typer.BadParameter("give one of --polygon and --imagej")
     with talk.client() as client:
         campaign_id = client.find_campaign(campaign).id
+        if frame:
+            drawn = read_polygon(polygon) if polygon is not None else _text_or_file(_need(imagej))
+            ids = _find_frames(client, campaign_id, frame, "--frame")
+            items = [client.set_frame_roi(each, drawn) for each in ids]
+            talk.answer({"items": items}, f"{len(items)} frames have a region of their own and are read anew")
+            return
         if polygon is not None:
             found = client.set_roi(campaign_id, polygon=read_polygon(polygon))
         elif imagej is not None:
@@ -131,10 +141,9 @@ def read_polygon(text: str) -> list[tuple[float, float]]:
 
 def _told_impact(impact: dict[str, Any]) -> list[str]:
     changes = [
-        f"{row['name']} at ISO {row['iso']:g}: {row['change']['value']:+.2f} "
-        f"± {row['change']['standard_uncertainty']:.2f} %"
+        f"{holds_for(row)}: {row['change']['value']:+.2f} ± {row['change']['standard_uncertainty']:.2f} %"
         for row in impact["coefficients"]
-        if "change" in row and "iso" in row
+        if "change" in row
     ]
     touched = len(impact["measurements"])
     return [impact["said"], *changes, *([f"{touched} measurements rest on it"] if touched else [])]
@@ -142,15 +151,28 @@ def _told_impact(impact: dict[str, Any]) -> list[str]:
 
 def _exclusions(client: Client, campaign_id: str, named: list[str]) -> list[dict[str, str]]:
     """Frames by id or by file name, each with its reason."""
+    names, reasons = zip(*map(_pair, named), strict=True)
+    ids = _find_frames(client, campaign_id, names, "--exclude")
+    return [{"frame_id": each, "reason": reason} for each, reason in zip(ids, reasons, strict=True)]
+
+
+def _find_frames(client: Client, campaign_id: str, names: Sequence[str], option: str) -> list[str]:
+    """The ids of frames by id or by file name."""
     frames = list(client.frames(campaign_id))
     found = []
-    for name, reason in map(_pair, named):
+    for name in names:
         fitting = [frame.id for frame in frames if name in {frame.id, frame.filename}]
         if len(fitting) != 1:
             how_many = f"{len(fitting)} frames are" if fitting else "no frame is"
-            raise typer.BadParameter(f"--exclude: {how_many} called {name!r} here")
-        found.append({"frame_id": fitting[0], "reason": reason})
+            raise typer.BadParameter(f"{option}: {how_many} called {name!r} here")
+        found += fitting
     return found
+
+
+def _need(imagej: str | None) -> str:
+    if imagej is None:
+        raise typer.BadParameter("--frame needs --polygon or --imagej")
+    return imagej
 
 
 def _pair(text: str) -> tuple[str, str]:

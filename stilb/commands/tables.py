@@ -1,6 +1,7 @@
 """Tables as a terminal, a file and a pipe show them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from rich import box
 from rich.table import Table
@@ -40,6 +41,12 @@ def of_coefficients(rows: Iterable[Coefficient]) -> Table:
             for row in found
         ],
     )
+
+
+def holds_for(row: Mapping[str, Any]) -> str:
+    """A coefficient by its name and what it holds for."""
+    held = [f"{head} {_plain(row[name])}" for name, head in _HOLDS_FOR.items() if name in row]
+    return ", ".join([row["name"], *held])
 
 
 def _plain(value: float | str | None) -> str:

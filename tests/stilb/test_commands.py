@@ -132,6 +132,22 @@ def test_a_region_is_set_and_shown(signed_in, team, tmp_path):
     assert signed_in("roi", campaign.id, "--imagej", tmp_path / "none.ijm").code == Exit.USAGE
 
 
+def test_a_frame_has_a_region_of_its_own(signed_in, team, shots):
+    campaign = team.campaign()
+    frames = team.push(campaign, shots[:2])
+    moved = ("--frame", shots[0].path.name, "--frame", frames[1].id)
+    assert "2 frames" in signed_in("roi", campaign.id, *moved, "--polygon", "8,8 80,8 80,56").out
+    signed_in("roi", campaign.id, *moved[:2], "--imagej", "makePolygon(9,9,70,9,70,50)")
+    first, second = (frame.raw["roi_id"] for frame in team.client.frames(campaign.id))
+    assert first != second
+    assert campaign.raw.get("roi_id") not in {first, second}
+    assert (
+        "no frame is called 'x'"
+        in signed_in("roi", campaign.id, "--frame", "x", "--polygon", "1,1 9,1 9,9").err
+    )
+    assert "needs --polygon" in signed_in("roi", campaign.id, *moved).err
+
+
 def test_calibrate_with_a_frame_left_out(command, calibrated):
     team, campaign, version, _ = calibrated
     frame = next(frame for frame in team.client.frames(campaign.id) if frame.role == "light")
