@@ -166,7 +166,7 @@ def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
 
 
 def _locate_in_json(error: Mapping[str, Any]) -> str:
-    """Where the text stops being JSON: one reader counts characters, the other says line and column itself."""
+    """Where it stops being JSON: one reader counts characters, the other says line and column itself."""
     said, place = error["ctx"]["error"], error["loc"][-1]
     return f"{said} at character {place}" if isinstance(place, int) else str(said)
 

@@ -1,6 +1,5 @@
 """What a noise fit may be told."""
 
-import math
 from dataclasses import dataclass
 
 from radiometry.evidence import Exclusion
@@ -23,8 +22,10 @@ class Params:
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
+        """Hold what cannot be, in sentences for whoever typed it in."""
         low, high = self.linearity_range_share
-        shares = (self.gain_range_share, low, high, self.largest_drift_rel)
-        if not (all(math.isfinite(share) and 0.0 < share <= 1.0 for share in shares) and low < high):
-            raise ValueError(f"shares that cannot be: {self}")
+        if not 0.0 < low < high <= 1.0:
+            raise ValueError("linearity_range_share must be two shares above 0 and up to 1, the lower first")
+        for name in ("gain_range_share", "largest_drift_rel"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must lie above 0 and at most at 1")

@@ -95,7 +95,7 @@ def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[s
     wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
     found = []
     if not wanted and not unread:
-        found.append("no chart frames")
+        found.append("no chart frame that can be used: photograph edges or stars in role chart")
     if unread:
         found.append(f"frames that are not read yet: {_list(unread)}")
     undrawn = [row.frame for row in wanted if row.features is None and not row.has_region]

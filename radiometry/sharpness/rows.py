@@ -13,6 +13,7 @@ FrameRow = FrameEvidence[Features]
 
 _EDGE_ORDERS = (1, 5)
 _CYCLES = (4, 1000)
+_GAMMAS = (0.2, 5.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,14 +44,20 @@ class Target:
     gamma: float = 2.2
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
-        known = self.kind in get_args(Kind) and self.tone_curve in get_args(ToneCurve)
-        counts = (
-            _EDGE_ORDERS[0] <= self.edge_order <= _EDGE_ORDERS[1] and _CYCLES[0] <= self.cycles <= _CYCLES[1]
-        )
-        finite = all(math.isfinite(each.x_px) and math.isfinite(each.y_px) for each in self.centres)
-        if not (known and counts and finite and 0.2 <= self.gamma <= 5.0):
-            raise ValueError(f"a target that cannot be: {self}")
+        """Hold what no target can be, in sentences for whoever typed it in."""
+        if self.kind not in get_args(Kind):
+            raise ValueError(f"kind must be one of {', '.join(get_args(Kind))}")
+        if self.tone_curve not in get_args(ToneCurve):
+            raise ValueError(f"tone_curve must be one of {', '.join(get_args(ToneCurve))}")
+        for name, value, (low, high) in (
+            ("edge_order", self.edge_order, _EDGE_ORDERS),
+            ("cycles", self.cycles, _CYCLES),
+            ("gamma", self.gamma, _GAMMAS),
+        ):
+            if not low <= value <= high:
+                raise ValueError(f"{name} must lie between {low} and {high}")
+        if not all(math.isfinite(each.x_px) and math.isfinite(each.y_px) for each in self.centres):
+            raise ValueError("x_px and y_px of centres must be finite numbers")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +73,8 @@ class Params:
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
-        pitch = self.pixel_pitch_um
-        if not (pitch is None or 0.1 <= pitch <= 1000.0) or not 0.01 <= self.star_contrast <= 0.9:
-            raise ValueError(f"a pixel pitch or a contrast that cannot be: {self}")
+        """Hold what cannot be, in sentences for whoever typed it in."""
+        if self.pixel_pitch_um is not None and not 0.1 <= self.pixel_pitch_um <= 100.0:
+            raise ValueError("pixel_pitch_um must lie between 0.1 and 100")
+        if not 0.01 <= self.star_contrast <= 0.9:
+            raise ValueError("star_contrast must lie between 0.01 and 0.9")

@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -16,7 +17,7 @@ from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
 from service.plots import draw_calibration
-from service.problems import HttpCode, Problem, invalid
+from service.problems import HttpCode, Problem, invalid, located
 from service.routes import problems, sends_file
 from service.schemas.calibrations import (
     IN_FORCE,
@@ -237,7 +238,10 @@ def _read_params(
         exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_id))
     said["exclude"] = tuple(sorted(exclusions, key=lambda e: e.frame))
     asked = said.pop("vignetting", None)
-    params = make_params(session, campaign, **said)
+    try:
+        params = make_params(session, campaign, **said)
+    except ValidationError as error:
+        raise invalid(located(error, "body")) from error
     if asked is None:
         return params
     named = None if asked == IN_FORCE else owned(session, Calibration, asked, caller)

@@ -29,6 +29,7 @@ Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
 # in a body a number is a number: neither true nor "5"
 Number = Annotated[float, Strict()]
+PixelPitch = Annotated[Number, Field(ge=0.1, le=100, description="Distance of neighbouring pixels.")]
 
 _ISO_DAY = re.compile(r"\d{4}-\d\d-\d\d", re.ASCII)
 

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.schemas.base import Answer, Form, Instant, LongText, Number, Text
+from service.schemas.base import Answer, Form, Instant, LongText, Number, PixelPitch, Text
 from store.queries.calibrations import Standing
 from store.tables import Calibration, CoefficientRow
 
@@ -62,9 +62,9 @@ class NewCalibration(Form):
     incidence_angle_u_deg: Annotated[Number | None, Field(ge=0, lt=90)] = None
     tilt: Annotated[Tilt | None, Field(description="Correct the sunshine sensor's own tilt.")] = None
     pixel_pitch_um: Annotated[
-        Number | None, Field(gt=0, le=100, description="Left out: the camera's, where it is registered.")
+        PixelPitch | None, Field(description="Left out: the camera's, where it is registered.")
     ] = None
-    star_contrast: Annotated[Number | None, Field(gt=0, lt=1)] = None
+    star_contrast: Annotated[Number | None, Field(ge=0.01, le=0.9)] = None
     corner_window: Literal["fixed", "fitted"] | None = None
     fix_aspect_ratio: bool | None = None
     radial_terms: Literal[0, 1, 2, 3] | None = None

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from service.auth import Scope
-from service.schemas.base import Answer, Day, Form, Instant, LongText, Number, Text
+from service.schemas.base import Answer, Day, Form, Instant, LongText, Number, PixelPitch, Text
 from store.tables import ApiKey, Camera, Meter, Organisation
 
 Positive = Annotated[Number, Field(gt=0, lt=1e9)]
@@ -132,7 +132,7 @@ class NewCamera(Form):
     model: Text
     serial: Text
     lens: Lens | None = None
-    pixel_pitch_um: Positive | None = None
+    pixel_pitch_um: PixelPitch | None = None
     sensor_width_mm: Positive | None = None
     note: LongText | None = None
 

@@ -7,9 +7,14 @@ from sqlalchemy.orm import Session
 
 from store.tables import Camera, Meter, Panel
 
+_SENSOR = ("pixel_pitch_um", "sensor_width_mm")
+
 
 def find_or_add_camera(session: Session, organisation_id: str, values: dict[str, Any]) -> tuple[Camera, bool]:
-    """The camera of this make, model and serial, and whether it is new."""
+    """The camera of this make, model and serial, and whether it is new.
+
+    What nobody had said of its sensor is taken over; what is known stays as it is.
+    """
     found = session.scalar(
         select(Camera).where(
             Camera.organisation_id == organisation_id,
@@ -19,6 +24,10 @@ def find_or_add_camera(session: Session, organisation_id: str, values: dict[str,
         )
     )
     if found is not None:
+        for name in _SENSOR:
+            if getattr(found, name) is None:
+                setattr(found, name, values.get(name))
+        session.flush()
         return found, False
     camera = Camera(organisation_id=organisation_id, **values)
     session.add(camera)

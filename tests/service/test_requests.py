@@ -41,9 +41,10 @@ def with_pitch(text: str) -> bytes:
         ('"3.3"', "must be a number"),
         ("true", "must be a number"),
         ("[]", "must be a number"),
-        ("-1", "must be greater than 0"),
-        ("0", "must be greater than 0"),
-        ("1e12", "must be less than 1000000000"),
+        ("-1", "must be greater than or equal to 0.1"),
+        ("0", "must be greater than or equal to 0.1"),
+        ("0.00328", "must be greater than or equal to 0.1"),
+        ("1e12", "must be less than or equal to 100"),
     ],
 )
 def test_a_wrong_number_is_named(house, text, message):

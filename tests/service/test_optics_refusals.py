@@ -1,0 +1,43 @@
+"""What a field team reads when a campaign of optics is not as it should be."""
+
+import pytest
+
+from tests.service.test_optics import begin
+
+
+@pytest.fixture(scope="module")
+def house(sqlite_house):
+    """One for all: refusals store nothing that another test could see."""
+    return sqlite_house
+
+
+@pytest.mark.parametrize(
+    ("method", "target", "params", "said"),
+    [
+        ("sharpness", {"kind": "slanted_edge"}, {"pixel_pitch_um": 0.00465}, "greater than or equal to 0.1"),
+        ("sharpness", {"kind": "slanted_edge"}, {"star_contrast": 0.95}, "less than or equal to 0.9"),
+        ("noise", None, {"linearity_range_share": [0.9, 0.1]}, "two shares above 0 and up to 1, the lower"),
+    ],
+)
+def test_a_parameter_that_cannot_be_is_named(house, method, target, params, said):
+    campaign = begin(house, method, **({"target": target} if target else {}))
+    problem = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", params, status=422)
+    assert problem["code"] == "validation_failed"
+    assert said in problem["detail"]
+    assert next(iter(params)) in problem["detail"]
+
+
+def test_a_target_that_cannot_be_says_what_it_may_be(house):
+    body = {"camera_id": house.camera()["id"], "method": "sharpness"}
+    problem = house.post(
+        "/v1/campaigns", body | {"target": {"kind": "slanted_edge", "edge_order": 7}}, status=422
+    )
+    assert problem["detail"] == "body.target: edge_order must lie between 1 and 5"
+
+
+def test_what_nobody_said_of_a_sensor_can_be_said_later(house):
+    camera = house.camera(serial="later")
+    again = house.camera(serial="later", pixel_pitch_um=3.28, sensor_width_mm=17.3)
+    assert (again["id"], again["pixel_pitch_um"], again["sensor_width_mm"]) == (camera["id"], 3.28, 17.3)
+    assert house.camera(serial="later", pixel_pitch_um=4.0)["pixel_pitch_um"] == 3.28
+    assert house.get(f"/v1/cameras/{camera['id']}")["pixel_pitch_um"] == 3.28
