@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Literal, Self
 
@@ -17,6 +17,8 @@ Outcome = Literal["pass", "warn", "fail", "pending"]
 
 # What is certain to be lost outranks what is not known yet, and that what is doubtful.
 _RANKS: tuple[Outcome, ...] = ("pass", "warn", "pending", "fail")
+
+_FIELD = "field"
 
 
 class ReasonCode(StrEnum):
@@ -38,6 +40,7 @@ class ReasonCode(StrEnum):
     REFUSED = "refused", "The file cannot be used; the detail is the refusal's."
     ROI_UNFIT = "roi_unfit", "The region leaves the frame or holds no pixel of it."
     FORMAT_DIFFERS = "format_differs", "Its size or colour filter differs from most frames of the campaign."
+    ROLE_UNUSED = "role_unused", "Its role is none that the campaign's fit looks at."
     EXPOSURE_NOT_MANUAL = "exposure_not_manual", "The camera chose the exposure."
     RENDERED = "rendered", "The image is not raw."
     # of a light frame
@@ -99,6 +102,7 @@ class Taken:
     ``format`` : of a frame that has been read, else None
     ``region`` : the polygon that holds for it now, None where nobody has drawn one
     ``needs_region`` : False for a frame that is measured as a whole where none is drawn
+    ``roles`` : those that its campaign's method looks at; empty: all
     """
 
     frame: str
@@ -110,12 +114,21 @@ class Taken:
     format: Format | None
     region: Polygon | None
     needs_region: bool = True
+    roles: frozenset[str] = frozenset()
 
 
 def conclude(reasons: Iterable[Reason]) -> Verdict:
     """Draw the verdict from reasons, the gravest first; of equals the order stays."""
     ordered = tuple(sorted(reasons, key=lambda reason: -_RANKS.index(reason.outcome)))
     return Verdict(outcome=ordered[0].outcome if ordered else "pass", reasons=ordered)
+
+
+def give_whole_frame(frame: Taken) -> Taken:
+    """Give the whole frame for its region where none is drawn and one is needed."""
+    if frame.region is not None or frame.format is None or not frame.needs_region:
+        return frame
+    width, height = frame.format[:2]
+    return replace(frame, region=Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)]))
 
 
 def find_usual_format(frames: Sequence[Taken]) -> Format | None:
@@ -128,7 +141,7 @@ def inspect_frames(frames: Sequence[Taken]) -> dict[str, list[Reason]]:
     """Say what can be said of frames of any role and method before their statistics are looked at.
 
     Reasons
-      refused, roi_unfit : fail; exposure_not_manual, rendered : warn;
+      refused, roi_unfit : fail; role_unused, exposure_not_manual, rendered : warn;
       not_read, no_region, not_extracted : pending;
       format_differs : fail where frames of another format share the frame's region, else warn
     """
@@ -150,7 +163,7 @@ def inspect_frame(frame: Taken) -> list[Reason]:
     if frame.format is None:
         detail = "This frame waits to be read: ask again in a few seconds."
         return [Reason(code=ReasonCode.NOT_READ, outcome="pending", detail=detail)]
-    reasons = _inspect_region(frame, *frame.format[:2])
+    reasons = [*_inspect_role(frame), *_inspect_region(frame, *frame.format[:2])]
     if Flag.EXPOSURE_NOT_MANUAL in frame.flags:
         detail = (
             "The camera chose the exposure itself. Set the exposure mode to manual and automatic ISO off, "
@@ -164,6 +177,18 @@ def inspect_frame(frame: Taken) -> list[Reason]:
         )
         reasons.append(Reason(code=ReasonCode.RENDERED, outcome="warn", detail=detail))
     return reasons
+
+
+def _inspect_role(frame: Taken) -> list[Reason]:
+    """Say so of a frame that no fit will see; a field frame is there to be measured."""
+    if not frame.roles or frame.role in {*frame.roles, _FIELD}:
+        return []
+    wanted = " and ".join(sorted(frame.roles))
+    detail = (
+        f"Its role is {frame.role}; this campaign's fit looks at {wanted} frames only. Correct the role, or "
+        "upload the file to its own campaign."
+    )
+    return [Reason(code=ReasonCode.ROLE_UNUSED, outcome="warn", detail=detail)]
 
 
 def _inspect_format(frame: Taken, of_region: Format | None, usual: Format | None) -> list[Reason]:

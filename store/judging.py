@@ -58,7 +58,8 @@ def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdic
 
 def _region(row: FrameRow, campaign: Campaign, drawn: Polygon | None) -> Polygon | None:
     """What is drawn, or the whole of a frame that needs no drawing."""
-    if drawn is None and row.header is not None and methods.describe(campaign.method).whole_frame:
+    room = methods.describe(campaign.method)
+    if drawn is None and row.header is not None and room.whole_frame and row.role in room.roles:
         return whole_frame_of(row)
     return drawn
 
@@ -69,6 +70,8 @@ def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None
 
 
 def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -> Taken:
+    room = methods.describe(campaign.method)
+    drawn_for = room.roles if room.whole_frame else {row.role} - room.applied_roles
     return Taken(
         frame=name,
         role=row.role,
@@ -78,7 +81,8 @@ def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -
         flags=tuple(row.warnings),
         format=_read_format(row.header),
         region=_region(row, campaign, drawn),
-        needs_region=row.role not in methods.describe(campaign.method).applied_roles,
+        needs_region=row.role in drawn_for,
+        roles=room.roles | room.applied_roles,
     )
 
 

@@ -1,13 +1,11 @@
 """The verdict on every picture of a board while it still stands there."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 from radiometry.geometry.features import Features
 from radiometry.geometry.rows import CHART, FrameRow
-from radiometry.roi import Polygon
-from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, give_whole_frame, inspect_frames
 
 BLURRED_RISE_PX: Final = 5.0
 SMALL_SHARE: Final = 0.05
@@ -21,18 +19,11 @@ def judge_frames(frames: Sequence[Taken], rows: Sequence[FrameRow]) -> dict[str,
     Reasons, beside those of any frame
       board_not_found (fail), board_blurred, board_small (warn)
     """
-    reasons = inspect_frames([_with_region(frame) for frame in frames])
+    reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
     for row in rows:
         if row.role == CHART and row.features is not None and row.frame in reasons:
             reasons[row.frame] += _inspect(row.features)
     return {frame: conclude(found) for frame, found in reasons.items()}
-
-
-def _with_region(frame: Taken) -> Taken:
-    if frame.region is not None or frame.format is None:
-        return frame
-    width, height, _ = frame.format
-    return replace(frame, region=Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)]))
 
 
 def _inspect(features: Features) -> list[Reason]:

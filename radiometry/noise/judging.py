@@ -1,15 +1,22 @@
 """The verdict on every frame of a noise campaign, from the same evidence that its fit will use."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.caveats import DRIFT_REL
 from radiometry.noise.points import collect_stacks
 from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack
-from radiometry.roi import Polygon
-from radiometry.verdicts import Outcome, Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+from radiometry.verdicts import (
+    Outcome,
+    Reason,
+    ReasonCode,
+    Taken,
+    Verdict,
+    conclude,
+    give_whole_frame,
+    inspect_frames,
+)
 
 LIT_SHARE = 0.05
 """Of the span from black to white: more than the dark current of any sensor at the times of a flight."""
@@ -23,7 +30,7 @@ def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> 
       rows : those of them that a fit would see
 
     """
-    reasons = inspect_frames([_give_region(frame) for frame in frames])
+    reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
     found: dict[str, dict[ReasonCode, Reason]] = {}
     for stacks in collect_stacks(rows, params).values():
         for stack in stacks:
@@ -32,13 +39,6 @@ def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> 
     for frame, by_code in found.items():
         reasons[frame] += by_code.values()
     return {frame: conclude(each) for frame, each in reasons.items()}
-
-
-def _give_region(frame: Taken) -> Taken:
-    if frame.region is not None or frame.format is None:
-        return frame
-    width, height = frame.format[:2]
-    return replace(frame, region=Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)]))
 
 
 def _inspect(stack: Stack, params: Params) -> list[tuple[str, Reason]]:

@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from radiometry.packing import unpack
-from radiometry.roi import Polygon
-from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, give_whole_frame, inspect_frames
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.points import collect_candidates
 from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots
@@ -34,7 +32,7 @@ def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> 
       rows : those of them that a fit would see
 
     """
-    reasons = inspect_frames([_give_region(frame) for frame in frames])
+    reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
     for candidate in collect_candidates(rows, params):
         if candidate.quality is not None:
             reasons[candidate.row.frame] += _inspect_flat(candidate.quality)
@@ -42,13 +40,6 @@ def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> 
         if row.role == DARK and row.features is not None:
             reasons[row.frame] += _inspect_dark(row)
     return {frame: conclude(found) for frame, found in reasons.items()}
-
-
-def _give_region(frame: Taken) -> Taken:
-    if frame.region is not None or frame.format is None:
-        return frame
-    width, height = frame.format[:2]
-    return replace(frame, region=Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)]))
 
 
 def _inspect_flat(quality: Quality) -> list[Reason]:

@@ -1,8 +1,9 @@
 """What a field team reads when a campaign of optics is not as it should be."""
 
+import numpy as np
 import pytest
 
-from tests.service.test_optics import begin
+from tests.service.test_optics import begin, raw_bytes
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +42,25 @@ def test_what_nobody_said_of_a_sensor_can_be_said_later(house):
     assert (again["id"], again["pixel_pitch_um"], again["sensor_width_mm"]) == (camera["id"], 3.28, 17.3)
     assert house.camera(serial="later", pixel_pitch_um=4.0)["pixel_pitch_um"] == 3.28
     assert house.get(f"/v1/cameras/{camera['id']}")["pixel_pitch_um"] == 3.28
+
+
+@pytest.mark.parametrize(
+    ("method", "role", "outcome", "codes"),
+    [
+        ("vignetting", "chart", "warn", ["role_unused"]),
+        ("vignetting", "field", "pass", []),
+        ("noise", "chart", "warn", ["role_unused"]),
+        ("noise", "field", "pass", []),
+        ("geometry", "light", "warn", ["role_unused"]),
+        ("geometry", "field", "pass", []),
+    ],
+)
+def test_a_frame_that_no_fit_sees_is_not_waited_for(house, method, role, outcome, codes):
+    """It is read and never extracted: "ask again in a few seconds" would be for ever."""
+    board = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25}
+    campaign = begin(house, method, **({"target": board} if method == "geometry" else {}))
+    content = raw_bytes(house, np.full((32, 48), 1000, np.uint16))
+    frame = house.upload(campaign, content, role=role, filename="frame.DNG")
+    house.work()
+    verdict = house.get(f"/v1/frames/{frame['id']}")["verdict"]
+    assert (verdict["outcome"], [reason["code"] for reason in verdict["reasons"]]) == (outcome, codes)
