@@ -74,17 +74,17 @@ def start_campaign_measurements(
 ) -> Response:
     """Measure every field frame of a campaign. One that cannot be measured is named with the reason.
 
-    The calibration may come from another campaign of the same camera.
+    An index is measured once a capture. The calibration may come from another campaign of the same camera.
     """
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
         named, asked = _named(session, body, caller), _read_asked(body)
-        started: list[Job] = []
+        started: dict[Job, None] = {}
         refused: list[NotMeasured] = []
         for frame in _field_frames(session, campaign):
             try:
-                started.append(_enqueue(session, frame, asked, named, caller))
+                started[_enqueue(session, frame, asked, named, caller)] = None
             except (InputRejected, Conflict) as refusal:
                 refused.append(
                     NotMeasured(
@@ -96,7 +96,7 @@ def start_campaign_measurements(
                 )
         session.flush()
         answer = CampaignMeasurementsAnswer(jobs=[JobAnswer.of(job) for job in started], not_measured=refused)
-        return Reply(status=202, body=answer, jobs=started)
+        return Reply(status=202, body=answer, jobs=list(started))
 
     return writing.run(caller, change)
 

@@ -41,7 +41,7 @@ def roi(
             drawn = read_polygon(polygon) if polygon is not None else _text_or_file(_need(imagej))
             ids = _find_frames(client, campaign_id, frame, "--frame")
             items = [client.set_frame_roi(each, drawn) for each in ids]
-            talk.answer({"items": items}, f"{len(items)} frames have a region of their own and are read anew")
+            talk.answer({"items": items}, f"read anew, each with its own region: {len(items)}")
             return
         if polygon is not None:
             found = client.set_roi(campaign_id, polygon=read_polygon(polygon))
@@ -101,7 +101,7 @@ def publish(
         for line in _told_impact(impact):
             talk.note(line)
         found = client.publish(calibration, valid_from=start, valid_to=end, reason=reason)
-    gaps = [f"the certificate lacks: {gap.get('detail', gap)}" for gap in found.raw.get("warnings", ())]
+    gaps = [f"the certificate lacks: {gap['message']}" for gap in found.raw.get("warnings", ())]
     until = f" to {end}" if end else " on"
     talk.answer(found.raw, *gaps, f"version {found.version} is in force from {start}{until}")
 

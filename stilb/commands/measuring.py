@@ -89,7 +89,7 @@ def _table(found: list[Measurement]) -> Any:  # noqa: ANN401
                 one.filename,
                 figure(one.mean) if one.mean else "",
                 f"{one.u_o.value:.3f}" if one.u_o else "",
-                " ".join(one.flags),
+                " ".join(dict.fromkeys(one.flags)),
             )
             for one in found
         ],

@@ -178,10 +178,27 @@ def test_the_panel_measures_itself_and_the_map_agrees(house, contents):
     assert tilted["mean"]["value"] == pytest.approx(0.36, rel=1e-6)
 
 
+def flight_of(house, campaign, contents):
+    """The same capture as a flight of its own."""
+    said = {"camera_id": campaign["camera_id"], "method": "reflectance", "comments": "flight"}
+    flight = house.post("/v1/campaigns", said)
+    for band, content in contents.items():
+        house.upload(flight, content, role="field", filename=NAMES[band])
+    house.work()
+    return flight["id"]
+
+
 def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
     campaign = begin(house, contents)
     version = fit(house, campaign)
-    frame = frames_of(house, campaign)["red"]
+    frames = frames_of(house, campaign)
+    once = house.post(
+        f"/v1/campaigns/{flight_of(house, campaign, contents)}/measurements",
+        {"calibration_id": version["id"], "index": "ndvi"},
+        status=202,
+    )
+    assert (len(once["jobs"]), once["not_measured"]) == (1, [])
+    frame = frames["red"]
     found = measure(house, frame, calibration_id=version["id"], index="ndvi", products=["map"])
     assert found["index"]["name"] == "ndvi"
     assert [band["band"] for band in found["index"]["bands"]] == ["nir", "red"]
@@ -212,23 +229,18 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
 def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, contents):
     campaign = begin(house, {"green": contents["green"], "red": contents["red"]})
     fit_of_green = fit(house, campaign, exclude=[])
-    flight = house.post(
-        "/v1/campaigns", {"camera_id": campaign["camera_id"], "method": "reflectance", "comments": "flight"}
-    )
-    for band in ("green", "nir"):
-        house.upload(flight, contents[band], role="field", filename=NAMES[band])
-    house.work()
+    flight_id = flight_of(house, campaign, {band: contents[band] for band in ("green", "nir")})
     body = {"calibration_id": fit_of_green["id"]}
-    answer = house.post(f"/v1/campaigns/{flight['id']}/measurements", body, status=202)
+    answer = house.post(f"/v1/campaigns/{flight_id}/measurements", body, status=202)
     assert len(answer["jobs"]) == 1
     assert [(each["filename"], each["code"]) for each in answer["not_measured"]] == [
         (NAMES["nir"], "band_not_calibrated")
     ]
     house.work()
-    (row,) = house.get("/v1/measurements", campaign_id=flight["id"])["items"]
+    (row,) = house.get("/v1/measurements", campaign_id=flight_id)["items"]
     assert row["region_origin"] == "whole_frame"
     assert row["pixels"] == 960 * 1280
-    lines = house.http.get(f"/v1/campaigns/{flight['id']}/measurements.csv").text.splitlines()
+    lines = house.http.get(f"/v1/campaigns/{flight_id}/measurements.csv").text.splitlines()
     columns = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
     assert float(columns["mean_reflectance"]) == pytest.approx(row["mean"]["value"])
 

@@ -136,7 +136,7 @@ def test_a_frame_has_a_region_of_its_own(signed_in, team, shots):
     campaign = team.campaign()
     frames = team.push(campaign, shots[:2])
     moved = ("--frame", shots[0].path.name, "--frame", frames[1].id)
-    assert "2 frames" in signed_in("roi", campaign.id, *moved, "--polygon", "8,8 80,8 80,56").out
+    assert "its own region: 2" in signed_in("roi", campaign.id, *moved, "--polygon", "8,8 80,8 80,56").out
     signed_in("roi", campaign.id, *moved[:2], "--imagej", "makePolygon(9,9,70,9,70,50)")
     first, second = (frame.raw["roi_id"] for frame in team.client.frames(campaign.id))
     assert first != second
