@@ -26,7 +26,7 @@ _ISO_PER_GAIN = 100.0
 
 def subtract_black(samples_dn: NDArray[np.uint16], *, black_dn: float, bits: int) -> Plane:
     """Give p - p_BL as a share of full scale, 2^bits. Negative below black, never clipped."""
-    return (samples_dn.astype(np.float64) - black_dn) / float(1 << bits)
+    return np.subtract(samples_dn, black_dn, dtype=np.float64) / float(1 << bits)
 
 
 def scale_to_radiance(signal: Plane, *, model: RadianceModel, settings: Settings, row0: int) -> Plane:

@@ -20,7 +20,7 @@ Plane = NDArray[np.float64]
 
 def subtract_black(samples_dn: NDArray[np.uint16], *, black_dn: float) -> Plane:
     """Give p - B [DN]: the part of the numbers that light makes. Negative below black, never clipped."""
-    return samples_dn.astype(np.float64) - black_dn
+    return np.subtract(samples_dn, black_dn, dtype=np.float64)
 
 
 def scale_to_irradiance(signal_dn: Plane, *, model: SensorModel, settings: Settings) -> Plane:

@@ -54,6 +54,8 @@ class Reduction:
         used = band[: max(0, rows * self.factor - top), : cols * self.factor]
         if not len(used):
             return Part(rows, np.empty((0, cols), np.float32), *odd)
+        if self.factor == 1:
+            return Part(top, used, *odd)
         targets = (top + np.arange(len(used))) // self.factor
         # lines first: whole lines add up faster than the few pixels of a square
         lines = np.add.reduceat(used, np.flatnonzero(np.diff(targets, prepend=-1)), axis=0)
