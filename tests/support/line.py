@@ -9,13 +9,17 @@ _RESET = struct.pack("ii", 1, 0)  # linger 0: the close is a reset, as from a mo
 
 
 class Line:
-    """Passes bytes on. ``cut_after`` counts those of the client, once: then their connection is reset."""
+    """Passes bytes on. ``cut_after`` counts those of the client, once: then their connection is reset.
+
+    With ``stays_cut`` so is every other that says something, until ``cut_after`` is None again.
+    """
 
     def __init__(self, host: str, port: int):
         self._to = (host, port)
         self._listening = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._listening.getsockname()[1]}"
         self.cut_after: int | None = None
+        self.stays_cut = False
         self.cuts = 0
         self._passed = 0
 
@@ -44,12 +48,19 @@ class Line:
         with suppress(OSError):
             while chunk := client.recv(65536):
                 self._passed += len(chunk)
-                if self.cut_after is not None and self._passed > self.cut_after:
-                    self.cut_after, self.cuts = None, self.cuts + 1
+                if self._breaks():
                     client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
                     break
                 service.sendall(chunk)
         _end(service)
+
+    def _breaks(self) -> bool:
+        if self.cut_after is None or self._passed <= self.cut_after:
+            return False
+        self.cuts += 1
+        if not self.stays_cut:
+            self.cut_after = None
+        return True
 
     def _answer(self, service: socket.socket, client: socket.socket) -> None:
         with suppress(OSError):
