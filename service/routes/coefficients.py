@@ -18,10 +18,9 @@ from service.schemas.calibrations import (
     Coefficient,
     CoefficientInForce,
     CoefficientsAnswer,
-    SeriesAnswer,
-    SeriesRow,
 )
 from service.schemas.equipment import PositiveText
+from service.schemas.series import SeriesAnswer, SeriesRow
 from service.tabular import write_csv
 from store.columns import utc_now
 from store.publications import InForce, in_force

@@ -16,22 +16,9 @@ Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Reflectance = Annotated[Number, Field(gt=0, le=1)]
 
 
-class NewCampaign(Form):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "camera_id": "cam_1",
-                    "method": "luminance",
-                    "project_number": "P-17",
-                    "recorder": "A. Meier",
-                }
-            ]
-        }
-    )
+class CampaignDetails(Form):
+    """What may be said when a campaign begins, and corrected later."""
 
-    camera_id: Text
-    method: Method
     project_number: Text | None = None
     recorder: Text | None = None
     customer: Text | None = None
@@ -55,29 +42,33 @@ class NewCampaign(Form):
         dict[str, Any] | None,
         Field(
             description="What is photographed, where the method must know: of geometry the board, of "
-            "sharpness the edge or the star. Its fields stand on the method's page.",
+            "sharpness the edge or the star. Its fields stand on the method's page. When it is changed, the "
+            "campaign's frames are read anew.",
             examples=[{"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}],
         ),
     ] = None
 
 
-class CampaignChange(Form):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"recorder": "B. Schulz"}]})
+class NewCampaign(CampaignDetails):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "camera_id": "cam_1",
+                    "method": "luminance",
+                    "project_number": "P-17",
+                    "recorder": "A. Meier",
+                }
+            ]
+        }
+    )
 
-    project_number: Text | None = None
-    recorder: Text | None = None
-    customer: Text | None = None
-    place: Text | None = None
-    conditions: Annotated[
-        LongText | None, Field(description="What surrounded the work: temperature, light.")
-    ] = None
-    started_at: Instant | None = None
-    comments: LongText | None = None
-    surface_reflectance: Reflectance | None = None
-    panel_id: Text | None = None
-    target: Annotated[
-        dict[str, Any] | None, Field(description="As for a new campaign; its frames are then read anew.")
-    ] = None
+    camera_id: Text
+    method: Method
+
+
+class CampaignChange(CampaignDetails):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"recorder": "B. Schulz"}]})
 
 
 class FrameCounts(Answer):

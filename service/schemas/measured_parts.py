@@ -1,0 +1,104 @@
+"""What a measurement's answer is made of."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from radiometry.reflectance.indices import Index
+from service.schemas.base import Answer, Quantity
+
+
+class CalibrationUsed(Answer):
+    id: str
+    version: int
+    why: str
+    state: Literal["draft", "published", "superseded", "revoked"] = Field(description="As it stands now.")
+    superseded_by: str | None = None
+    revoked_reason: str | None = None
+
+
+class FlagAnswer(Answer):
+    flag: str
+    where: str = Field(description='"" for the whole, "grid" for its cells.')
+    detail: str
+
+
+class BudgetRow(Answer):
+    """One source's share of the mean's uncertainty, in the unit of the mean."""
+
+    source: str
+    shared: bool = Field(description="The same error in every pixel: no mean over pixels reduces it.")
+    standard_uncertainty_cd_m2: float | None = Field(default=None, description="Of a luminance.")
+    standard_uncertainty: float | None = Field(default=None, description="Of a reflectance.")
+    variance_share: float
+
+
+class ReflectedAnswer(Answer):
+    """How a band's reflectance came about: R = K I_sq / (I_ss cos(incidence))."""
+
+    band: str
+    i_sq: float
+    i_ss: float | None = Field(default=None, description="None of a panel-only K.")
+    reflectance_k: float = Field(description="At the time of the frame.")
+    incidence_angle_deg: float
+    shared_u: float = Field(description="The part of the mean's uncertainty that all pixels share.")
+    noise_u: float = Field(description="The part that is the mean's own noise.")
+    below_zero_share: float = Field(description="Of the region's pixels; nothing is clipped.")
+    above_one_share: float
+
+
+class BandAnswer(Answer):
+    band: str
+    i_sq: float
+    i_ss: float | None = None
+    reflectance_k: float
+    reflectance: Quantity
+
+
+class IndexAnswer(Answer):
+    """(a - b) / (a + b) of the region's mean reflectances, near infrared first."""
+
+    name: Index
+    bands: list[BandAnswer]
+
+
+class UndistortedAnswer(Answer):
+    """What `map.tif` then holds: the whole picture as a lens without distortion would have taken it."""
+
+    planes: list[str] = Field(
+        description="`grey`: around each pixel of a mosaic its pattern's four sites weigh a quarter each; "
+        "`R`, `G`, `B` of a rendered picture."
+    )
+    linear: bool = Field(
+        description="Raw numbers [DN], black included; false: with the picture's tone curve."
+    )
+    height_px: int
+    width_px: int
+    seen_share: float = Field(description="Of the pixels that the camera saw; the others are 0.")
+    parameters: dict[str, Quantity] = Field(description="The camera's, in OpenCV's notation.")
+
+
+class MapCounts(Answer):
+    """Of all pixels of the map: how many leave [0, 1], are saturated, or have no index."""
+
+    pixels: int
+    below_zero: int | None = None
+    above_one: int | None = None
+    saturated: int | None = None
+    undefined: int | None = None
+
+
+class PercentileAnswer(Answer):
+    percent: int
+    luminance: Quantity | None = None
+    reflectance: Quantity | None = None
+
+
+class GridAnswer(Answer):
+    """The cells as the surface runs, row by row."""
+
+    corners: list[list[float]]
+    rows: int
+    columns: int
+    cell_model: str = Field(description="`projective`: equal cells of the surface, not of its image.")
+    cells: list[list[Quantity]]
