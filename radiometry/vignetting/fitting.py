@@ -16,6 +16,7 @@ from radiometry.vignetting.curve import (
     propagate,
     sample_radii,
 )
+from radiometry.vignetting.darkness import DarkError, merge_dark_errors
 from radiometry.vignetting.grid import Grid
 from radiometry.vignetting.quality import measure_gradient
 from radiometry.vignetting.results import ChannelFit, Coefficient
@@ -54,6 +55,11 @@ def merge_flats(flats: Sequence[Blocks]) -> Blocks:
     levels = [float(flat.light[everywhere].mean()) for flat in flats]
     weights = [(level / flat.standard_error) ** 2 for level, flat in zip(levels, flats, strict=True)]
     total = np.sum(weights, axis=0)
+    shares = [float(weight.sum() / total.sum()) for weight in weights]
+    darks = [
+        DarkError(shared=flat.dark.shared / level, own=flat.dark.own / level)
+        for flat, level in zip(flats, levels, strict=True)
+    ]
     summed = np.sum(
         [weight * flat.light / level for weight, flat, level in zip(weights, flats, levels, strict=True)],
         axis=0,
@@ -63,6 +69,7 @@ def merge_flats(flats: Sequence[Blocks]) -> Blocks:
         flats[0],
         light=np.divide(summed, total, out=np.zeros_like(total), where=known),
         standard_error=np.divide(1.0, np.sqrt(total), out=np.full_like(total, np.inf), where=known),
+        dark=merge_dark_errors(darks, shares),
     )
 
 
@@ -72,13 +79,16 @@ def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> Fi
     Two fits are made, without and with a plane in the light. The second is used where the plane stands out
     of its error as three standard errors do: then the first one's centre is the light's.
 
+    A dark level that is wrong by e turns A V into A V + e = (A + e) V', V' - 1 = (V - 1) / (1 + e/A): the k
+    shrink by one factor, and the centre stays. So u(e/A)^2 k k' joins the covariance of k.
+
     Raises InputRejected(fit_failed) if hardly any light is left in a corner
     """
     blocks = merge_flats(flats)
     plain = solve_falloff(blocks, with_gradient=False)
     tilted = solve_falloff(blocks, with_gradient=True)
     use_tilted = is_gradient_significant(plain, tilted)
-    chosen = tilted if use_tilted else plain
+    chosen = _add_dark_error(tilted if use_tilted else plain, blocks.dark)
     model_u_rel = _measure_misfit(chosen, blocks)
     coefficient = _build(chosen, blocks.grid, f_number=f_number, channel=channel, model_u_rel=model_u_rel)
     gradient, gradient_u = measure_gradient(tilted, blocks)
@@ -100,8 +110,20 @@ def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> Fi
         centre_held=chosen.centre_held,
         residuals=pack(chosen.residual, dtype="<f2"),
         block_px=blocks.grid.block_px,
+        dark_u_rel=_relate_dark_error(chosen, blocks.dark),
     )
     return FittedChannel(fit=fit, plain=plain, tilted=tilted)
+
+
+def _relate_dark_error(solution: Solution, dark: DarkError) -> float:
+    """Give u(e/A), e the error of the dark level and A the light at the centre."""
+    return math.hypot(dark.shared, dark.own) / abs(solution.level) if solution.level else 0.0
+
+
+def _add_dark_error(solution: Solution, dark: DarkError) -> Solution:
+    covariance = solution.covariance.copy()
+    covariance[:3, :3] += _relate_dark_error(solution, dark) ** 2 * np.outer(solution.k, solution.k)
+    return replace(solution, covariance=covariance)
 
 
 def find_largest_falloff(coefficient: Coefficient) -> float:

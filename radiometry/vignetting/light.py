@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.packing import unpack
+from radiometry.vignetting.darkness import estimate_dark_error
 from radiometry.vignetting.features import ChannelBlocks, Features, FrameRow
 from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.rows import DARK
@@ -118,6 +119,7 @@ def _subtract(flat: ChannelBlocks, darks: Sequence[ChannelBlocks], features: Fea
     dark: Plane = np.full_like(mean, flat.black_level_dn)
     variance: Plane = np.zeros_like(mean)
     known = n > 0
+    dark_means, dark_variances = [], []
     if darks:
         dark = np.asarray(np.mean([unpack(each.mean_dn) for each in darks], axis=0))
         counts = [unpack(each.n) for each in darks]
@@ -127,11 +129,14 @@ def _subtract(flat: ChannelBlocks, darks: Sequence[ChannelBlocks], features: Fea
             for each, count in zip(darks, counts, strict=True)
         ]
         variance = np.asarray(np.sum(own, axis=0) / len(darks) ** 2)
+        dark_means = [float(np.mean(unpack(each.mean_dn)[known])) for each in darks] if known.any() else []
+        dark_variances = [float(np.mean(each[known])) / int(known.sum()) for each in own if known.any()]
     light = mean - dark
     variance = variance + _smooth_noise(light, noise, known) / np.maximum(n, 1.0)
     counts_here = known & (clipped <= MOST_CLIPPED_SHARE)
     rows, cols = features.grid.axes(flat.site)
     total = math.fsum(n.ravel())
+    span_dn = max(1.0, flat.white_level_dn - float(np.mean(dark)))
     return ChannelLight(
         channel=flat.channel,
         blocks=Blocks(
@@ -140,8 +145,9 @@ def _subtract(flat: ChannelBlocks, darks: Sequence[ChannelBlocks], features: Fea
             cols=cols,
             light=np.where(known, light, 0.0),
             standard_error=np.where(counts_here, np.sqrt(variance), np.inf),
+            dark=estimate_dark_error(dark_means, dark_variances, span_dn=span_dn),
         ),
-        span_dn=max(1.0, flat.white_level_dn - float(np.mean(dark))),
+        span_dn=span_dn,
         clipped_share=math.fsum((clipped * n).ravel()) / total if total else 0.0,
     )
 

@@ -75,6 +75,8 @@ class ChannelFit:
     ``gradient_rel`` : of the light across the frame, largest less smallest, with its standard uncertainty;
         ``gradient_fitted`` says whether the coefficients are those of the fit with it
     ``residuals`` : (row, col) of blocks, (light - fitted) / fitted
+    ``dark_u_rel`` : standard uncertainty of the dark level over the light at the centre; the covariance of k
+        holds it, but not that of versions from before it was looked at
     """
 
     coefficient: Coefficient
@@ -91,6 +93,7 @@ class ChannelFit:
     centre_held: bool
     residuals: Packed
     block_px: int
+    dark_u_rel: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from radiometry.vignetting.curve import PARAMETERS
+from radiometry.vignetting.darkness import KNOWN, DarkError
 from radiometry.vignetting.grid import Axis, Grid, Plane, average_radial
 
 Matrix = NDArray[np.float64]
@@ -29,6 +30,7 @@ class Blocks:
     """One channel's light over the blocks of a grid, (row, col).
 
     ``light`` : above dark, in any unit; ``standard_error`` : of each, > 0; infinite where it does not count
+    ``dark`` : the error of the dark level, alike in all of them
     """
 
     grid: Grid
@@ -36,6 +38,7 @@ class Blocks:
     cols: Axis
     light: Plane
     standard_error: Plane
+    dark: DarkError = KNOWN
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,63 @@
+"""How well the dark level under a flat is known: an error that is alike in all of its blocks."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+STATED_SHARE = 1.0 / 4096.0
+"""Of the span: a black level that the file states, and nobody measured, holds to one step of 12 bits."""
+
+WANDER_SHARE = 1e-4
+"""Of the span: by so much dark levels wander between frames; taken where a single frame cannot show it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DarkError:
+    """Standard uncertainties of the dark level, in the unit of the light.
+
+    ``shared`` : of the level that was subtracted, one and the same for all flats with these dark frames
+    ``own`` : by which a single frame's dark level departs from it
+    """
+
+    shared: float = 0.0
+    own: float = 0.0
+
+
+KNOWN = DarkError()
+
+
+def estimate_dark_error(
+    means_dn: Sequence[float], variances_dn2: Sequence[float], *, span_dn: float
+) -> DarkError:
+    """Give the error of a dark level from the means of its n dark frames.
+
+        own^2 = max(0, s^2 - mean u_i^2),    shared^2 = (own^2 + mean u_i^2) / n
+    s the standard deviation of the means, u_i^2 what pixel noise makes of each. Of one frame own is what dark
+    levels usually wander by. Without any: the stated black level, to a step of 12 bits.
+
+    Takes
+      means_dn, variances_dn2 : of a channel, one per dark frame; span_dn : from dark to white
+    """
+    n = len(means_dn)
+    if n == 0:
+        return DarkError(shared=STATED_SHARE * span_dn)
+    noise = math.fsum(variances_dn2) / n
+    own = WANDER_SHARE * span_dn
+    if n > 1:
+        own = math.sqrt(max(0.0, float(np.var(np.array(means_dn), ddof=1)) - noise))
+    return DarkError(shared=math.sqrt((own**2 + noise) / n), own=own)
+
+
+def merge_dark_errors(errors: Sequence[DarkError], shares: Sequence[float]) -> DarkError:
+    """Give the error of a weighted mean of flats: what they share adds up, what is each one's own averages.
+
+    Takes
+      errors : each relative to its flat's level; shares : the flats' weights, of sum 1
+    """
+    pairs = list(zip(errors, shares, strict=True))
+    return DarkError(
+        shared=math.fsum(share * error.shared for error, share in pairs),
+        own=math.hypot(*(share * error.own for error, share in pairs)),
+    )

@@ -1,0 +1,86 @@
+"""The error of the dark level: by hand, through the fit, and against flats whose dark level is wrong."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from radiometry.methods import vignetting
+from radiometry.vignetting.darkness import DarkError, estimate_dark_error, merge_dark_errors
+from radiometry.vignetting.fitting import fit_channel
+from radiometry.vignetting.grid import Grid
+from tests.radiometry.vignetting.flats import NONE, SMALL, dark, exact_blocks, flat
+
+K, CENTRE = (-0.4, 0.1, -0.05), (88.0, 155.0)
+GRID = Grid.over(192, 288)
+
+
+def test_the_error_of_a_mean_of_dark_frames():
+    """Means 256, 258, 260: s^2 = 4, of which pixel noise makes 0.1."""
+    found = estimate_dark_error([256.0, 258.0, 260.0], [0.1, 0.1, 0.1], span_dn=3839.0)
+    assert found.own == pytest.approx(math.sqrt(3.9))
+    assert found.shared == pytest.approx(math.sqrt(4.0 / 3.0))
+
+
+def test_what_one_dark_frame_cannot_show_and_what_a_file_only_states():
+    one = estimate_dark_error([256.0], [0.01], span_dn=4000.0)
+    assert (one.own, one.shared) == pytest.approx((0.4, math.hypot(0.4, 0.1)))
+    assert estimate_dark_error([], [], span_dn=4096.0) == DarkError(shared=1.0, own=0.0)
+    alike = estimate_dark_error([256.0, 256.0], [0.5, 0.5], span_dn=4000.0)
+    assert (alike.own, alike.shared) == pytest.approx((0.0, 0.5))
+
+
+def test_what_flats_share_adds_up_and_what_is_their_own_averages():
+    errors = [DarkError(shared=0.01, own=0.03), DarkError(shared=0.02, own=0.04)]
+    found = merge_dark_errors(errors, [0.5, 0.5])
+    assert found.shared == pytest.approx(0.015)
+    assert found.own == pytest.approx(0.025)
+
+
+def offset(blocks, by):
+    return dataclasses.replace(blocks, light=blocks.light + by)
+
+
+def test_a_wrong_dark_level_shrinks_the_curve_and_leaves_the_centre():
+    blocks = exact_blocks(GRID, K, CENTRE, error=1e-4)
+    found = fit_channel([offset(blocks, 0.02)], f_number=2.0, channel="G1").fit.coefficient
+    assert found.k == pytest.approx([k / 1.02 for k in K], rel=1e-6)
+    assert found.centre_px == pytest.approx(CENTRE, abs=1e-4)
+
+
+def test_the_uncertainty_covers_wrong_dark_levels():
+    """Noise alone leaves a twentieth of the error."""
+    random, u_dark, noise = np.random.default_rng(5), 0.02, 1e-3
+    blocks = exact_blocks(GRID, K, CENTRE, error=noise)
+    truth = fit_channel([blocks], f_number=2.0, channel="G1").fit.coefficient
+    blocks = dataclasses.replace(blocks, dark=DarkError(shared=u_dark))
+    pulls = []
+    for _ in range(40):
+        wrong = noise * random.standard_normal(blocks.light.shape) + u_dark * random.standard_normal()
+        found = fit_channel([offset(blocks, wrong)], f_number=2.0, channel="G1").fit
+        u = found.coefficient.corner_falloff_standard_uncertainty
+        assert u > 5 * truth.corner_falloff_standard_uncertainty
+        pulls.append((found.coefficient.corner_falloff - truth.corner_falloff) / u)
+    assert abs(np.mean(pulls)) < 3.5 / math.sqrt(40)
+    assert abs(np.std(pulls) - 1.0) < 3.5 / math.sqrt(80)
+
+
+def test_dark_frames_that_wander_are_in_the_uncertainty_of_every_channel():
+    """Darks at 250, 256 and 262 DN: s = 6; of their mean 6 / sqrt 3, of the flat's own 6."""
+    bright = flat(SMALL, 1, 2.0)
+    levels = (250.0, 256.0, 262.0)
+    lenses = [dataclasses.replace(SMALL, black_level_dn=level) for level in levels]
+    wandering = [dark(lens, 10 + n, name=f"dark-{n}") for n, lens in enumerate(lenses)]
+    steady = [dark(SMALL, 10 + n, name=f"dark-{n}") for n in range(3)]
+    restless, calm = (vignetting.fit([bright, *each], NONE).channel_fits for each in (wandering, steady))
+    assert len(restless) == 4
+    for one, other in zip(restless, calm, strict=True):
+        light_dn = 0.7 * 3839.0 * SMALL.sensitivities[one.coefficient.channel[0]]
+        assert one.dark_u_rel == pytest.approx(math.hypot(6.0, 6.0 / math.sqrt(3.0)) / light_dn, rel=0.03)
+        assert other.dark_u_rel < 0.05 * one.dark_u_rel
+        added = np.array(one.coefficient.covariance) - np.array(other.coefficient.covariance)
+        k = np.array(one.coefficient.k)
+        expected = one.dark_u_rel**2 * np.outer(k, k)
+        scale = np.sqrt(np.diag(np.array(other.coefficient.covariance)))[:3]
+        assert np.abs((added[:3, :3] - expected) / np.outer(scale, scale)).max() < 0.02
