@@ -37,6 +37,7 @@ from radiometry.vignetting.points import (
     list_missing,
     require_one_lens,
 )
+from radiometry.vignetting.residuals import read_residuals
 from radiometry.vignetting.results import (
     EQUATION,
     ChannelFit,
@@ -80,6 +81,7 @@ __all__ = [
     "list_windows",
     "missing",
     "plan",
+    "read_residuals",
     "select_channels",
 ]
 

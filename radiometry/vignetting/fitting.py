@@ -108,7 +108,7 @@ def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> Fi
         gradient_standard_uncertainty_rel=gradient_u,
         gradient_fitted=use_tilted,
         centre_held=chosen.centre_held,
-        residuals=pack(chosen.residual, dtype="<f2"),
+        residuals=pack(np.where(counted, chosen.residual, np.nan), dtype="<f2"),
         block_px=blocks.grid.block_px,
         dark_u_rel=_relate_dark_error(chosen, blocks.dark),
     )

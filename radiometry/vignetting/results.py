@@ -74,7 +74,7 @@ class ChannelFit:
     ``residual_rms_rel`` : of the blocks that count, relative to the fitted light
     ``gradient_rel`` : of the light across the frame, largest less smallest, with its standard uncertainty;
         ``gradient_fitted`` says whether the coefficients are those of the fit with it
-    ``residuals`` : (row, col) of blocks, (light - fitted) / fitted
+    ``residuals`` : (row, col) of blocks, (light - fitted) / fitted; NaN where a block did not count
     ``dark_u_rel`` : standard uncertainty of the dark level over the light at the centre; the covariance of k
         holds it, but not that of versions from before it was looked at
     """

@@ -2,11 +2,14 @@
 
 import base64
 import io
+import json
 from collections.abc import Sequence
 from typing import Annotated
 
+import numpy as np
 import tifffile
 from fastapi import APIRouter, Query, Request, Response
+from numpy.typing import NDArray
 from pydantic import Field
 from sqlalchemy.orm import Session
 
@@ -26,7 +29,7 @@ from store.tables import Calibration, Camera
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
 
 EXPORTS: dict[Method, tuple[str, ...]] = {
-    "vignetting": ("lensfun.xml", "dng.json", "correction.tif"),
+    "vignetting": ("lensfun.xml", "dng.json", "correction.tif", "residuals.tif"),
     "geometry": ("opencv.yaml", "ros.yaml", "camera.json"),
 }
 
@@ -53,7 +56,7 @@ def get_lensfun_xml(
         camera = session.get_one(Camera, calibration.camera_id)
     coefficients = _read_falloff(calibration)
     if camera.pixel_pitch_um is None:
-        detail = "Lensfun needs the sensor's size: register the camera's pixel_pitch_um, then ask again."
+        detail = "Lensfun needs the sensor's size: register the camera again, with its pixel_pitch_um."
         raise Problem(422, HttpCode.VALIDATION_FAILED, detail)
     pitch_mm = camera.pixel_pitch_um / 1000.0
     names = vignetting.LensfunNames(
@@ -116,9 +119,41 @@ def get_correction_map(
     gains = vignetting.compute_correction(
         _read_falloff(calibration), cfa=calibration.result["cfa"], f_number=f_number
     )
-    out = io.BytesIO()
-    tifffile.imwrite(out, gains, photometric="rgb" if gains.ndim == 3 else "minisblack", metadata=None)
-    return Response(out.getvalue(), headers=immutable_headers(tag), media_type="image/tiff")
+    return _send_tiff(gains, tag)
+
+
+@router.get("/residuals.tif", response_class=Response, responses=sends_file("image/tiff"))
+def get_residual_map(
+    calibration_id: Id,
+    request: Request,
+    f_number: Annotated[PositiveText, Query()],
+    channel: Annotated[Text, Query()],
+    caller: Reader,
+    context: UsesContext,
+) -> Response:
+    """What the curve leaves of the flats, (light - fitted) / fitted, float32: a pixel for each block.
+
+    NaN where a block did not count. The description says how many pixels of the frame a block is wide.
+    """
+    with context.database.reading() as session:
+        calibration = _owned(session, calibration_id, caller, "vignetting")
+    tag = f"{calibration.content_sha256}-residuals-{f_number!r}-{channel}"
+    unchanged = not_modified(request, tag)
+    if unchanged is not None:
+        return unchanged
+    fit, residuals = vignetting.read_residuals(
+        _read_fit(calibration).channel_fits, f_number=f_number, channel=channel
+    )
+    said = {
+        "quantity": "(light - fitted) / fitted",
+        "unit": "1",
+        "f_number": f_number,
+        "channel": channel,
+        "block_px": fit.block_px,
+        "residual_rms_rel": fit.residual_rms_rel,
+        "calibration_id": calibration.id,
+    }
+    return _send_tiff(residuals, tag, json.dumps(said))
 
 
 @router.get("/opencv.yaml", response_class=Response, responses=sends_file("application/yaml"))
@@ -160,9 +195,13 @@ def _owned(session: Session, calibration_id: str, caller: Caller, method: Method
     return calibration
 
 
-def _read_falloff(calibration: Calibration) -> Sequence[vignetting.Coefficient]:
+def _read_fit(calibration: Calibration) -> vignetting.Fit:
     fit: vignetting.Fit = decode(vignetting.Fit, _without_ids(calibration))
-    return fit.coefficients
+    return fit
+
+
+def _read_falloff(calibration: Calibration) -> Sequence[vignetting.Coefficient]:
+    return _read_fit(calibration).coefficients
 
 
 def _read_camera(calibration: Calibration) -> geometry.Fit:
@@ -182,6 +221,13 @@ def _without_ids(calibration: Calibration) -> dict[str, object]:
 def _name(session: Session, calibration: Calibration) -> str:
     camera = session.get_one(Camera, calibration.camera_id)
     return f"{camera.make} {camera.model} {camera.serial}"
+
+
+def _send_tiff(samples: NDArray[np.float32], tag: str, description: str | None = None) -> Response:
+    out = io.BytesIO()
+    photometric = "rgb" if samples.ndim == 3 else "minisblack"
+    tifffile.imwrite(out, samples, photometric=photometric, metadata=None, description=description)
+    return Response(out.getvalue(), headers=immutable_headers(tag), media_type="image/tiff")
 
 
 def _send(request: Request, calibration: Calibration, text: str, media_type: str) -> Response:

@@ -2,7 +2,9 @@
 
 import base64
 import io
+import json
 import struct
+import xml.etree.ElementTree as ET
 from datetime import UTC, datetime
 
 import cv2
@@ -111,11 +113,43 @@ def check_falloff_exports(house, version, lens):
     assert dng["centre_x_share"] == pytest.approx(110 / 239, abs=0.02)
     refused = house.http.get(f"{base}/correction.tif", params={"f_number": 22.0})
     assert (refused.status_code, refused.json()["code"]) == (422, "vignetting_not_calibrated")
+    check_residual_map(house, base, version)
+    check_lensfun(house, base)
+    other = house.http.get(f"{base}/ros.yaml")
+    assert (other.status_code, "correction.tif" in other.json()["detail"]) == (404, True)
+
+
+def check_residual_map(house, base, version):
+    answer = house.http.get(f"{base}/residuals.tif", params={"f_number": 2.0, "channel": "R"})
+    with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
+        residuals, said = file.asarray(), json.loads(file.pages.first.description)
+    assert (residuals.dtype, residuals.shape, said["block_px"]) == (np.float32, (20, 30), 8)
+    (fitted,) = (
+        fit
+        for fit in version["diagnostics"]["channel_fits"]
+        if (fit["coefficient"]["f_number"], fit["coefficient"]["channel"]) == (2.0, "R")
+    )
+    assert np.sqrt(np.mean(residuals**2)) == pytest.approx(fitted["residual_rms_rel"], rel=1e-3)
+    assert said["calibration_id"] == version["id"]
+    refused = house.http.get(f"{base}/residuals.tif", params={"f_number": 2.8, "channel": "R"})
+    assert (refused.status_code, refused.json()["code"]) == (422, "vignetting_not_calibrated")
+    assert "there are f/2 R, f/2 G1" in refused.json()["detail"]
+
+
+def check_lensfun(house, base):
+    """What the refusal tells the user to do, does."""
     query = {"focal_length_mm": 15.0, "mount": "djifixed"}
     refused = house.http.get(f"{base}/lensfun.xml", params=query)
     assert (refused.status_code, "pixel_pitch_um" in refused.json()["detail"]) == (422, True)
-    other = house.http.get(f"{base}/ros.yaml")
-    assert (other.status_code, "correction.tif" in other.json()["detail"]) == (404, True)
+    house.camera(pixel_pitch_um=3.28)
+    answer = house.http.get(f"{base}/lensfun.xml", params=query)
+    assert answer.headers["Content-Type"].startswith("application/xml")
+    root = ET.fromstring(answer.text)
+    assert [child.tag for child in root] == ["mount", "camera", "lens"]
+    diagonal_mm = np.hypot(160, 240) * 0.00328
+    assert float(root.findtext("lens/cropfactor")) == pytest.approx(43.2666 / diagonal_mm, rel=1e-4)
+    apertures = [each.get("aperture") for each in root.findall("lens/calibration/vignetting")]
+    assert apertures == ["2", "4"]
 
 
 def test_the_board_of_opencv(house):

@@ -112,6 +112,18 @@ def test_dust_is_found_where_it_lies_and_left_out():
     assert abs(off) < 2 * clean.corner_falloff_standard_uncertainty
 
 
+def test_the_residual_map_does_not_know_what_was_left_out():
+    target = Target(spots=((60.0, 100.0, 6.0, 0.3),))
+    fits = vignetting.fit([flat(SMALL, 1, 2.0, target=target)], NONE).channel_fits
+    found, residuals = vignetting.read_residuals(fits, f_number=2.0, channel="G1")
+    row, col = (int(place // found.block_px) for place in (60.0, 100.0))
+    assert np.isnan(residuals[row, col])
+    assert 0 < np.isnan(residuals).sum() < 10
+    assert np.sqrt(np.nanmean(residuals**2)) == pytest.approx(found.residual_rms_rel, rel=1e-3)
+    with pytest.raises(InputRejected, match=r"at f/2.8, channel G1; there are f/2 R, f/2 G1"):
+        vignetting.read_residuals(fits, f_number=2.8, channel="G1")
+
+
 def test_a_pattern_on_the_target_is_refused():
     dots = [(r, c, 6.0, 0.4) for r in range(20, 190, 36) for c in range(20, 280, 36)]
     assert "of its blocks are spots" in refuse(flat(SMALL, 1, name="dots", target=Target(spots=dots)))

@@ -1,0 +1,29 @@
+"""What a fitted falloff leaves of a flat: rings are the lens's own, slopes and patches the light's."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.errors import Code, InputRejected
+from radiometry.packing import unpack
+from radiometry.vignetting.results import ChannelFit
+
+
+def read_residuals(
+    fits: Sequence[ChannelFit], *, f_number: float, channel: str
+) -> tuple[ChannelFit, NDArray[np.float32]]:
+    """Give (light - fitted) / fitted of one f-number and channel, and the fit that it belongs to.
+
+    Returns (row, col) float32, a block of ``block_px`` x ``block_px`` pixels each; NaN where a block did not
+        count: clipped, in a spot, or outside the regions
+    Raises InputRejected(vignetting_not_calibrated) where no flat was fitted: residuals are not interpolated
+    """
+    for fit in fits:
+        if (fit.coefficient.f_number, fit.coefficient.channel) == (f_number, channel):
+            return fit, unpack(fit.residuals).astype(np.float32)
+    known = ", ".join(f"f/{each.coefficient.f_number:g} {each.coefficient.channel}" for each in fits)
+    raise InputRejected(
+        Code.VIGNETTING_NOT_CALIBRATED,
+        f"No flat was fitted at f/{f_number:g}, channel {channel}; there are {known}. Ask for one of these.",
+    )
