@@ -9,6 +9,7 @@ from radiometry.exposure import Exposure
 from radiometry.methods import reflectance
 from radiometry.reflectance.alignment import align
 from radiometry.reflectance.caveats import check_frame
+from radiometry.reflectance.clock import find_tilt
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.sequoia import subtract_black
@@ -140,6 +141,20 @@ def test_rededge_light_sensor_and_panel_tell_of_one_sky(real_files):
     found = reflectance.measure_sunshine(header.multispectral)
     assert found.i_ss == pytest.approx(1.084825, abs=1e-6)
     assert 0.7 < found.i_ss / IRRADIANCE[0] < 1.5
+
+
+def test_the_tilt_correction_brings_a_real_light_sensor_nearer_to_the_panel(real_files):
+    """It leaned 11 degrees towards a sun of 41: with the signs of its attitude turned it would read less."""
+    ratios = []
+    for number, irradiance in enumerate(IRRADIANCE, start=1):
+        header = reading.read_header(real_files / "rededge" / f"0000SET_000_IMG_0000_{number}.tif")
+        tilt = find_tilt(header, reflectance.TiltParams())
+        assert (tilt.sun.elevation_deg, tilt.sun.azimuth_deg) == pytest.approx((41.2, 199.1), abs=0.1)
+        found = [reflectance.measure_sunshine(header.multispectral, tilt=each) for each in (None, tilt)]
+        ratios.append([each.i_ss / irradiance for each in found])
+    hung, level = np.median(ratios, axis=0)
+    assert hung == pytest.approx(1.23, abs=0.01)
+    assert level == pytest.approx(1.06, abs=0.01)
 
 
 def test_saturated_pixels_of_a_real_flight_capture_are_counted(real_files):
