@@ -26,6 +26,7 @@ class Code(StrEnum):
     SUNSHINE_MISSING = "sunshine_missing"
     WRONG_SUNSHINE_SENSOR = "wrong_sunshine_sensor"
     PANEL_ANGLE_TOO_LARGE = "panel_angle_too_large"
+    PANEL_SATURATED = "panel_saturated"
     BAND_NOT_CALIBRATED = "band_not_calibrated"
     BANDS_NOT_ALIGNED = "bands_not_aligned"
     CAPTURE_INCOMPLETE = "capture_incomplete"

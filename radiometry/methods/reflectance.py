@@ -149,7 +149,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
       serial_unknown, sunshine_serial_unknown; per capture: band_missing
     Raises InputRejected
       fit_incomplete if no band has a usable panel frame, or frames are not extracted yet;
-      sunshine_missing if that is what keeps every frame out; panel_angle_too_large;
+      sunshine_missing, panel_saturated if that is what keeps every frame out; panel_angle_too_large;
       wrong_camera, wrong_sunshine_sensor if the panel frames are of several; tilt_not_correctable
     """
     require_flat_angle(params.incidence_angle_deg)
@@ -215,6 +215,8 @@ def _explain(candidates: Sequence[Candidate]) -> InputRejected:
     reasons = sorted({f"{each.band.band}: {each.left_out}" for each in candidates})
     code = codes.pop() if len(codes) == 1 else None
     what = "; ".join(reasons) or "none of the panel frames is a multispectral camera's"
+    if code is None or code == Code.PANEL_SATURATED:
+        what += ". Take the panel again, neither saturated nor dark, and state what it reflects in each band."
     return InputRejected(code or Code.FIT_INCOMPLETE, f"No panel frame can be used. {what}")
 
 

@@ -28,7 +28,8 @@ def require_band(header: FrameHeader) -> Multispectral:
         raise InputRejected(
             Code.SENSOR_MODEL_UNUSABLE,
             "The file does not say which band it holds nor how its sensor responds: it is not an original "
-            "file of a Sequoia, RedEdge or Altum, or its XMP was lost. Upload the camera's own file.",
+            "file of a Sequoia, RedEdge or Altum, or its XMP was lost or damaged. Upload the camera's own "
+            "file.",
         )
     return header.multispectral
 

@@ -72,7 +72,10 @@ def list_missing(
 def list_bands_without_reflectance(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> list[str]:
-    """Say which bands have panel frames but no reflectance: a fit can start, but leaves them out."""
+    """Say which bands have panel frames but no reflectance, and what to do.
+
+    A fit can start with the other bands, and leaves these out.
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
     shown = {
         row.header.multispectral.band
@@ -82,8 +85,16 @@ def list_bands_without_reflectance(
         and row.header.multispectral is not None
         and row.header.multispectral.panel_albedo is None
     }
+    unknown = sorted(shown - {reading.band for reading in readings})
+    if not readings:
+        return [
+            f"nobody has said what the panel reflects in band {band}: register the panel, and name it "
+            "(panel_id) where several are registered"
+            for band in unknown
+        ]
     return [
-        f"the panel has no reflectance for band {band}" for band in sorted(shown - {r.band for r in readings})
+        f"panel {readings[0].panel} has no reflectance for band {band}: register it with this band"
+        for band in unknown
     ]
 
 
@@ -143,7 +154,8 @@ def _judge(
     band = row.header.multispectral
     assert band is not None  # noqa: S101  the caller chose rows with one
     panel, from_file = _find_reflectance(band, readings)
-    sunshine, left_out, code = None, excluded or _inspect(row), None
+    sunshine = None
+    left_out, code = (excluded, None) if excluded else _inspect(row)
     if not left_out and panel is None:
         left_out = NO_REFLECTANCE
     if not left_out and params.normalisation == "sunshine":
@@ -177,18 +189,20 @@ def _find_reflectance(band: Multispectral, readings: Sequence[Reading]) -> tuple
     return None, False
 
 
-def _inspect(row: FrameRow) -> str:
+def _inspect(row: FrameRow) -> tuple[str, Code | None]:
+    """Say what keeps a frame's signal out of a fit, and its code where it has one of its own."""
     features = row.features
     if features is None:
-        return "not extracted"
+        return "not extracted", None
     if features.statistics.saturated_share > MOST_SATURATED_SHARE:
-        return f"saturated: {features.statistics.saturated_share:.1%} of the region"
+        share = f"{features.statistics.saturated_share:.1%} of the region"
+        return f"saturated: {share}", Code.PANEL_SATURATED
     numbers = (features.i_sq, features.i_sq_standard_uncertainty, features.gradient_rel)
     if not all(math.isfinite(number) for number in numbers):
-        return "its signal is no number"
+        return "its signal is no number", None
     if features.i_sq <= DETECTION_ERRORS * features.i_sq_standard_uncertainty:
-        return "less than three standard errors above black"
-    return ""
+        return "less than three standard errors above black", None
+    return "", None
 
 
 def sunshine_flags(candidates: Sequence[Candidate]) -> list[Raised]:

@@ -94,7 +94,8 @@ def test_a_capture_becomes_one_k_a_band(house, contents):
 def test_what_is_missing_is_said_by_name(house, contents):
     campaign = begin(house, {"green": contents["green"]}, panel=False)
     answer = house.get(f"/v1/campaigns/{campaign['id']}")
-    assert answer["missing"] == ["the panel has no reflectance for band green"]
+    (said,) = answer["missing"]
+    assert said.startswith("nobody has said what the panel reflects in band green: register the panel")
     (frame,) = frames_of(house, campaign).values()
     # what lies in the middle of this field is no panel, and looks it
     assert [reason["code"] for reason in frame["verdict"]["reasons"]] == ["panel_uneven", "panel_unknown"]
@@ -108,7 +109,7 @@ def test_of_two_panels_one_must_be_named(house, contents):
     campaign = begin(house, {"green": contents["green"]})
     brighter = PANEL | {"serial": "P-50", "bands": [{"band": "green", "reflectance": 0.5}]}
     named = house.post("/v1/panels", brighter)
-    assert "no reflectance" in house.get(f"/v1/campaigns/{campaign['id']}")["missing"][0]
+    assert "name it (panel_id)" in house.get(f"/v1/campaigns/{campaign['id']}")["missing"][0]
     version = fit(house, campaign, panel_id=named["id"])
     assert version["inputs"]["panels"][0]["serial"] == "P-50"
     assert house.get(f"/v1/campaigns/{campaign['id']}")["panel_id"] == named["id"]

@@ -188,9 +188,9 @@ def test_a_saturated_panel_is_left_out_by_name():
     assert points["bright"].left_out.startswith("saturated")
     assert points["bright"].saturated_share > 0.5
     assert "panel_saturated" in flags_of(found.flags)
-    with pytest.raises(InputRejected, match="saturated") as refusal:
+    with pytest.raises(InputRejected, match=r"saturated: .* of the region\. Take the panel again") as refusal:
         reflectance.fit(rows[:1], READINGS, PARAMS)
-    assert refusal.value.code == "fit_incomplete"
+    assert refusal.value.code == "panel_saturated"
 
 
 def test_an_uneven_panel_is_flagged_and_counted():
@@ -234,7 +234,10 @@ def test_a_capture_that_lacks_a_band_is_flagged():
 
 def test_a_band_without_a_reflectance_is_named_and_left_out():
     readings = [reading for reading in READINGS if reading.band != "nir"]
-    assert reflectance.missing(panel(), readings, PARAMS) == ("the panel has no reflectance for band nir",)
+    assert reflectance.missing(panel(), readings, PARAMS) == (
+        f"panel {readings[0].panel} has no reflectance for band nir: register it with this band",
+    )
+    assert "register the panel" in reflectance.missing(panel(), (), PARAMS)[0]
     found = reflectance.fit(panel(), readings, PARAMS)
     assert [each.coefficient.band for each in found.band_fits] == ["green", "red", "red_edge"]
     (left_out,) = [point for point in found.points if not point.used]
