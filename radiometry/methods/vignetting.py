@@ -17,8 +17,6 @@ from radiometry.statistics import CHANNELS
 from radiometry.vignetting.application import (
     Share,
     evaluate,
-    evaluate_window,
-    list_windows,
     select_channels,
 )
 from radiometry.vignetting.caveats import check_fits, check_frames, find_thresholds
@@ -71,14 +69,12 @@ __all__ = [
     "average_over_polygon",
     "compute_correction",
     "evaluate",
-    "evaluate_window",
     "export_dng",
     "export_lensfun",
     "extract",
     "fit",
     "judge",
     "list_figures",
-    "list_windows",
     "missing",
     "plan",
     "read_residuals",

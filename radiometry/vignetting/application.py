@@ -115,19 +115,10 @@ def select_channels(coefficients: Sequence[Coefficient], *, signal: str) -> tupl
     return greens if signal == "green" and greens else channels
 
 
-def list_windows(height_px: int, width_px: int, *, rows: int = BAND_ROWS) -> Iterator[Window]:
+def list_windows(height_px: int, width_px: int) -> Iterator[Window]:
     """Cut a frame into bands of rows, so that a whole map needs little memory."""
-    for row0 in range(0, height_px, rows):
-        yield Window(row0=row0, col0=0, height=min(rows, height_px - row0), width=width_px)
-
-
-def evaluate_window(
-    coefficients: Sequence[Coefficient], window: Window, *, channel: str, f_number: float
-) -> Share:
-    """Give V of every pixel of a window, (row, col)."""
-    rows = np.arange(window.row0, window.row0 + window.height, dtype=np.float64)[:, None]
-    cols = np.arange(window.col0, window.col0 + window.width, dtype=np.float64)[None, :]
-    return evaluate(coefficients, rows, cols, channel=channel, f_number=f_number)
+    for row0 in range(0, height_px, BAND_ROWS):
+        yield Window(row0=row0, col0=0, height=min(BAND_ROWS, height_px - row0), width=width_px)
 
 
 def _evaluate_one(coefficient: Coefficient, row_px: Array, col_px: Array) -> tuple[Array, Slopes]:

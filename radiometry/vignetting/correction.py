@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.statistics import GREY, name_site
-from radiometry.vignetting.application import evaluate_window, list_windows
+from radiometry.vignetting.application import BAND_ROWS
+from radiometry.vignetting.lens import Lens
 from radiometry.vignetting.results import Coefficient
 
 _COLOURS = ("R", "G", "B")
@@ -23,22 +24,26 @@ def compute_correction(
     Raises InputRejected(vignetting_not_calibrated)
     """
     height, width = coefficients[0].height_px, coefficients[0].width_px
+    lens = Lens(coefficients=tuple(coefficients), f_number=f_number)
     if cfa == "rgb":
-        planes = [_fill(coefficients, channel, f_number) for channel in _COLOURS]
-        return np.stack(planes, axis=-1)
-    if cfa == GREY:
-        return _fill(coefficients, coefficients[0].channel, f_number)
+        gains = np.empty((height, width, len(_COLOURS)), np.float32)
+        for plane, channel in enumerate(_COLOURS):
+            _fill(gains[..., plane], lens, channel, row0=0, col0=0, step=1)
+        return gains
     gains = np.empty((height, width), np.float32)
+    if cfa == GREY:
+        _fill(gains, lens, coefficients[0].channel, row0=0, col0=0, step=1)
+        return gains
     for index in range(4):
-        site = (slice(index // 2, None, 2), slice(index % 2, None, 2))
-        gains[site] = _fill(coefficients, name_site(cfa, index), f_number)[site]
+        row0, col0 = divmod(index, 2)
+        _fill(gains[row0::2, col0::2], lens, name_site(cfa, index), row0=row0, col0=col0, step=2)
     return gains
 
 
-def _fill(coefficients: Sequence[Coefficient], channel: str, f_number: float) -> NDArray[np.float32]:
-    """Give one channel's gain at every pixel, a band of rows at a time."""
-    gains = np.empty((coefficients[0].height_px, coefficients[0].width_px), np.float32)
-    for window in list_windows(*gains.shape):
-        share = evaluate_window(coefficients, window, channel=channel, f_number=f_number)
-        gains[window.row0 : window.row0 + window.height] = share.gain
-    return gains
+def _fill(gains: NDArray[np.float32], lens: Lens, channel: str, *, row0: int, col0: int, step: int) -> None:
+    """Write one channel's gains at its own pixels, a band of rows at a time."""
+    cols = np.arange(gains.shape[1]) * step + col0
+    for top in range(0, gains.shape[0], BAND_ROWS):
+        band = gains[top : top + BAND_ROWS]
+        rows = (top + np.arange(band.shape[0])) * step + row0
+        np.divide(1.0, lens.compute_plane(rows, cols, channel=channel), out=band)

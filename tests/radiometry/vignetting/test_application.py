@@ -90,14 +90,22 @@ def test_a_signal_s_channels():
     assert vignetting.select_channels(band, signal="green") == ("red_edge",)
 
 
-def test_a_map_by_bands_is_the_map():
-    bands = [
-        vignetting.evaluate_window(PAIR, window, channel="G1", f_number=3.0).share
-        for window in vignetting.list_windows(300, 400, rows=77)
+@pytest.mark.parametrize("cfa", ["grey", "rgb", "GRBG"])
+def test_a_correction_made_in_bands_is_one_over_v_everywhere(cfa):
+    """Taller than a band, and between two f-numbers."""
+    names = {"grey": ("grey",), "rgb": ("R", "G", "B"), "GRBG": ("G1", "R", "B", "G2")}[cfa]
+    pair = [
+        dataclasses.replace(each, channel=name, k1=each.k1 * (1 + 0.1 * number))
+        for number, name in enumerate(names)
+        for each in PAIR
     ]
-    rows, cols = np.mgrid[0:300, 0:400].astype(float)
-    whole = vignetting.evaluate(PAIR, rows, cols, channel="G1", f_number=3.0).share
-    np.testing.assert_array_equal(np.concatenate(bands), whole)
+    gains = vignetting.compute_correction(pair, cfa=cfa, f_number=3.0)
+    rows, cols = np.mgrid[:300, :400].astype(float)
+    for number, name in enumerate(names):
+        expected = vignetting.evaluate(pair, rows, cols, channel=name, f_number=3.0).gain
+        site = (slice(number // 2, None, 2), slice(number % 2, None, 2)) if cfa == "GRBG" else ()
+        found = gains[..., number] if cfa == "rgb" else gains
+        np.testing.assert_allclose(found[site], expected[site], rtol=3e-7)
 
 
 def test_mean_over_a_region_is_that_of_its_pixels():
