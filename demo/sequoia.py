@@ -13,13 +13,11 @@ from demo.directory import EXIF, GPS, Entry, append_directory, rational, reserve
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
 from radiometry.multispectral import Multispectral, RigGeometry, SunshineCounts, VignettingPolynomial
-from radiometry.reflectance.simulation import SimulatedFrame
+from radiometry.reflectance.simulation import PIXELS_PER_MM, SimulatedFrame
 
 _ASCII, _BYTE, _RATIONAL = 2, 1, 5
 _XMP = 700
 _PER_MILLIMETRE = 4
-# Of 3.9 um; the real one has 3.75. A power of two, so that positions survive the way over millimetres.
-_PIXELS_PER_MM = 256.0
 _RECORD = struct.Struct("<QHHHHfff")
 _FILE_NAMES = {"green": "GRE", "red": "RED", "red_edge": "REG", "nir": "NIR"}
 
@@ -74,8 +72,8 @@ def _exif_entries(header: FrameHeader, exposure: Exposure) -> list[Entry]:
         text(36868, f"{clock:%Y:%m:%d %H:%M:%S}"),  # DateTimeDigitized
         text(36881, f"{offset[:3]}:{offset[3:5]}"),  # OffsetTimeOriginal
         text(37522, f"{clock:%f}"),  # SubSecTimeDigitized
-        rational(41486, _PIXELS_PER_MM),  # FocalPlaneXResolution
-        rational(41487, _PIXELS_PER_MM),  # FocalPlaneYResolution
+        rational(41486, PIXELS_PER_MM),  # FocalPlaneXResolution
+        rational(41487, PIXELS_PER_MM),  # FocalPlaneYResolution
         short(41488, _PER_MILLIMETRE),  # FocalPlaneResolutionUnit
     ]
 
@@ -165,7 +163,7 @@ def _rig(geometry: RigGeometry | None) -> dict[str, str | Numbers | None]:
     x_px, y_px = geometry.principal_point_px
     return {
         "ModelType": geometry.model,
-        "PrincipalPoint": f"{x_px / _PIXELS_PER_MM!r},{y_px / _PIXELS_PER_MM!r}",
+        "PrincipalPoint": f"{x_px / PIXELS_PER_MM!r},{y_px / PIXELS_PER_MM!r}",
         "FisheyeAffineMatrix": ",".join(map(repr, geometry.fisheye_affine)) or None,
         "FisheyePolynomial": ",".join(map(repr, geometry.fisheye_polynomial)) or None,
         "RigRelatives": ",".join(map(repr, geometry.rotation_deg)) if geometry.rotation_deg else None,

@@ -110,6 +110,7 @@ class RigGeometry:
     ``fisheye_affine``, ``fisheye_polynomial`` : (C, D, E, F) [px] and (p0, p1, ...), of a fisheye lens
     ``focal_length_px``, ``distortion`` : f and (k1, k2, k3, p1, p2), of a perspective lens
     ``rotation_deg`` : (omega, phi, kappa) into the rig's reference band; None where the file is silent
+    ``pixels_per_mm`` : (x, y), of the sensor
     """
 
     model: str  # "fisheye" | "perspective"
@@ -119,6 +120,7 @@ class RigGeometry:
     focal_length_px: float | None = None
     distortion: tuple[float, ...] = ()
     rotation_deg: tuple[float, float, float] | None = None
+    pixels_per_mm: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

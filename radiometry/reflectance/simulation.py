@@ -23,6 +23,8 @@ from radiometry.reflectance.lens import FrameSize, evaluate_polynomial
 from radiometry.roi import Window
 
 FULL_SCALE_DN = 65_472.0
+# Of 3.9 um; the real one has 3.75. A power of two, so that positions survive the way over millimetres.
+PIXELS_PER_MM = 256.0
 _STEP_DN = 64.0
 _STEP_US = 200_000
 _TABLE_TIME_S = 0.6
@@ -259,6 +261,7 @@ def _head(
                 fisheye_affine=(1657.9, 0.0, 0.0, 1657.9),
                 fisheye_polynomial=(0.0, 1.0, 0.01, -0.14),
                 rotation_deg=band.rotation_deg,
+                pixels_per_mm=(PIXELS_PER_MM, PIXELS_PER_MM),
             ),
         ),
     )

@@ -132,6 +132,7 @@ def test_a_flight_frame_is_measured_whole_and_its_map_agrees(sqlite_house, frame
     answer = sqlite_house.http.get(found["links"]["map_tif"])
     with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
         plane, said = file.asarray(), json.loads(file.pages[0].description)
+        packet, gps = (file.pages[0].tags[tag].value for tag in ("XMP", "GPSTag"))
     assert (said["band"], said["wavelength_nm"], said["capture_id"]) == (
         "NIR",
         840.0,
@@ -143,6 +144,9 @@ def test_a_flight_frame_is_measured_whole_and_its_map_agrees(sqlite_house, frame
         "above_one": int((plane > 1).sum()),
         "saturated": int(np.isnan(plane).sum()),
     }
+    assert b"<Camera:BandName>NIR</Camera:BandName>" in packet
+    assert b"Vignetting" not in packet
+    assert (gps["GPSLatitudeRef"], gps["GPSLongitudeRef"]) == ("N", "W")
     assert found["map"]["above_one"] > 100  # roofs and stones: not clipped
     assert found["map"]["saturated"] == round(found["saturated_share"] * plane.size) == 207
     # the region's mean counts saturated pixels as they stand, the map leaves them out

@@ -29,6 +29,8 @@ _LARGEST: Final = 1e15
 _CONTAINER_BITS: Final = 16
 # Both write the sensor's bits at the upper end of sixteen: saturated is 65472 or 65520, never 65535.
 _SENSOR_BITS: Final = {"sequoia": 10, "micasense": 12}
+# Pixels a millimetre: what no sensor has is no resolution.
+_COARSEST, _FINEST = 10.0, 4000.0
 _MM_PER_UNIT: Final = {2: 25.4, 3: 10.0, 4: 1.0}
 _BAND_ALIASES: Final = {"gre": "green", "reg": "red_edge", "rededge": "red_edge"}
 _DLS2_W_PER_UW: Final = 0.01  # one uW/cm2/nm is 0.01 W/m2/nm
@@ -247,6 +249,7 @@ def _read_geometry(main: Directory, xmp: Xmp, *, reference: bool) -> RigGeometry
         focal_length_px=focal,
         distortion=xmp.numbers("camera:PerspectiveDistortion"),
         rotation_deg=rotation,
+        pixels_per_mm=per_mm,
     )
 
 
@@ -262,4 +265,5 @@ def _pixels_per_mm(main: Directory) -> tuple[float, float] | None:
         return None
     if not x or not y or not x[0] or not y[0] or unit is None:
         return None
-    return x[0] / unit, y[0] / unit
+    per_mm = (x[0] / unit, y[0] / unit)
+    return per_mm if all(_COARSEST <= each <= _FINEST for each in per_mm) else None

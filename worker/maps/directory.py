@@ -13,6 +13,7 @@ from worker.decode import tags
 
 _ASCII, _BYTE, _SHORT, _LONG, _RATIONAL, _SRATIONAL = 2, 1, 3, 4, 5, 10
 _WHOLE: Final = 0xFFFF
+_PER_MILLIMETRE: Final = 4
 _LARGEST: Final = 1_000_000
 
 Entry = tuple[int, int, int, bytes]  # tag, type, count, value
@@ -32,7 +33,7 @@ def has_exif(header: FrameHeader, exposure: Exposure | None) -> bool:
 
 
 def _exif_entries(header: FrameHeader, exposure: Exposure | None) -> list[Entry]:
-    entries = _exposure_entries(exposure) if exposure is not None else []
+    entries = [*(_exposure_entries(exposure) if exposure is not None else []), *_focal_plane(header)]
     texts = {
         tags.BODY_SERIAL: header.serial,
         tags.LENS_MAKE: header.lens_make,
@@ -59,6 +60,19 @@ def _exposure_entries(exposure: Exposure) -> list[Entry]:
     if exposure.f_number_apex is not None:
         entries.append(_rational(tags.APERTURE_VALUE, 2 * math.log2(exposure.f_number_apex)))
     return entries
+
+
+def _focal_plane(header: FrameHeader) -> list[Entry]:
+    lens = header.multispectral.geometry if header.multispectral is not None else None
+    if lens is None or lens.pixels_per_mm is None:
+        return []
+    x, y = lens.pixels_per_mm
+    unit = (tags.FOCAL_PLANE_RESOLUTION_UNIT, _SHORT, 1, struct.pack("<H", _PER_MILLIMETRE))
+    return [
+        _rational(tags.FOCAL_PLANE_X_RESOLUTION, x),
+        _rational(tags.FOCAL_PLANE_Y_RESOLUTION, y),
+        unit,
+    ]
 
 
 def _split_fraction(rest: str) -> tuple[str, str]:

@@ -19,7 +19,7 @@ from worker.maps.directory import append_directories, has_exif
 TILE_PX: Final = 256
 _DEFLATE: Final = 8
 LEVEL: Final = 1
-_ASCII, _LONG = 2, 4
+_BYTE, _ASCII, _LONG = 1, 2, 4
 
 _WHOLE: Final = TILE_PX**2
 
@@ -29,12 +29,16 @@ Samples = NDArray[np.uint16]
 
 @dataclass(frozen=True, kw_only=True)
 class MapFacts:
-    """What a map says of itself beside its pixels; ``description`` is kept as JSON in ImageDescription."""
+    """What a map says of itself beside its pixels.
+
+    ``description`` is kept as JSON in ImageDescription; ``packet`` : XMP, where the map has one
+    """
 
     header: FrameHeader
     exposure: Exposure | None
     software: str
     description: dict[str, Any]
+    packet: bytes = b""
 
 
 def write_tiff(path: Path, tiles: Iterable[bytes], facts: MapFacts) -> None:
@@ -79,6 +83,8 @@ def _tags(facts: MapFacts) -> list[tuple[int | str, int, int, Any, bool]]:
     named: list[tuple[int | str, int, int, Any, bool]] = [
         (tag, _ASCII, 0, text.encode("utf-8"), True) for tag, text in texts.items() if text
     ]
+    if facts.packet:
+        named.append((tags.XMP, _BYTE, len(facts.packet), facts.packet, True))
     # by their names: by number tifffile would refuse them; the values follow in append_directories
     if has_exif(header, facts.exposure):
         named.append(("ExifTag", _LONG, 1, 0, True))

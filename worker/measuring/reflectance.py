@@ -18,6 +18,7 @@ from store.measuring.record import Products, read_band_coefficients
 from store.software import CODE_VERSION
 from store.tables import FrameRow
 from worker.maps.making import Made, Subject, make_map
+from worker.maps.packet import write_packet
 from worker.maps.picture import REFLECTANCE, Style
 from worker.maps.strips import cut_strips
 from worker.maps.tiff import MapFacts, Plane
@@ -80,7 +81,10 @@ def _map_band(task: Task) -> tuple[Made, Products]:
         compute=compute,
         report=lambda share: task.report(0.1 + 0.9 * share),
     )
-    return _draw(task, subject, header, REFLECTANCE, _describe(task, header, quantity="reflectance"))
+    assert header.multispectral is not None  # noqa: S101  the plan refused files without one
+    packet = write_packet(header.multispectral)
+    description = _describe(task, header, quantity="reflectance")
+    return _draw(task, subject, header, REFLECTANCE, description, packet)
 
 
 def _describe(task: Task, header: FrameHeader, **more: Any) -> dict[str, Any]:  # noqa: ANN401
@@ -97,13 +101,19 @@ def _describe(task: Task, header: FrameHeader, **more: Any) -> dict[str, Any]:  
 
 
 def _draw(
-    task: Task, subject: Subject, header: FrameHeader, style: Style, description: dict[str, Any]
+    task: Task,
+    subject: Subject,
+    header: FrameHeader,
+    style: Style,
+    description: dict[str, Any],
+    packet: bytes = b"",
 ) -> tuple[Made, Products]:
     facts = MapFacts(
         header=header,
         exposure=task.exposure,
         software=f"stilb {CODE_VERSION}",
         description=description,
+        packet=packet,
     )
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"

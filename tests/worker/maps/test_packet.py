@@ -1,0 +1,63 @@
+"""The XMP of a map: the band and its lens come back as the camera's own file told them, and nothing else."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from radiometry.multispectral import Multispectral
+from tests.support.data import data_file
+from worker.decode import reading
+from worker.decode.multispectral import _pixels_per_mm, read_multispectral
+from worker.decode.tiff import read_directories
+from worker.decode.xmp import parse_xmp
+from worker.maps.packet import write_packet
+from worker.maps.tiff import MapFacts, encode_band, write_tiff
+
+FILES = ["sequoia/IMG_180413_080658_0000_RED.TIF", "rededge/0000SET_000_IMG_0001_4.tif"]
+KEPT = (
+    *("system", "band", "band_name", "wavelength_nm", "width_nm"),
+    *("rig_camera_index", "capture_id", "flight_id"),
+)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path):
+    header = reading.read_header(data_file(name))
+    told = header.multispectral
+    target = tmp_path / "map.tif"
+    tiles = encode_band(np.zeros((256, header.width_px), np.float32))
+    facts = MapFacts(
+        header=dataclasses.replace(header, height_px=256),
+        exposure=None,
+        software="stilb",
+        description={},
+        packet=write_packet(told),
+    )
+    write_tiff(target, tiles, facts)
+    (main,) = read_directories(target.read_bytes())
+    found = read_multispectral(main, bits=32)
+    assert [getattr(found, field) for field in KEPT] == [getattr(told, field) for field in KEPT]
+    assert found.geometry.principal_point_px == pytest.approx(told.geometry.principal_point_px, rel=1e-8)
+    assert found.geometry.pixels_per_mm == pytest.approx(told.geometry.pixels_per_mm, rel=1e-8)
+    same = {"principal_point_px": (0.0, 0.0), "pixels_per_mm": None}
+    assert dataclasses.replace(found.geometry, **same) == dataclasses.replace(told.geometry, **same)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_what_the_map_has_taken_in_is_not_said_again(name):
+    properties = parse_xmp(write_packet(reading.read_header(data_file(name)).multispectral))
+    words = ("Vignetting", "SensorModel", "Radiometric", "Irradiance", "Sunshine", "Albedo")
+    assert not [key for key in properties if any(word in key for word in words)]
+
+
+def test_a_name_cannot_break_out_of_the_packet():
+    band = Multispectral(system="micasense", band="x", band_name='</Camera:BandName>&"<x>')
+    assert parse_xmp(write_packet(band)) == {"camera:BandName": ('</Camera:BandName>&"<x>',)}
+
+
+@pytest.mark.parametrize("resolution", [0.0, -266.0, 9.0, 1e9, float("inf")])
+def test_a_resolution_that_no_sensor_has_is_none(resolution):
+    exif = SimpleNamespace(numbers=lambda *_, **__: (resolution,), integer=lambda *_: 4)
+    assert _pixels_per_mm(SimpleNamespace(directory=lambda _: exif)) is None
