@@ -42,6 +42,14 @@ def judge(text: str, ratio: Ratio, *, at_least: float | None = None, at_most: fl
     return met
 
 
+def judge_seconds(text: str, seconds: Seconds, *, at_most_s: float) -> bool:
+    """Print the median of some times beside its target, and say whether it is met."""
+    median_s = statistics.median(seconds)
+    met = median_s <= at_most_s
+    say(f"  {text:<54} {median_s:.2f} s  target: at most {at_most_s:g} s  {'met' if met else 'MISSED'}")
+    return met
+
+
 def summarise(verdicts: Sequence[bool]) -> str:
     missed = len(verdicts) - sum(verdicts)
     return f"{len(verdicts)} targets, {missed} MISSED" if missed else f"{len(verdicts)} targets, all met"

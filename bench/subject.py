@@ -23,6 +23,7 @@ class Scale:
     cols: int = 5280
     rounds: int = 15
     uploads: int = 7
+    frames: int = 1000
 
 
 def make_mosaic(scale: Scale) -> NDArray[np.uint16]:

@@ -26,7 +26,7 @@ CLIENT = "through the service with stilb.Client (it hashes first)"
 SCRIPT = "a script: read, SHA-256, write, fsync"
 
 _ROOT = Path(__file__).resolve().parent.parent
-_KEY = "stilb_bench"
+KEY = "stilb_bench"
 _CHUNK_BYTES = 1 << 20
 _READY_WITHIN_S = 60.0
 
@@ -49,9 +49,9 @@ def run(scale: Scale) -> list[bool]:
         say(f"\nuploading a frame of {size_mb:.1f} MB")
         with (
             serving(folder / "data") as service,
-            stilb.Client(service.url, _KEY) as client,
+            stilb.Client(service.url, KEY) as client,
             httpx.Client(
-                base_url=service.url, headers={"Authorization": f"Bearer {_KEY}"}, timeout=60
+                base_url=service.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=60
             ) as http,
         ):
             return _measure(scale, path, service, client, http)
@@ -140,7 +140,7 @@ def serving(data: Path) -> Iterator[Service]:
         **{name: value for name, value in os.environ.items() if not name.startswith("STILB_")},
         "STILB_DATA": str(data),
         "STILB_PORT": str(port),
-        "STILB_KEY": _KEY,
+        "STILB_KEY": KEY,
         "STILB_BROKER_URL": "redis://127.0.0.1:1/0",
     }
     subprocess.run([sys.executable, "-m", "store.migrate"], check=True, cwd=_ROOT, env=environment)

@@ -26,8 +26,9 @@ class Stock:
 def take_stock(session: Session, campaign: Campaign) -> Stock:
     params = make_params(session, campaign)
     every = gather(session, campaign, applied=True)
+    fitted = gather(session, campaign) if methods.describe(campaign.method).applied_roles else every
     return Stock(
-        missing=list_missing(campaign, gather(session, campaign), params),
+        missing=list_missing(campaign, fitted, params),
         advice=list(methods.plan(campaign.method, every.frames, every.readings, params)),
     )
 

@@ -3,13 +3,13 @@
 import { get, patch } from "../api.js";
 import { h, may, table, toast } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, tag, time, words } from "../format.js";
-import { act, load } from "../states.js";
+import { act, load, loading } from "../states.js";
 import { decimal, field, select } from "./forms.js";
 import { ROLES } from "./methods.js";
 import { numberOf } from "./numbers.js";
 
 export function showFrame(state, id) {
-  const body = h("div", { "aria-busy": "true" });
+  const body = h("div", { "aria-busy": "true" }, loading(6));
   const dialog = h("dialog", { class: "frame-dialog", "aria-label": state.byId.get(id)?.filename ?? "Frame", onclose: () => dialog.remove() }, body);
   document.body.append(dialog);
   dialog.showModal();

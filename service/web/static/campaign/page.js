@@ -1,7 +1,7 @@
 // The page of one campaign, from its first file to its calibration.
 
 import { byId, fill, may } from "../dom.js";
-import { failed, load } from "../states.js";
+import { failed } from "../states.js";
 import { calibrateSection } from "./calibrate.js";
 import { checklistSection } from "./checklist.js";
 import { framesSection } from "./frames.js";
@@ -15,8 +15,6 @@ const { campaignId, room } = document.querySelector("main").dataset;
 const state = new CampaignState(campaignId, JSON.parse(room));
 
 const parts = [
-  ["overview", overview],
-  ["frame-list", framesSection],
   ["region-tool", regionSection],
   ["reading-list", readingsSection],
   ["checklist-items", checklistSection],
@@ -27,17 +25,28 @@ if (may("upload")) fill(byId("upload"), uploadSection(state));
 start();
 
 async function start() {
-  const first = byId("overview");
-  if (!(await load(first, () => state.open(), () => null))) return;
-  for (const [id, part] of parts) {
-    const place = byId(id);
-    try {
-      fill(place, part(state));
-    } catch (error) {
-      fill(place, failed(error));
-    }
-    place.removeAttribute("aria-busy");
+  // the frames are there first, and are drawn before anything else is asked
+  const known = (await drawn("frame-list", () => state.open(), framesSection)) && (await drawn("overview", () => state.know(), overview));
+  if (!known) {
+    for (const place of document.querySelectorAll("main .region[aria-busy]")) fill(place).removeAttribute("aria-busy");
+    return;
   }
+  for (const [id, part] of parts) await drawn(id, () => {}, part);
   // what the address names has only now got its place
   if (location.hash) document.querySelector(`section${CSS.escape(location.hash).replace("\\#", "#")}`)?.scrollIntoView();
+}
+
+/** One part, once what it shows is there; if that fails, everything begins again. */
+async function drawn(id, ready, part) {
+  const place = byId(id);
+  try {
+    await ready();
+    fill(place, part(state));
+    return true;
+  } catch (error) {
+    fill(place, failed(error, () => location.reload()));
+    return false;
+  } finally {
+    place.removeAttribute("aria-busy");
+  }
 }

@@ -29,11 +29,17 @@ export class CampaignState extends EventTarget {
     this.dispatchEvent(new Event(name));
   }
 
-  /** The first rows are there when this ends; the others and the verdicts follow. */
+  /** The first rows are there when this ends; all else about the campaign takes longer to find out. */
   async open() {
-    const [campaign] = await Promise.all([get(this.path), this.readPage(`${this.path}/frames?brief=true&limit=${FIRST}`, 0)]);
-    Object.assign(this, { campaign, roi: await this.readRoi(campaign) });
+    await this.readPage(`${this.path}/frames?brief=true&limit=${FIRST}`, 0);
     this.gather();
+  }
+
+  /** The campaign itself is known when this ends; the other rows and the verdicts follow. */
+  async know() {
+    const campaign = await get(this.path);
+    Object.assign(this, { campaign, roi: await this.readRoi(campaign) });
+    this.tell("frames");
     this.following = follow(() => this.look());
   }
 
@@ -62,12 +68,15 @@ export class CampaignState extends EventTarget {
     }
     this.complete = true;
     if (changed) this.gather();
-    if (changed || this.turn % LOOK_WHOLE_EVERY === 0) await this.lookAround();
+    // others may have set a region or added readings, which shows in the campaign alone
+    const campaign = await get(this.path);
+    const other = JSON.stringify(campaign) !== JSON.stringify(this.campaign);
+    if (changed || other || this.turn % LOOK_WHOLE_EVERY === 0) await this.lookAround(campaign);
     this.turn += 1;
   }
 
-  async lookAround() {
-    const [campaign, verdicts] = await Promise.all([get(this.path), get(`${this.path}/verdicts`)]);
+  async lookAround(campaign) {
+    const verdicts = await get(`${this.path}/verdicts`);
     const roi = await this.readRoi(campaign);
     const roiChanged = roi?.id !== this.roi?.id;
     Object.assign(this, { campaign, roi });

@@ -49,7 +49,7 @@ export function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf,
     const mark = markOf(item);
     const row = drawn.get(keyOf(item)) ?? { element: h("tr", {}), mark: undefined };
     row.element.setAttribute("aria-rowindex", index + 2);
-    if (row.mark !== mark) {
+    if (row.mark !== mark && !typedIn(row.element)) {
       row.mark = mark;
       row.element.className = classOf(item) ?? "";
       fill(row.element, draw(item).map((cell, at) => h("td", { class: columns[at].class }, cell)));
@@ -63,6 +63,7 @@ export function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf,
     waiting = true;
     requestAnimationFrame(update);
   };
+  body.addEventListener("focusout", soon);
   element.addEventListener("scroll", soon, { passive: true });
   new ResizeObserver(soon).observe(element);
 
@@ -75,3 +76,6 @@ export function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf,
     },
   };
 }
+
+/** What somebody types is not taken from under their hands. */
+const typedIn = (row) => row.contains(document.activeElement) && document.activeElement.matches("select, input:not([type=checkbox])");

@@ -1,0 +1,126 @@
+"""A campaign of a thousand frames in a real browser: from the navigation until a click is answered."""
+
+import hashlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TypeVar, cast
+
+from playwright.sync_api import Browser, StorageState, sync_playwright
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+import stilb
+from bench.report import judge_seconds, say, show_times
+from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
+from bench.timing import Seconds
+from bench.upload import KEY, Service, serving
+from store.columns import new_id
+from store.settings import Settings
+from store.tables import Base, Blob, ChannelRow, Extraction, FrameRow
+from worker.__main__ import build_context
+from worker.runner import run as run_job
+
+PAGE = "the campaign's page, nothing cached"
+_LIMIT_S = 1.0
+Row = TypeVar("Row", bound=Base)
+_SMALL = Scale(rows=480, cols=640)
+# The first row that is drawn is clicked; what the click opens must have been drawn as well.
+_ANSWERED = """() => new Promise((done) => {
+    const look = () => {
+        document.querySelector("#frame-list tbody button")?.click();
+        if (document.querySelector("dialog[open]")) {
+            requestAnimationFrame(() => setTimeout(() => done(performance.now())));
+        } else requestAnimationFrame(look);
+    };
+    look();
+})"""
+
+
+def run(scale: Scale) -> list[bool]:
+    """Open the page in a new browser profile each round: scripts and styles are loaded and compiled anew."""
+    say(f"\nopening a campaign of {scale.frames:,} frames in a browser")
+    chromium = find_chromium()
+    if chromium is None:
+        say("  skipped: there is no Chromium on the path; STILB_CHROMIUM names one")
+        return []
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
+        folder = Path(name)
+        with serving(folder / "data") as service, sync_playwright() as playwright:
+            campaign = _fill_campaign(scale, service, folder)
+            flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+            browser = playwright.chromium.launch(executable_path=chromium, args=flags)
+            seconds = _open_pages(browser, f"{service.url}/campaigns/{campaign}", service, scale.rounds)
+            browser.close()
+    show_times({PAGE: seconds})
+    return [judge_seconds("from the navigation to a frame's answer", seconds, at_most_s=_LIMIT_S)]
+
+
+def find_chromium() -> str | None:
+    return os.environ.get("STILB_CHROMIUM") or shutil.which("chromium")
+
+
+def _open_pages(browser: Browser, address: str, service: Service, rounds: int) -> Seconds:
+    session = _sign_in(browser, service)
+    return [_open_page(browser, address, session) for _ in range(rounds + 1)][1:]
+
+
+def _sign_in(browser: Browser, service: Service) -> StorageState:
+    with browser.new_context(base_url=service.url) as context:
+        page = context.new_page()
+        page.goto("/sign-in")
+        page.get_by_label("Key").fill(KEY)
+        page.get_by_role("button", name="Sign in").click()
+        page.wait_for_url("**/")
+        return context.storage_state()
+
+
+def _open_page(browser: Browser, address: str, session: StorageState) -> float:
+    size = {"width": 1440, "height": 900}
+    with browser.new_context(storage_state=session, viewport=size) as context:
+        page = context.new_page()
+        page.goto(address, wait_until="commit")
+        return float(page.evaluate(_ANSWERED)) / 1e3
+
+
+def _fill_campaign(scale: Scale, service: Service, folder: Path) -> str:
+    """One frame that is uploaded and read; the others are its rows once more, under names of their own."""
+    (path,) = write_copies(folder, make_mosaic(_SMALL), "none", names=1)
+    with stilb.Client(service.url, KEY) as client:
+        camera = client.create_camera(CAMERA.make, CAMERA.model, CAMERA.serial)
+        campaign = client.create_campaign(camera.id).id
+        client.set_roi(campaign, polygon=draw_roi(_SMALL).points)
+        frame = client.push(campaign, path, role="light", scene="level-1")
+    worker = build_context(Settings(data=folder / "data"))
+    try:
+        run_job(worker, cast("str", frame.job_id))
+        with worker.database.writing("bench") as session:
+            for number in range(1, scale.frames):
+                _copy(session, frame.id, number)
+    finally:
+        worker.decoders.close()
+        worker.database.dispose()
+    return campaign
+
+
+def _copy(session: Session, frame_id: str, number: int) -> None:
+    """The frame, its statistics and their channels, of a file that nobody has."""
+    sha256 = hashlib.sha256(f"{number}".encode()).hexdigest()
+    session.add(Blob(sha256=sha256, size_bytes=1))
+    session.flush()
+    frame = session.get_one(FrameRow, frame_id)
+    copied = _again(session, frame, id=new_id("frm"), sha256=sha256, filename=f"DJI_{number:04}.DNG")
+    statement = select(Extraction).where(Extraction.frame_id == frame_id)
+    for extraction in session.scalars(statement):
+        anew = _again(session, extraction, id=new_id("ext"), frame_id=copied.id)
+        for row in session.scalars(select(ChannelRow).where(ChannelRow.extraction_id == extraction.id)):
+            _again(session, row, extraction_id=anew.id)
+
+
+def _again(session: Session, row: Row, **changes: str) -> Row:
+    columns = {column.key: getattr(row, column.key) for column in row.__mapper__.columns}
+    made = type(row)(**columns | changes)
+    session.add(made)
+    session.flush()
+    return made
