@@ -22,6 +22,8 @@ from service.schemas.tools.coverage import CoverageAnswer, CoveragesAnswer, NewC
 from service.schemas.tools.exposure import ExposureAnswer, NewExposureSeries
 from service.schemas.tools.motion import MotionAnswer, MotionsAnswer, NewMotion
 from service.schemas.tools.settings import MOST_CASES
+from service.sheets import Kind, read_sheet, refuse_columns
+from service.tabular import write_csv
 from service.tool_plots import draw_footprints, draw_motion
 from service.writing import IdempotencyKey
 from store.codec import decode_exposure, decode_header
@@ -41,7 +43,7 @@ stateless = [Depends(_take_key)]
 
 
 def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, list[F] | F]]:
-    """A body that is one object, or a list of them; each bad field is named with its place."""
+    """A body that is one object, a list of them or a table; each bad field is named with its place."""
     one: TypeAdapter[F] = TypeAdapter(form)
     many: TypeAdapter[list[F]] = TypeAdapter(
         Annotated[list[form], Field(min_length=1, max_length=MOST_CASES)]  # type: ignore[arg-type, valid-type]
@@ -49,6 +51,8 @@ def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, 
 
     async def read(request: Request) -> list[F] | F:
         data = await request.body()
+        if request.headers.get("content-type", "").split(";")[0].strip().lower() == "text/csv":
+            return _read_table(data, form)
         try:
             return (many if data.lstrip()[:1] == b"[" else one).validate_json(data)
         except ValidationError as error:
@@ -57,11 +61,27 @@ def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, 
     return read
 
 
+def _read_table(data: bytes, form: type[F]) -> list[F]:
+    """Under the names of the fields; a column for what no row says may be left out."""
+
+    def check_columns(columns: list[str]) -> None:
+        if not set(columns) <= form.model_fields.keys() or len(set(columns)) < len(columns):
+            message = f"must name columns of {', '.join(form.model_fields)}, each at most once"
+            raise refuse_columns(message, columns)
+
+    numbers = frozenset(form.model_fields) - {"name"}
+    return read_sheet(data, form, Kind(numbers=numbers, most=MOST_CASES, rows_are="cases"), check_columns)
+
+
 def _body_of(form: type[Form]) -> dict[str, Any]:
     schema = form.model_json_schema()
     several = {"type": "array", "items": schema, "minItems": 1, "maxItems": MOST_CASES}
-    content = {"schema": {"oneOf": [schema, several]}, "example": schema["examples"][0]}
-    return {"requestBody": {"required": True, "content": {"application/json": content}}}
+    one = schema["examples"][0]
+    content = {
+        "application/json": {"schema": {"oneOf": [schema, several]}, "example": one},
+        "text/csv": {"schema": {"type": "string"}, "example": write_csv([one])},
+    }
+    return {"requestBody": {"required": True, "content": content}}
 
 
 def _sends_drawing() -> dict[int | str, dict[str, Any]]:
@@ -82,7 +102,8 @@ Coverages = Annotated[list[NewCoverage] | NewCoverage, Depends(_read_one_or_many
 def compute_image_motion(body: Motions, _caller: Reader) -> Response:
     """Image motion from speed and rotation, theoretical and practical; what is tolerable.
 
-    One object gives one answer, a list gives `items` in its order. Limits are of the theoretical motion.
+    One object gives one answer, a list or a table gives `items` in its order. Limits are of the theoretical
+    motion.
     """
     if isinstance(body, list):
         return MotionsAnswer(items=[_move(form) for form in body]).respond()
@@ -113,7 +134,7 @@ def draw_image_motion(body: Motions, _caller: Reader) -> Response:
 def compute_ground_coverage(body: Coverages, _caller: Reader) -> Response:
     """What a tilted or nadir camera sees of level ground, and how finely.
 
-    One object gives one answer, a list (the cameras of a rig) gives `items` in its order.
+    One object gives one answer, a list or a table (the cameras of a rig) gives `items` in its order.
     """
     if isinstance(body, list):
         return CoveragesAnswer(items=[_cover(form) for form in body]).respond()

@@ -1,0 +1,83 @@
+"""Tables from a spreadsheet: the three ways in which spreadsheets write CSV."""
+
+import csv
+import io
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from service.problems import HttpCode, Problem, invalid, located
+from service.schemas.base import Form
+
+F = TypeVar("F", bound=Form)
+
+_GROUPED = re.compile(r"\d{1,3}(,\d{3})+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What a table holds. ``numbers``: columns whose cells are numbers; ``most``: rows it may have."""
+
+    numbers: frozenset[str]
+    most: int
+    rows_are: str
+
+
+def read_sheet(data: bytes, form: type[F], kind: Kind, check_columns: Callable[[list[str]], None]) -> list[F]:
+    """Comma, or semicolon or tab with a decimal comma; each bad row is named with its line."""
+    try:
+        text = data.decode("utf-8-sig")
+        # the separator is the one of the first line; a lone CR ends a line too
+        separator = max(",;\t", key=text.splitlines()[0].count) if text.strip() else ","
+        reader = csv.DictReader(io.StringIO(text, newline=None), delimiter=separator)
+        columns = [name.strip().lower() for name in reader.fieldnames or []]
+        check_columns(columns)
+        reader.fieldnames = columns
+        return _read_rows(reader, separator, form, kind)
+    except UnicodeDecodeError as error:
+        raise Problem(400, HttpCode.BAD_REQUEST, "The CSV is not UTF-8. Save it as CSV UTF-8.") from error
+    except csv.Error as error:
+        raise Problem(400, HttpCode.BAD_REQUEST, f"The CSV cannot be read: {error}.") from error
+
+
+def refuse_columns(message: str, columns: list[str]) -> Problem:
+    named = f"it names {', '.join(map(repr, columns))[:200] or 'nothing'}"
+    return invalid([{"type": "csv", "loc": ("line 1",), "msg": f"{message}; {named}"}])
+
+
+def _read_rows(reader: "csv.DictReader[str]", separator: str, form: type[F], kind: Kind) -> list[F]:
+    forms: list[F] = []
+    errors: list[dict[str, Any]] = []
+    for row in reader:
+        line = f"line {reader.line_num}"
+        if None in row:
+            message = "has more cells than line 1 names; a decimal comma needs semicolons between the cells"
+            errors.append({"type": "csv", "loc": (line,), "msg": message})
+            continue
+        cells: dict[str, Any] = {name: cell.strip() for name, cell in row.items() if cell and cell.strip()}
+        for name in kind.numbers & cells.keys():
+            cells[name] = _read_number(cells[name], separator)
+        try:
+            forms.append(form.model_validate(cells))
+        except ValidationError as error:
+            errors += located(error, line)
+    if not 0 < len(forms) + len(errors) <= kind.most:
+        message = f"must hold 1 to {kind.most} {kind.rows_are} below its first line"
+        errors = [{"type": "csv", "loc": ("csv",), "msg": message}]
+    if errors:
+        raise invalid(errors)
+    return forms
+
+
+def _read_number(text: str, separator: str) -> float | str:
+    """The number, or the text as it is for the form to refuse."""
+    # after tabs 1,234 may be a thousand and more, or one and a bit: nobody can tell
+    if separator == ";" or (separator == "\t" and not _GROUPED.fullmatch(text)):
+        text = text.replace(",", ".")
+    with suppress(ValueError):
+        return float(text)
+    return text
