@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test chromium audit export verify lint format bench lock clean
+.PHONY: help demo up test chromium audit export verify lint format bench pictures lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -42,6 +42,9 @@ format: $(VENV)/dev  ## put the code in its style
 
 bench: $(VENV)/dev  ## side by side with what people use today and with the limit
 	@python -m bench
+
+pictures: $(VENV)/dev chromium  ## take the pictures of the README anew, from the test that drives the whole procedure
+	@STILB_ILLUSTRATIONS=docs/pictures pytest -q tests/browser/test_procedure.py
 
 lock: $(VENV)/uv  ## resolve the dependencies anew, with hashes
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra server pyproject.toml -o requirements.lock

@@ -142,7 +142,11 @@ def leave_the_spoilt_frame_out(page: Page) -> None:
     page.get_by_role("button", name=re.compile("Show all")).click()
     spoilt = page.locator("#points").get_by_role("row").filter(has_text=SPOILT)
     expect(spoilt).to_contain_text("somebody walked through the light")
+    page.evaluate("scrollTo(0, 0)")
     passed(page, "procedure-7-passed")
+    page.set_viewport_size({"width": 1440, "height": 1240})
+    illustrate(page, "version")
+    page.set_viewport_size({"width": 1440, "height": 900})
 
 
 def publish(page: Page) -> None:
@@ -169,6 +173,9 @@ def find_k_on_the_cameras_page(page: Page) -> None:
     expect(page.locator("#history")).to_contain_text("spring calibration, reviewed by B. Keller")
     expect(page.locator("#drift-plot canvas").first).to_be_visible()
     passed(page, "procedure-9-camera")
+    page.set_viewport_size({"width": 390, "height": 844})
+    illustrate(page, "camera")
+    page.set_viewport_size({"width": 1440, "height": 900})
 
 
 def measure_the_street(page: Page, folder: Path) -> None:
@@ -192,6 +199,16 @@ def measure_the_street(page: Page, folder: Path) -> None:
     expect(page.locator("#figures")).to_contain_text("cd/m²")
     expect(page.locator(".map-over").first).to_be_visible()
     passed(page, "procedure-11-measurement")
+    read_the_map(page)
+
+
+def read_the_map(page: Page) -> None:
+    seen = page.locator(".map-over").first
+    seen.scroll_into_view_if_needed()
+    box = seen.bounding_box()
+    page.mouse.move(box["x"] + 0.37 * box["width"], box["y"] + 0.53 * box["height"])
+    expect(page.locator(".map-said").first).to_contain_text("cd/m²")
+    illustrate(page, "map", page.locator("section").filter(has=seen).first)
 
 
 def download_the_certificate(page: Page) -> None:

@@ -82,8 +82,9 @@ def illustrate(page: Page, name: str, what: Locator | None = None) -> None:
     if ILLUSTRATIONS is None:
         return
     shown = Image.open(BytesIO((what or page).screenshot()))
+    shown.thumbnail((1100, 1100))
     Path(ILLUSTRATIONS).mkdir(parents=True, exist_ok=True)
-    shown.convert("RGB").save(Path(ILLUSTRATIONS) / f"{name}.webp", quality=80, method=6)
+    shown.convert("RGB").save(Path(ILLUSTRATIONS) / f"{name}.webp", quality=70, method=6)
 
 
 def drop(page: Page, place: Locator, paths: list[Path]) -> None:

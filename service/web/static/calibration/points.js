@@ -8,9 +8,9 @@ import { shorten } from "./result.js";
 const UNITS = { px: "px", dn: "DN", dn2: "DN²", s: "s", deg: "°", mm: "mm", um: "µm", cd_m2: "cd/m²" };
 const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure"]);
 
-export function drawPoints({ method, points }, choice) {
+export function drawPoints({ method, points, parameters }, choice) {
   if (!points.length) return empty("No points", "This version keeps none.");
-  const columns = [choosing(choice), frameColumn, ...(method === "luminance" ? LUMINANCE : ownColumns(points)), verdictColumn].filter(Boolean);
+  const columns = [choosing(choice), frameColumn, ...(method === "luminance" ? LUMINANCE : ownColumns(points)), verdictColumn(parameters.exclude ?? [])].filter(Boolean);
   const draw = (rows) => {
     const drawn = table(columns, rows, { caption: "Points of the fit", row: (point) => ({ class: point.used ? null : "out", "data-frame-id": point.frame_id }) });
     if (choice) mark(drawn, choice);
@@ -20,7 +20,15 @@ export function drawPoints({ method, points }, choice) {
 }
 
 const frameColumn = { head: "Frame", header: true, class: "nowrap", cell: (point) => point.frame };
-const verdictColumn = { head: "In the fit", cell: (point) => (point.used ? tag("used", "good") : h("span", {}, tag("left out", "warn"), h("span", { class: "small" }, ` ${point.left_out}`))) };
+/** Of what somebody left out their reason alone: who it was stands with what the version was made from. */
+const verdictColumn = (exclude) => ({
+  head: "In the fit",
+  cell: (point) => {
+    if (point.used) return tag("used", "good");
+    const why = exclude.find((each) => each.frame === point.frame)?.reason ?? point.left_out;
+    return h("span", {}, tag("left out", "warn"), h("span", { class: "small why-out" }, why));
+  },
+});
 
 const LUMINANCE = [
   { head: "Scene", class: "nowrap", cell: (point) => point.scene },
