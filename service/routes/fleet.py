@@ -13,7 +13,7 @@ from radiometry.methods import Method
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.problems import HttpCode, Problem
+from service.problems import Problem, invalid
 from service.routes import problems
 from service.routes.tools import stateless
 from service.schemas.drift import DriftAnswer
@@ -61,7 +61,7 @@ def get_drift(
 ) -> Response:
     """How each coefficient of a camera changes from version to version, and when to calibrate it again."""
     if tolerance is not None and main_unit(method) == PERCENT:
-        _refuse_no_share("tolerance", tolerance)
+        _refuse_no_share("query.tolerance", tolerance)
     with context.database.reading() as session:
         camera = owned(session, Camera, camera_id, caller)
         found = list_determinations(session, [camera], method, {})
@@ -73,7 +73,7 @@ def _refuse_other_models(cameras: Sequence[Camera]) -> None:
     models = sorted({f"{camera.make} {camera.model}" for camera in cameras})
     if len(models) > 1:
         raise _wrong(
-            "camera_ids",
+            "body.camera_ids",
             f"these are cameras of different models ({', '.join(models)}), whose coefficients cannot be "
             "compared; ask for each model by itself",
         )
@@ -84,7 +84,7 @@ def _refuse_unknown_versions(lenses: dict[str, str], found: list[Determination])
     for calibration_id in lenses:
         if calibration_id not in known:
             raise _wrong(
-                "lenses",
+                "body.lenses",
                 f"{calibration_id} is not a published version of these cameras and this method; leave it out",
             )
 
@@ -93,15 +93,15 @@ def _refuse_tolerance(body: NewFleetVerdict, found: list[Determination]) -> None
     """A misspelt name would leave its parameter without a verdict; 4 for 4 % would accept everything."""
     if not isinstance(body.tolerance, dict):
         if main_unit(body.method) == PERCENT:
-            _refuse_no_share("tolerance", body.tolerance)
+            _refuse_no_share("body.tolerance", body.tolerance)
         return
     keys = {row.key.name: row.key for row in found}
     for name, tolerance in body.tolerance.items():
         if name not in keys:
             known = ", ".join(sorted(keys)) or "none: nothing is published"
-            raise _wrong(f"tolerance.{name}", f"there is no such parameter; there are {known}")
+            raise _wrong(f"body.tolerance.{name}", f"there is no such parameter; there are {known}")
         if give_meaning(body.method, keys[name], {}, mean=1.0).kind == "relative":
-            _refuse_no_share(f"tolerance.{name}", tolerance)
+            _refuse_no_share(f"body.tolerance.{name}", tolerance)
 
 
 def _refuse_no_share(field: str, tolerance: float) -> None:
@@ -110,5 +110,4 @@ def _refuse_no_share(field: str, tolerance: float) -> None:
 
 
 def _wrong(field: str, message: str) -> Problem:
-    errors = [{"field": field, "message": message}]
-    return Problem(422, HttpCode.VALIDATION_FAILED, f"{field}: {message}.", errors=errors)
+    return invalid([{"type": "fleet", "loc": tuple(field.split(".")), "msg": message}])
