@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Literal, Self
 
-from radiometry.errors import InputRejected
+from radiometry.errors import Code, InputRejected
 from radiometry.flags import Flag
 from radiometry.roi import Polygon, bounding_window
 
@@ -38,7 +38,7 @@ class ReasonCode(StrEnum):
     NO_REGION = "no_region", "Neither the frame nor its campaign has a region."
     NOT_EXTRACTED = "not_extracted", "The statistics of the frame's region are not there yet."
     REFUSED = "refused", "The file cannot be used; the detail is the refusal's."
-    ROI_UNFIT = "roi_unfit", "The region leaves the frame or holds no pixel of it."
+    ROI_UNFIT = "roi_unfit", "The region leaves the frame, or is too small for what is measured in it."
     FORMAT_DIFFERS = "format_differs", "Its size or colour filter differs from most frames of the campaign."
     ROLE_UNUSED = "role_unused", "Its role is none that the campaign's fit looks at."
     EXPOSURE_NOT_MANUAL = "exposure_not_manual", "The camera chose the exposure."
@@ -98,7 +98,7 @@ class Taken:
 
     ``frame`` : its name, unique in the campaign; ``role`` : "light", "dark", ...
     ``state`` : received | read | extracted | refused; ``refusal`` : the sentence of a refused frame, else ""
-    ``flags`` : those raised when it was accepted
+    ``flags`` : those raised when it was accepted, and the code of a region that did not do
     ``format`` : of a frame that has been read, else None
     ``region`` : the polygon that holds for it now, None where nobody has drawn one
     ``needs_region`` : False for a frame that is measured as a whole where none is drawn
@@ -220,6 +220,9 @@ def _inspect_region(frame: Taken, width_px: int, height_px: int) -> list[Reason]
         bounding_window(frame.region, height_px=height_px, width_px=width_px)
     except InputRejected as refusal:
         detail = f"{refusal.message} Draw the region anew, or give this frame one of its own."
+        return [Reason(code=ReasonCode.ROI_UNFIT, outcome="fail", detail=detail)]
+    if Code.ROI_EMPTY in frame.flags:
+        detail = "Its region is too small for what is measured in it. Draw it larger."
         return [Reason(code=ReasonCode.ROI_UNFIT, outcome="fail", detail=detail)]
     detail = "The statistics of its region are being computed: ask again in a few seconds."
     return [Reason(code=ReasonCode.NOT_EXTRACTED, outcome="pending", detail=detail)]

@@ -66,6 +66,7 @@ def test_equals_keep_their_order():
         ({"state": "read"}, [("not_extracted", "pending")]),
         ({"state": "read", "region": None}, [("no_region", "pending")]),
         ({"state": "read", "region": None, "needs_region": False}, []),
+        ({"state": "read", "flags": ("roi_empty",)}, [("roi_unfit", "fail")]),
         ({"roles": frozenset({"flat", "dark"})}, [("role_unused", "warn")]),
         ({"roles": frozenset({"light", "dark"})}, []),
         ({"roles": frozenset({"flat", "dark"}), "role": "field"}, []),

@@ -64,3 +64,18 @@ def test_a_frame_that_no_fit_sees_is_not_waited_for(house, method, role, outcome
     house.work()
     verdict = house.get(f"/v1/frames/{frame['id']}")["verdict"]
     assert (verdict["outcome"], [reason["code"] for reason in verdict["reasons"]]) == (outcome, codes)
+
+
+@pytest.mark.parametrize(
+    ("roi", "state", "code"),
+    [(None, "refused", "refused"), ({"polygon": [[2, 2], [12, 2], [12, 12], [2, 12]]}, "read", "roi_unfit")],
+)
+def test_too_few_pixels_for_noise_are_no_matter_of_waiting(house, roi, state, code):
+    campaign = begin(house, "noise", roi=roi)
+    content = raw_bytes(house, np.full((20, 20), 1000, np.uint16))
+    frame = house.upload(campaign, content, role="flat", filename="frame.DNG")
+    house.work()
+    found = house.get(f"/v1/frames/{frame['id']}")
+    assert (found["state"], found["verdict"]["outcome"]) == (state, "fail")
+    assert found["verdict"]["reasons"][0]["code"] == code
+    assert "draw it larger" in found["verdict"]["reasons"][0]["detail"].lower()

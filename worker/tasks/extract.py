@@ -116,8 +116,8 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
         try:
             extracted = _measure(context, subject, header, acceptance.exposure, path)
         except InputRejected as refusal:
-            # the region is wrong for this frame, not the frame for its campaign
-            if refusal.code not in (Code.ROI_OUTSIDE_FRAME, Code.ROI_EMPTY):
+            # the region is wrong for this frame, not the frame for its campaign; the whole frame is no region
+            if subject.roi is None or refusal.code not in (Code.ROI_OUTSIDE_FRAME, Code.ROI_EMPTY):
                 raise
             region_refused = refusal
     context.leases.report(claim, 0.5)
