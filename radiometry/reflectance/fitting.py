@@ -9,6 +9,7 @@ from radiometry.evidence import BudgetEntry
 from radiometry.fit import coverage_factor
 from radiometry.multispectral import Multispectral
 from radiometry.reflectance.evaluation import evaluate_k
+from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.points import Candidate
 from radiometry.reflectance.results import BandFit, Coefficient, Knot, Point
 from radiometry.reflectance.rows import Normalisation, Params
@@ -237,6 +238,15 @@ def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) ->
         sunshine_readings=sunshine.readings if sunshine else None,
         sunshine_spread_rel=sunshine.spread_rel if sunshine else None,
         panel_reflectance=panel.reflectance if panel else None,
+        panel_irradiance_w_m2_nm=_find_irradiance(candidate),
         reflectance_k=k,
         residual_rel=residual,
     )
+
+
+def _find_irradiance(candidate: Candidate) -> float | None:
+    """Give what a light sensor should read: a hundred times more or less is another unit."""
+    features, panel = candidate.row.features, candidate.panel
+    if candidate.band.system != "micasense" or candidate.left_out or features is None or panel is None:
+        return None
+    return panel_irradiance(features.i_sq, albedo=panel.reflectance)

@@ -69,7 +69,7 @@ class Point:
     """One panel frame in the fit. ``left_out`` is "" for one that was used, else the reason.
 
     ``visit`` : number of the visit to the panel, from 1; ``residual_rel`` : K of this frame against the
-        coefficient's at its time
+        coefficient's at its time; ``panel_irradiance_w_m2_nm`` : on the panel, where radiance is known
     """
 
     frame: str
@@ -87,6 +87,7 @@ class Point:
     sunshine_readings: int | None
     sunshine_spread_rel: float | None
     panel_reflectance: float | None
+    panel_irradiance_w_m2_nm: float | None
     reflectance_k: float | None
     residual_rel: float | None
 

@@ -110,6 +110,13 @@ def test_k_is_the_light_over_the_panel_s_radiance(version, band):
     assert row["value"] == pytest.approx(math.pi * DLS[band] / IRRADIANCE[band], rel=1e-3)
 
 
+@pytest.mark.parametrize("band", BANDS)
+def test_the_version_holds_the_published_irradiance_on_the_panel(version, band):
+    (point,) = (point for point in version["points"] if point["band"] == band)
+    assert point["panel_irradiance_w_m2_nm"] == pytest.approx(IRRADIANCE[band], rel=1e-3)
+    assert 0.7 < point["i_ss"] / point["panel_irradiance_w_m2_nm"] < 1.5  # one unit, not a hundredth of it
+
+
 def test_the_panel_measures_itself(sqlite_house, frames, version):
     found = measure(sqlite_house, frames["panel", "red"], version)
     assert found["region_origin"] == "frame"
@@ -124,6 +131,20 @@ def test_an_index_of_bands_that_lie_apart_is_refused_before_the_job(sqlite_house
     problem = sqlite_house.post("/v1/measurements", body | {"products": products}, status=422)
     assert problem["code"] == "bands_not_aligned"
     assert "RigRelatives" in problem["detail"]
+
+
+def test_a_map_s_job_says_how_far_it_is(sqlite_house, frames, version, monkeypatch):
+    shares, report = [], sqlite_house.worker.leases.report
+
+    def listen(claim, share):
+        shares.append(share)
+        report(claim, share)
+
+    monkeypatch.setattr(sqlite_house.worker.leases, "report", listen)
+    measure(sqlite_house, frames["field", "red"], version, products=["map"])
+    assert len(shares) >= 5
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 0.99)  # the last hundredth is its storing
 
 
 def test_a_flight_frame_is_measured_whole_and_its_map_agrees(sqlite_house, frames, version):
