@@ -11,7 +11,6 @@ from sqlalchemy import select
 from store.columns import new_id
 from store.tables import Blob, FrameRow
 from tests.support.browser import check_access, look, settle, sign_in, visit
-from tests.support.campaigns import LEVELS
 from tests.support.fieldwork import write_campaign
 from tests.support.frames import write_frame
 
@@ -30,12 +29,7 @@ def add_pattern(page, pattern, role):
     page.get_by_label("Role", exact=True).last.select_option(role)
 
 
-def click_at(page, x_share, y_share):
-    box = page.locator(".roi-canvas").bounding_box()
-    page.locator(".roi-canvas").click(position={"x": x_share * box["width"], "y": y_share * box["height"]})
-
-
-def test_from_the_camera_s_files_to_a_version(page, shots):
+def test_patterns_say_what_the_camera_s_files_are(page, shots):
     page.goto("/campaigns")
     expect(page.get_by_text("No campaign yet")).to_be_visible()
     page.get_by_role("link", name="New campaign").first.click()
@@ -62,34 +56,9 @@ def test_from_the_camera_s_files_to_a_version(page, shots):
     look(page, "campaign-files")
     page.get_by_role("button", name=f"Send {len(shots)} files").click()
     expect(page.get_by_text(f"{len(shots)} of {len(shots)} received", exact=False)).to_be_visible()
-
-    canvas = page.locator(".roi-canvas")
-    canvas.scroll_into_view_if_needed()
-    for x_share, y_share in [(0.1, 0.2), (0.9, 0.2), (0.9, 0.9), (0.1, 0.9), (0.1, 0.2)]:
-        click_at(page, x_share, y_share)
-    expect(page.locator(".look .histogram")).to_be_visible()
-    page.get_by_role("button", name="Set for the campaign").click()
-    expect(page.get_by_text("The region is set")).to_be_visible()
-
-    sheet = "\n".join(f"{scene}\t{value:.2f}".replace(".", ",") for scene, value in LEVELS.items())
-    page.get_by_label("Lines").fill(sheet)
-    expect(page.get_by_text(f"{len(LEVELS)} understood")).to_be_visible()
-    page.get_by_role("button", name="Add", exact=True).click()
-    expect(page.get_by_text("Nothing is missing.", exact=True)).to_be_visible(timeout=30_000)
-    page.get_by_role("button", name="Calibrate").click()
-    version = page.get_by_role("link", name="Look at the version")
-    expect(version).to_have_attribute("href", re.compile(r"/calibrations/cal_"))
-    expect(page.get_by_role("link", name="Version 1")).to_be_visible()
     settle(page)
-    page.evaluate("scrollTo(0, 0)")
-    check_access(page)
     look(page, "campaign")
 
-    page.get_by_role("button", name="level-2-3200-1.DNG").click()
-    expect(page.get_by_role("dialog").get_by_role("table")).to_be_visible()
-    check_access(page)
-    look(page, "campaign-frame")
-    page.get_by_role("button", name="Close").click()
     page.goto("/campaigns")
     expect(page.get_by_role("link", name="P-17")).to_be_visible()
     look(page, "campaigns")
@@ -106,8 +75,8 @@ def test_chosen_frames_are_changed_together(page, team, shots):
     assert {frame.scene for frame in team.client.frames(campaign.id)} == {"dusk"}
 
 
-def test_two_people_see_each_other_s_frames(page, team, browser, service, shots):
-    campaign = team.campaign()
+def test_two_people_see_what_each_other_does(page, team, browser, service, shots):
+    campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)
     page.goto(f"/campaigns/{campaign.id}")
     expect(page.get_by_text("No frame yet")).to_be_visible()
     with visit(browser, service.url) as other_context:
@@ -116,6 +85,24 @@ def test_two_people_see_each_other_s_frames(page, team, browser, service, shots)
         other.get_by_label("Files to send").set_input_files(shots[1].path)
         other.get_by_role("button", name="Send 1 file").click()
         expect(page.get_by_role("button", name=shots[1].path.name)).to_be_visible()
+        other.get_by_label("Lines").fill("level-1 54.4")
+        other.get_by_role("button", name="Add", exact=True).click()
+        expect(page.locator("#reading-list").get_by_role("row", name="level-1")).to_be_visible()
+        both_draw(page, other)
+        page.get_by_role("button", name="Set for the campaign").click()
+        expect(page.get_by_text("The region is set")).to_be_visible()
+        # what the other is drawing is not taken away
+        expect(other.get_by_text("Somebody has set another region meanwhile")).to_be_visible()
+        other.get_by_role("button", name="Set for the campaign").click()
+        expect(other.get_by_text("The region is set")).to_be_visible()
+        expect(page.get_by_role("button", name=re.compile("^Corner 1 of 4: x 39, y 26"))).to_be_attached()
+
+
+def both_draw(page, other):
+    for each in (page, other):
+        each.get_by_role("button", name="Rectangle").click()
+        expect(each.get_by_role("button", name="Corner 1 of 4: x 38, y 26")).to_be_focused()
+    other.keyboard.press("ArrowRight")
 
 
 def test_the_first_rows_do_not_wait_for_a_thousand(page, team, service, tmp_path):

@@ -36,6 +36,7 @@ def test_the_whole_procedure(page, tmp_path):
     drop_the_files(page, write_night(tmp_path / "night"))
     draw_the_region(page)
     paste_the_readings(page)
+    look_at_the_spoilt_frame(page)
     calibrate(page)
     leave_the_spoilt_frame_out(page)
     publish(page)
@@ -115,6 +116,16 @@ def paste_the_readings(page: Page) -> None:
     expect(readings.get_by_role("table").get_by_role("row")).to_have_count(1 + 2 * len(LEVELS))
     expect(page.get_by_role("button", name=f"pass {FRAMES}", exact=True)).to_be_visible()
     passed(page, "procedure-5-readings")
+
+
+def look_at_the_spoilt_frame(page: Page) -> None:
+    page.get_by_role("searchbox", name="Find a frame").fill(SPOILT)
+    page.get_by_role("button", name=SPOILT).click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog.get_by_role("img", name=f"Preview of {SPOILT}")).to_be_visible()
+    expect(dialog.get_by_role("table").get_by_role("row")).to_have_count(6)
+    passed(page, "procedure-5-frame")
+    dialog.get_by_role("button", name="Close").click()
 
 
 def calibrate(page: Page) -> None:

@@ -87,7 +87,19 @@ function versionCard(version) {
       h("p", {}, `since ${day(version.valid_from)}, ${ago(version.valid_from)}${version.valid_to ? `; until ${day(version.valid_to)}` : ""}`),
     ),
     table(columns, version.rows, { caption: `${version.method} version ${version.version}` }),
+    DRAWN.includes(version.method) ? drawing(version) : null,
   );
+}
+
+/** Falloff, sharpness over the frame, distortion, photon transfer: what the numbers alone do not show. */
+const DRAWN = ["vignetting", "sharpness", "geometry", "noise"];
+
+function drawing({ method, version, calibration_id: id }) {
+  const address = `/v1/calibrations/${id}/plot.svg`;
+  const picture = h("img", { class: "own-plot", src: address, loading: "lazy", alt: `Plot of ${method} version ${version}` });
+  const figure = h("figure", { class: "drawing" }, h("a", { href: address }, picture));
+  picture.addEventListener("error", () => figure.remove());
+  return figure;
 }
 
 function validity(each) {
