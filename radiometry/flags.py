@@ -69,7 +69,7 @@ class Flag(StrEnum):
     TOLERANCE_EXCEEDED = "tolerance_exceeded", "A point lies further from the meter than the tolerance."
     SCATTER_EXCEEDS_UNCERTAINTY = (
         "scatter_exceeds_uncertainty",
-        "Points scatter more than their uncertainties explain: u(K) was enlarged by the Birge ratio.",
+        "Points scatter more than their stated uncertainties explain: u(K) includes the scatter found.",
     )
     METER_REPEATABILITY_ESTIMATED = (
         "meter_repeatability_estimated",

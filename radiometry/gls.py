@@ -1,16 +1,18 @@
-"""Generalised least squares with blocks of shared errors, one of which may have to be estimated."""
+"""Generalised least squares with blocks of shared errors, some of which may have to be estimated."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import brentq
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+
+_INDISTINCT = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +20,7 @@ class Component:
     """One source of error with its share of the covariance, V_j = variance * structure.
 
     ``structure`` : (n, n), in the unit of the response squared per unit of ``variance``
-    ``variance`` : None: to be estimated from the scatter; at most one component of a fit
+    ``variance`` : None: to be estimated from the scatter
     ``dof`` : degrees of freedom behind a given variance
     ``common`` : one and the same error in all points; their scatter says nothing about it
     """
@@ -38,14 +40,14 @@ class Solution:
     ``weights`` : (p, n): parameters = weights @ response
     ``contributions`` : (p, p) covariance of the parameters from each component
     ``variances`` : per component, given or estimated
-    ``variance_of_estimate`` : of the estimated variance, 0 where none was estimated
+    ``covariance_of_estimates`` : (m, m) of the m estimated variances, in the order of their components
     """
 
     parameters: Vector
     weights: Matrix
     contributions: tuple[Matrix, ...]
     variances: tuple[float, ...]
-    variance_of_estimate: float
+    covariance_of_estimates: Matrix
     chi_squared: float
     log_likelihood: float
 
@@ -57,7 +59,7 @@ class Solution:
 
 
 def solve(design: Matrix, response: Vector, components: Sequence[Component]) -> Solution:
-    """Solve y = A theta + e, cov(e) = V = sum_j v_j Q_j, for theta and for the one v_j that is not given.
+    """Solve y = A theta + e, cov(e) = V = sum_j v_j Q_j, for theta and for each v_j that is not given.
 
     theta = (A' V^-1 A)^-1 A' V^-1 y = W y,   cov(theta) = W V W' = sum_j v_j W Q_j W'
     so that every component's share of every parameter's variance is known [1].
@@ -66,7 +68,7 @@ def solve(design: Matrix, response: Vector, components: Sequence[Component]) -> 
       design : (n, p); response : (n,), in one unit; components : together positive definite
     References [1] JCGM 102:2011
     """
-    variances, variance_of_estimate = _settle_variances(design, response, components)
+    variances, covariance_of_estimates = _settle_variances(design, response, components)
     covariance = _add_up(components, variances)
     factor = cho_factor(covariance, lower=True)
     whitened = cho_solve(factor, design)
@@ -83,7 +85,7 @@ def solve(design: Matrix, response: Vector, components: Sequence[Component]) -> 
             for component, variance in zip(components, variances, strict=True)
         ),
         variances=variances,
-        variance_of_estimate=variance_of_estimate,
+        covariance_of_estimates=covariance_of_estimates,
         chi_squared=chi_squared,
         log_likelihood=-0.5 * (chi_squared + log_determinant + response.size * math.log(2 * math.pi)),
     )
@@ -100,20 +102,36 @@ def shared_structure(labels: Sequence[object], sensitivity: Vector) -> Matrix:
     return np.where(index[:, None] == index[None, :], np.outer(sensitivity, sensitivity), 0.0)
 
 
+def are_separable(design: Matrix, structures: Sequence[Matrix]) -> bool:
+    """Say whether scatter about the design can tell the variances of these structures apart.
+
+    With Z a basis of what the design does not explain, it cannot where the Z'QZ depend on each other
+    linearly: then only a sum of the variances shows in the residuals.
+    """
+    rest = _leave_over(design)
+    flat = [(rest.T @ structure @ rest).ravel() for structure in structures]
+    sizes = [float(np.linalg.norm(structure)) for structure in structures]
+    scaled = np.array([part / size for part, size in zip(flat, sizes, strict=True)])
+    return bool(np.linalg.matrix_rank(scaled, tol=_INDISTINCT) == len(structures))
+
+
 def _settle_variances(
     design: Matrix, response: Vector, components: Sequence[Component]
-) -> tuple[tuple[float, ...], float]:
-    """Give every component's variance, and the variance of the estimated one."""
+) -> tuple[tuple[float, ...], Matrix]:
+    """Give every component's variance, and the covariance of the estimated ones."""
     unknown = [index for index, component in enumerate(components) if component.variance is None]
     variances = [component.variance or 0.0 for component in components]
     if not unknown:
-        return tuple(variances), 0.0
-    (index,) = unknown
-    known = _add_up(components, variances)
-    variances[index], uncertainty = estimate_variance(
-        design, response, known=known, structure=components[index].structure
+        return tuple(variances), np.zeros((0, 0))
+    estimates, covariance = estimate_variances(
+        design,
+        response,
+        known=_add_up(components, variances),
+        structures=[components[index].structure for index in unknown],
     )
-    return tuple(variances), uncertainty
+    for index, estimate in zip(unknown, estimates, strict=True):
+        variances[index] = estimate
+    return tuple(variances), covariance
 
 
 def _add_up(components: Sequence[Component], variances: Sequence[float]) -> Matrix:
@@ -122,41 +140,99 @@ def _add_up(components: Sequence[Component], variances: Sequence[float]) -> Matr
     return total
 
 
-def estimate_variance(
-    design: Matrix, response: Vector, *, known: Matrix, structure: Matrix
-) -> tuple[float, float]:
-    """Estimate v in V = known + v Q by restricted maximum likelihood.
+def estimate_variances(
+    design: Matrix, response: Vector, *, known: Matrix, structures: Sequence[Matrix]
+) -> tuple[tuple[float, ...], Matrix]:
+    """Estimate the v_j >= 0 in V = known + sum_j v_j Q_j by restricted maximum likelihood.
 
-    The score 2 dl/dv = y' P Q P y - tr(P Q), P = V^-1 - V^-1 A (A' V^-1 A)^-1 A' V^-1, is zero at the
-    estimate; where it is negative at v = 0 already, the known errors explain all the scatter and v = 0. The
-    variance of v is the inverse of the expected information, 2 / tr(P Q P Q).
+    The likelihood is that of Z'y alone, Z a basis of what the design does not explain. With Z'VZ = L L',
+    w = L^-1 Z'y and S_j = L^-1 Z'Q_j Z L^-T the scores 2 dl/dv_j = w'S_j w - tr S_j are zero at the estimate;
+    where one is negative at v_j = 0 already, the other errors explain all the scatter and v_j = 0. The
+    covariance of the estimates is the inverse of the expected information, tr(S_i S_j) / 2.
 
-    Returns v and its variance
+    Takes
+      structures : which `are_separable`
+    Returns the v_j and their covariance
     References S. R. Searle, G. Casella, C. E. McCulloch, Variance Components, Wiley 1992, chapter 6
     """
+    rest = _leave_over(design)
+    seen = [rest.T @ structure @ rest for structure in structures]
+    left, own = rest.T @ response, rest.T @ known @ rest
+    estimates = _find_variances(left, own, seen)
+    _, whitened = _whiten(left, _spread(own, estimates, seen), seen)
+    information = np.array([[float(np.sum(one * other)) / 2.0 for other in whitened] for one in whitened])
+    return estimates, np.linalg.inv(information)
 
-    def project(variance: float) -> Matrix:
-        return _residual_maker(design, known + variance * structure)
+
+def _leave_over(design: Matrix) -> Matrix:
+    """Give an orthonormal basis of what the design does not explain, (n, n - p)."""
+    basis: Matrix = np.linalg.qr(design, mode="complete")[0]
+    return basis[:, design.shape[1] :]
+
+
+def _find_variances(left: Vector, known: Matrix, structures: Sequence[Matrix]) -> tuple[float, ...]:
+    """Find where the scores are zero: of the last v along the best values of the others for each of its own.
+
+    Along these the likelihood's slope is its slope in v alone, so one bracketed root after another is enough,
+    and no step can leave v_j >= 0.
+    """
+    *others, structure = structures
+    if not others:
+        return (_find_variance(left, known, structure),)
+
+    def find_others(variance: float) -> tuple[float, ...]:
+        return _find_variances(left, known + variance * structure, others)
 
     def score(variance: float) -> float:
-        projector = project(variance)
-        filtered = projector @ response
-        return float(filtered @ structure @ filtered - np.sum(projector * structure))
+        total = _spread(known + variance * structure, find_others(variance), others)
+        response, (whitened,) = _whiten(left, total, [structure])
+        return float(response @ whitened @ response - np.trace(whitened))
 
-    estimate = 0.0
-    if score(0.0) > 0.0:
-        upper = float(np.trace(known) / np.trace(structure))
-        while score(upper) > 0.0:
-            upper *= 4.0
-        estimate = float(brentq(score, 0.0, upper, xtol=1e-14 * upper, rtol=1e-13))
-    spread = project(estimate) @ structure
-    return estimate, 2.0 / float(np.sum(spread * spread.T))
+    if score(0.0) <= 0.0:
+        return (*find_others(0.0), 0.0)
+    upper = _find_variance(left, known, structure)
+    while score(upper) > 0.0:
+        upper *= 2.0
+    estimate = _root(score, upper)
+    return (*find_others(estimate), estimate)
 
 
-def _residual_maker(design: Matrix, covariance: Matrix) -> Matrix:
-    """Give P, which filters what the design explains out of the response and weighs the rest by V^-1."""
-    factor = cho_factor(covariance, lower=True)
-    inverse = cho_solve(factor, np.eye(len(covariance)))
-    explained = inverse @ design
-    projector: Matrix = inverse - explained @ np.linalg.solve(design.T @ explained, explained.T)
-    return projector
+def _find_variance(left: Vector, known: Matrix, structure: Matrix) -> float:
+    """Find the zero of the only score, from the eigenvalues of S and w along its axes.
+
+    2 dl/dv = sum_i s_i (w_i^2 - 1 - v s_i) / (1 + v s_i)^2, negative beyond the largest (w_i^2 - 1) / s_i
+    """
+    response, (whitened,) = _whiten(left, known, [structure])
+    sizes, axes = np.linalg.eigh(whitened)
+    heard = sizes > math.ulp(1.0) * sizes.size * sizes[-1]
+    sizes, squares = sizes[heard], (axes.T @ response)[heard] ** 2
+
+    def score(variance: float) -> float:
+        return float(np.sum(sizes * (squares - 1.0 - variance * sizes) / (1.0 + variance * sizes) ** 2))
+
+    if score(0.0) <= 0.0:
+        return 0.0
+    return _root(score, 2.0 * float(np.max((squares - 1.0) / sizes)))
+
+
+def _root(score: Callable[[float], float], upper: float) -> float:
+    return float(brentq(score, 0.0, upper, xtol=1e-14 * upper, rtol=1e-13))
+
+
+def _whiten(
+    response: Vector, covariance: Matrix, structures: Sequence[Matrix]
+) -> tuple[Vector, list[Matrix]]:
+    """Give L^-1 y and L^-1 Q L^-T of a covariance L L'."""
+    root = np.linalg.cholesky(covariance)
+
+    def divide(right: Matrix) -> Matrix:
+        return np.asarray(solve_triangular(root, right, lower=True), np.float64)
+
+    return divide(response), [divide(divide(structure).T) for structure in structures]
+
+
+def _spread(known: Matrix, variances: Sequence[float], structures: Sequence[Matrix]) -> Matrix:
+    total = known
+    for variance, structure in zip(variances, structures, strict=True):
+        total = total + variance * structure
+    return total

@@ -21,7 +21,7 @@ _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 # What these had not when versions were first written is left out where there is none, and not null: a content
 # hash is over the very text, and stays what it was.
 _GROWN = (luminance.Params, luminance.Fit)
-_LATER = frozenset({"vignetting", "lens_share"})
+_LATER = frozenset({"vignetting", "lens_share", "frame_scatter_rel", "stated_chi_squared"})
 _STATISTICS = tuple(ChannelStatistics.__dataclass_fields__)
 
 

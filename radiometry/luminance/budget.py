@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from radiometry.luminance.results import IsoFit
+from radiometry.sources import READING, SCATTER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,8 @@ def explain_budget(iso_fit: IsoFit) -> tuple[BudgetLine, ...]:
 
     Model: u_j(K) / K = c_j u(x_j)   c_j the sensitivity of K to a source that all points share in part: an
     f-number enters squared (c = 2 where every frame has the same), and less where several average out [1].
-    What the scatter of the points gives is a statement about K itself: its sensitivity is 1.
+    A frame's own scatter averages: c = 0.3 for eleven frames alike. Birge's excess is a statement about K
+    itself: its sensitivity is 1.
     References [1] JCGM 100:2008, 5.1.3 and 5.2.2
     """
     coefficient = iso_fit.coefficient
@@ -41,7 +43,9 @@ def explain_budget(iso_fit: IsoFit) -> tuple[BudgetLine, ...]:
         "meter calibration": (coefficient.meter_calibration_u_rel, "1"),
     }
     if chosen.meter_repeatability_rel is not None:
-        inputs["meter repeatability"] = (chosen.meter_repeatability_rel, "1")
+        inputs[READING] = (chosen.meter_repeatability_rel, "1")
+    if chosen.frame_scatter_rel is not None:
+        inputs[SCATTER] = (chosen.frame_scatter_rel, "1")
     lines = []
     for entry in iso_fit.budget:
         uncertainty, unit = inputs.get(entry.source, (entry.u_rel, "1"))

@@ -9,11 +9,12 @@ from radiometry import models
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import BudgetEntry, Quantity
 from radiometry.exposure import expect_luminance_k
-from radiometry.fit import Curve, CurveFit, coverage_factor, fit_curve
+from radiometry.fit import CurveFit, coverage_factor, fit_curve
 from radiometry.gls import Vector
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Coefficient, IsoFit, ModelFit, Point
 from radiometry.luminance.rows import MODELS, Params
+from radiometry.sources import Curve
 
 _NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
 
@@ -103,6 +104,8 @@ def _report(fit: CurveFit, curve: Curve) -> ModelFit:
         meter_repeatability_rel=fit.repeatability_u_rel,
         left_out_max_rel=largest,
         left_out_rms_rel=rms,
+        frame_scatter_rel=fit.scatter_u_rel or None,
+        stated_chi_squared=fit.stated_chi_squared if fit.scatter_u_rel else None,
     )
 
 
@@ -138,7 +141,8 @@ def _leave_scenes_out(fit: CurveFit, curve: Curve) -> tuple[float | None, float 
     errors: list[float] = []
     for scene in dict.fromkeys(curve.scenes):
         out = scenes == scene
-        rest = fit_curve(curve.take(~out, repeatability_u_rel=fit.repeatability_u_rel), model=fit.model)
+        known = curve.take(~out, repeatability_u_rel=fit.repeatability_u_rel, scatter_u_rel=fit.scatter_u_rel)
+        rest = fit_curve(known, model=fit.model)
         if rest is None:
             return None, None
         errors += _luminance_errors(rest.model, rest.parameters, curve.rhs[out], curve.signal_dn[out])

@@ -54,6 +54,7 @@ class ModelFit:
     ``covariance`` includes the Birge ratio; ``aicc`` is comparable between the models of one ISO value
     ``left_out_max_rel``, ``left_out_rms_rel`` : error in L of each scene predicted from the others
     ``meter_repeatability_rel`` : given or estimated
+    ``frame_scatter_rel`` : between frames, estimated; ``stated_chi_squared`` : without it; None: not needed
     """
 
     model: str
@@ -69,6 +70,8 @@ class ModelFit:
     meter_repeatability_rel: float | None
     left_out_max_rel: float | None
     left_out_rms_rel: float | None
+    frame_scatter_rel: float | None = None
+    stated_chi_squared: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,8 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
+from scipy.special import chdtri
+
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Figure, FrameEvidence
 from radiometry.flags import Flag, Raised
@@ -73,6 +75,7 @@ ROLES = frozenset({"light", "dark"})
 
 _NONLINEARITY = 0.02
 _IMPLAUSIBLE_RATIO = 4.0
+_CHANCE = 0.01
 
 
 def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
@@ -232,9 +235,7 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
     k = by_model["proportional"].parameters[0]  # one parameter, points above dark: it always settles
     if not 1 / _IMPLAUSIBLE_RATIO <= k / iso_fit.expected_k <= _IMPLAUSIBLE_RATIO:
         flags.append(_raise(Flag.IMPLAUSIBLE_K, where, f"K {k:.4g}, expected {iso_fit.expected_k:.4g}."))
-    if iso_fit.birge_ratio > 1.0:
-        detail = f"Birge ratio {iso_fit.birge_ratio:.3f}."
-        flags.append(_raise(Flag.SCATTER_EXCEEDS_UNCERTAINTY, where, detail))
+    flags += _check_scatter(by_model[params.model], where)
     if params.meter_repeatability_rel is None and params.model != "semilog":
         estimate = by_model[params.model].meter_repeatability_rel or 0.0
         flags.append(_raise(Flag.METER_REPEATABILITY_ESTIMATED, where, f"Estimated: {estimate:.2%}."))
@@ -244,3 +245,18 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
         )
         flags.append(_raise(Flag.TOLERANCE_EXCEEDED, where, detail))
     return flags
+
+
+def _check_scatter(chosen: ModelFit, where: str) -> list[Raised]:
+    """Say whether the points scatter more than the stated sources explain, by a test of chi^2 at 99 %."""
+    stated = chosen.chi_squared if chosen.stated_chi_squared is None else chosen.stated_chi_squared
+    if stated is None or stated <= chdtri(chosen.dof, _CHANCE):
+        return []
+    between = (
+        f"; between frames {chosen.frame_scatter_rel:.2%}" if chosen.frame_scatter_rel is not None else ""
+    )
+    detail = (
+        f"chi^2 / dof by the stated sources {stated / chosen.dof:.3g}{between}; "
+        f"Birge ratio {chosen.birge_ratio:.3f}."
+    )
+    return [_raise(Flag.SCATTER_EXCEEDS_UNCERTAINTY, where, detail)]

@@ -52,6 +52,35 @@ def test_the_interval_holds_the_truth(errors, given):
     assert np.std(deviations) == pytest.approx(claimed, rel=0.15)
 
 
+def scatter(series, rel, random):
+    """Give every light frame an error of its own, as shutter, aperture and lamp make it."""
+    dark = series.dark.signal_dn
+
+    def spoil(signal):
+        factor = random.normal(1.0, rel)
+        return dataclasses.replace(signal, value_dn=dark + (signal.value_dn - dark) * factor)
+
+    spoilt = tuple(dataclasses.replace(c, signal=spoil(c.signal)) for c in series.candidates)
+    return dataclasses.replace(series, candidates=spoilt)
+
+
+@pytest.mark.parametrize(("rel", "given"), [(0.003, False), (0.02, True)])
+def test_the_interval_holds_the_truth_where_frames_scatter(rel, given):
+    """Fifty times to a hundred times what pixel noise explains: u(K) grows by what the mean takes of it."""
+    chosen = params(APERTURES, given=given)
+    held, grown = [], []
+    for seed in range(CAMPAIGNS // 2):
+        plain = series_of(seed, APERTURES, chosen)
+        spoilt = scatter(plain, rel, np.random.default_rng([1, seed]))
+        before, after = (
+            curves.fit_coefficient(each, chosen, calibration_u_rel=0.0)[0] for each in (plain, spoilt)
+        )
+        held.append(abs(after.luminance_k - TRUE_K) <= after.expanded_uncertainty)
+        grown.append(after.luminance_k_standard_uncertainty / before.luminance_k_standard_uncertainty)
+    assert 0.92 <= np.mean(held) <= 0.98
+    assert 0.95 < np.median(grown) < 1.1
+
+
 def test_treating_points_as_independent_claims_too_much():
     """The same points with every error a point's own: u(K) is too small, the truth is lost."""
     chosen = params(READINGS, given=True)

@@ -5,11 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import t as student_t
 
-from radiometry.fit import Curve, coverage_factor, fit_curve
+from radiometry.fit import coverage_factor, fit_curve
+from radiometry.sources import Curve
 
 K = 30.0
 
@@ -118,7 +119,7 @@ def test_an_exact_common_variance_adds_degrees_of_freedom():
 def test_birge_ratio_by_hand():
     """Relative noise of 1 % claimed, +-3 % found: chi^2 = 4 * 9 over 3; nu = 3."""
     errors = np.expm1(np.array([0.03, -0.03, 0.03, -0.03]))
-    points = curve("abcd", [4] * 4, errors=errors)
+    points = curve("abcd", [4] * 4, errors=errors, scatter_u_rel=0.0)
     points = dataclasses.replace(points, signal_u_dn=0.01 * K * points.rhs)
     fit = fit_curve(points, model="proportional")
     assert fit.chi_squared == pytest.approx(36.0, rel=0.01)
@@ -129,10 +130,126 @@ def test_birge_ratio_by_hand():
 
 def test_birge_ratio_leaves_alone_what_all_points_share():
     errors = np.expm1(np.array([0.03, -0.03, 0.03, -0.03]))
-    points = curve("abcd", [4] * 4, errors=errors, time_u_rel=0.5)
+    points = curve("abcd", [4] * 4, errors=errors, time_u_rel=0.5, scatter_u_rel=0.0)
     points = dataclasses.replace(points, signal_u_dn=0.01 * K * points.rhs)
     fit = fit_curve(points, model="proportional")
     assert u_rel(fit) ** 2 == pytest.approx(0.5**2 + (0.01 / 2) ** 2 * 12, rel=0.01)
+
+
+def same(one, other):
+    return all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in dataclasses.fields(one))
+
+
+def test_scatter_between_frames_by_hand():
+    """The same points as Birge's: 1 % claimed, a variance of 4 * 9 / 3 = 12 found, so 11 are the frames'."""
+    errors = np.expm1(np.array([0.03, -0.03, 0.03, -0.03]))
+    points = curve("abcd", [4] * 4, errors=errors, time_u_rel=0.5)
+    points = dataclasses.replace(points, signal_u_dn=0.01 * K * points.rhs)
+    fit = fit_curve(points, model="proportional")
+    assert fit.scatter_u_rel == pytest.approx(0.01 * math.sqrt(11), rel=0.01)
+    assert fit.stated_chi_squared == pytest.approx(36.0, rel=0.01)
+    assert fit.chi_squared == pytest.approx(3.0)
+    assert fit.birge_ratio == pytest.approx(1.0)
+    assert fit.k_shares["scatter between frames"] == ("A", pytest.approx(11e-4 / 4, rel=0.01))
+    assert fit.k_shares["exposure time"][1] == pytest.approx(0.5**2)
+    alone = fit_curve(dataclasses.replace(points, time_u_rel=0.0), model="proportional")
+    assert alone.effective_dof() == pytest.approx(3.0, rel=0.01)
+
+
+@pytest.mark.parametrize("between", [0.02, 0.0])
+def test_scenes_and_frames_are_told_apart_as_in_the_analysis_of_variance(between):
+    """Four scenes of three frames each: the mean squares within, between, and their degrees of freedom."""
+    errors = (
+        between * np.repeat([1.0, -1.0, 0.5, 0.2], 3) + 0.01 * np.array([[1, 0, -1], [0, 1, -1]] * 2).ravel()
+    )
+    points = curve("aaabbbcccddd", [4] * 12, errors=np.expm1(errors), repeatability_u_rel=None)
+    points = dataclasses.replace(points, signal_u_dn=1e-6 * points.signal_dn)
+    fit = fit_curve(points, model="proportional")
+    means = errors.reshape(4, 3).mean(axis=1)
+    within = np.sum((errors.reshape(4, 3) - means[:, None]) ** 2) / 8
+    among = 3 * np.var(means, ddof=1)
+    pooled = np.var(errors, ddof=1)  # where the scenes do not differ by more than their frames
+    scatter, repeatability, u, dof = (
+        (within, (among - within) / 3, among / 12, 3) if between else (pooled, 0.0, pooled / 12, None)
+    )
+    assert fit.scatter_u_rel**2 == pytest.approx(scatter, rel=1e-6)
+    assert fit.repeatability_u_rel**2 == pytest.approx(repeatability, rel=1e-6)
+    assert u_rel(fit) ** 2 == pytest.approx(u, rel=1e-6)
+    if dof:
+        assert fit.effective_dof() == pytest.approx(dof, rel=1e-3)
+
+
+def test_a_spoilt_frame_costs_its_scatter_and_leaves_the_apertures_alone():
+    """Ten frames, one 14 % low: a scatter of 0.14 sqrt(1 / 10) of which a mean takes sqrt(1 / 10)."""
+    errors = np.zeros(10)
+    errors[3] = -0.14
+    points = curve(
+        "aabbccddee", [2.8, 5.6] * 5, errors=errors, f_number_u_rel=0.015, repeatability_u_rel=0.01
+    )
+    fit = fit_curve(points, model="proportional")
+    assert fit.birge_ratio == pytest.approx(1.0, abs=0.01)
+    assert math.sqrt(fit.k_shares["scatter between frames"][1]) == pytest.approx(
+        np.std(np.log1p(errors), ddof=1) / math.sqrt(10), rel=0.1
+    )
+    assert math.sqrt(fit.k_shares["f-number"][1]) == pytest.approx(0.03 / math.sqrt(2), rel=0.01)
+    assert fit.free_parameters == 2
+
+
+def test_explained_scatter_changes_no_bit():
+    explained = curve(
+        "aabbcc", [2, 4] * 3, errors=[0.02, 0.01, -0.01, 0, 0, 0.01], f_number_u_rel=0.02, u_dn=3.0
+    )
+    exact = curve("aabbcc", [2, 4] * 3)
+    shared = curve("aabbcc", [2, 4] * 3, errors=np.repeat([0.05, 0, -0.05], 2), repeatability_u_rel=0.01)
+    alone = curve("abcdef", [4] * 6, errors=[0.1, 0, 0, -0.1, 0, 0], repeatability_u_rel=None)
+    two = curve("ab", [2, 4], repeatability_u_rel=None)
+    for points in (explained, exact, shared, alone, two):
+        for model in ("proportional", "affine", "power", "semilog"):
+            fit = fit_curve(points, model=model)
+            without = fit_curve(dataclasses.replace(points, scatter_u_rel=0.0), model=model)
+            assert fit is without or same(fit, without)
+    assert fit_curve(shared, model="proportional").birge_ratio > 2  # Birge has what no frame has alone
+
+
+def test_a_frame_of_half_its_light_is_scatter_and_no_reason_to_give_up():
+    """Noise of 10 ppm alone weighs the points so unlike that the iteration does not settle."""
+    errors = np.zeros(12)
+    errors[3] = -0.5
+    points = curve(
+        "aaabbbcccddd", [2, 4, 8] * 4, errors=errors, f_number_u_rel=0.015, repeatability_u_rel=None
+    )
+    points = dataclasses.replace(points, signal_u_dn=1e-5 * points.signal_dn)
+    assert fit_curve(dataclasses.replace(points, scatter_u_rel=0.0), model="proportional") is None
+    fit = fit_curve(points, model="proportional")
+    assert u_rel(fit) == pytest.approx(math.hypot(math.log(2) / 12, 0.03 / math.sqrt(3)), rel=0.05)
+    assert fit.stated_chi_squared > 1e6
+
+
+def test_known_scatter_is_a_source_like_the_others():
+    points = curve("abcd", [4] * 4, u_dn=1e-6, scatter_u_rel=0.02)
+    assert u_rel(fit_curve(points, model="proportional")) == pytest.approx(0.01, rel=1e-6)
+    kept = points.take(np.array([True, True, True, False]), repeatability_u_rel=0.0, scatter_u_rel=0.03)
+    assert u_rel(fit_curve(kept, model="proportional")) == pytest.approx(0.03 / math.sqrt(3), rel=1e-6)
+
+
+@given(st.permutations(range(8)))
+@settings(max_examples=20)
+def test_the_scatter_found_does_not_depend_on_the_order(order):
+    errors = [0.03, -0.02, 0.01, 0.02, -0.03, 0.02, 0.0, 0.01]
+    points = curve("aabbccdd", [2, 4] * 4, errors=errors, f_number_u_rel=0.01, repeatability_u_rel=None)
+    other = dataclasses.replace(
+        points,
+        rhs=points.rhs[order],
+        signal_dn=points.signal_dn[order],
+        signal_u_dn=points.signal_u_dn[order],
+        scenes=tuple(points.scenes[i] for i in order),
+        f_numbers=tuple(points.f_numbers[i] for i in order),
+    )
+    for model in ("proportional", "power"):
+        first, second = (fit_curve(each, model=model) for each in (points, other))
+        assert first.scatter_u_rel > 0.005
+        assert second.scatter_u_rel == pytest.approx(first.scatter_u_rel, rel=1e-9)
+        assert u_rel(second) == pytest.approx(u_rel(first), rel=1e-9)
 
 
 def test_shares_add_up_to_the_variance():

@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.fit import Curve, fit_curve
+from radiometry.fit import fit_curve
+from radiometry.sources import Curve
 
 
 def read(path):

@@ -1,5 +1,6 @@
 """An organisation that has one of each thing that a path can name."""
 
+from store.software import CODE_VERSION
 from tests.support.campaigns import published_campaign
 from tests.support.house import House
 from tests.support.measuring import measure
@@ -23,5 +24,5 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "panel_id": house.post("/v1/panels", PANEL)["id"],
         "key_id": house.post("/v1/keys", {"name": "spare", "scopes": ["read"]})["id"],
         "measurement_id": measure(house, {"id": frame_id}, version)["id"],
-        "purge_id": house.post("/v1/purges", {"cause": {"software": "0.1.0"}, "reason": "r"})["id"],
+        "purge_id": house.post("/v1/purges", {"cause": {"software": CODE_VERSION}, "reason": "r"})["id"],
     }
