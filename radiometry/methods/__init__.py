@@ -30,6 +30,7 @@ class Room:
     ``features`` : its figures of one frame, None where statistics are all; ``target`` : what is photographed,
         None where nobody need say
     ``whole_frame`` : it looks at the whole frame where nobody has drawn a region
+    ``finds_region`` : it looks for the region itself in a frame of its roles where nobody has drawn one
     ``manual_exposure`` : a camera that chooses its exposure is something to know
     """
 
@@ -40,6 +41,7 @@ class Room:
     features: type[Any] | None = None
     target: type[Any] | None = None
     whole_frame: bool = False
+    finds_region: bool = False
     manual_exposure: bool = True
 
 
@@ -57,6 +59,7 @@ def describe(method: Method) -> Room:
                 params=reflectance.Params,
                 applied_roles=reflectance.APPLIED_ROLES,
                 features=reflectance.Features,
+                finds_region=True,
                 manual_exposure=False,
             )
         case "vignetting":
@@ -121,6 +124,17 @@ def extract(
             return geometry.extract(frame, regions, header=header, exposure=exposure, target=target)
         case "noise":
             return noise.extract(frame, regions, header=header, exposure=exposure)
+        case _:
+            assert_never(method)
+
+
+def find_region(method: Method, frame: Frame, *, header: FrameHeader) -> reflectance.FoundPanel | None:
+    """Find what is measured in a whole frame; None where it is not certain, or the method does not look."""
+    match method:
+        case "reflectance":
+            return reflectance.find_region(frame, header=header)
+        case "luminance" | "vignetting" | "sharpness" | "geometry" | "noise":
+            return None
         case _:
             assert_never(method)
 

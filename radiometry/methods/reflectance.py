@@ -36,6 +36,7 @@ from radiometry.reflectance.indices import (
     name_bands,
 )
 from radiometry.reflectance.judging import judge, plan
+from radiometry.reflectance.panel_code import FoundPanel, find_panel
 from radiometry.reflectance.points import (
     Candidate,
     collect_candidates,
@@ -68,6 +69,7 @@ __all__ = [
     "Effect",
     "Features",
     "Fit",
+    "FoundPanel",
     "FrameRow",
     "Index",
     "IndexMap",
@@ -87,6 +89,7 @@ __all__ = [
     "configure",
     "extract",
     "extract_features",
+    "find_region",
     "find_scale_of_frame",
     "fit",
     "judge",
@@ -111,6 +114,11 @@ def extract(
         raise ValueError("a panel or field frame without its exposure")
     features = extract_features(frame, regions[0].polygon, header=header, exposure=exposure)
     return Extracted(statistics=(features.statistics,), features=features)
+
+
+def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
+    """Find the panel in a whole frame of one band by its code; None where none is certain."""
+    return find_panel(frame.samples_dn) if header.multispectral is not None else None
 
 
 def make_row(evidence: FrameEvidence[Features]) -> FrameRow:

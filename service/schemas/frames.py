@@ -144,6 +144,10 @@ class FrameAnswer(Answer):
     role: Role
     scene: str | None = None
     roi_id: str | None = None
+    roi_origin: Literal["drawn", "found"] | None = Field(
+        default=None, description="Of the frame's own region: drawn by a person, or found by a panel's code."
+    )
+    panel_serial: str | None = Field(default=None, description="As the panel's code in the image says it.")
     supplied: dict[str, float] | None = None
     state: State
     camera: CameraAsRead | None = None
@@ -196,6 +200,7 @@ class FrameAnswer(Answer):
             **{name: getattr(row, name) for name in _FROM_ROW},
             **_from_header(row.header),
             **_from_band(row.header),
+            **_from_found(row),
             supplied=row.supplied or None,
             size_bytes=size_bytes,
             refusal=refusal,
@@ -209,6 +214,14 @@ _FROM_ROW = (
     *("id", "campaign_id", "sha256", "filename", "role", "scene", "roi_id", "state", "exposure_time_s"),
     *("f_number", "iso", "exposure", "warnings", "created_at"),
 )
+
+
+def _from_found(row: FrameRow) -> dict[str, Any]:
+    found = row.found or {}
+    if row.roi_id is None:
+        return {"panel_serial": found.get("serial")}
+    origin = "found" if found.get("roi_id") == row.roi_id else "drawn"
+    return {"roi_origin": origin, "panel_serial": found.get("serial")}
 
 
 def _from_header(header: dict[str, Any] | None) -> dict[str, Any]:

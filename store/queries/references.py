@@ -59,7 +59,8 @@ def find_panel(session: Session, campaign: Campaign, frames: Sequence[FrameRow])
 
 def _panel_named_in(frame: FrameRow) -> str | None:
     multispectral = (frame.header or {}).get("multispectral") or {}
-    serial: str | None = multispectral.get("panel_serial")
+    # what the camera recognised, else what the worker read off the panel's code
+    serial: str | None = multispectral.get("panel_serial") or (frame.found or {}).get("serial")
     return serial
 
 

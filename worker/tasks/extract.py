@@ -12,6 +12,7 @@ from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Region
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
+from radiometry.methods.reflectance import FoundPanel
 from radiometry.roi import Polygon, bounding_window
 from store import tables
 from store.codec import decode, decode_header, decode_statistics, encode, encode_statistics
@@ -60,6 +61,8 @@ class _Found:
     preview: Blob | None
     extracted: _Extracted | None
     region_refused: InputRejected | None
+    panel: FoundPanel | None
+    """Found in a frame for which nobody has drawn a region."""
 
 
 def extract(context: Context, claim: Claim) -> Outcome:
@@ -111,13 +114,16 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
         manual_exposure=room.manual_exposure,
     )
     extracted, region_refused = subject.equal, None
-    wanted = subject.roi is not None or (room.whole_frame and frame.role in room.roles)
+    panel = _find_panel(context, subject, header, path)
+    drawn = subject.roi is not None or panel is not None
+    wanted = drawn or (room.whole_frame and frame.role in room.roles)
     if wanted and not subject.done and extracted is None:
         try:
-            extracted = _measure(context, subject, header, acceptance.exposure, path)
+            regions = _regions(subject.roi, panel, header)
+            extracted = _measure(context, subject, regions, header, acceptance.exposure, path)
         except InputRejected as refusal:
             # the region is wrong for this frame, not the frame for its campaign; the whole frame is no region
-            if subject.roi is None or refusal.code not in (Code.ROI_OUTSIDE_FRAME, Code.ROI_EMPTY):
+            if not drawn or refusal.code not in (Code.ROI_OUTSIDE_FRAME, Code.ROI_EMPTY):
                 raise
             region_refused = refusal
     context.leases.report(claim, 0.5)
@@ -128,13 +134,28 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
         preview=preview,
         extracted=extracted,
         region_refused=region_refused,
+        panel=panel,
     )
 
 
+def _find_panel(context: Context, subject: _Subject, header: FrameHeader, path: Path) -> FoundPanel | None:
+    frame, method = subject.frame, subject.campaign.method
+    room = methods.describe(method)
+    if subject.roi is not None or not room.finds_region or frame.role not in room.roles:
+        return None
+    whole = context.decoders.read_window(path, (0, 0, header.height_px, header.width_px))
+    return methods.find_region(method, whole, header=header)
+
+
 def _measure(
-    context: Context, subject: _Subject, header: FrameHeader, exposure: Exposure | None, path: Path
+    context: Context,
+    subject: _Subject,
+    regions: list[Region],
+    header: FrameHeader,
+    exposure: Exposure | None,
+    path: Path,
 ) -> _Extracted:
-    regions, room = _regions(subject.roi, header), methods.describe(subject.campaign.method)
+    room = methods.describe(subject.campaign.method)
     around = Polygon.from_points(subject.roi.points) if subject.roi else regions[0].polygon
     window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
     pixels = context.decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
@@ -153,7 +174,9 @@ def _measure(
     )
 
 
-def _regions(roi: Roi | None, header: FrameHeader) -> list[Region]:
+def _regions(roi: Roi | None, panel: FoundPanel | None, header: FrameHeader) -> list[Region]:
+    if panel is not None:
+        return [Region(name="", polygon=panel.region)]
     if roi is None:
         return [Region(name="", polygon=whole_frame(header.width_px, header.height_px))]
     if roi.parts is None:
@@ -169,7 +192,8 @@ def _store_preview(context: Context, path: Path) -> Blob:
 
 
 def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]:
-    frame = session.get_one(FrameRow, subject.frame.id)
+    # locked: a region that a person draws meanwhile is seen here, or comes after this
+    frame = session.get_one(FrameRow, subject.frame.id, with_for_update=True)
     campaign = session.get_one(Campaign, frame.campaign_id)
     if found.preview is not None:
         session.merge(found.preview)
@@ -177,8 +201,11 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
         frame.preview_sha256 = found.preview.sha256
     frame.header = encode(found.header)
     _store_acceptance(frame, found)
-    if found.extracted is not None:
-        _store_extraction(session, subject, frame, found.extracted)
+    roi = subject.roi
+    if found.panel is not None:
+        roi = _keep_panel(session, frame, campaign, found.panel)
+    if found.extracted is not None and (roi is not None or found.panel is None):
+        _store_extraction(session, subject, frame, roi, found.extracted)
     now = current_roi(session, frame, campaign)
     # what the campaign is told to look for may have changed meanwhile: then another job is on its way
     done = now is not None and find_extraction(session, frame, now, extractor_of(campaign)) is not None
@@ -186,8 +213,21 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     return {"frame_id": frame.id}
 
 
-def _store_extraction(session: Session, subject: _Subject, frame: FrameRow, extracted: _Extracted) -> None:
-    extractor, roi = extractor_of(subject.campaign), subject.roi
+def _keep_panel(session: Session, frame: FrameRow, campaign: Campaign, panel: FoundPanel) -> Roi | None:
+    """Make it the frame's own region, unless somebody has drawn one, or changed the role, meanwhile."""
+    roles = methods.describe(campaign.method).roles
+    if current_roi(session, frame, campaign) is not None or frame.role not in roles:
+        return None
+    drawing = Drawing(polygon=panel.region, corners=panel.region.points)
+    roi = find_or_add_roi(session, campaign.organisation_id, drawing)
+    frame.roi_id, frame.found = roi.id, {"roi_id": roi.id, "serial": panel.serial}
+    return roi
+
+
+def _store_extraction(
+    session: Session, subject: _Subject, frame: FrameRow, roi: Roi | None, extracted: _Extracted
+) -> None:
+    extractor = extractor_of(subject.campaign)
     if roi is None:
         whole = whole_frame_of(frame)
         drawing = Drawing(polygon=whole, corners=whole.points)

@@ -1,0 +1,192 @@
+"""A panel is found by its code, wherever it lies beside it, and not at all where that is not certain."""
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from radiometry.reflectance import panel_code
+from radiometry.reflectance.panel_code import SHRINK, find_panel
+from tests.support.data import data_file
+
+EARLY, LATE = "RP02-1603036-SC", "RP04-1901231-SC"
+LAYOUTS = {EARLY: (1.68, 1.30), LATE: (1.57, 0.75)}
+SHAPE = (480, 640)
+GROUND, BLACK, PANEL, WHITE = 9000, 8000, 38000, 45000
+CODE_PX = 100
+
+# The hand-drawn panel's corners in band 1, and by how much the other bands see it moved, (x, y).
+CORNERS = np.array(((809, 613), (648, 615), (646, 454), (808, 452)), dtype=np.float32)
+SHIFTS = ((0, 0), (-35, 10), (-35, 38), (20, 43), (0, 20))
+
+
+def place(angle_deg, size, centre, *, mirrored=False):
+    """The affine map from sides of the code, about its centre, to the picture [px]."""
+    turn = np.radians(angle_deg)
+    linear = size * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    if mirrored:
+        linear[:, 0] *= -1.0
+    return np.column_stack([linear, centre])
+
+
+def corners_of(pose, centre, side):
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * side / 2.0 + centre
+    return (square @ pose[:, :2].T + pose[:, 2]).astype(np.float32)
+
+
+def fill(picture, corners, level):
+    # to a sixteenth of a pixel; a filled corner (x, y) is the centre of its pixel
+    cv2.fillConvexPoly(picture, np.round((corners - 0.5) * 16).astype(np.int32), level, shift=4)
+
+
+def draw(picture, pose, *, text=EARLY, way=(1, 0), level=PANEL):
+    """A card with its code and its panel; where the panel's corners are."""
+    distance, side = LAYOUTS.get(text, LAYOUTS[EARLY])
+    fill(picture, corners_of(pose, (0, 0), 1.4), WHITE)
+    modules = cv2.QRCodeEncoder.create().encode(text)
+    modules = modules[2:-2, 2:-2] if modules[1].min() == 255 else modules  # without the rim
+    n = modules.shape[0]
+    for row, col in np.argwhere(modules < 128):
+        fill(picture, corners_of(pose, ((col + 0.5) / n - 0.5, (row + 0.5) / n - 0.5), 1.0 / n), BLACK)
+    panel = corners_of(pose, distance * np.array(way), side)
+    fill(picture, panel, level)
+    return panel
+
+
+def ground():
+    return np.full(SHAPE, GROUND, dtype=np.uint16)
+
+
+def finish(picture):
+    """Blurred a little, with the noise of a sensor."""
+    noise = np.random.default_rng(7).normal(0.0, 300.0, SHAPE)
+    return np.clip(cv2.GaussianBlur(picture, (0, 0), 0.7) + noise, 0, 65520).astype(np.uint16)
+
+
+def require_within(found, panel, *, share=SHRINK):
+    """The region lies in the panel, about its middle, and covers what it should."""
+    region = np.array(found.region.points, dtype=np.float32)
+    side = np.sqrt(cv2.contourArea(panel))
+    for x, y in region.tolist():
+        assert cv2.pointPolygonTest(panel, (x, y), True) > 0.08 * side
+    assert np.linalg.norm(region.mean(axis=0) - panel.mean(axis=0)) < 0.06 * side
+    assert np.sqrt(cv2.contourArea(region)) == pytest.approx(share * side, rel=0.05)
+
+
+@pytest.mark.parametrize("text", [EARLY, LATE])
+@pytest.mark.parametrize("way", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_the_side_is_read_off_the_picture(text, way):
+    picture = ground()
+    panel = draw(picture, place(0, CODE_PX, (320, 240)), text=text, way=way)
+    found = find_panel(finish(picture))
+    assert found.serial == text
+    require_within(found, panel)
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "size", "mirrored"),
+    [(17, 100, False), (45, 90, False), (-70, 70, True), (180, 120, False), (200, 75, False)],
+)
+def test_turn_and_size_follow_from_the_code(angle_deg, size, mirrored):
+    picture = ground()
+    panel = draw(picture, place(angle_deg, size, (320, 240), mirrored=mirrored))
+    require_within(find_panel(finish(picture)), panel)
+
+
+def test_a_transposed_picture_gives_the_transposed_region():
+    picture = ground()
+    draw(picture, place(12, CODE_PX, (280, 230)))
+    picture = finish(picture)
+    upright, lying = find_panel(picture), find_panel(picture.T)
+    turned = sorted((y, x) for x, y in upright.region.points)
+    assert np.allclose(turned, sorted(lying.region.points), atol=0.11)  # rounded to a tenth
+
+
+def test_a_large_picture_is_searched_smaller_and_answered_in_its_own_pixels(monkeypatch):
+    picture = ground()
+    panel = draw(picture, place(5, 140, (250, 240)))
+    monkeypatch.setattr(panel_code, "LONGEST_SIDE_PX", 400)  # half of it
+    require_within(find_panel(finish(picture)), panel)
+
+
+def test_a_code_that_names_no_panel_finds_nothing():
+    picture = ground()
+    draw(picture, place(0, CODE_PX, (320, 240)), text="a poster")
+    assert find_panel(finish(picture)) is None
+
+
+def draw_two(text):
+    """A panel, and a second code: the detector reads one of them, and the other once that is covered."""
+    picture = ground()
+    panel = draw(picture, place(0, 90, (200, 120)))
+    draw(picture, place(25, 90, (250, 330)), text=text)
+    return picture, panel
+
+
+def test_a_code_that_names_no_panel_hides_none():
+    picture, panel = draw_two("a poster")
+    require_within(find_panel(finish(picture)), panel)
+
+
+@pytest.mark.parametrize("text", [EARLY, "RP02-1603099-SC"])
+def test_of_two_panels_none_is_chosen(text):
+    picture, _ = draw_two(text)
+    assert find_panel(finish(picture)) is None
+
+
+def test_of_two_sides_that_look_like_panels_none_is_chosen():
+    picture = ground()
+    pose = place(0, CODE_PX, (320, 240))
+    panel = draw(picture, pose)
+    fill(picture, 2 * pose[:, 2] - panel, PANEL)
+    assert find_panel(finish(picture.astype(np.uint16))) is None
+
+
+def test_a_shadow_across_the_panel_leaves_it_unfound():
+    picture = ground()
+    panel = draw(picture, place(0, CODE_PX, (320, 240)))
+    left, right = int(panel[:, 0].min()), int(panel[:, 0].mean())
+    picture[:, left:right] = np.minimum(picture[:, left:right], 28000)
+    assert find_panel(finish(picture)) is None
+
+
+@pytest.mark.parametrize("level", [GROUND, 20000])
+def test_grass_is_no_panel(level):
+    picture = ground()
+    draw(picture, place(0, CODE_PX, (320, 240)), level=level)
+    assert find_panel(finish(picture)) is None
+
+
+def test_a_saturated_panel_is_found_all_the_same():
+    """That it is saturated is for the verdict to say."""
+    picture = ground()
+    panel = draw(picture, place(0, CODE_PX, (320, 240)), level=65520)
+    require_within(find_panel(finish(picture)), panel)
+
+
+def test_a_panel_that_leaves_the_picture_is_not_found():
+    picture = ground()
+    draw(picture, place(0, CODE_PX, (500, 240)))
+    assert find_panel(finish(picture)) is None
+
+
+@pytest.mark.parametrize("shape", [SHAPE, (1, 1), (10, 3000), (70, 70, 3)])
+def test_where_there_is_nothing_nothing_is_found(shape):
+    assert find_panel(np.zeros(shape, dtype=np.uint16)) is None
+    assert find_panel(np.full(shape, 65520, dtype=np.uint16)) is None
+
+
+def test_noise_is_no_code():
+    assert find_panel(np.random.default_rng(3).integers(0, 65520, SHAPE).astype(np.uint16)) is None
+
+
+@pytest.mark.parametrize("band", range(1, 6))
+def test_a_real_panel_is_found_within_the_one_that_was_drawn(band):
+    samples = tifffile.imread(data_file(f"rededge/0000SET_000_IMG_0000_{band}.tif"))
+    found = find_panel(samples)
+    assert found.serial == EARLY
+    require_within(found, CORNERS + np.array(SHIFTS[band - 1], dtype=np.float32))
+
+
+def test_a_flight_s_frame_shows_no_panel():
+    assert find_panel(tifffile.imread(data_file("rededge/0000SET_000_IMG_0001_1.tif"))) is None

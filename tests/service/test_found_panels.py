@@ -1,0 +1,144 @@
+"""A panel with a code needs no drawing: five real frames without a region, and what people draw beside it."""
+
+import pytest
+
+from radiometry import methods
+from tests.support.data import data_file
+
+BANDS = ("blue", "green", "red", "nir", "red_edge")
+SERIAL = "RP02-1603036-SC"
+# What the maker's own library makes of the region that was drawn by hand in the same files.
+RADIANCE = dict(zip(BANDS, (0.17028382, 0.17940027, 0.16221727, 0.10647021, 0.13081078), strict=True))
+DLS = dict(zip(BANDS, (1.084825, 0.983995, 0.921404, 0.486932, 0.771330), strict=True))
+ALBEDO = dict(zip(BANDS, (0.67, 0.69, 0.68, 0.61, 0.67), strict=True))
+DRAWN = [[690, 500], [770, 500], [770, 580], [690, 580]]  # on the panel in band 1
+
+
+def name(capture, band):
+    return f"0000SET_000_IMG_000{capture}_{BANDS.index(band) + 1}.tif"
+
+
+def send(house, campaign, band, *, capture=0, **query):
+    content = data_file(f"rededge/{name(capture, band)}").read_bytes()
+    return house.upload(campaign, content, filename=name(capture, band), role="panel", **query)
+
+
+def start(house):
+    camera = house.camera(make="MicaSense", model="RedEdge", serial="1777777")
+    return house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance"})
+
+
+def put(house, path, polygon):
+    answer = house.http.put(path, json={"polygon": polygon})
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def read(house, frame):
+    house.work()
+    return house.get(f"/v1/frames/{frame['id']}")
+
+
+@pytest.fixture(scope="module")
+def campaign(sqlite_house):
+    """Two panels are registered, and nobody says which it is: the code does."""
+    for serial, scale in ((SERIAL, 1.0), ("RP02-1603099-SC", 0.5)):
+        bands = [{"band": band, "reflectance": scale * albedo} for band, albedo in ALBEDO.items()]
+        sqlite_house.post("/v1/panels", {"serial": serial, "measured_on": "2016-03-14", "bands": bands})
+    made = start(sqlite_house)
+    for band in BANDS:
+        send(sqlite_house, made, band)
+    sqlite_house.work()
+    return made
+
+
+@pytest.fixture(scope="module")
+def frames(sqlite_house, campaign):
+    items = sqlite_house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]
+    return {frame["band"]: frame for frame in items}
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_the_found_panel_gives_the_radiance_of_the_drawn_one(frames, band):
+    frame = frames[band]
+    assert (frame["state"], frame["roi_origin"], frame["panel_serial"]) == ("extracted", "found", SERIAL)
+    (row,) = frame["statistics"]
+    assert row["roi"] == frame["roi_id"]
+    assert row["n"] == pytest.approx(105**2, rel=0.05)
+    assert row["i_sq"] == pytest.approx(RADIANCE[band], rel=5e-3)
+    # in the near infrared the panel is uneven from rim to rim, drawn or found
+    reasons = ["panel_uneven"] if band == "nir" else []
+    assert [reason["code"] for reason in frame["verdict"]["reasons"]] == reasons
+
+
+def test_k_follows_without_anybody_having_drawn_anything(sqlite_house, campaign):
+    job = sqlite_house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=202)
+    sqlite_house.work()
+    job = sqlite_house.get(f"/v1/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job
+    version = sqlite_house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+    assert {panel["serial"] for panel in version["inputs"]["panels"]} == {SERIAL}
+    found = {row["band"]: row["value"] for row in version["coefficients"]}
+    assert found == {
+        band: pytest.approx(ALBEDO[band] * DLS[band] / RADIANCE[band], rel=5e-3) for band in BANDS
+    }
+
+
+def test_a_region_that_comes_with_the_frame_is_kept(sqlite_house):
+    frame = read(sqlite_house, send(sqlite_house, start(sqlite_house), "blue", roi=str(DRAWN)))
+    assert (frame["roi_origin"], "panel_serial" in frame) == ("drawn", False)
+    assert [row["n"] for row in frame["statistics"]] == [80 * 80]
+
+
+def test_the_campaign_s_region_leaves_nothing_to_find(sqlite_house):
+    campaign = start(sqlite_house)
+    put(sqlite_house, f"/v1/campaigns/{campaign['id']}/roi", DRAWN)
+    frame = read(sqlite_house, send(sqlite_house, campaign, "blue"))
+    assert not {"roi_id", "roi_origin", "panel_serial"} & frame.keys()
+    assert [row["n"] for row in frame["statistics"]] == [80 * 80]
+
+
+def test_a_region_drawn_later_takes_the_found_one_s_place(sqlite_house):
+    campaign = start(sqlite_house)
+    found = read(sqlite_house, send(sqlite_house, campaign, "blue"))
+    assert found["roi_origin"] == "found"
+    # a frame's own region goes before its campaign's, found or drawn
+    put(sqlite_house, f"/v1/campaigns/{campaign['id']}/roi", DRAWN)
+    assert read(sqlite_house, found)["roi_id"] == found["roi_id"]
+    put(sqlite_house, f"/v1/frames/{found['id']}/roi", DRAWN)
+    drawn = read(sqlite_house, found)
+    assert (drawn["roi_origin"], drawn["panel_serial"], drawn["state"]) == ("drawn", SERIAL, "extracted")
+    assert drawn["statistics"][-1]["n"] == 80 * 80
+
+
+def test_a_region_drawn_while_the_code_is_looked_for_stays(sqlite_house, monkeypatch):
+    """Somebody draws between the worker's first look at the frame and the end of its work."""
+    look, drawn = methods.find_region, []
+
+    def draw(*args, **kwargs):
+        drawn.append(put(sqlite_house, f"/v1/frames/{frame['id']}/roi", DRAWN))
+        return look(*args, **kwargs)
+
+    frame = send(sqlite_house, start(sqlite_house), "blue")
+    monkeypatch.setattr(methods, "find_region", draw)
+    between = read(sqlite_house, frame)
+    assert len(drawn) == 1
+    assert (between["roi_id"], between["roi_origin"]) == (drawn[0]["roi_id"], "drawn")
+    after = read(sqlite_house, frame)
+    assert (after["state"], [row["n"] for row in after["statistics"]]) == ("extracted", [80 * 80])
+
+
+def test_without_a_code_a_region_is_asked_for(sqlite_house):
+    frame = read(sqlite_house, send(sqlite_house, start(sqlite_house), "blue", capture=1))
+    assert frame["state"] == "read"
+    assert [reason["code"] for reason in frame["verdict"]["reasons"]] == ["no_region"]
+    assert not {"roi_id", "roi_origin"} & frame.keys()
+
+
+def test_a_found_panel_goes_when_the_frame_turns_out_to_be_of_the_flight(sqlite_house):
+    frame = read(sqlite_house, send(sqlite_house, start(sqlite_house), "blue"))
+    answer = sqlite_house.http.patch(f"/v1/frames/{frame['id']}", json={"role": "field"})
+    assert answer.status_code == 200, answer.text
+    assert not {"roi_id", "roi_origin"} & read(sqlite_house, frame).keys()
+    sqlite_house.http.patch(f"/v1/frames/{frame['id']}", json={"role": "panel"})
+    assert read(sqlite_house, frame)["roi_id"] == frame["roi_id"]
