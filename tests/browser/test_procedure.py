@@ -193,6 +193,8 @@ def measure_the_street(page: Page, folder: Path) -> None:
     write_street(folder / "field" / "street.DNG")
     page.get_by_role("link", name="Campaigns", exact=True).click()
     page.get_by_role("link", name="P-2026-014").click()
+    expect(page.get_by_role("heading", level=1)).to_have_text("P-2026-014")
+    settle(page)
     drop(page, page.get_by_text(DROP_HERE), [folder / "field"])
     page.get_by_role("button", name="Send 1 file").click()
     told = page.get_by_role("status")
