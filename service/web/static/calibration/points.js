@@ -3,7 +3,7 @@
 import { h, may, table } from "../dom.js";
 import { exposureTime, fixed, number, tag, words } from "../format.js";
 import { empty } from "../states.js";
-import { shorten } from "./result.js";
+import { shorten } from "../shorten.js";
 
 const UNITS = { px: "px", dn: "DN", dn2: "DN²", s: "s", deg: "°", mm: "mm", um: "µm", cd_m2: "cd/m²" };
 const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure"]);

@@ -3,8 +3,7 @@
 import { h, table } from "../dom.js";
 import { day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
 import { holdsFor } from "../coefficients.js";
-
-const AT_FIRST = 14;
+import { shorten } from "../shorten.js";
 
 /** Where the version stands: a row of facts. */
 export function drawStanding(calibration) {
@@ -15,11 +14,10 @@ export function drawStanding(calibration) {
     by ? ["Superseded by", h("a", { href: `/calibrations/${by}` }, "another version")] : null,
     calibration.revoked_reason ? ["Revoked because", calibration.revoked_reason] : null,
     ["Fitted", time(calibration.created_at)],
-    ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, "frames and readings")],
+    ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, calibration.method === "luminance" ? "frames and readings" : "its frames")],
     ["Certificate", h("span", {}, h("a", { href: `/v1/calibrations/${calibration.id}/certificate.pdf` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${calibration.id}/certificate.json` }, "JSON"))],
   ];
-  const shown = calibration.method === "luminance" ? facts : facts.slice(0, -1);
-  return h("dl", { class: "facts standing card" }, shown.filter(Boolean).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
+  return h("dl", { class: "facts standing card" }, facts.filter(Boolean).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
 }
 
 export function drawVerdict(calibration) {
@@ -56,15 +54,6 @@ function coefficients({ coefficients: rows }) {
     { head: "Flags", cell: flagsOf },
   ].filter((column) => column.head !== "Holds for" || rows.some(holdsFor));
   return shorten(rows, (some) => table(columns, some, { caption: "Coefficients" }));
-}
-
-/** A long list begins short, with a button for the rest. */
-export function shorten(rows, draw, count = AT_FIRST) {
-  if (rows.length <= count + 4) return draw(rows);
-  const place = h("div", {}, draw(rows.slice(0, count)));
-  const more = h("button", { type: "button", class: "quiet" }, `Show all ${rows.length}`);
-  more.addEventListener("click", () => (place.replaceChildren(draw(rows)), more.remove()));
-  return [place, h("p", { class: "more" }, more)];
 }
 
 function flagsOf(row) {

@@ -30,7 +30,7 @@ function figures(state) {
     { class: "figures" },
     figure("Frames", number(received), told),
     figure("Region", state.roi ? (state.roi.regions ? `${state.roi.regions.length} parts` : `${state.roi.polygon.length} corners`) : state.room.whole_frame ? "Whole frame" : "None yet", null, !state.roi && !state.room.whole_frame),
-    figure("Readings", number(readings), state.scenes.length ? `${state.scenes.length} scenes` : ""),
+    state.room.method === "luminance" ? figure("Readings", number(readings), state.scenes.length ? `${state.scenes.length} scenes` : "") : null,
     figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${state.campaign.missing.length} missing` : "nothing is missing", state.campaign.missing.length > 0),
   );
 }

@@ -19,7 +19,7 @@ const parts = [
   ["reading-list", readingsSection],
   ["checklist-items", checklistSection],
   ["calibrate-tool", calibrateSection],
-];
+].filter(([id]) => byId(id)); // readings and the checklist are luminance's
 
 if (may("upload")) fill(byId("upload"), uploadSection(state));
 start();

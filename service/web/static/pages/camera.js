@@ -4,6 +4,7 @@ import { ago, day, quantity, relative, tag, time, words } from "../format.js";
 import { holdsFor, inForce, named } from "../coefficients.js";
 import { empty, load } from "../states.js";
 import { plot } from "../plots.js";
+import { shorten } from "../shorten.js";
 
 const id = document.querySelector("main").dataset.cameraId;
 const choice = byId("drift-of");
@@ -51,8 +52,11 @@ async function drawDrift() {
   byId("drift-unit").textContent = method === "geometry" ? "px" : "%";
   plot(byId("drift-plot"), `/plots/cameras/${id}/drift?method=${method}&name=${encodeURIComponent(name)}`);
   await load(byId("drift-said"), () => get(`/v1/cameras/${id}/drift?method=${method}&tolerance=${toleranceOf(method)}`), ({ parameters }) => {
-    const said = parameters.filter((each) => each.name === name).map(saidOf);
-    return said.length ? h("ul", { class: "plain small" }, said) : null;
+    const said = parameters.filter((each) => each.name === name);
+    // what hinders one mostly hinders all: say it once
+    const [first] = said;
+    if (said.length > 1 && said.every((each) => !each.slope && each.why === first.why)) return h("p", { class: "small" }, first.why);
+    return said.length ? h("ul", { class: "plain small" }, said.map(saidOf)) : null;
   });
 }
 
@@ -86,7 +90,7 @@ function versionCard(version) {
       h("h3", {}, words(version.method), " ", h("a", { href: `/calibrations/${version.calibration_id}` }, `version ${version.version}`)),
       h("p", {}, `since ${day(version.valid_from)}, ${ago(version.valid_from)}${version.valid_to ? `; until ${day(version.valid_to)}` : ""}`),
     ),
-    table(columns, version.rows, { caption: `${version.method} version ${version.version}` }),
+    shorten(version.rows, (rows) => table(columns, rows, { caption: `${version.method} version ${version.version}` })),
     DRAWN.includes(version.method) ? drawing(version) : null,
   );
 }
