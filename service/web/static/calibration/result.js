@@ -50,7 +50,7 @@ function coefficients({ coefficients: rows }) {
     { head: "Holds for", cell: (row) => holdsFor(row) || "all" },
     { head: "Value", class: "number", cell: quantity },
     { head: "u", class: "number", cell: (row) => relative(row.value, row.standard_uncertainty) },
-    { head: "Model", cell: (row) => words(row.model) },
+    { head: "Model", class: "nowrap", cell: (row) => words(row.model) },
     { head: "Flags", cell: flagsOf },
   ].filter((column) => column.head !== "Holds for" || rows.some(holdsFor));
   return shorten(rows, (some) => table(columns, some, { caption: "Coefficients" }));
