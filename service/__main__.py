@@ -1,6 +1,7 @@
 """``python -m service``: serves the API on the database, broker and blobs that the settings name."""
 
 import asyncio
+import gc
 import logging
 import sys
 
@@ -38,8 +39,12 @@ def main() -> int:
     if secret := settings.key.get_secret_value():
         with context.database.writing("service") as session:
             ensure_operator(session, secret, list(SCOPES))
+    app = build_app(context)
+    # What is loaded by now stays: collecting garbage need not walk through it in the middle of answers.
+    gc.collect()
+    gc.freeze()
     config = uvicorn.Config(
-        build_app(context),
+        app,
         host=settings.host,
         port=settings.port,
         log_config=None,

@@ -11,7 +11,6 @@ from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
 from radiometry.methods import luminance
 from radiometry.statistics import ChannelStatistics
-from store.tables import ChannelRow
 from store.tables.base import Json
 
 _HEADER = TypeAdapter(FrameHeader)
@@ -22,7 +21,6 @@ _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 # hash is over the very text, and stays what it was.
 _GROWN = (luminance.Params, luminance.Fit)
 _LATER = frozenset({"vignetting", "lens_share", "frame_scatter_rel", "stated_chi_squared"})
-_STATISTICS = tuple(ChannelStatistics.__dataclass_fields__)
 
 
 def encode(value: Any) -> Any:  # noqa: ANN401
@@ -49,10 +47,6 @@ def decode_header(stored: dict[str, Any]) -> FrameHeader:
 
 def decode_exposure(stored: dict[str, Any]) -> Exposure:
     return _EXPOSURE.validate_python(stored)
-
-
-def decode_statistics(row: ChannelRow) -> ChannelStatistics:
-    return ChannelStatistics(**{name: getattr(row, name) for name in _STATISTICS})
 
 
 def encode_statistics(row: ChannelStatistics) -> dict[str, Any]:

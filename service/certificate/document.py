@@ -4,7 +4,7 @@ from typing import Any
 
 from radiometry.evidence import Figure
 from radiometry.flags import Flag
-from radiometry.statistics import measure_signal
+from radiometry.statistics import ChannelStatistics, measure_signal
 from service.certificate.gaps import list_gaps
 from service.certificate.papers import describe_paper
 from service.certificate.words import say_statements, say_traceability, say_vignetting
@@ -29,10 +29,9 @@ from service.schemas.certificates import (
     Validity,
 )
 from service.schemas.equipment import CameraAnswer
-from store.codec import decode_statistics, drop_absent, encode_statistics
+from store.codec import drop_absent, encode_statistics
 from store.queries.dossier import Dossier
 from store.stating import state_budgets, state_coefficients
-from store.tables import ChannelRow
 
 SCHEMA_VERSION = 1
 
@@ -145,9 +144,8 @@ def _frame(dossier: Dossier, used: dict[str, Any]) -> UsedFrame:
     )
 
 
-def _measured(dossier: Dossier, rows: list[ChannelRow]) -> dict[str, Any]:
+def _measured(dossier: Dossier, statistics: list[ChannelStatistics]) -> dict[str, Any]:
     """The statistics of a frame; of luminance also the signal that entered the fit."""
-    statistics = [decode_statistics(row) for row in rows]
     stored = {"statistics": [encode_statistics(row) for row in statistics]}
     version = dossier.calibration
     if version.method != "luminance":

@@ -29,7 +29,7 @@ from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow
 from service.writing import Reply, StreamWrites, Writes
 from store.judging import judge_alone, judge_frames
 from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
-from store.queries.frames import NewFrame, channel_rows, describe_anew, extractions_of, find_or_add_frame
+from store.queries.frames import NewFrame, describe_anew, extractions_of, find_or_add_frame, statistics_of
 from store.tables import Blob, Campaign, FrameRow, Job
 
 router = APIRouter(prefix="/v1", tags=["frames"])
@@ -263,7 +263,7 @@ def _answer_write(session: Session, frame: FrameRow, campaign: Campaign, jobs: l
 def _answers(session: Session, frames: list[FrameRow], verdicts: Mapping[str, Verdict]) -> list[FrameAnswer]:
     """Frames with their statistics, in three queries however many they are."""
     extractions = extractions_of(session, [frame.id for frame in frames])
-    rows = channel_rows(session, [e.id for found in extractions.values() for e in found])
+    rows = statistics_of(session, [e.id for found in extractions.values() for e in found])
     blobs = session.scalars(select(Blob).where(Blob.sha256.in_({frame.sha256 for frame in frames})))
     sizes = {blob.sha256: blob.size_bytes for blob in blobs}
     return [

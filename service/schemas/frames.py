@@ -6,12 +6,13 @@ from pydantic import ConfigDict, Field
 
 from radiometry.errors import InputRejected
 from radiometry.methods.reflectance import measure_sunshine
+from radiometry.statistics import ChannelStatistics
 from radiometry.verdicts import Outcome, ReasonCode, Verdict
 from service.schemas.base import Answer, Form, Instant, Text
 from service.schemas.campaigns import Role
 from service.schemas.equipment import Positive
 from store.codec import decode_header
-from store.tables import ChannelRow, Extraction, FrameRow
+from store.tables import Extraction, FrameRow
 
 State = Literal["received", "read", "extracted", "refused"]
 
@@ -79,7 +80,7 @@ class StatisticsRow(Answer):
     extractor: str
 
     @classmethod
-    def of(cls, extraction: Extraction, row: ChannelRow) -> "StatisticsRow":
+    def of(cls, extraction: Extraction, row: ChannelStatistics) -> "StatisticsRow":
         columns = {name: getattr(row, name) for name in cls.model_fields if hasattr(row, name)}
         features = extraction.features or {}
         columns |= {name: features[name] for name in _FEATURES if name in features}

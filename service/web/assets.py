@@ -3,6 +3,8 @@
 import gzip
 import hashlib
 import mimetypes
+import posixpath
+import re
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +17,7 @@ from service.problems import HttpCode, Problem
 
 _OWN: Final = Path(__file__).parent / "static"
 _PUBLIC: Final = "public, max-age=31536000, immutable"
+_IMPORT: Final = re.compile(r'^(?:import|export|\}) .*?"(\..*?\.js)";$', re.MULTILINE)
 _TEXT: Final = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 
 router = APIRouter(include_in_schema=False)
@@ -37,6 +40,18 @@ class Assets:
         if name not in self._own:
             raise KeyError(name)
         return f"/static/{self.release}/{name}"
+
+    def imported(self, name: str) -> list[str]:
+        """The addresses of all that a module imports, and that those import in turn."""
+        found = [name]
+        for each in found:
+            text = self._own[each].read_text(encoding="utf-8")
+            named = (
+                posixpath.normpath(posixpath.join(posixpath.dirname(each), other))
+                for other in _IMPORT.findall(text)
+            )
+            found += dict.fromkeys(other for other in named if other not in found)
+        return [self.url(each) for each in found[1:]]
 
     @property
     def bokeh_url(self) -> str:

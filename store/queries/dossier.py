@@ -7,16 +7,16 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.statistics import ChannelStatistics
 from store.queries.calibrations import Standing, coefficients_of, standings
 from store.queries.checklist import ChecklistItem, read_checklist, read_signature
 from store.queries.decisions import Act, key_names, list_publishings
-from store.queries.frames import channel_rows
+from store.queries.frames import statistics_of
 from store.tables import (
     Blob,
     Calibration,
     Camera,
     Campaign,
-    ChannelRow,
     ChecklistSignature,
     CoefficientRow,
     Extraction,
@@ -42,7 +42,7 @@ class MeterAsUsed:
 class FrameAsUsed:
     row: FrameRow
     size_bytes: int
-    statistics: list[ChannelRow]
+    statistics: list[ChannelStatistics]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +148,7 @@ def _frames_used(session: Session, calibration: Calibration) -> dict[str, FrameA
         .where(Extraction.extractor == calibration.inputs["extractor"])
     )
     mine = [row for row in rows if used.get(row[0].sha256) == row[3]]
-    statistics = channel_rows(session, [row[2] for row in mine])
+    statistics = statistics_of(session, [row[2] for row in mine])
     return {
         row[0].sha256: FrameAsUsed(row=row[0], size_bytes=row[1], statistics=statistics[row[2]])
         for row in mine

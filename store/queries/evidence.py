@@ -9,10 +9,11 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.evidence import FrameEvidence
-from store.codec import decode, decode_exposure, decode_header, decode_statistics
-from store.queries.frames import channel_rows, extractions_of, extractor_of, region_ids
+from radiometry.statistics import ChannelStatistics
+from store.codec import decode, decode_exposure, decode_header
+from store.queries.frames import extractions_of, extractor_of, region_ids, statistics_of
 from store.queries.references import Reference, find_reference
-from store.tables import Campaign, ChannelRow, Extraction, FrameRow
+from store.tables import Campaign, Extraction, FrameRow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,7 @@ def gather(session: Session, campaign: Campaign, *, applied: bool = False) -> Ev
     rows.sort(key=lambda row: (row.filename, row.sha256))
     regions = region_ids(session, campaign, rows)
     current = _current_extractions(session, campaign, rows, regions)
-    statistics = channel_rows(session, [extraction.id for extraction in current.values()])
+    statistics = statistics_of(session, [extraction.id for extraction in current.values()])
     names = _names(rows)
     read = [row for row in rows if _is_read(row)]
     reference: Reference = find_reference(session, campaign, read)
@@ -103,7 +104,7 @@ def _describe_frame(
     name: str,
     roi_id: str | None,
     extraction: Extraction | None,
-    statistics: dict[str, list[ChannelRow]],
+    statistics: dict[str, list[ChannelStatistics]],
 ) -> FrameEvidence[Any]:
     room = methods.describe(campaign.method)
     features = extraction.features if extraction else None
@@ -113,7 +114,7 @@ def _describe_frame(
         scene=row.scene,
         header=decode_header(row.header or {}),
         exposure=decode_exposure(row.exposure) if row.exposure else None,
-        statistics=tuple(map(decode_statistics, statistics[extraction.id])) if extraction else None,
+        statistics=tuple(statistics[extraction.id]) if extraction else None,
         features=decode(room.features, features) if room.features and features else None,
         has_region=roi_id is not None or room.whole_frame,
     )

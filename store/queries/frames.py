@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from sqlalchemy import select
@@ -12,11 +12,14 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.roi import Polygon
+from radiometry.statistics import ChannelStatistics
 from store import jobs
 from store.columns import new_id
 from store.software import EXTRACTOR
 from store.tables import Blob, Campaign, ChannelRow, Extraction, FrameRow, Roi
 from store.tables.base import Json
+
+_STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,16 +160,17 @@ def add_extraction(
     session.flush()
 
 
-def channel_rows(session: Session, extraction_ids: list[str]) -> dict[str, list[ChannelRow]]:
-    """The rows of each extraction, channels in alphabetical order."""
-    found: dict[str, list[ChannelRow]] = defaultdict(list)
-    rows = session.scalars(
-        select(ChannelRow)
+def statistics_of(session: Session, extraction_ids: list[str]) -> dict[str, list[ChannelStatistics]]:
+    """The statistics of each extraction, channels in alphabetical order."""
+    found: dict[str, list[ChannelStatistics]] = defaultdict(list)
+    # columns, not entities: a campaign of a thousand frames has thousands of rows
+    rows = session.execute(
+        select(ChannelRow.extraction_id, *(getattr(ChannelRow, name) for name in _STATISTICS))
         .where(ChannelRow.extraction_id.in_(extraction_ids))
         .order_by(ChannelRow.extraction_id, ChannelRow.channel)
     )
-    for row in rows:
-        found[row.extraction_id].append(row)
+    for extraction_id, *values in rows:
+        found[extraction_id].append(ChannelStatistics(**dict(zip(_STATISTICS, values, strict=True))))
     return found
 
 

@@ -4,6 +4,7 @@ import gzip
 import re
 from importlib.util import find_spec
 from pathlib import Path
+from urllib.parse import urljoin
 
 import pytest
 
@@ -74,6 +75,32 @@ def test_files_are_kept_for_ever_under_the_address_of_their_release(visitor):
     assert "content-encoding" not in plain.headers
     assert plain.headers["vary"] == "Accept-Encoding"
     assert plain.content == answer.content
+
+
+def test_a_page_asks_for_all_its_modules_at_once(visitor):
+    """Each one by its own way from the page's: a browser would find the last only after all before it."""
+    html = visitor.get("/jobs", headers=PAGE).text
+    (first,) = re.findall(r'<script type="module" src="([^"]+)"', html)
+    early = re.findall(r'<link rel="modulepreload" href="([^"]+)"', html)
+    seen, waiting = {first}, [first]
+    while waiting:
+        address = waiting.pop()
+        for named in re.findall(r'from "(\.[^"]+)"', visitor.get(address).text):
+            found = urljoin(address, named)
+            waiting += [found] if found not in seen else []
+            seen.add(found)
+    assert sorted(early) == sorted(seen - {first})
+    assert len(early) > 3
+
+
+@pytest.mark.parametrize("path", sorted(STATIC.rglob("*.js")), ids=lambda path: path.name)
+def test_no_import_is_written_so_that_it_is_not_found(house, path):
+    named = re.findall(r'from "(\.[^"]+)"', path.read_text(encoding="utf-8"))
+    imported = house.app.state.assets.imported(path.relative_to(STATIC).as_posix())
+    release = house.app.state.assets.release
+    for name in named:
+        target = (path.parent / name).resolve().relative_to(STATIC.resolve()).as_posix()
+        assert f"/static/{release}/{target}" in imported
 
 
 def test_bokehs_own_script_is_served_packed(house):

@@ -15,16 +15,16 @@ from radiometry.frame import FrameHeader
 from radiometry.methods.reflectance import FoundPanel
 from radiometry.roi import Polygon, bounding_window
 from store import tables
-from store.codec import decode, decode_header, decode_statistics, encode, encode_statistics
+from store.codec import decode, decode_header, encode, encode_statistics
 from store.jobs import Claim
 from store.queries.campaigns import Drawing, find_or_add_roi
 from store.queries.frames import (
     add_extraction,
-    channel_rows,
     current_roi,
     extractor_of,
     find_equal_extraction,
     find_extraction,
+    statistics_of,
     whole_frame,
     whole_frame_of,
 )
@@ -97,10 +97,8 @@ def _load(session: Session, frame_id: str) -> _Subject:
 
 
 def _copy(session: Session, extraction: Extraction) -> _Extracted:
-    rows = channel_rows(session, [extraction.id])[extraction.id]
-    return _Extracted(
-        rows=[encode_statistics(decode_statistics(row)) for row in rows], features=extraction.features
-    )
+    statistics = statistics_of(session, [extraction.id])[extraction.id]
+    return _Extracted(rows=[encode_statistics(row) for row in statistics], features=extraction.features)
 
 
 def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Found:
