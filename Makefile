@@ -16,6 +16,7 @@ demo: $(VENV)/run  ## a whole simulated calibration through the HTTP API, in a m
 up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
+test: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL
 	@pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal
 
