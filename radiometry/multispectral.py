@@ -3,10 +3,19 @@
 Two families are known: Parrot's Sequoia and MicaSense's RedEdge and Altum. Each file holds one band.
 """
 
+import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 System = Literal["sequoia", "micasense"]
+
+_BAND_ALIASES: Final = {"gre": "green", "reg": "red_edge", "rededge": "red_edge"}
+
+
+def name_band(text: str) -> str:
+    """Give a band's one name, however it is written: "Red edge" is red_edge, "Blue-444" blue_444."""
+    plain = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
+    return _BAND_ALIASES.get(plain, plain) or "unnamed"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem
 from service.routes import problems
-from service.schemas.base import Form, Instant, Text, rfc3339
+from service.schemas.base import BandName, Form, Instant, Text, rfc3339
 from service.schemas.calibrations import (
     Coefficient,
     CoefficientInForce,
@@ -37,7 +37,7 @@ class Wanted(Form):
     name: Text | None = None
     iso: PositiveText | None = None
     f_number: PositiveText | None = None
-    band: Text | None = None
+    band: BandName | None = None
     at: Instant | None = None
     known_at: Instant | None = None
 

@@ -19,11 +19,15 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from radiometry.multispectral import name_band
+
 # a NUL cannot be stored in PostgreSQL, and no honest name holds a control character
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]
 LongText = Annotated[
     str, StringConstraints(min_length=1, max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]+$")
 ]
+# as a camera, a data sheet or a person writes it
+BandName = Annotated[Text, AfterValidator(name_band)]
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
 

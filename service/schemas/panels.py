@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.schemas.base import Answer, Day, Form, Instant, Number, Text
+from service.schemas.base import Answer, BandName, Day, Form, Instant, Number, Text
 from store.tables import Panel
 
 _EXAMPLE: dict[str, Any] = {
@@ -18,9 +18,9 @@ _EXAMPLE: dict[str, Any] = {
 
 
 class PanelBand(Form, Answer):
-    """One band's name as the camera writes it, in small letters: `green`, `red`, `red_edge`, `nir`."""
+    """What a panel reflects in a band; `Red edge`, `RedEdge` and `red_edge` are one name, always the last."""
 
-    band: Annotated[Text, Field(pattern=r"^[a-z0-9_]+$")]
+    band: BandName
     reflectance: Annotated[
         Number, Field(gt=0, le=1.2, description="A share; over 1 only for a glossy panel.")
     ]

@@ -22,6 +22,12 @@ def test_a_panel_is_registered_once(house):
     assert house.get("/v1/panels")["items"] == [first]
 
 
+def test_a_band_is_known_by_every_way_to_write_it(house):
+    written = [{"band": name, "reflectance": 0.5} for name in ("NIR", "Red edge", "Green")]
+    panel = house.post("/v1/panels", PANEL | {"bands": written})
+    assert [band["band"] for band in panel["bands"]] == ["green", "nir", "red_edge"]
+
+
 def test_a_measurement_of_a_panel_never_changes(house):
     first = house.post("/v1/panels", PANEL)
     other = PANEL | {"bands": [{"band": "green", "reflectance": 0.5}]}
@@ -38,7 +44,7 @@ def test_a_measurement_of_a_panel_never_changes(house):
         ([], "body.bands"),
         ([{"band": "green", "reflectance": 0.0}], "body.bands.0.reflectance"),
         ([{"band": "green", "reflectance": 18}], "body.bands.0.reflectance"),
-        ([{"band": "Green", "reflectance": 0.5}], "body.bands.0.band"),
+        ([{"band": "RedEdge", "reflectance": 0.5}, {"band": "red edge", "reflectance": 0.5}], "body"),
         ([{"band": "green", "reflectance": 0.5}] * 2, "body"),
     ],
 )

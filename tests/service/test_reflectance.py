@@ -87,7 +87,7 @@ def test_a_capture_becomes_one_k_a_band(house, contents):
     at = {"valid_from": "2018-04-13T00:00:00Z", "valid_to": "2018-04-14T00:00:00Z", "reason": "flight 1"}
     house.post(f"/v1/calibrations/{version['id']}/publish", at, status=200)
     path = f"/v1/cameras/{campaign['camera_id']}/coefficients"
-    found = house.get(path, method="reflectance", band="nir", at="2018-04-13T08:00:00Z")["items"]
+    found = house.get(path, method="reflectance", band="NIR", at="2018-04-13T08:00:00Z")["items"]
     assert [(row["band"], row["value"]) for row in found] == [("nir", ks["nir"]["value"])]
 
 

@@ -18,6 +18,7 @@ from radiometry.multispectral import (
     SunshineCounts,
     SunshineIrradiance,
     VignettingPolynomial,
+    name_band,
 )
 from worker.decode import limits, tags
 from worker.decode.irradiance import read_counts
@@ -32,7 +33,6 @@ _SENSOR_BITS: Final = {"sequoia": 10, "micasense": 12}
 # Pixels a millimetre: what no sensor has is no resolution.
 _COARSEST, _FINEST = 10.0, 4000.0
 _MM_PER_UNIT: Final = {2: 25.4, 3: 10.0, 4: 1.0}
-_BAND_ALIASES: Final = {"gre": "green", "reg": "red_edge", "rededge": "red_edge"}
 _DLS2_W_PER_UW: Final = 0.01  # one uW/cm2/nm is 0.01 W/m2/nm
 
 
@@ -87,12 +87,6 @@ def read_multispectral(main: Directory, *, bits: int) -> Multispectral | None:
     if xmp.numbers("micasense:RadiometricCalibration") or make == "micasense":
         return _read_micasense(main, xmp, band_name, bits)
     return None
-
-
-def name_band(text: str) -> str:
-    """The band's name in small letters and underscores: "Red edge" is red_edge, "Blue-444" blue_444."""
-    plain = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
-    return _BAND_ALIASES.get(plain, plain) or "unnamed"
 
 
 def _read_sequoia(main: Directory, xmp: Xmp, band_name: str, bits: int) -> Multispectral:

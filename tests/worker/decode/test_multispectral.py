@@ -14,7 +14,6 @@ from spectral_tiff import CALIBRATION, make_tiff, pack_records, write_micasense_
 from radiometry.multispectral import GainMeasurement
 from worker.decode import reading
 from worker.decode.irradiance import read_counts, read_gains
-from worker.decode.multispectral import name_band
 from worker.decode.pool import DecoderPool
 from worker.decode.xmp import MAX_BYTES, MAX_DEPTH, MAX_PROPERTIES, MAX_TEXT_BYTES, parse_xmp
 
@@ -218,20 +217,6 @@ def test_newer_scale_is_read_as_it_stands(save):
 )
 def test_nonsense_reads_as_nothing(save, changes, gone):
     assert getattr(read(save, write_sequoia_xmp(**changes)).multispectral, gone) is None
-
-
-@pytest.mark.parametrize(
-    ("text", "band"),
-    [
-        ("Red edge", "red_edge"),
-        ("NIR", "nir"),
-        ("Blue-444", "blue_444"),
-        ("RedEdge", "red_edge"),
-        ("é", "unnamed"),
-    ],
-)
-def test_bands_have_one_name(text, band):
-    assert name_band(text) == band
 
 
 GENERATIONS = [
