@@ -66,7 +66,7 @@ export async function all(path, { limit = 1000, atMost = Infinity } = {}) {
   return items;
 }
 
-export function newOnce() {
+function newOnce() {
   // randomUUID is only there on https and localhost
   return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }

@@ -5,7 +5,7 @@ import { h } from "./dom.js";
 const MINUS = "−";
 
 /** The decimals at which a standard uncertainty has two significant digits; below 0 left of the point. */
-export function decimalsOf(uncertainty) {
+function decimalsOf(uncertainty) {
   if (!(uncertainty > 0)) return null;
   const power = Math.floor(Math.log10(uncertainty));
   // 0.0996 is 0.10 at two digits

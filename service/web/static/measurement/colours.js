@@ -5,7 +5,7 @@ export const ANCHORS = [
   "#1a0034", "#2c0042", "#40004d", "#560054", "#6d0058", "#810e57", "#951e55", "#a82d51", "#ba3d4b",
   "#ca4e45", "#d8603c", "#e57334", "#ef872c", "#f79c27", "#fdb22c", "#ffc83f", "#ffde58", "#fff467",
 ];
-export const UNKNOWN = [0, 200, 255];
+const UNKNOWN = [0, 200, 255];
 
 const TABLE = Array.from({ length: 256 }, (_, index) => {
   const place = Math.min(index / 15, ANCHORS.length - 1);
@@ -61,7 +61,7 @@ export function chooseScale(planes, { unit, logarithmic }) {
   return new Scale(low, high, true);
 }
 
-export function percentile(values, share) {
+function percentile(values, share) {
   if (!values.length) return 0;
   const sorted = Float64Array.from(values).sort();
   return sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];

@@ -4,7 +4,7 @@
  * From the unit square to its image: (u, v) to [x, y].
  * Corners: top-left, top-right, bottom-right, bottom-left (P. Heckbert, Fundamentals of texture mapping, 1989).
  */
-export function projection([[x0, y0], [x1, y1], [x2, y2], [x3, y3]]) {
+function projection([[x0, y0], [x1, y1], [x2, y2], [x3, y3]]) {
   const [sx, sy] = [x0 - x1 + x2 - x3, y0 - y1 + y2 - y3];
   const [dx1, dx2, dy1, dy2] = [x1 - x2, x3 - x2, y1 - y2, y3 - y2];
   const whole = dx1 * dy2 - dx2 * dy1;
