@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+SHA256 = r"^[0-9a-f]{64}$"
+
 _OBJECT = "must be a JSON object"
 _INSTANT = "must be a time such as 2026-05-01T08:00:00Z"
 _WORDS = {
@@ -29,6 +31,7 @@ _WORDS = {
     "date_from_datetime_parsing": "must be a date such as 2026-05-01",
     "date_from_datetime_inexact": "must be a date such as 2026-05-01",
 }
+_PATTERNS = {SHA256: "must be a SHA-256: 64 digits, each 0 to 9 or a to f"}
 _ASIDE = " after validation"
 """What pydantic says of the length of a list, as if the team had validated it."""
 
@@ -40,7 +43,11 @@ def describe(error: Mapping[str, Any]) -> list[dict[str, str]]:
     field = ".".join(map(str, error["loc"]))
     if error["type"] == "null":
         return [{"field": f"{field}.{name}", "message": error["msg"]} for name in error["ctx"]["names"]]
-    message = _WORDS.get(error["type"]) or _plain(error["msg"])
+    message = (
+        _PATTERNS.get(error.get("ctx", {}).get("pattern"))
+        or _WORDS.get(error["type"])
+        or _plain(error["msg"])
+    )
     if field == "body" and message == _OBJECT:
         message += ", sent with Content-Type: application/json"
     return [{"field": field, "message": message}]

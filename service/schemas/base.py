@@ -20,6 +20,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from radiometry.multispectral import name_band
+from service.wording import SHA256
 
 # a NUL cannot be stored in PostgreSQL, and no honest name holds a control character
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]
@@ -28,7 +29,7 @@ LongText = Annotated[
 ]
 # as a camera, a data sheet or a person writes it
 BandName = Annotated[Text, AfterValidator(name_band)]
-Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]
 
 
 # in a body a number is a number: neither true nor "5"

@@ -61,6 +61,14 @@ def test_what_is_no_list_of_hashes_is_refused(house, sent, hashes):
     assert ask(house, campaign, *hashes, status=422)["code"] == "validation_failed"
 
 
+def test_a_hash_that_is_none_is_told_what_one_looks_like(house, sent):
+    campaign, _ = sent
+    problem = ask(house, campaign, "0" * 63, status=422)
+    assert problem["errors"] == [
+        {"field": "body.sha256.0", "message": "must be a SHA-256: 64 digits, each 0 to 9 or a to f"}
+    ]
+
+
 def test_as_many_as_a_request_may_hold(house, sent):
     campaign, frame = sent
     many = [hashlib.sha256(bytes([n // 256, n % 256])).hexdigest() for n in range(MOST_HASHES - 1)]
