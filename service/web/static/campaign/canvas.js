@@ -1,17 +1,10 @@
 // The preview with the regions on it: zoomed by wheel, pinch and keys, its corners moved by pointer and keys.
 
+import { svg } from "../dom.js";
 import { middle } from "./polygon.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const NEAR_PX = 10;
 const CLOSEST = 1 / 40;
-
-export function svg(tag, attributes = {}, ...children) {
-  const element = document.createElementNS(SVG, tag);
-  for (const [name, value] of Object.entries(attributes)) if (value !== null && value !== undefined) element.setAttribute(name, value);
-  element.append(...children);
-  return element;
-}
 
 export class RegionCanvas {
   constructor(editor) {

@@ -1,11 +1,10 @@
 // What a region holds, computed by the service while it is drawn: statistics, histogram and clipped pixels.
 
 import { post } from "../api.js";
-import { fill, h, table } from "../dom.js";
+import { fill, h, svg, table } from "../dom.js";
 import { fixed, number, percent } from "../format.js";
 import { followJob, pause } from "../live.js";
 import { failed } from "../states.js";
-import { svg } from "./canvas.js";
 import { areaOf, faultOf } from "./polygon.js";
 
 const SETTLE_MS = 350;

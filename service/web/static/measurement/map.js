@@ -1,10 +1,9 @@
 // A map in false colours: what lies under the pointer, or under the cross that the arrows move, is read out.
 
-import { fill, h } from "../dom.js";
+import { fill, h, svg } from "../dom.js";
 import { number, unit, withUncertainty } from "../format.js";
 import { cellLines } from "./surface.js";
 
-const SVG = "http://www.w3.org/2000/svg";
 const STEPS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
 
 export class MapView {
@@ -122,11 +121,4 @@ function drawBar(scale, map) {
     h("span", { class: "muted small" }, map.unit === "1" ? "" : unit(map.unit)),
     unknown ? h("span", { class: "small nowrap" }, h("span", { class: "map-unknown", "aria-hidden": "true" }), map.unit === "1" ? "no value" : "saturated") : null,
   ];
-}
-
-function svg(tag, attributes = {}, ...children) {
-  const element = document.createElementNS(SVG, tag);
-  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
-  element.append(...children);
-  return element;
 }
