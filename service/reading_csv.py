@@ -10,10 +10,11 @@ _KIND = Kind(numbers=frozenset({"value"}), most=MOST_READINGS, rows_are="reading
 
 def read_readings(data: bytes) -> list[NewReading]:
     """Readings, one a line, under the names of their columns."""
-    return read_sheet(data, NewReading, _KIND, _check_columns)
+    return read_sheet(data, NewReading, _KIND, _name_fields)
 
 
-def _check_columns(columns: list[str]) -> None:
+def _name_fields(columns: list[str]) -> list[str]:
     if not set(columns) >= _NEEDED or not set(columns) <= set(_COLUMNS) or len(set(columns)) < len(columns):
         message = f"must name each of the columns {', '.join(_COLUMNS)} once (the last two may be absent)"
         raise refuse_columns(message, columns)
+    return columns

@@ -3,11 +3,12 @@
 import csv
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from fastapi import Request
 from pydantic import ValidationError
 
 from service.problems import HttpCode, Problem, invalid, located
@@ -15,33 +16,48 @@ from service.schemas.base import Form
 
 F = TypeVar("F", bound=Form)
 
+UNREAD = ""
+
 _GROUPED = re.compile(r"\d{1,3}(,\d{3})+")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What a table holds. ``numbers``: columns whose cells are numbers; ``most``: rows it may have."""
+    """What a table holds. ``numbers``: columns whose cells are numbers; ``most``: rows it may have.
+
+    ``usual`` : what a row says that says nothing of it
+    """
 
     numbers: frozenset[str]
     most: int
     rows_are: str
+    usual: Mapping[str, float] = field(default_factory=dict)
 
 
-def read_sheet(data: bytes, form: type[F], kind: Kind, check_columns: Callable[[list[str]], None]) -> list[F]:
-    """Comma, or semicolon or tab with a decimal comma; each bad row is named with its line."""
+def read_sheet(
+    data: bytes, form: type[F], kind: Kind, name_fields: Callable[[list[str]], list[str]]
+) -> list[F]:
+    """Comma, or semicolon or tab with a decimal comma; each bad row is named with its line.
+
+    ``name_fields`` : of the columns in small letters, the field that each holds; UNREAD for none
+    """
     try:
         text = data.decode("utf-8-sig")
         # the separator is the one of the first line; a lone CR ends a line too
         separator = max(",;\t", key=text.splitlines()[0].count) if text.strip() else ","
         reader = csv.DictReader(io.StringIO(text, newline=None), delimiter=separator)
         columns = [name.strip().lower() for name in reader.fieldnames or []]
-        check_columns(columns)
-        reader.fieldnames = columns
+        reader.fieldnames = name_fields(columns)
         return _read_rows(reader, separator, form, kind)
     except UnicodeDecodeError as error:
         raise Problem(400, HttpCode.BAD_REQUEST, "The CSV is not UTF-8. Save it as CSV UTF-8.") from error
     except csv.Error as error:
         raise Problem(400, HttpCode.BAD_REQUEST, f"The CSV cannot be read: {error}.") from error
+
+
+def is_table(request: Request) -> bool:
+    """Whether the body says that it is CSV, with or without its character set."""
+    return request.headers.get("content-type", "").split(";")[0].strip().lower() == "text/csv"
 
 
 def refuse_columns(message: str, columns: list[str]) -> Problem:
@@ -59,10 +75,11 @@ def _read_rows(reader: "csv.DictReader[str]", separator: str, form: type[F], kin
             errors.append({"type": "csv", "loc": (line,), "msg": message})
             continue
         cells: dict[str, Any] = {name: cell.strip() for name, cell in row.items() if cell and cell.strip()}
+        cells.pop(UNREAD, None)
         for name in kind.numbers & cells.keys():
             cells[name] = _read_number(cells[name], separator)
         try:
-            forms.append(form.model_validate(cells))
+            forms.append(form.model_validate({**kind.usual, **cells}))
         except ValidationError as error:
             errors += located(error, line)
     if not 0 < len(forms) + len(errors) <= kind.most:

@@ -16,6 +16,7 @@ from service.reading_csv import read_readings
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.campaigns import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
+from service.sheets import is_table
 from service.writing import Reply, Writes
 from store.columns import utc_now
 from store.queries.campaigns import add_readings
@@ -64,7 +65,7 @@ _REQUEST = {
 async def _body(request: Request) -> list[NewReading] | NewReading:
     """Read JSON or CSV, by the content type; each bad field or row is named."""
     data = await request.body()
-    if request.headers.get("content-type", "").split(";")[0].strip().lower() == "text/csv":
+    if is_table(request):
         return read_readings(data)
     try:
         return (_MANY if data.lstrip()[:1] == b"[" else _ONE).validate_json(data)

@@ -13,16 +13,17 @@ from radiometry.tools.exponents import fit_exponents
 from radiometry.tools.motion import MotionCase, compute_motion
 from service.auth import Reader
 from service.context import UsesContext
+from service.exposure_csv import read_series, refuse_query
 from service.lookup import Id, owned
 from service.problems import invalid, located
 from service.routes import problems
 from service.schemas.attitudes import FrameMotionAnswer, FrameOptics
 from service.schemas.base import Form
 from service.schemas.tools.coverage import CoverageAnswer, CoveragesAnswer, NewCoverage
-from service.schemas.tools.exposure import ExposureAnswer, NewExposureSeries
+from service.schemas.tools.exposure import ExposureAnswer, ExposureTable, NewExposureSeries
 from service.schemas.tools.motion import MotionAnswer, MotionsAnswer, NewMotion
 from service.schemas.tools.settings import MOST_CASES
-from service.sheets import Kind, read_sheet, refuse_columns
+from service.sheets import Kind, is_table, read_sheet, refuse_columns
 from service.tabular import write_csv
 from service.tool_plots import draw_footprints, draw_motion
 from service.writing import IdempotencyKey
@@ -51,7 +52,7 @@ def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, 
 
     async def read(request: Request) -> list[F] | F:
         data = await request.body()
-        if request.headers.get("content-type", "").split(";")[0].strip().lower() == "text/csv":
+        if is_table(request):
             return _read_table(data, form)
         try:
             return (many if data.lstrip()[:1] == b"[" else one).validate_json(data)
@@ -64,13 +65,14 @@ def _read_one_or_many(form: type[F]) -> Callable[[Request], Coroutine[Any, Any, 
 def _read_table(data: bytes, form: type[F]) -> list[F]:
     """Under the names of the fields; a column for what no row says may be left out."""
 
-    def check_columns(columns: list[str]) -> None:
+    def name_fields(columns: list[str]) -> list[str]:
         if not set(columns) <= form.model_fields.keys() or len(set(columns)) < len(columns):
             message = f"must name columns of {', '.join(form.model_fields)}, each at most once"
             raise refuse_columns(message, columns)
+        return columns
 
     numbers = frozenset(form.model_fields) - {"name"}
-    return read_sheet(data, form, Kind(numbers=numbers, most=MOST_CASES, rows_are="cases"), check_columns)
+    return read_sheet(data, form, Kind(numbers=numbers, most=MOST_CASES, rows_are="cases"), name_fields)
 
 
 def _body_of(form: type[Form]) -> dict[str, Any]:
@@ -80,6 +82,30 @@ def _body_of(form: type[Form]) -> dict[str, Any]:
     content = {
         "application/json": {"schema": {"oneOf": [schema, several]}, "example": one},
         "text/csv": {"schema": {"type": "string"}, "example": write_csv([one])},
+    }
+    return {"requestBody": {"required": True, "content": content}}
+
+
+async def _read_exposures(request: Request, table: Annotated[ExposureTable, Query()]) -> NewExposureSeries:
+    """JSON that says all, or a table and in the query what the table does not say."""
+    data = await request.body()
+    if is_table(request):
+        return read_series(data, table)
+    refuse_query(table)
+    try:
+        return NewExposureSeries.model_validate_json(data)
+    except ValidationError as error:
+        raise invalid(located(error, "body")) from error
+
+
+def _body_of_series() -> dict[str, Any]:
+    schema = NewExposureSeries.model_json_schema()
+    # written out where it is used: nothing registers it among the document's components
+    schema["properties"]["rows"]["items"] = schema.pop("$defs")["ExposureRow"]
+    (example,) = schema["examples"]
+    content = {
+        "application/json": {"schema": schema, "example": example},
+        "text/csv": {"schema": {"type": "string"}, "example": write_csv(example["rows"])},
     }
     return {"requestBody": {"required": True, "content": content}}
 
@@ -158,11 +184,20 @@ def draw_ground_coverage(body: Coverages, _caller: Reader) -> Response:
     return Response(draw_footprints(views), media_type=_SVG)
 
 
-@router.post("/tools/exposure", response_model=ExposureAnswer, responses=problems(), dependencies=stateless)
-def fit_exposure_exponents(body: NewExposureSeries, _caller: Reader) -> Response:
+@router.post(
+    "/tools/exposure",
+    response_model=ExposureAnswer,
+    responses=problems(),
+    dependencies=stateless,
+    openapi_extra=_body_of_series(),
+)
+def fit_exposure_exponents(
+    body: Annotated[NewExposureSeries, Depends(_read_exposures)], _caller: Reader
+) -> Response:
     """Exponents of exposure time, f-number and ISO from a table of mean signals.
 
-    Rows below 1/256 or above 95 % of the way from dark to white are left out, each with its reason.
+    The query belongs to a table that is sent as CSV. Rows below 1/256 or above 95 % of the way from dark to
+    white are left out, each with its reason.
     """
     fit = fit_exponents(body.series(), dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
     return ExposureAnswer.of(fit).respond()

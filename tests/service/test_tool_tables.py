@@ -1,8 +1,12 @@
 """The calculators take a table as a spreadsheet writes it."""
 
+import csv
+import re
+from pathlib import Path
+
 import pytest
 
-from tests.service.test_tools import COVERAGE
+from tests.service.test_tools import COVERAGE, DATA
 
 
 @pytest.fixture(scope="module")
@@ -11,9 +15,12 @@ def house(sqlite_house):
     return sqlite_house
 
 
-def ask_table(house, tool, text):
+def ask_table(house, tool, text, **query):
     return house.http.post(
-        f"/v1/tools/{tool}", content=text.encode(), headers={"Content-Type": "text/csv; charset=utf-8"}
+        f"/v1/tools/{tool}",
+        content=text.encode(),
+        headers={"Content-Type": "text/csv; charset=utf-8"},
+        params=query or None,
     )
 
 
@@ -66,3 +73,103 @@ def test_a_table_names_the_line_that_is_wrong(house, text, field, said):
     (error,) = answer.json()["errors"]
     assert error["field"] == field
     assert said in error["message"]
+
+
+SERIES = "exposure_time_s,f_number,iso,signal_dn\n" + "".join(
+    f"{time},11,200,{signal}\n" for time, signal in ((0.01, 373), (0.02, 752), (0.04, 1472), (0.1, 3780))
+)
+
+
+def test_a_series_as_a_table_has_the_answer_of_the_same_rows(house):
+    rows = [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(SERIES.splitlines())]
+    body = {"rows": rows, "dark_dn": 8, "white_level_dn": 16384}
+    answer = ask_table(house, "exposure", SERIES, white_level_dn=16384, dark_dn=8)
+    assert answer.status_code == 200, answer.text
+    assert answer.json() == house.post("/v1/tools/exposure", body, status=200)
+    semicolons = SERIES.replace(",", ";").replace(".", ",")
+    assert ask_table(house, "exposure", semicolons, white_level_dn=16384, dark_dn=8).json() == answer.json()
+
+
+def test_a_row_may_state_what_the_query_says_of_the_others(house):
+    text = "exposure_s,dark_dn,g1\n0.01,8,372\n0.02,,752\n0.04,,1480\n0.1,8,3648\n"
+    answer = ask_table(house, "exposure", text, white_level_dn=16384, dark_dn=24, f_number=4, iso=100)
+    # 364, 728, 1456 and 3640 above dark: linear, only when each row has the dark signal meant for it
+    exponent = answer.json()["exponents"]["exposure_time_s"]
+    assert exponent["value"] == pytest.approx(1.0, abs=1e-12)
+    assert list(answer.json()["exponents"]) == ["exposure_time_s"]
+
+
+def read_text(name):
+    path = DATA / "nikon-d70" / name
+    if not path.is_file():
+        pytest.skip(f"no real data: {path} does not exist (set STILB_TEST_DATA)")
+    return path.read_text()
+
+
+@pytest.mark.parametrize(("channel", "dark_dn"), [("R", 1), ("G", 8), ("B", 2)])
+def test_the_nikon_s_own_tables_are_taken_as_they_are(house, channel, dark_dn):
+    told = {"white_level_dn": 16384, "dark_dn": dark_dn}
+    series = read_text("exposure_series.csv")
+    answer = ask_table(house, "exposure", series, signal=channel, iso=200, **told).json()
+    assert 1.00 <= answer["exponents"]["exposure_time_s"]["value"] <= 1.02
+    assert answer["used"] + len(answer["left_out"]) == len(series.splitlines()) - 1
+    text = read_text("iso_series_t1_250_f2.8.csv")
+    column = {"G": "Gr"}.get(channel, channel)
+    answer = ask_table(house, "exposure", text, signal=column, exposure_time_s=0.004, f_number=2.8, **told)
+    assert 0.98 <= answer.json()["exponents"]["iso"]["value"] <= 1.04
+    text = read_text("aperture_series_t1_250.csv")
+    answer = ask_table(house, "exposure", text, signal=channel, exposure_time_s=0.004, iso=200, **told)
+    assert answer.json()["exponents"]["f_number"]["value"] == pytest.approx(-2.04, abs=0.04)
+
+
+def test_the_example_of_the_documentation_runs(house):
+    text = (Path(__file__).parents[2] / "docs" / "tools.md").read_text(encoding="utf-8")
+    (address,) = re.findall(r'--data-binary @exposure_series.csv \\\n *"\$URL/v1/tools/(\S+)"', text)
+    answer = ask_table(house, address, read_text("exposure_series.csv"))
+    assert answer.status_code == 200, answer.text
+    assert sorted(answer.json()["exponents"]) == ["exposure_time_s", "f_number"]
+
+
+@pytest.mark.parametrize(
+    ("text", "query", "field", "said"),
+    [
+        (SERIES, {}, "query.white_level_dn", "is missing: a table does not say it"),
+        (SERIES, {"white_level_dn": 0}, "query.white_level_dn", "greater than 0"),
+        (SERIES, {"white": 9}, "query.white", "is not known here"),
+        (SERIES, {"white_level_dn": 9, "signal": "G"}, "query.signal", "there is no such column"),
+        ("iso,R,G\n1,2,3\n", {"white_level_dn": 9}, "line 1", "the signals of r, g; name one in the query"),
+        ("iso\n1\n", {"white_level_dn": 9}, "line 1", "lacks signal_dn"),
+        ("f_number,iso,G\n1,2,3\n", {"white_level_dn": 9}, "line 1", "lacks exposure_time_s; add its column"),
+        (
+            "exposure_s,exposure_time_s,f_number,iso,G\n1,1,1,2,3\n",
+            {"white_level_dn": 9},
+            "line 1",
+            "each at most once",
+        ),
+        (
+            "exposure_s,f_number,iso,G,light\n1,1,1,2,3\n",
+            {"white_level_dn": 9},
+            "line 1",
+            "names 'exposure_s'",
+        ),
+        ("exposure_s,f_number,iso,G,\n1,1,1,2,\n", {"white_level_dn": 9}, "line 1", "each at most once"),
+        (SERIES + "1/50,11,200,99\n", {"white_level_dn": 9}, "line 6.exposure_time_s", "must be a number"),
+        (SERIES + "0.1,11,200,nan\n", {"white_level_dn": 9}, "line 6.signal_dn", "must be a finite number"),
+        (SERIES + "0.1,11,,9\n", {"white_level_dn": 9}, "line 6.iso", "is missing"),
+        (SERIES.splitlines()[0], {"white_level_dn": 9}, "csv", "must hold 1 to 10000 rows"),
+    ],
+)
+def test_a_series_names_what_is_wrong_with_it(house, text, query, field, said):
+    answer = ask_table(house, "exposure", text, **query)
+    assert answer.status_code == 422, answer.text
+    (error,) = answer.json()["errors"]
+    assert error["field"] == field
+    assert said in error["message"]
+
+
+def test_what_a_body_says_is_not_said_in_the_query_too(house):
+    body = {"rows": [], "white_level_dn": 9}
+    answer = house.http.post("/v1/tools/exposure", json=body, params={"dark_dn": 3})
+    (error,) = answer.json()["errors"]
+    assert error["field"] == "query.dark_dn"
+    assert "in JSON it stands in the body" in error["message"]

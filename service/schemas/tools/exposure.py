@@ -5,12 +5,17 @@ from typing import Annotated
 from pydantic import ConfigDict, Field
 
 from radiometry.tools.exponents import ExponentFit, SeriesRow
-from service.schemas.base import Answer, Form, Number, Quantity
-from service.schemas.tools.settings import ExposureTime
+from service.schemas.base import Answer, Form, Number, Quantity, Text
+from service.schemas.tools.settings import EXPOSURE_TIMES_S, ExposureTime
 
-FNumber = Annotated[Number, Field(ge=0.1, le=1000)]
-Iso = Annotated[Number, Field(ge=0.1, le=1e9)]
-Signal = Annotated[Number, Field(ge=-1e9, le=1e9)]
+MOST_ROWS = 10_000
+
+_F_NUMBERS, _ISOS = Field(ge=0.1, le=1000), Field(ge=0.1, le=1e9)
+_SIGNALS_DN, _WHITE_LEVELS_DN = Field(ge=-1e9, le=1e9), Field(gt=0, le=1e9)
+
+FNumber = Annotated[Number, _F_NUMBERS]
+Iso = Annotated[Number, _ISOS]
+Signal = Annotated[Number, _SIGNALS_DN]
 
 
 class ExposureRow(Form):
@@ -39,14 +44,31 @@ class NewExposureSeries(Form):
         }
     )
 
-    rows: Annotated[list[ExposureRow], Field(min_length=1, max_length=10_000)]
+    rows: Annotated[list[ExposureRow], Field(min_length=1, max_length=MOST_ROWS)]
     dark_dn: Annotated[
         Signal, Field(description="Of rows that state none; 0 where black is off already.")
     ] = 0.0
-    white_level_dn: Annotated[Number, Field(gt=0, le=1e9)]
+    white_level_dn: Annotated[Number, _WHITE_LEVELS_DN]
 
     def series(self) -> list[SeriesRow]:
         return [SeriesRow(**row.model_dump()) for row in self.rows]
+
+
+class ExposureTable(Form):
+    """What a table does not say of itself; with JSON none of it, for it stands in the body."""
+
+    white_level_dn: Annotated[float | None, _WHITE_LEVELS_DN, Field(description="Needed with a table.")] = (
+        None
+    )
+    dark_dn: Annotated[float | None, _SIGNALS_DN, Field(description="Of rows without one; else 0.")] = None
+    exposure_time_s: Annotated[
+        float | None, EXPOSURE_TIMES_S, Field(description="Of rows that state none.")
+    ] = None
+    f_number: Annotated[float | None, _F_NUMBERS, Field(description="Of rows that state none.")] = None
+    iso: Annotated[float | None, _ISOS, Field(description="Of rows that state none.")] = None
+    signal: Annotated[
+        Text | None, Field(description="The column of the signal, where there is one a channel.")
+    ] = None
 
 
 class Exponents(Answer):

@@ -11,5 +11,6 @@ MOST_CASES = 1000
 # wider than any camera and any aircraft, narrower than what overflows
 PixelPitch = Annotated[Number, Field(ge=0.01, le=1e4, description="Distance of neighbouring pixels.")]
 FocalLength = Annotated[Number, Field(ge=0.01, le=1e5)]
-ExposureTime = Annotated[Number, Field(ge=1e-9, le=86_400)]
+EXPOSURE_TIMES_S = Field(ge=1e-9, le=86_400)
+ExposureTime = Annotated[Number, EXPOSURE_TIMES_S]
 Metres = Annotated[Number, Field(ge=1e-3, le=1e7)]
