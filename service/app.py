@@ -1,6 +1,8 @@
 """The application: routes, problems, and the document that says what they do."""
 
 import logging
+from threading import Lock
+from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.middleware.cors import CORSMiddleware
@@ -45,8 +47,19 @@ def build_app(context: Context) -> FastAPI:
     problem_pages.install(app)
     include_routes(app)
     include_pages(app)
-    app.openapi = lambda: build_document(app)  # type: ignore[method-assign]
+    _publish_document(app)
     return app
+
+
+def _publish_document(app: FastAPI) -> None:
+    building = Lock()
+
+    def openapi() -> dict[str, Any]:
+        # a page asks for many things at once, and the first of them may be the first requests at all
+        with building:
+            return build_document(app)
+
+    app.openapi = openapi  # type: ignore[method-assign]
 
 
 def _let_dashboards_read(app: FastAPI, origins: str) -> None:

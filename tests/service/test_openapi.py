@@ -1,6 +1,8 @@
 """The published document keeps the contract's rules, for every route there is."""
 
 import re
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
 
 import pytest
 from jsonschema import Draft202012Validator
@@ -48,6 +50,19 @@ def media_of(operation):
     for status, answer in operation["responses"].items():
         for kind, media in answer.get("content", {}).items():
             yield int(status), kind, media
+
+
+def test_the_first_requests_may_all_come_at_once(built_app):
+    """A page of ours asks for six things before it has any of them."""
+    built_app.openapi_schema = None
+    together = Barrier(4)
+
+    def ask(_):
+        together.wait()
+        return built_app.openapi()
+
+    with ThreadPoolExecutor(4) as pool:
+        assert len({id(document) for document in pool.map(ask, range(4))}) == 1
 
 
 def test_every_route_has_an_id_of_its_own_and_a_summary(operations):
