@@ -66,6 +66,11 @@ export function table(columns, rows, { caption, row = () => ({}), stack = false 
   );
 }
 
+/** A figure of a list of them (a `dl`): its name, its value, and a note below it if there is one. */
+export function figure(name, value, note, attributes = {}) {
+  return h("div", {}, h("dt", {}, name), h("dd", attributes, value, note ? h("small", {}, note) : null));
+}
+
 /** Say something in passing, also to a screen reader. */
 export function toast(text) {
   const shown = h("div", { class: "toast" }, text);

@@ -1,6 +1,6 @@
 // What was found, whether it passes, and what to know about it.
 
-import { h, table } from "../dom.js";
+import { figure, h, table } from "../dom.js";
 import { day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
 import { holdsFor } from "../coefficients.js";
 import { shorten } from "../shorten.js";
@@ -17,7 +17,7 @@ export function drawStanding(calibration) {
     ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, calibration.method === "luminance" ? "frames and readings" : "its frames")],
     ["Certificate", h("span", {}, h("a", { href: `/v1/calibrations/${calibration.id}/certificate.pdf` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${calibration.id}/certificate.json` }, "JSON"))],
   ];
-  return h("dl", { class: "facts standing card" }, facts.filter(Boolean).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
+  return h("dl", { class: "facts standing card" }, facts.filter(Boolean).map((each) => figure(...each)));
 }
 
 export function drawVerdict(calibration) {

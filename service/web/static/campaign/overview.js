@@ -1,6 +1,6 @@
 // How far a campaign is: what has come, what it still lacks, what would make it good.
 
-import { fill, h } from "../dom.js";
+import { figure, fill, h } from "../dom.js";
 import { number } from "../format.js";
 
 export function overview(state) {
@@ -29,14 +29,13 @@ function figures(state) {
     "dl",
     { class: "figures" },
     figure("Frames", number(received), told),
-    figure("Region", state.roi ? (state.roi.regions ? `${state.roi.regions.length} parts` : `${state.roi.polygon.length} corners`) : state.room.whole_frame ? "Whole frame" : "None yet", null, !state.roi && !state.room.whole_frame),
+    figure("Region", state.roi ? (state.roi.regions ? `${state.roi.regions.length} parts` : `${state.roi.polygon.length} corners`) : state.room.whole_frame ? "Whole frame" : "None yet", null, marked(!state.roi && !state.room.whole_frame)),
     state.room.method === "luminance" ? figure("Readings", number(readings), state.scenes.length ? `${state.scenes.length} scenes` : "") : null,
-    figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${state.campaign.missing.length} missing` : "nothing is missing", state.campaign.missing.length > 0),
+    figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${state.campaign.missing.length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
   );
 }
 
-const figure = (name, value, note, lacking = false) =>
-  h("div", {}, h("dt", {}, name), h("dd", { class: lacking ? "lacking" : null }, value, note ? h("small", {}, note) : null));
+const marked = (lacking) => ({ class: lacking ? "lacking" : null });
 
 function advice({ missing, advice: better }) {
   if (!missing.length && !better.length) return null;

@@ -1,7 +1,7 @@
 // Two measurements against each other: the difference and whether it means anything, both maps, every cell.
 
 import { get } from "../api.js";
-import { byId, fill, h } from "../dom.js";
+import { byId, figure, fill, h } from "../dom.js";
 import { day, quantity, withUncertainty } from "../format.js";
 import { empty, load } from "../states.js";
 import { cellTable } from "./grid.js";
@@ -44,7 +44,6 @@ async function mapOf(found, place) {
   return [title, views[place].element];
 }
 
-const figure = (name, value, more) => h("div", {}, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, more) : null));
 const side = (name, { filename, taken_at: taken, mean }) => figure(name, quantity(mean), `${taken ? `${day(taken)}, ` : ""}${filename}`);
 const changeText = (change) => `${change.value > 0 ? "+" : ""}${withUncertainty(change.value, change.standard_uncertainty)} %`;
 

@@ -1,12 +1,12 @@
 // A measurement's figures: large ones first.
 
-import { h, table } from "../dom.js";
+import { figure, h, table } from "../dom.js";
 import { number, percent, quantity, relative, unit } from "../format.js";
 import { titleOf } from "./words.js";
 
 export function drawFigures(found) {
   return [
-    h("dl", { class: "figures" }, figures(found).map(([name, value, more]) => h("div", {}, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, more) : null)))),
+    h("dl", { class: "figures" }, figures(found).map((each) => figure(...each))),
     found.index ? bands(found.index) : null,
     found.percentiles.length ? h("details", { class: "percentiles" }, h("summary", {}, "Single pixels: percentiles"), percentiles(found)) : null,
   ];

@@ -1,6 +1,6 @@
 // The cells of a lit surface, as they lie on the ground.
 
-import { h } from "../dom.js";
+import { figure, h } from "../dom.js";
 import { number, quantity, withUncertainty } from "../format.js";
 import { Scale } from "./colours.js";
 
@@ -17,7 +17,7 @@ export function drawGrid(found) {
   ].filter(Boolean);
   return [
     cellTable(cells, (cell) => [swatch(scale.colour(cell.value)), withUncertainty(cell.value, cell.standard_uncertainty)], { rows: found.u_l ? ["Uₗ", (index) => number(found.u_l[index].value, 3)] : null, caption: "Luminance of each cell in cd/m²" }),
-    h("dl", { class: "facts across ratios" }, ratios.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
+    h("dl", { class: "facts across ratios" }, ratios.map((each) => figure(...each))),
   ];
 }
 

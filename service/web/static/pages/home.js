@@ -1,5 +1,5 @@
 import { all, get } from "../api.js";
-import { byId, h } from "../dom.js";
+import { byId, figure, h } from "../dom.js";
 import { ago, day, number, span, tag, words } from "../format.js";
 import { inForce } from "../coefficients.js";
 import { empty, load } from "../states.js";
@@ -15,16 +15,16 @@ const series = get("/v1/series/coefficients");
 const queue = get("/v1/jobs/summary");
 
 load(byId("figures"), () => Promise.all([cameras, campaigns, series, queue]), ([bodies, works, { rows }, jobs]) => {
-  const figure = (href, name, value, more) => h("div", {}, h("dt", {}, h("a", { href }, name)), h("dd", {}, number(value), more ? h("small", {}, more) : null));
+  const counted = (href, name, count, more) => figure(h("a", { href }, name), number(count), more);
   const held = inForce(rows);
   const flagged = held.filter((each) => each.flags.length).length;
   return h(
     "dl",
     { class: "figures" },
-    figure("/cameras", "Cameras", bodies.length, `${held.length} version${held.length === 1 ? "" : "s"} in force${flagged ? `, ${flagged} with flags` : ""}`),
-    figure("/campaigns", "Campaigns", works.length),
-    figure("/jobs", "Jobs waiting", jobs.queued + jobs.running, jobs.queued ? `the oldest for ${span(jobs.oldest_wait_s)}` : "nothing waits"),
-    figure("/jobs", "Jobs failed", jobs.failed + jobs.quarantined),
+    counted("/cameras", "Cameras", bodies.length, `${held.length} version${held.length === 1 ? "" : "s"} in force${flagged ? `, ${flagged} with flags` : ""}`),
+    counted("/campaigns", "Campaigns", works.length),
+    counted("/jobs", "Jobs waiting", jobs.queued + jobs.running, jobs.queued ? `the oldest for ${span(jobs.oldest_wait_s)}` : "nothing waits"),
+    counted("/jobs", "Jobs failed", jobs.failed + jobs.quarantined),
   );
 });
 

@@ -1,5 +1,5 @@
 import { all, get, getOr, post } from "../api.js";
-import { byId, fill, h, may, table, toast } from "../dom.js";
+import { byId, figure, fill, h, may, table, toast } from "../dom.js";
 import { ago, number, span, tag, time } from "../format.js";
 import { follow } from "../live.js";
 import { act, empty, failed } from "../states.js";
@@ -37,7 +37,6 @@ const followed = follow(
 );
 
 function drawQueue(queue, health) {
-  const figure = (name, value, more) => h("div", {}, h("dt", {}, name), h("dd", {}, value, more ? h("small", {}, more) : null));
   show(
     "queue",
     h(
