@@ -219,6 +219,7 @@ def test_the_checklist_is_ticked_noted_and_signed(page, team):
 def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, team):
     team.client.create_camera("DJI", "FC6520", "0K1XE8")
     page.goto("/campaigns/new")
+    settle(page)
     page.get_by_role("radio", name="Geometry").check()
     page.get_by_label("Inner corners across").fill("9")
     page.get_by_label("Inner corners down").fill("6,5")
@@ -232,6 +233,7 @@ def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, tea
     page.wait_for_url("**/campaigns/cmp_*")
     settle(page)
     page.goto("/campaigns/new")
+    settle(page)
     page.get_by_role("radio", name="Reflectance").check()
     page.locator("#panel select").select_option("new")
     page.locator("#panel").get_by_label("Serial number").fill("RP02")

@@ -22,7 +22,7 @@ fill(
 );
 choose(method);
 load(byId("camera"), () => all("/v1/cameras"), (cameras) => (camera = cameraPart(cameras)).element);
-load(byId("panel"), () => all("/v1/panels"), (panels) => (panel = panelPart(panels)).element).then(() => choose(method));
+load(byId("panel"), () => all("/v1/panels"), (panels) => (panel = panelPart(panels)).element).then(offerPanel);
 
 form.addEventListener("submit", (event) => {
   event.preventDefault();
@@ -36,7 +36,11 @@ function choose(chosen) {
   byId("panel-section").hidden = method !== "reflectance";
   byId("surface_reflectance").closest(".field").hidden = method !== "luminance";
   fill(byId("target"), target?.element);
-  // what is not shown must not be filled in either
+  offerPanel();
+}
+
+/** What is not shown must not have to be filled in either. */
+function offerPanel() {
   for (const control of byId("panel").querySelectorAll("input, select, textarea")) control.disabled = method !== "reflectance";
 }
 
