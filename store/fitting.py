@@ -18,6 +18,8 @@ from store.queries.frames import extractor_of
 from store.software import CODE_VERSION
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 
+_UNTOLD = "nobody has said what is photographed: describe the board in the campaign's target"
+
 
 def make_params(session: Session, campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the method's own)
     """A fit's parameters: what somebody says, what campaign and camera say, and the method's defaults."""
@@ -35,9 +37,11 @@ def read_params(campaign: Campaign, stored: dict[str, Any]) -> Any:  # noqa: ANN
 
 def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[str]:  # noqa: ANN401
     """What a fit still needs, by name; empty when it can start."""
-    return list(
-        methods.missing(campaign.method, evidence.frames, evidence.readings, params, unread=evidence.unread)
-    )
+    untold = methods.describe(campaign.method).target is not None and campaign.target is None
+    return [
+        *([_UNTOLD] if untold else ()),
+        *methods.missing(campaign.method, evidence.frames, evidence.readings, params, unread=evidence.unread),
+    ]
 
 
 def write_version(

@@ -127,7 +127,7 @@ def read_roi(body: NewRoi) -> Drawing:
 
 
 def _read_target(method: methods.Method, said: dict[str, Any] | None) -> dict[str, Any] | None:
-    """What is photographed, as the method wants it said; with every default written out."""
+    """What is photographed, as the method wants it said, defaults written out; None: to be said later."""
     kind = methods.describe(method).target
     if kind is None and said is None:
         return None
@@ -137,6 +137,8 @@ def _read_target(method: methods.Method, said: dict[str, Any] | None) -> dict[st
     try:
         return read_strictly(kind, said or {})
     except ValidationError as error:
+        if said is None:
+            return None
         raise invalid(located(error, "body", "target")) from error
 
 

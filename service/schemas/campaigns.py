@@ -42,8 +42,8 @@ class CampaignDetails(Form):
         dict[str, Any] | None,
         Field(
             description="What is photographed, where the method must know: of geometry the board, of "
-            "sharpness the edge or the star. Its fields stand on the method's page. When it is changed, the "
-            "campaign's frames are read anew.",
+            "sharpness the edge or the star. Its fields stand on the method's page. A board may be described "
+            "later. When it is changed, the campaign's frames are read anew.",
             examples=[{"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}],
         ),
     ] = None

@@ -153,11 +153,14 @@ def check_lensfun(house, base):
 
 
 def test_the_board_of_opencv(house):
-    target = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}
-    campaign = begin(house, "geometry", camera=EDGE_CAMERA, target=target)
+    campaign = begin(house, "geometry", camera=EDGE_CAMERA)
     for number in (1, 3, 4, 5, 6, 7, 8, 9):
         name = f"left{number:02d}.jpg"
         house.upload(campaign, data_file(f"checkerboard/{name}").read_bytes(), role="chart", filename=name)
+    check_that_frames_wait_for_their_board(house, campaign)
+    target = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}
+    answer = house.http.patch(f"/v1/campaigns/{campaign['id']}", json={"target": target})
+    assert answer.status_code == 200
     version = fit(house, campaign)
     rows = {row["name"]: row for row in publish(house, version)}
     assert set(rows) == {"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2", "rms_px"}
@@ -178,9 +181,18 @@ def test_the_board_of_opencv(house):
     assert camera["parameters"]["k1"]["value"] == rows["k1"]["value"]
 
 
-def test_geometry_needs_a_board_and_says_which_field_is_wrong(house):
+def check_that_frames_wait_for_their_board(house, campaign):
+    house.work()
+    path = f"/v1/campaigns/{campaign['id']}"
+    assert {frame["state"] for frame in house.get(f"{path}/frames")["items"]} == {"read"}
+    assert "describe the board in the campaign's target" in house.get(path)["missing"][0]
+    problem = house.post(f"{path}/calibrations", {}, status=422)
+    assert (problem["code"], problem["missing"][0]) == ("campaign_incomplete", house.get(path)["missing"][0])
+
+
+def test_a_board_that_cannot_be_says_which_field_is_wrong(house):
     camera = house.camera()
-    body = {"camera_id": camera["id"], "method": "geometry"}
+    body = {"camera_id": camera["id"], "method": "geometry", "target": {}}
     problem = house.post("/v1/campaigns", body, status=422)
     assert "body.target.kind" in {error["field"] for error in problem["errors"]}
     body["target"] = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25, "colour": "red"}

@@ -114,7 +114,8 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
     extracted, region_refused = subject.equal, None
     panel = _find_panel(context, subject, header, path)
     drawn = subject.roi is not None or panel is not None
-    wanted = drawn or (room.whole_frame and frame.role in room.roles)
+    told = room.target is None or subject.campaign.target is not None
+    wanted = told and (drawn or (room.whole_frame and frame.role in room.roles))
     if wanted and not subject.done and extracted is None:
         try:
             regions = _regions(subject.roi, panel, header)
