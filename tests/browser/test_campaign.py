@@ -11,6 +11,7 @@ from sqlalchemy import select
 from store.columns import new_id
 from store.tables import Blob, FrameRow
 from tests.support.browser import check_access, look, settle, sign_in, visit
+from tests.support.data import data_file
 from tests.support.fieldwork import write_campaign
 from tests.support.frames import write_frame
 
@@ -73,6 +74,29 @@ def test_chosen_frames_are_changed_together(page, team, shots):
     page.get_by_role("button", name="Change", exact=True).click()
     expect(page.get_by_text("3 changed")).to_be_visible()
     assert {frame.scene for frame in team.client.frames(campaign.id)} == {"dusk"}
+
+
+def test_a_board_may_be_described_after_its_pictures_have_come(page, team):
+    campaign = team.client.create_campaign(
+        team.client.create_camera("Canon", "EOS 5D", "1").id, method="geometry"
+    )
+    team.client.push(campaign.id, data_file("checkerboard/left01.jpg"), role="chart")
+    page.goto(f"/campaigns/{campaign.id}")
+    settle(page)
+    said = page.get_by_role("region", name="What is photographed")
+    how_far = page.get_by_role("region", name="How far this campaign is")
+    expect(how_far.get_by_text("Nobody has said what is photographed")).to_be_visible()
+    check_access(page)
+    look(page, "campaign-board-untold")
+    for label, text in {
+        "Inner corners across": "9",
+        "Inner corners down": "6",
+        "Side of a square [mm]": "25",
+    }.items():
+        said.get_by_label(label).fill(text)
+    said.get_by_role("button", name="Look for it in the frames").click()
+    expect(said).to_have_count(0)
+    expect(how_far.get_by_text("3 views of the board are needed at least, 1 can be used")).to_be_visible()
 
 
 def test_two_people_see_what_each_other_does(page, team, browser, service, shots):

@@ -9,17 +9,19 @@ import { overview } from "./overview.js";
 import { readingsSection } from "./readings.js";
 import { regionSection } from "./region.js";
 import { CampaignState } from "./state.js";
+import { targetSection } from "./target.js";
 import { uploadSection } from "./upload.js";
 
 const { campaignId, room } = document.querySelector("main").dataset;
 const state = new CampaignState(campaignId, JSON.parse(room));
 
 const parts = [
+  ["target-form", targetSection],
   ["region-tool", regionSection],
   ["reading-list", readingsSection],
   ["checklist-items", checklistSection],
   ["calibrate-tool", calibrateSection],
-].filter(([id]) => byId(id)); // readings and the checklist are luminance's
+].filter(([id]) => byId(id)); // readings and the checklist are luminance's; the form is there where no target is
 
 if (may("upload")) fill(byId("upload"), uploadSection(state));
 start();

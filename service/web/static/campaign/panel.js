@@ -34,9 +34,12 @@ export function panelPart(panels) {
 function readBands(text) {
   const lines = text.split("\n").map((line, index) => [index + 1, line.trim()]);
   return lines.filter(([, line]) => line).map(([number, line]) => {
-    const [band, ...rest] = line.split(/[\s;]+/);
-    const [reflectance, uncertainty] = rest.map(readNumber);
-    if (rest.length < 1 || rest.length > 2 || rest.map(readNumber).some(Number.isNaN)) throw wrong(`Line ${number}: “${line}” should read as green 0.69 0.005.`);
-    return { band: band.toLowerCase(), reflectance, ...(uncertainty === undefined ? {} : { standard_uncertainty: uncertainty }) };
+    // a band's name may be of two words, as "Red edge" is: the figures are what stands last
+    const said = line.split(/[\s;]+/);
+    const figures = said.slice(-2).map(readNumber).filter((value) => !Number.isNaN(value));
+    const band = said.slice(0, said.length - figures.length).join(" ");
+    const [reflectance, uncertainty] = figures;
+    if (!band || Number.isNaN(readNumber(said.at(-1)))) throw wrong(`Line ${number}: “${line}” should read as green 0.69 0.005.`);
+    return { band, reflectance, ...(uncertainty === undefined ? {} : { standard_uncertainty: uncertainty }) };
   });
 }

@@ -1,6 +1,8 @@
 // What is photographed: a board for geometry, an edge or a star for sharpness.
 
-import { fill, h } from "../dom.js";
+import { patch } from "../api.js";
+import { fill, h, may } from "../dom.js";
+import { act, empty } from "../states.js";
 import { choices, decimal, field, select } from "./forms.js";
 import { numberOf, wrong } from "./numbers.js";
 
@@ -8,6 +10,18 @@ const DICTIONARIES = ["DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_50", "DICT_5X5_10
 
 /** {element, read()}: the form, and the target as the API wants it. */
 export const targetPart = (method) => (method === "geometry" ? board() : chart());
+
+/** On the page of a campaign that began without one: everything begins again once it is said. */
+export function targetSection(state) {
+  if (!may("calibrate")) return empty("Nobody has said it yet", "Frames are measured once the board is described.");
+  const { element, read } = targetPart(state.room.method);
+  const button = h("button", { class: "primary", type: "submit" }, "Look for it in the frames");
+  const say = async () => {
+    await patch(state.path, { target: read() });
+    location.reload();
+  };
+  return h("form", { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, say)) }, element, h("p", { class: "actions" }, button));
+}
 
 function board() {
   let kind = "checkerboard";
