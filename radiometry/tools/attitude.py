@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.errors import Code, InputRejected
+from radiometry.frame import FrameHeader
 from radiometry.multispectral import Multispectral
 
 Basis = Literal["during", "nearest", "largest"]
@@ -134,6 +135,27 @@ def blur_of_frames(
             "turned is not known. Type the rotation rate into POST /v1/tools/motion instead.",
         )
     return tuple(_blur(shot, turns, optics) for shot in shots)
+
+
+def blur_of_file(
+    header: FrameHeader, *, exposure_time_s: float, pixel_pitch_um: float, focal_length_mm: float
+) -> FrameBlur:
+    """Give the blur of one frame from the attitudes that its own file records, as `blur_of_frames` does.
+
+    Raises InputRejected(attitude_missing) as it does
+    """
+    multispectral = header.multispectral
+    at_us = multispectral.exposed_at_us if multispectral else None
+    (blur,) = blur_of_frames(
+        [Shot(at_s=None if at_us is None else at_us * 1e-6, exposure_time_s=exposure_time_s)],
+        read_attitudes(multispectral),
+        optics=Optics(
+            pixel_pitch_um=pixel_pitch_um,
+            focal_length_mm=focal_length_mm,
+            corner_px=math.hypot(header.width_px, header.height_px) / 2,
+        ),
+    )
+    return blur
 
 
 def _blur(shot: Shot, turns: Sequence[Turn], optics: Optics) -> FrameBlur:

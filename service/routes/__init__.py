@@ -64,6 +64,7 @@ def include_routes(app: FastAPI) -> None:
         measurement_lists,
         measurements,
         meters,
+        motion,
         organisation,
         panels,
         purges,
@@ -98,6 +99,7 @@ def include_routes(app: FastAPI) -> None:
         audit,
         history,
         purges,
+        motion,
         tools,
     ):
         app.include_router(module.router, dependencies=[Depends(_refuse_unknown_parameters)])

@@ -6,18 +6,13 @@ from typing import Annotated, Any, TypeVar
 from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field, TypeAdapter, ValidationError
 
-from radiometry.errors import Code, InputRejected
-from radiometry.tools.attitude import Optics, Shot, blur_of_frames, compute_turns, read_attitudes
 from radiometry.tools.coverage import compute_coverage
 from radiometry.tools.exponents import fit_exponents
-from radiometry.tools.motion import MotionCase, compute_motion
+from radiometry.tools.motion import compute_motion
 from service.auth import Reader
-from service.context import UsesContext
 from service.exposure_csv import read_series, refuse_query
-from service.lookup import Id, owned
 from service.problems import invalid, located
 from service.routes import problems
-from service.schemas.attitudes import FrameMotionAnswer, FrameOptics
 from service.schemas.base import Form
 from service.schemas.tools.coverage import CoverageAnswer, CoveragesAnswer, NewCoverage
 from service.schemas.tools.exposure import ExposureAnswer, ExposureTable, NewExposureSeries
@@ -27,8 +22,6 @@ from service.sheets import Kind, is_table, read_sheet, refuse_columns
 from service.tabular import write_csv
 from service.tool_plots import draw_footprints, draw_motion
 from service.writing import IdempotencyKey
-from store.codec import decode_exposure, decode_header
-from store.tables import FrameRow
 
 F = TypeVar("F", bound=Form)
 
@@ -201,37 +194,6 @@ def fit_exposure_exponents(
     """
     fit = fit_exponents(body.series(), dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
     return ExposureAnswer.of(fit).respond()
-
-
-@router.get("/frames/{frame_id}/motion", response_model=FrameMotionAnswer, responses=problems(404))
-def get_frame_motion(
-    frame_id: Id, optics: Annotated[FrameOptics, Query()], caller: Reader, context: UsesContext
-) -> Response:
-    """The blur of a frame whose file records attitudes with their times, as a Sequoia's does.
-
-    The camera is taken as fixed to the aircraft, looking down. Rotation alone, without vibration.
-    """
-    with context.database.reading() as session:
-        frame = owned(session, FrameRow, frame_id, caller)
-    if frame.header is None:
-        raise InputRejected(Code.FRAME_NOT_READ, "This frame has not been read yet, or it was refused.")
-    if frame.exposure is None:
-        raise InputRejected(Code.EXPOSURE_MISSING, "This frame states no exposure time.")
-    header, exposure_time_s = decode_header(frame.header), decode_exposure(frame.exposure).exposure_time_s
-    multispectral = header.multispectral
-    at_us = multispectral.exposed_at_us if multispectral else None
-    attitudes = read_attitudes(multispectral)
-    (blur,) = blur_of_frames(
-        [Shot(at_s=None if at_us is None else at_us * 1e-6, exposure_time_s=exposure_time_s)],
-        attitudes,
-        optics=Optics(
-            pixel_pitch_um=optics.pixel_pitch_um,
-            focal_length_mm=optics.focal_length_mm,
-            corner_px=((header.width_px / 2) ** 2 + (header.height_px / 2) ** 2) ** 0.5,
-        ),
-    )
-    case = MotionCase(exposure_time_s=exposure_time_s, distance_m=1.0, **optics.model_dump())
-    return FrameMotionAnswer.of(frame.id, case, blur, compute_turns(attitudes)).respond()
 
 
 def _move(form: NewMotion) -> MotionAnswer:

@@ -1,22 +1,70 @@
-"""Blur of a frame from the attitudes that its file records."""
+"""Blur of a frame, and of all of a campaign, from the attitudes that files record."""
 
-from typing import Annotated, Any
+from dataclasses import replace
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 
 from radiometry.tools.attitude import Basis, FrameBlur, Turn
-from radiometry.tools.motion import USUAL_LIMIT_PX, MotionCase, tolerable_rate_deg_s
+from radiometry.tools.motion import USUAL_LIMIT_PX, MotionCase, compute_motion, tolerable_rate_deg_s
 from service.schemas.base import Answer, Form
+from service.schemas.campaigns import Role
+from service.schemas.tools.motion import KM_H_PER_M_S
 
 
 class FrameOptics(Form):
     """What turns an angle into pixels; files do not say it reliably."""
 
-    pixel_pitch_um: Annotated[float, Field(ge=0.01, le=1e4)]
+    pixel_pitch_um: Annotated[
+        float | None, Field(ge=0.01, le=1e4, description="Else that of the camera's record.")
+    ] = None
     focal_length_mm: Annotated[float, Field(ge=0.01, le=1e5)]
     limit_px: Annotated[float, Field(ge=1e-3, le=1e5, description="Of the theoretical motion.")] = (
         USUAL_LIMIT_PX
     )
+
+    def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
+        return MotionCase(
+            pixel_pitch_um=pixel_pitch_um,
+            focal_length_mm=self.focal_length_mm,
+            exposure_time_s=exposure_time_s,
+            distance_m=1.0,  # of no effect on rotation
+            limit_px=self.limit_px,
+        )
+
+
+class CampaignOptics(FrameOptics):
+    """The same for a campaign's frames, and how the aircraft flew, which no file says."""
+
+    ground_speed_m_s: Annotated[float | None, Field(ge=0, le=1e5)] = None
+    ground_speed_km_h: Annotated[
+        float | None, Field(ge=0, le=1e5, description="In place of ground_speed_m_s, never with it.")
+    ] = None
+    distance_m: Annotated[
+        float | None, Field(ge=1e-3, le=1e7, description="Height above ground; with a speed, and only then.")
+    ] = None
+    role: Annotated[Role | None, Field(description="Only frames of this role.")] = None
+    format: Literal["json", "csv"] = "json"
+
+    @model_validator(mode="after")
+    def _speed_and_height(self) -> "CampaignOptics":
+        if self.ground_speed_m_s is not None and self.ground_speed_km_h is not None:
+            raise ValueError("give ground_speed_m_s or ground_speed_km_h, not both")
+        if (self.speed_m_s is None) != (self.distance_m is None):
+            raise ValueError("a ground speed and distance_m are given together or not at all")
+        return self
+
+    @property
+    def speed_m_s(self) -> float | None:
+        if self.ground_speed_km_h is not None:
+            return self.ground_speed_km_h / KM_H_PER_M_S
+        return self.ground_speed_m_s
+
+    def case(self, pixel_pitch_um: float, exposure_time_s: float) -> MotionCase:
+        case = super().case(pixel_pitch_um, exposure_time_s)
+        if self.distance_m is None:
+            return case
+        return replace(case, distance_m=self.distance_m, ground_speed_m_s=self.speed_m_s)
 
 
 class TurnAnswer(Answer):
@@ -98,4 +146,136 @@ class FrameMotionAnswer(Answer):
             limit_px=case.limit_px,
             turn=TurnAnswer.of(blur.turn),
             turns=[TurnAnswer.of(turn) for turn in turns],
+        )
+
+
+class FrameMotionRow(Answer):
+    """One frame's motion, flat; what is not known is absent, and `missing` says why."""
+
+    frame_id: str
+    filename: str
+    role: Role
+    scene: str | None = None
+    taken_at: str | None = None
+    exposure_time_s: float | None = None
+    basis: Basis | None = Field(default=None, description="Which records the rate is from.")
+    rotation_rate_deg_s: float | None = Field(default=None, description="Of roll and pitch together.")
+    yaw_rate_deg_s: float | None = None
+    rotation_blur_px: float | None = Field(default=None, description="Theoretical, in the centre.")
+    corner_blur_px: float | None = Field(
+        default=None, description="Theoretical, of rotation alone, in the worst corner."
+    )
+    forward_blur_px: float | None = Field(default=None, description="Theoretical, of the stated speed.")
+    theoretical_blur_px: float | None = Field(
+        default=None, description="Rotation and speed together, in the centre, in the worst direction."
+    )
+    practical_blur_px: float | None = Field(default=None, description="Half of the theoretical blur.")
+    tolerable_rate_deg_s: float | None = Field(
+        default=None, description="Of rotation alone, at which the theoretical blur reaches limit_px."
+    )
+    within_limit: bool | None = Field(
+        default=None, description="Whether the theoretical blur is at most limit_px; absent: nobody can tell."
+    )
+    missing_code: str | None = None
+    missing: str | None = Field(default=None, description="Why there is no rate, and what to do.")
+
+
+COLUMNS = list(FrameMotionRow.model_fields)
+
+
+def say_forward(case: MotionCase) -> dict[str, Any]:
+    """What a frame's exposure tells by itself: too long for the speed, it is so whatever the rotation was."""
+    motion = compute_motion(case)
+    said = {"forward_blur_px": motion.forward_blur_px, "tolerable_rate_deg_s": motion.tolerable_rate_deg_s}
+    return said | ({"within_limit": False} if (motion.forward_blur_px or 0.0) > case.limit_px else {})
+
+
+def say_rotation(case: MotionCase, blur: FrameBlur) -> dict[str, Any]:
+    """What the rate adds."""
+    rate = blur.turn.tilt_rate_deg_s
+    theoretical = blur.centre_blur_px + (compute_motion(case).forward_blur_px or 0.0)
+    return {
+        "basis": blur.basis,
+        "rotation_rate_deg_s": rate,
+        "yaw_rate_deg_s": blur.turn.yaw_rate_deg_s,
+        "rotation_blur_px": blur.centre_blur_px,
+        "corner_blur_px": blur.corner_blur_px,
+        "theoretical_blur_px": theoretical,
+        "practical_blur_px": theoretical / 2,
+        "within_limit": theoretical <= case.limit_px,
+    }
+
+
+class CampaignMotionAnswer(Answer):
+    """A campaign's frames, oldest first, in one answer; the columns of the CSV are those of a row."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "pixel_pitch_um": 3.75,
+                    "focal_length_mm": 3.98,
+                    "limit_px": 0.5,
+                    "ground_speed_m_s": 10,
+                    "distance_m": 60,
+                    "frames": 2,
+                    "with_rates": 1,
+                    "within_limit": 0,
+                    "beyond_limit": 1,
+                    "rows": [
+                        {
+                            "frame_id": "frm_1",
+                            "filename": "IMG_0000_GRE.TIF",
+                            "role": "field",
+                            "exposure_time_s": 0.003,
+                            "basis": "nearest",
+                            "rotation_rate_deg_s": 0.34,
+                            "yaw_rate_deg_s": -0.3,
+                            "rotation_blur_px": 0.019,
+                            "corner_blur_px": 0.031,
+                            "forward_blur_px": 0.531,
+                            "theoretical_blur_px": 0.55,
+                            "practical_blur_px": 0.275,
+                            "tolerable_rate_deg_s": 9.0,
+                            "within_limit": False,
+                        },
+                        {
+                            "frame_id": "frm_2",
+                            "filename": "IMG_0001_GRE.TIF",
+                            "role": "field",
+                            "missing_code": "frame_not_read",
+                            "missing": "This frame has not been read yet.",
+                        },
+                    ],
+                }
+            ]
+        }
+    )
+
+    pixel_pitch_um: float
+    focal_length_mm: float
+    limit_px: float
+    ground_speed_m_s: float | None = None
+    distance_m: float | None = None
+    frames: int
+    with_rates: int = Field(description="Frames whose rotation is known.")
+    within_limit: int
+    beyond_limit: int
+    rows: list[FrameMotionRow]
+
+    @classmethod
+    def of(
+        cls, rows: list[FrameMotionRow], optics: CampaignOptics, pixel_pitch_um: float
+    ) -> "CampaignMotionAnswer":
+        return cls(
+            pixel_pitch_um=pixel_pitch_um,
+            focal_length_mm=optics.focal_length_mm,
+            limit_px=optics.limit_px,
+            ground_speed_m_s=optics.speed_m_s,
+            distance_m=optics.distance_m,
+            frames=len(rows),
+            with_rates=sum(row.basis is not None for row in rows),
+            within_limit=sum(row.within_limit is True for row in rows),
+            beyond_limit=sum(row.within_limit is False for row in rows),
+            rows=rows,
         )

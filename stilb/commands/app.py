@@ -5,7 +5,7 @@ import traceback
 
 import typer
 
-from stilb.commands import calibration, campaign, coefficients, doctor, jobs, measuring, push, session
+from stilb.commands import calibration, campaign, coefficients, doctor, jobs, measuring, motion, push, session
 from stilb.commands.exits import Exit, exit_of, next_step
 from stilb.commands.talk import print_json
 from stilb.problem import Problem, Unclear
@@ -27,6 +27,7 @@ app.command("calibrate")(calibration.calibrate)
 app.command("publish")(calibration.publish)
 app.command("k")(coefficients.k)
 app.command("measure")(measuring.measure)
+app.command("motion")(motion.motion)
 app.command("export")(calibration.export)
 app.command("jobs")(jobs.jobs)
 app.command("doctor")(doctor.doctor)

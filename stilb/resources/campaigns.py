@@ -6,7 +6,7 @@ from typing import Any, Unpack, overload
 from stilb.connection import Connection
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Campaign, CampaignDetails, Polygon, Reading, as_text
-from stilb.transport import Call, address
+from stilb.transport import Call, Query, address
 
 
 class Campaigns(Connection):
@@ -103,6 +103,32 @@ class Campaigns(Connection):
             call = Call(method="POST", path=path, query=query, json=readings, headers=headers)
         answer = self._transport.json(call)
         return list(answer["items"]) if "items" in answer else [answer]
+
+    def motion(
+        self,
+        campaign_id: str,
+        *,
+        focal_length_mm: float,
+        pixel_pitch_um: float | None = None,
+        limit_px: float | None = None,
+        ground_speed_m_s: float | None = None,
+        distance_m: float | None = None,
+        role: str | None = None,
+    ) -> dict[str, Any]:
+        """How far the picture moved during each frame's exposure: a row each, and how many stay within it.
+
+        From the attitudes that the files record; those that record none say so. ``pixel_pitch_um`` is that of
+        the camera's record where it is left out; ``distance_m`` is the height above ground.
+        """
+        query: Query = {
+            "focal_length_mm": focal_length_mm,
+            "pixel_pitch_um": pixel_pitch_um,
+            "limit_px": limit_px,
+            "ground_speed_m_s": ground_speed_m_s,
+            "distance_m": distance_m,
+            "role": role,
+        }
+        return self._get(address("campaigns", campaign_id, "motion"), query)
 
     def readings(self, campaign_id: str) -> Iterator[dict[str, Any]]:
         return self._transport.items(address("campaigns", campaign_id, "readings"))

@@ -9,7 +9,7 @@ from radiometry.tools.motion import USUAL_LIMIT_PX, Motion, MotionCase
 from service.schemas.base import Answer, Form, Number, Text
 from service.schemas.tools.settings import ExposureTime, FocalLength, Metres, PixelPitch
 
-_KM_H_PER_M_S = 3.6
+KM_H_PER_M_S = 3.6
 
 Rate = Annotated[Number, Field(ge=0, le=1e5)]
 Limit = Annotated[
@@ -58,7 +58,7 @@ class NewMotion(Form):
     def case(self) -> MotionCase:
         said = self.model_dump(exclude={"name", "ground_speed_km_h"})
         if self.ground_speed_km_h is not None:
-            said["ground_speed_m_s"] = self.ground_speed_km_h / _KM_H_PER_M_S
+            said["ground_speed_m_s"] = self.ground_speed_km_h / KM_H_PER_M_S
         return MotionCase(**said)
 
 
