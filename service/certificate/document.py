@@ -32,6 +32,7 @@ from service.schemas.equipment import CameraAnswer
 from store.codec import drop_absent, encode_statistics
 from store.queries.dossier import Dossier
 from store.stating import state_budgets, state_coefficients
+from store.tables import Calibration
 
 SCHEMA_VERSION = 1
 
@@ -48,7 +49,7 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
     certificate = CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
-        number=f"{dossier.camera.serial}-{row.method}-{row.version}",
+        number=_number(dossier, row),
         calibration_id=row.id,
         content_sha256=row.content_sha256,
         version=row.version,
@@ -83,6 +84,10 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
     )
     gaps = [Gap(code=found.code.value, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
+
+
+def _number(dossier: Dossier, version: Calibration) -> str:
+    return f"{dossier.camera.serial}-{version.method}-{version.version}"
 
 
 def _name(dossier: Dossier, key_id: str) -> str:
@@ -139,6 +144,8 @@ def _frame(dossier: Dossier, used: dict[str, Any]) -> UsedFrame:
         exposure=drop_absent(used.get("exposure")),
         taken_at=(found.row.header or {}).get("taken_at"),
         roi_sha256=used["roi_sha256"],
+        roi_origin="found" if found.panel_found else None,
+        panel_serial=found.panel_found,
         warnings=[_MEANINGS[flag] for flag in found.row.warnings if flag in _MEANINGS],
         **_measured(dossier, found.statistics),
     )
@@ -210,5 +217,6 @@ def _validity(dossier: Dossier) -> Validity:
         valid_from=standing.valid_from,
         valid_to=standing.valid_to,
         superseded_by=standing.superseded_by,
+        superseded_by_number=_number(dossier, dossier.successor) if dossier.successor else None,
         revoked=revoked,
     )

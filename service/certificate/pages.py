@@ -127,7 +127,7 @@ def _authority(certificate: Node) -> list[list[str]]:
         end = f"to {stamp(validity['valid_to'])}" if "valid_to" in validity else "until superseded or revoked"
         rows.append(["Valid", f"from {start} {end}"])
     if "superseded_by" in validity:
-        rows.append(["Superseded by", validity["superseded_by"]])
+        rows.append(["Superseded by", f"certificate {validity['superseded_by_number']}"])
     if "revoked" in validity:
         revoked = validity["revoked"]
         rows.append(["Revoked", f"{revoked['by']}, {stamp(revoked['at'])}: {revoked['reason']}"])

@@ -9,10 +9,17 @@ from service.certificate.sheet import Node, figure, table
 def region_blocks(certificate: Node, preview: str) -> list[Node]:
     """A line a region or part of one; below, a frame on which they are drawn. ``preview`` : "" for none."""
     used: dict[str, int] = defaultdict(int)
+    panels: dict[str, str] = {}
     for frame in certificate["frames"]:
         used[frame["roi_sha256"]] += 1
+        if frame.get("roi_origin") == "found":
+            panels[frame["roi_sha256"]] = frame["panel_serial"]
     rows = [
-        [_corners(part), str(used[region["sha256"]]), region["sha256"]]
+        [
+            _corners(part) + _origin(panels.get(region["sha256"])),
+            str(used[region["sha256"]]),
+            region["sha256"],
+        ]
         for region in certificate["regions"]
         for part in region.get("parts", [region])
     ]
@@ -21,6 +28,10 @@ def region_blocks(certificate: Node, preview: str) -> list[Node]:
         table(["corners (x, y) [px]", "frames", "SHA-256"], rows, align="lrh", widths=[4, 0.7, 3]),
         *drawn,
     ]
+
+
+def _origin(panel: str | None) -> str:
+    return f"\nfound by the code of panel {panel}" if panel else ""
 
 
 def _corners(part: Node) -> str:

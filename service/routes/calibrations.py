@@ -235,7 +235,7 @@ def _read_params(
                 f"exclude.{index}.frame_id: this campaign has no such frame in use.",
             )
         name = evidence.names[exclusion.frame_id]
-        exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_id))
+        exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_name))
     said["exclude"] = tuple(sorted(exclusions, key=lambda e: e.frame))
     asked = said.pop("vignetting", None)
     try:

@@ -23,13 +23,20 @@ from service.receive import receive
 from service.routes import problems, sends_file
 from service.routes.campaigns import read_roi
 from service.schemas.base import Form, LongText, Text
-from service.schemas.campaigns import NewRoi, Role
+from service.schemas.campaigns import NewRoi, RoiAnswer, Role
 from service.schemas.equipment import PositiveText
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow
 from service.writing import Reply, StreamWrites, Writes
 from store.judging import judge_alone, judge_frames
 from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
-from store.queries.frames import NewFrame, describe_anew, extractions_of, find_or_add_frame, statistics_of
+from store.queries.frames import (
+    NewFrame,
+    current_roi,
+    describe_anew,
+    extractions_of,
+    find_or_add_frame,
+    statistics_of,
+)
 from store.tables import Blob, Campaign, FrameRow, Job
 
 router = APIRouter(prefix="/v1", tags=["frames"])
@@ -191,6 +198,17 @@ def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Write
         return _read_again(session, frame, caller, changed=describe_anew(frame, {"roi_id": roi.id}))
 
     return writing.run(caller, change)
+
+
+@router.get("/frames/{frame_id}/roi", response_model=RoiAnswer, responses=problems(404))
+def get_frame_roi(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """The region that holds for a frame: its own, drawn or found, else its campaign's."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
+        if roi is None:
+            raise Problem(404, HttpCode.NOT_FOUND, "This frame has no region yet: PUT one here.")
+        return RoiAnswer.of(roi).respond()
 
 
 @router.get(

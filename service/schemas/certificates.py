@@ -99,6 +99,10 @@ class UsedFrame(Answer):
     exposure: dict[str, Any] | None = None
     taken_at: str | None = None
     roi_sha256: str
+    roi_origin: Literal["found"] | None = Field(
+        default=None, description="Found by the panel's code in the image; absent where nobody had to look."
+    )
+    panel_serial: str | None = Field(default=None, description="As that code says it.")
     warnings: list[str]
     signal_dn: float | None = None
     signal_standard_uncertainty_dn: float | None = None
@@ -185,6 +189,7 @@ class Validity(Answer):
     valid_from: Instant | None = None
     valid_to: Instant | None = None
     superseded_by: str | None = None
+    superseded_by_number: str | None = Field(default=None, description="The successor's certificate.")
     revoked: Revoked | None = None
 
 

@@ -43,6 +43,8 @@ class FrameAsUsed:
     row: FrameRow
     size_bytes: int
     statistics: list[ChannelStatistics]
+    panel_found: str | None
+    """The panel whose code gave the region that was used; None where it was drawn or is the whole frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +60,7 @@ class Dossier:
     campaign: Campaign
     organisation: Organisation
     standing: Standing
+    successor: Calibration | None
     revocation: Revocation | None
     acts: list[Act]
     coefficients: list[CoefficientRow]
@@ -73,12 +76,14 @@ def gather_dossier(session: Session, calibration: Calibration) -> Dossier:
     """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
     campaign = session.get_one(Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
+    standing = standings(session, [calibration.id])[calibration.id]
     return Dossier(
         calibration=calibration,
         camera=session.get_one(Camera, calibration.camera_id),
         campaign=campaign,
         organisation=session.get_one(Organisation, calibration.organisation_id),
-        standing=standings(session, [calibration.id])[calibration.id],
+        standing=standing,
+        successor=session.get_one(Calibration, standing.superseded_by) if standing.superseded_by else None,
         revocation=session.get(Revocation, calibration.id),
         acts=_acts(session, calibration),
         coefficients=coefficients_of(session, [calibration.id])[calibration.id],
@@ -140,7 +145,7 @@ def _frames_used(session: Session, calibration: Calibration) -> dict[str, FrameA
     """The frames, each with the statistics that the fit read."""
     used = {frame["sha256"]: frame["roi_sha256"] for frame in calibration.inputs["frames"]}
     rows = session.execute(
-        select(FrameRow, Blob.size_bytes, Extraction.id, Roi.sha256)
+        select(FrameRow, Blob.size_bytes, Extraction.id, Roi.sha256, Roi.id)
         .join(Blob, Blob.sha256 == FrameRow.sha256)
         .join(Extraction, Extraction.frame_id == FrameRow.id)
         .join(Roi, Roi.id == Extraction.roi_id)
@@ -150,6 +155,17 @@ def _frames_used(session: Session, calibration: Calibration) -> dict[str, FrameA
     mine = [row for row in rows if used.get(row[0].sha256) == row[3]]
     statistics = statistics_of(session, [row[2] for row in mine])
     return {
-        row[0].sha256: FrameAsUsed(row=row[0], size_bytes=row[1], statistics=statistics[row[2]])
+        row[0].sha256: FrameAsUsed(
+            row=row[0],
+            size_bytes=row[1],
+            statistics=statistics[row[2]],
+            panel_found=_panel_found(row[0], row[4]),
+        )
         for row in mine
     }
+
+
+def _panel_found(frame: FrameRow, roi_id: str) -> str | None:
+    found = frame.found or {}
+    serial: str | None = found.get("serial") if found.get("roi_id") == roi_id else None
+    return serial

@@ -145,6 +145,29 @@ def test_what_a_newer_version_leaves_of_an_older_one_is_no_new_publishing(house,
     assert [(act["by"], act["reason"]) for act in newest] == [("somebody else", "june")]
 
 
+def test_a_superseded_one_names_its_successor_as_paper_does(house, version):
+    publish(house, version)
+    newer = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.05)
+    publish(house, newer)
+    validity = certificate_of(house, version)["validity"]
+    assert (validity["state"], validity["superseded_by"]) == ("superseded", newer["id"])
+    assert validity["superseded_by_number"] == certificate_of(house, newer)["number"]
+
+
+def test_who_left_a_frame_out_is_told_by_name(house, version):
+    """Of a key whose id says nothing to who reads the record."""
+    point = version["points"][0]
+    said = [{"frame_id": point["frame_id"], "reason": "a hand in the picture"}]
+    certificate = certificate_of(
+        house, calibrate(house, {"id": version["campaign_id"]}, exclude=said, tolerance=0.06)
+    )
+    assert certificate["parameters"]["exclude"] == [
+        {"frame": point["frame"], "reason": "a hand in the picture", "by": "bootstrap"}
+    ]
+    left_out = next(row for row in certificate["result"]["points"] if row["frame"] == point["frame"])
+    assert left_out["left_out"] == "excluded by bootstrap: a hand in the picture"
+
+
 def test_a_meters_later_certificate_does_not_replace_the_one_that_was_used(house, version):
     before = certificate_of(house, version)
     newer = copy.deepcopy(METER)

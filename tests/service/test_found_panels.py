@@ -3,6 +3,7 @@
 import pytest
 
 from radiometry import methods
+from service.certificate.regions import region_blocks
 from tests.support.data import data_file
 
 BANDS = ("blue", "green", "red", "nir", "red_edge")
@@ -71,7 +72,7 @@ def test_the_found_panel_gives_the_radiance_of_the_drawn_one(frames, band):
     assert [reason["code"] for reason in frame["verdict"]["reasons"]] == reasons
 
 
-def test_k_follows_without_anybody_having_drawn_anything(sqlite_house, campaign):
+def test_k_follows_without_anybody_having_drawn_anything(sqlite_house, campaign, frames):
     job = sqlite_house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=202)
     sqlite_house.work()
     job = sqlite_house.get(f"/v1/jobs/{job['id']}")
@@ -82,6 +83,14 @@ def test_k_follows_without_anybody_having_drawn_anything(sqlite_house, campaign)
     assert found == {
         band: pytest.approx(ALBEDO[band] * DLS[band] / RADIANCE[band], rel=5e-3) for band in BANDS
     }
+    certificate = sqlite_house.get(f"/v1/calibrations/{version['id']}/certificate.json")
+    told = {(frame["roi_origin"], frame["panel_serial"]) for frame in certificate["frames"]}
+    assert told == {("found", SERIAL)}
+    (table,) = region_blocks(certificate, "")
+    assert all(f"found by the code of panel {SERIAL}" in row[0] for row in table["rows"])
+    # what is decided of a frame later is not of this version
+    put(sqlite_house, f"/v1/frames/{frames['blue']['id']}/roi", DRAWN)
+    assert sqlite_house.get(f"/v1/calibrations/{version['id']}/certificate.json") == certificate
 
 
 def test_a_region_that_comes_with_the_frame_is_kept(sqlite_house):
@@ -109,6 +118,8 @@ def test_a_region_drawn_later_takes_the_found_one_s_place(sqlite_house):
     drawn = read(sqlite_house, found)
     assert (drawn["roi_origin"], drawn["panel_serial"], drawn["state"]) == ("drawn", SERIAL, "extracted")
     assert drawn["statistics"][-1]["n"] == 80 * 80
+    roi = sqlite_house.get(f"/v1/frames/{found['id']}/roi")
+    assert (roi["id"], roi["polygon"]) == (drawn["roi_id"], DRAWN)
 
 
 def test_a_region_drawn_while_the_code_is_looked_for_stays(sqlite_house, monkeypatch):
@@ -131,6 +142,7 @@ def test_a_region_drawn_while_the_code_is_looked_for_stays(sqlite_house, monkeyp
 def test_without_a_code_a_region_is_asked_for(sqlite_house):
     frame = read(sqlite_house, send(sqlite_house, start(sqlite_house), "blue", capture=1))
     assert frame["state"] == "read"
+    assert sqlite_house.http.get(f"/v1/frames/{frame['id']}/roi").json()["detail"].endswith("PUT one here.")
     assert [reason["code"] for reason in frame["verdict"]["reasons"]] == ["no_region"]
     assert not {"roi_id", "roi_origin"} & frame.keys()
 
