@@ -2,10 +2,11 @@
 
 import { h } from "./dom.js";
 import { tag } from "./format.js";
+import { groupBy } from "./groups.js";
 
 /** Each flag once, in words, with where it was raised and what was found. */
 export function drawFlags(flags, meanings) {
-  const raised = grouped(flags);
+  const raised = groupBy(flags, (each) => each.flag);
   if (!raised.size) return h("p", { class: "note good" }, "Nothing was flagged.");
   return h(
     "ul",
@@ -24,9 +25,3 @@ export function drawFlags(flags, meanings) {
 }
 
 const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where}: `) : null, detail);
-
-function grouped(items) {
-  const found = new Map();
-  for (const item of items) found.set(item.flag, [...(found.get(item.flag) ?? []), item]);
-  return found;
-}

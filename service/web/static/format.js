@@ -21,6 +21,9 @@ export function number(value, digits = 4) {
   return grouped(Number(value.toPrecision(digits)).toString());
 }
 
+/** "1 frame", "3 frames" */
+export const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
+
 /** A number with a fixed count of decimals. */
 export const fixed = (value, decimals) => grouped(value.toFixed(decimals));
 
@@ -108,9 +111,9 @@ const SAID = { quarantined: "set aside" };
 
 const KINDS = {
   succeeded: "good", published: "good", extracted: "good", pass: "good", in_force: "good",
-  running: "live", queued: "live", received: "live", read: "live",
+  running: "live", queued: "live", received: "live", read: "live", pending: "live",
   draft: "warn", warn: "warn", superseded: "",
-  failed: "bad", quarantined: "bad", refused: "bad", revoked: "bad",
+  fail: "bad", failed: "bad", quarantined: "bad", refused: "bad", revoked: "bad",
 };
 
 function scientific(value, digits) {

@@ -1,6 +1,7 @@
 // Points that somebody chose, in a plot or in the table, to leave them out of a new fit.
 
 import { byId, fill, h, may } from "../dom.js";
+import { counted } from "../format.js";
 import { fitAnew } from "./refit.js";
 
 export class Choice extends EventTarget {
@@ -42,7 +43,7 @@ export class Choice extends EventTarget {
     const names = [...this.frames.values()];
     fill(
       bar,
-      h("p", {}, h("strong", {}, `${count} ${count === 1 ? "frame" : "frames"} chosen`), h("span", { class: "muted names" }, ` ${names.slice(0, 3).join(", ")}${count > 3 ? "…" : ""}`)),
+      h("p", {}, h("strong", {}, `${counted(count, "frame")} chosen`), h("span", { class: "muted names" }, ` ${names.slice(0, 3).join(", ")}${count > 3 ? "…" : ""}`)),
       h(
         "span",
         { class: "actions" },

@@ -15,7 +15,7 @@ export function drawModels({ method, diagnostics }) {
     { head: "ISO", header: true, class: "number", cell: (row) => (row.first ? number(row.coefficient.iso, 6) : h("span", { class: "hidden" }, number(row.coefficient.iso, 6))) },
     { head: "Model", cell: (row) => h("span", { class: "nowrap" }, row.model, row.model === row.coefficient.model ? [" ", tag("reported", "live")] : null) },
     { head: "Parameters", cell: parameters },
-    { head: "R²", class: "number", cell: (row) => (row.r_squared === undefined || row.r_squared === null ? "–" : number(row.r_squared, 5)) },
+    { head: "R²", class: "number", cell: (row) => number(row.r_squared, 5) },
     { head: "χ² / dof", class: "number", cell: (row) => (row.chi_squared === null || row.chi_squared === undefined || !row.dof ? "–" : `${number(row.chi_squared, 3)} / ${row.dof}`) },
     { head: "ΔAICc", class: "number", cell: (row) => (row.aicc === null || row.aicc === undefined ? "–" : number(row.aicc - row.best, 3)) },
     { head: "Scene from the others, worst", class: "number", cell: (row) => errorOf(row.left_out_max_rel) },

@@ -1,10 +1,8 @@
 // What was decided, what else the campaign gave, and what all of it was computed from.
 
 import { h, table } from "../dom.js";
-import { day, number, quantity, tag, time, words } from "../format.js";
+import { counted, day, number, quantity, tag, time, words } from "../format.js";
 import { empty } from "../states.js";
-
-const ACTS = { made: "", published: "good", revoked: "bad" };
 
 export function drawHistory(items) {
   if (!items.length) return empty("No decision yet");
@@ -15,7 +13,7 @@ export function drawHistory(items) {
       h(
         "li",
         {},
-        h("div", { class: "todo-head" }, h("span", {}, tag(each.act, ACTS[each.act]), " by ", h("strong", { title: each.by }, each.by_name ?? each.by)), time(each.at)),
+        h("div", { class: "todo-head" }, h("span", {}, tag(each.act), " by ", h("strong", { title: each.by }, each.by_name ?? each.by)), time(each.at)),
         each.valid_from ? h("p", {}, `In force from ${day(each.valid_from)} ${each.valid_to ? `to ${day(each.valid_to)}` : "on"}`) : null,
         each.reason ? h("p", {}, each.reason) : null,
       ),
@@ -54,8 +52,8 @@ export function drawMade(calibration) {
     ),
     h("details", { class: "card" }, h("summary", {}, "Parameters"), definitions(parameters)),
     excluded(parameters.exclude),
-    h("details", { class: "card" }, h("summary", {}, `${inputs.frames.length} frames by their content`), frames(inputs.frames)),
-    inputs.readings?.length ? h("details", { class: "card" }, h("summary", {}, `${inputs.readings.length} readings`), readings(inputs.readings)) : null,
+    h("details", { class: "card" }, h("summary", {}, `${counted(inputs.frames.length, "frame")} by their content`), frames(inputs.frames)),
+    inputs.readings?.length ? h("details", { class: "card" }, h("summary", {}, counted(inputs.readings.length, "reading")), readings(inputs.readings)) : null,
   );
 }
 

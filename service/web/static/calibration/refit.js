@@ -2,15 +2,10 @@
 
 import { Problem, all, post } from "../api.js";
 import { ask } from "../ask.js";
+import { MODELS } from "../campaign/methods.js";
+import { readNumber, wrong } from "../campaign/numbers.js";
 import { h, toast } from "../dom.js";
 import { followJob } from "../live.js";
-
-const MODELS = [
-  ["proportional", "proportional: K X"],
-  ["affine", "affine: K X + b"],
-  ["power", "power: K X^g"],
-  ["semilog", "semilog: a ln X + b, only for an old report"],
-];
 
 /** Ask how, fit, and go to the version that it gives. `chosen`: frames to leave out, id to name. */
 export async function fitAnew(calibration, chosen = new Map()) {
@@ -59,7 +54,11 @@ function formerOf({ parameters }) {
 function sayFit({ model, tolerance }) {
   const said = {};
   if (model) said.model = model;
-  if (tolerance) said.tolerance = Number(tolerance.replace(",", ".")) / 100;
+  if (tolerance) {
+    const percent = readNumber(tolerance);
+    if (!Number.isFinite(percent)) throw wrong(`The tolerance “${tolerance}” is not a number.`);
+    said.tolerance = percent / 100;
+  }
   return said;
 }
 

@@ -4,6 +4,7 @@ import { get, patch } from "../api.js";
 import { ask } from "../ask.js";
 import { byId, fill, h, may, toast } from "../dom.js";
 import { time } from "../format.js";
+import { groupBy } from "../groups.js";
 import { failed, loading } from "../states.js";
 
 export function checklistSection(state) {
@@ -61,7 +62,7 @@ export function checklistSection(state) {
 }
 
 function body(list, opened, change) {
-  const sections = Map.groupBy ? Map.groupBy(list.items, (item) => item.section) : grouped(list.items);
+  const sections = groupBy(list.items, (item) => item.section);
   return [
     h("div", { class: "checklist" }, [...sections].map(([section, items]) => group(section, items, opened, change))),
     signature(list, change),
@@ -119,10 +120,4 @@ function signature(list, change) {
   if (!may("calibrate")) return null;
   const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature stands for the list as it is.`) : null, fields: [{ name: "name", label: "Operator", hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
   return h("p", { class: "actions" }, h("button", { type: "button", onclick: sign }, "Sign the checklist"));
-}
-
-function grouped(items) {
-  const sections = new Map();
-  for (const item of items) sections.set(item.section, [...(sections.get(item.section) ?? []), item]);
-  return sections;
 }

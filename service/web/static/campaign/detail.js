@@ -7,6 +7,7 @@ import { act, load, loading } from "../states.js";
 import { decimal, field, select } from "./forms.js";
 import { ROLES } from "./methods.js";
 import { numberOf } from "./numbers.js";
+import { isRead } from "./state.js";
 
 export function showFrame(state, id) {
   const body = h("div", { "aria-busy": "true" }, loading(6));
@@ -26,7 +27,7 @@ export function showFrame(state, id) {
       "p",
       { class: "actions" },
       h("a", { class: "button", href: `/v1/frames/${frame.id}/content` }, "Download the file"),
-      may("calibrate") && ["read", "extracted"].includes(frame.state)
+      may("calibrate") && isRead(frame)
         ? h("button", { type: "button", onclick: () => {
             dialog.close();
             state.dispatchEvent(new CustomEvent("draw-on", { detail: frame.id }));
@@ -37,7 +38,7 @@ export function showFrame(state, id) {
 }
 
 const picture = (frame) =>
-  ["read", "extracted"].includes(frame.state) ? h("img", { class: "frame-picture", src: `/v1/frames/${frame.id}/preview.png`, alt: `Preview of ${frame.filename}` }) : null;
+  isRead(frame) ? h("img", { class: "frame-picture", src: `/v1/frames/${frame.id}/preview.png`, alt: `Preview of ${frame.filename}` }) : null;
 
 function facts(frame) {
   const said = [
@@ -58,7 +59,7 @@ function reasons(frame) {
   return h(
     "div",
     { class: `note ${{ pass: "good", warn: "warn", fail: "bad" }[outcome] ?? ""}` },
-    h("p", {}, tag(outcome, { fail: "bad", pending: "live" }[outcome])),
+    h("p", {}, tag(outcome)),
     why.length ? h("ul", { class: "plain" }, why.map((each) => h("li", {}, each.detail))) : h("p", {}, "Nothing speaks against this frame."),
   );
 }

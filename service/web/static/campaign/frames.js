@@ -8,6 +8,7 @@ import { showFrame } from "./detail.js";
 import { select } from "./forms.js";
 import { ROLES } from "./methods.js";
 import { countOutcomes } from "./overview.js";
+import { isRead } from "./state.js";
 import { virtualTable } from "./virtual.js";
 
 const ROW_PX = 60;
@@ -63,7 +64,7 @@ export function framesSection(state) {
             drawBulk();
           } })
         : null,
-      ["read", "extracted"].includes(frame.state)
+      isRead(frame)
         ? h("img", { src: `/v1/frames/${frame.id}/preview.png`, alt: "", loading: "lazy", decoding: "async", width: 60, height: 42 })
         : h("span", { class: "no-picture", "aria-hidden": "true" }),
       [
@@ -136,7 +137,7 @@ export function framesSection(state) {
 function verdictCell(verdict) {
   if (!verdict) return h("span", { class: "muted" }, "…");
   const [first] = verdict.reasons;
-  return [tag(verdict.outcome, { fail: "bad", pending: "live" }[verdict.outcome]), first ? h("span", { class: "why", title: first.detail }, first.detail) : null];
+  return [tag(verdict.outcome), first ? h("span", { class: "why", title: first.detail }, first.detail) : null];
 }
 
 function bulkForm(state, chosen, after) {

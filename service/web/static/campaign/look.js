@@ -2,7 +2,7 @@
 
 import { post } from "../api.js";
 import { fill, h, svg, table } from "../dom.js";
-import { fixed, number, percent } from "../format.js";
+import { counted, fixed, number, percent } from "../format.js";
 import { followJob, pause } from "../live.js";
 import { failed } from "../states.js";
 import { areaOf, faultOf } from "./polygon.js";
@@ -59,7 +59,7 @@ export function lookPart(onClipping) {
   return { element, look };
 }
 
-const hintOf = (points) => (points.length ? `${points.length} ${points.length === 1 ? "corner" : "corners"} so far. Click the first one again, or press Enter, to close.` : "Click on the preview to set the first corner.");
+const hintOf = (points) => (points.length ? `${counted(points.length, "corner")} so far. Click the first one again, or press Enter, to close.` : "Click on the preview to set the first corner.");
 
 function rows(statistics) {
   return table(

@@ -17,10 +17,18 @@ export const ROLES = ["light", "dark", "flat", "panel", "chart", "field"];
 
 const share = (name, label, hint, low, high) => ({ name, label, hint, kind: "percent", low, high });
 
+/** The models of a luminance fit; the first is the method's default. */
+export const MODELS = [
+  ["proportional", "Proportional: N = K X"],
+  ["affine", "Affine: N = K X + b"],
+  ["power", "Power: ln N = ln K + g ln X"],
+  ["semilog", "Semilog: only to reproduce an old report"],
+];
+
 /** What may be said of a fit; what is left empty takes the method's default. */
 export const PARAMETERS = {
   luminance: [
-    { name: "model", label: "Model", kind: "choice", options: [["proportional", "Proportional: N = K X"], ["affine", "Affine: N = K X + b"], ["power", "Power: ln N = ln K + g ln X"], ["semilog", "Semilog: only to reproduce an old report"]] },
+    { name: "model", label: "Model", kind: "choice", options: MODELS },
     share("tolerance", "Tolerance [%]", "4 when left empty: the largest accepted error of L.", 0, 100),
     { name: "channel", label: "Signal", kind: "choice", options: [["green", "Both greens"], ["grey", "All sites"]] },
     { name: "exposure_basis", label: "Exposure values", kind: "choice", options: [["nominal", "As marked (f/11, 1/60)"], ["apex", "APEX (f/11.3, 1/64)"]] },

@@ -1,7 +1,7 @@
 // How far a campaign is: what has come, what it still lacks, what would make it good.
 
 import { figure, fill, h } from "../dom.js";
-import { number } from "../format.js";
+import { counted, number } from "../format.js";
 
 export function overview(state) {
   const element = h("div", { class: "overview" });
@@ -29,8 +29,8 @@ function figures(state) {
     "dl",
     { class: "figures" },
     figure("Frames", number(received), told),
-    figure("Region", state.roi ? (state.roi.regions ? `${state.roi.regions.length} parts` : `${state.roi.polygon.length} corners`) : state.room.whole_frame ? "Whole frame" : "None yet", null, marked(!state.roi && !state.room.whole_frame)),
-    state.room.method === "luminance" ? figure("Readings", number(readings), state.scenes.length ? `${state.scenes.length} scenes` : "") : null,
+    figure("Region", state.roi ? (state.roi.regions ? counted(state.roi.regions.length, "part") : counted(state.roi.polygon.length, "corner")) : state.room.whole_frame ? "Whole frame" : "None yet", null, marked(!state.roi && !state.room.whole_frame)),
+    state.room.method === "luminance" ? figure("Readings", number(readings), state.scenes.length ? counted(state.scenes.length, "scene") : "") : null,
     figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${state.campaign.missing.length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
   );
 }

@@ -2,7 +2,7 @@
 
 import { all, post, send } from "../api.js";
 import { byId, fill, h, may, table, toast } from "../dom.js";
-import { number, time } from "../format.js";
+import { counted, number, time } from "../format.js";
 import { act, empty, load } from "../states.js";
 import { field, select } from "./forms.js";
 import { askForMeter, nameOfMeter } from "./meters.js";
@@ -19,7 +19,7 @@ export function readingsSection(state) {
   };
   const draw = (readings) => {
     const standing = readings.filter((each) => !each.withdrawn_at).length;
-    byId("readings-note").textContent = readings.length ? `${standing} ${standing === 1 ? "reading" : "readings"} of ${new Set(readings.map((each) => each.scene)).size} scenes` : "";
+    byId("readings-note").textContent = readings.length ? `${counted(standing, "reading")} of ${counted(new Set(readings.map((each) => each.scene)).size, "scene")}` : "";
     entry.offer(meters.all);
     return readings.length ? rows(readings, meters, again) : empty("No reading yet", "What the luminance meter said of each scene; several of a scene are averaged.");
   };
@@ -73,7 +73,7 @@ function entryPart(state, meters, after) {
     await post(`${state.path}/readings${query}`, lines.map((line) => line.reading)).catch((error) => {
       throw withLines(error, lines);
     });
-    toast(`${lines.length} ${lines.length === 1 ? "reading" : "readings"} recorded.`);
+    toast(`${counted(lines.length, "reading")} recorded.`);
     text.value = "";
     draw();
     await after();

@@ -10,6 +10,7 @@ import { imagejPart } from "./imagej-part.js";
 import { lookPart } from "./look.js";
 import { wrong } from "./numbers.js";
 import { faultOf } from "./polygon.js";
+import { isRead } from "./state.js";
 
 const PARTED = ["sharpness", "vignetting"];
 
@@ -17,7 +18,7 @@ export function regionSection(state) {
   const element = h("div");
   let tool = null;
   const draw = () => {
-    const drawable = state.frames.filter((frame) => ["read", "extracted"].includes(frame.state));
+    const drawable = state.frames.filter(isRead);
     if (tool) tool.offer(drawable);
     else if (drawable.length) fill(element, (tool = build(state, drawable)).element);
     else if (!element.firstChild) fill(element, empty("Nothing to draw on yet", "As soon as the first frame has been read, its preview stands here to draw the region on."));

@@ -7,7 +7,10 @@ const FIRST = 100;
 const REST = 250;
 const LOOK_WHOLE_EVERY = 5;
 
-export const ENDED = ["extracted", "refused"];
+const ENDED = ["extracted", "refused"];
+
+/** Whether a frame has been read: only then is there a picture of it. */
+export const isRead = (frame) => ["read", "extracted"].includes(frame.state);
 
 export class CampaignState extends EventTarget {
   constructor(id, room) {

@@ -1,7 +1,7 @@
 // The place where files are dropped: what each is, how far it is on its way, and what became of it.
 
 import { fill, h, toast } from "../dom.js";
-import { bytes, span, tag } from "../format.js";
+import { bytes, counted, span, tag } from "../format.js";
 import { act } from "../states.js";
 import { filesOf } from "./drop.js";
 import { select } from "./forms.js";
@@ -41,7 +41,7 @@ export function uploadSection(state) {
   queue.addEventListener("changed", soon);
   queue.addEventListener("sent", debounce(() => state.touch(), 800));
   state.on("frames", soon);
-  queue.resume().then((count) => count && toast(`Going on with ${count} files of an earlier visit.`));
+  queue.resume().then((count) => count && toast(`Going on with ${counted(count, "file")} of an earlier visit.`));
   addEventListener("beforeunload", (event) => {
     if (queue.items.some((item) => item.state === "sending" && !queue.journal.kept)) event.preventDefault();
   });
@@ -100,7 +100,7 @@ function summary(state, queue) {
     h(
       "p",
       { class: "actions" },
-      ready.length || failed.length ? h("button", { type: "button", class: "primary", "data-keep": "send", onclick: (event) => act(event.target, () => queue.send()) }, ready.length ? `Send ${ready.length} ${ready.length === 1 ? "file" : "files"}` : "Try again") : null,
+      ready.length || failed.length ? h("button", { type: "button", class: "primary", "data-keep": "send", onclick: (event) => act(event.target, () => queue.send()) }, ready.length ? `Send ${counted(ready.length, "file")}` : "Try again") : null,
       of("retrying").length ? h("button", { type: "button", "data-keep": "now", onclick: () => queue.retryNow() }, "Try now") : null,
       moving.length ? h("button", { type: "button", "data-keep": "stop", onclick: () => queue.drop(of("waiting", "sending", "retrying")) }, "Stop") : h("button", { type: "button", class: "quiet", "data-keep": "clear", onclick: () => queue.drop([...queue.items]) }, "Clear this list"),
     ),
@@ -157,7 +157,7 @@ function progressOf(state, item) {
     case "retrying":
       return [tag("waits for the connection", "warn")];
     case "sent":
-      return verdict ? tag(verdict.outcome, { fail: "bad", pending: "live" }[verdict.outcome]) : tag("being read", "live");
+      return verdict ? tag(verdict.outcome) : tag("being read", "live");
     case "lost":
       return tag("choose it again", "warn");
     default:

@@ -7,6 +7,7 @@ import { followJob } from "../live.js";
 import { act, empty, failed, load } from "../states.js";
 import { decimal, field, select } from "../campaign/forms.js";
 import { numberOf } from "../campaign/numbers.js";
+import { isRead } from "../campaign/state.js";
 import { regionPart } from "./region.js";
 
 const asked = new URL(location.href).searchParams;
@@ -52,7 +53,7 @@ async function begin() {
 
 const section = (title, ...content) => h("fieldset", { class: "card" }, h("legend", { class: "legend" }, title), content);
 const nameOf = (campaign) => [campaign.project_number ?? campaign.created_at.slice(0, 10), words(campaign.method)].join(", ");
-const framesOf = async ({ id }) => (await all(`/v1/campaigns/${id}/frames?brief=true`)).filter((each) => each.role === "field" && ["read", "extracted"].includes(each.state)).reverse();
+const framesOf = async ({ id }) => (await all(`/v1/campaigns/${id}/frames?brief=true`)).filter((each) => each.role === "field" && isRead(each)).reverse();
 
 function choose(id) {
   chosen.frame = chosen.frames.find((each) => each.id === id);

@@ -22,15 +22,13 @@ load(byId("history"), () => get(`/v1/cameras/${id}/decisions`), ({ items }) => {
   if (!items.length) return empty("No decision yet", "Each version that is made, published or revoked stands here.");
   const columns = [
     { head: "When", cell: (each) => time(each.at) },
-    { head: "What", header: true, cell: (each) => h("span", {}, tag(each.act, KINDS[each.act]), " ", h("a", { href: `/calibrations/${each.calibration_id}` }, `${words(each.method)} version ${each.version}`)) },
+    { head: "What", header: true, cell: (each) => h("span", {}, tag(each.act), " ", h("a", { href: `/calibrations/${each.calibration_id}` }, `${words(each.method)} version ${each.version}`)) },
     { head: "In force", cell: validity },
     { head: "Who", cell: (each) => h("span", { title: each.by }, each.by_name ?? each.by) },
     { head: "Why", cell: (each) => each.reason ?? "" },
   ];
   return table(columns, items, { caption: "Decisions about this camera's versions", stack: true });
 });
-
-const KINDS = { made: "", published: "good", revoked: "bad" };
 
 load(byId("drift"), () => series, ({ rows }) => {
   const names = [...new Map(rows.map((row) => [`${row.method}/${row.name}`, row])).values()];

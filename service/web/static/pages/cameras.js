@@ -1,6 +1,6 @@
 import { all, get, post } from "../api.js";
 import { byId, h, may, table, toast } from "../dom.js";
-import { ago, day, number, tag, words } from "../format.js";
+import { ago, counted, day, number, tag, words } from "../format.js";
 import { ask } from "../ask.js";
 import { empty, load } from "../states.js";
 import { inForce } from "../coefficients.js";
@@ -33,7 +33,7 @@ const columns = [
   { head: "In force since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
   { head: "Coefficients", class: "number", cell: ({ held }) => (held ? number(held.rows.length) : "") },
   { head: "Largest u", class: "number", cell: ({ held }) => (held?.largest === undefined ? "" : `${number(100 * held.largest, 2)} %`) },
-  { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(`${held.flags.length} flag${held.flags.length > 1 ? "s" : ""}`, "warn") : held ? h("span", { class: "muted" }, "none") : "") },
+  { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(counted(held.flags.length, "flag"), "warn") : held ? h("span", { class: "muted" }, "none") : "") },
 ];
 
 /** A camera's lines: one a version in force, or one that says that there is none. */

@@ -1,15 +1,16 @@
 import { all, get, post } from "../api.js";
+import { METHODS } from "../campaign/methods.js";
 import { byId, fill, h, table } from "../dom.js";
-import { number, quantity, tag } from "../format.js";
+import { counted, number, quantity, tag } from "../format.js";
 import { named } from "../coefficients.js";
+import { groupBy } from "../groups.js";
 import { act, empty, load } from "../states.js";
 
 const VERDICTS = { shared: ["one set serves all", "good"], per_camera: ["a set for each", "warn"], cannot_tell: ["cannot tell", ""] };
-const METHODS = ["luminance", "reflectance", "vignetting", "sharpness", "geometry", "noise"];
 const wanted = new URLSearchParams(location.search).get("model");
 
 load(byId("fleet-form"), () => Promise.all([all("/v1/cameras"), get("/v1/series/coefficients")]), ([cameras, { rows }]) => {
-  const comparable = [...grouped(cameras)].filter(([, members]) => members.length > 1);
+  const comparable = [...groupBy(cameras, modelOf)].filter(([, members]) => members.length > 1);
   if (!comparable.length) {
     return empty("Nothing to compare yet", "It takes two cameras of one model, best with three campaigns each.", h("a", { class: "button", href: "/cameras" }, "Cameras"));
   }
@@ -19,7 +20,7 @@ load(byId("fleet-form"), () => Promise.all([all("/v1/cameras"), get("/v1/series/
 function form(models, rows) {
   const versions = (camera, method) => new Set(rows.filter((row) => row.camera_id === camera.id && row.method === method).map((row) => row.calibration_id)).size;
   const model = h("select", { id: "model" }, models.map(([name]) => h("option", { selected: name === wanted }, name)));
-  const method = h("select", { id: "method" }, METHODS.map((name) => h("option", {}, name)));
+  const method = h("select", { id: "method" }, Object.keys(METHODS).map((name) => h("option", {}, name)));
   const members = h("div", { class: "members" });
   const tolerance = h("input", { id: "tolerance", type: "number", step: "any", min: "0", required: true, value: "4" });
   const unit = h("span", {});
@@ -30,12 +31,11 @@ function form(models, rows) {
     fill(
       members,
       cameras.map((camera) => {
-        const count = versions(camera, method.value);
         return h(
           "label",
           { class: "check" },
           h("input", { type: "checkbox", name: "camera", value: camera.id, checked: true }),
-          h("span", {}, h("span", { class: "mono" }, camera.serial), h("span", { class: "muted" }, ` ${count} version${count === 1 ? "" : "s"}`)),
+          h("span", {}, h("span", { class: "mono" }, camera.serial), h("span", { class: "muted" }, ` ${counted(versions(camera, method.value), "version")}`)),
         );
       }),
     );
@@ -90,9 +90,3 @@ function shown(answer) {
 }
 
 const modelOf = (camera) => `${camera.make} ${camera.model}`;
-
-function grouped(cameras) {
-  const found = new Map();
-  for (const camera of cameras) found.set(modelOf(camera), [...(found.get(modelOf(camera)) ?? []), camera]);
-  return found;
-}

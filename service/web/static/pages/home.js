@@ -1,6 +1,6 @@
 import { all, get } from "../api.js";
 import { byId, figure, h } from "../dom.js";
-import { ago, day, number, span, tag, words } from "../format.js";
+import { ago, counted, day, number, span, tag, words } from "../format.js";
 import { inForce } from "../coefficients.js";
 import { empty, load } from "../states.js";
 
@@ -15,16 +15,16 @@ const series = get("/v1/series/coefficients");
 const queue = get("/v1/jobs/summary");
 
 load(byId("figures"), () => Promise.all([cameras, campaigns, series, queue]), ([bodies, works, { rows }, jobs]) => {
-  const counted = (href, name, count, more) => figure(h("a", { href }, name), number(count), more);
+  const linked = (href, name, count, more) => figure(h("a", { href }, name), number(count), more);
   const held = inForce(rows);
   const flagged = held.filter((each) => each.flags.length).length;
   return h(
     "dl",
     { class: "figures" },
-    counted("/cameras", "Cameras", bodies.length, `${held.length} version${held.length === 1 ? "" : "s"} in force${flagged ? `, ${flagged} with flags` : ""}`),
-    counted("/campaigns", "Campaigns", works.length),
-    counted("/jobs", "Jobs waiting", jobs.queued + jobs.running, jobs.queued ? `the oldest for ${span(jobs.oldest_wait_s)}` : "nothing waits"),
-    counted("/jobs", "Jobs failed", jobs.failed + jobs.quarantined),
+    linked("/cameras", "Cameras", bodies.length, `${counted(held.length, "version")} in force${flagged ? `, ${flagged} with flags` : ""}`),
+    linked("/campaigns", "Campaigns", works.length),
+    linked("/jobs", "Jobs waiting", jobs.queued + jobs.running, jobs.queued ? `the oldest for ${span(jobs.oldest_wait_s)}` : "nothing waits"),
+    linked("/jobs", "Jobs failed", jobs.failed + jobs.quarantined),
   );
 });
 
