@@ -1,11 +1,9 @@
 """A simulated campaign, drawn once, and where the real data lie."""
 
-import os
-from pathlib import Path
-
 import pytest
 
 from tests.radiometry.campaigns import draw
+from tests.support.data import data_file
 
 
 @pytest.fixture(scope="session")
@@ -16,8 +14,4 @@ def drawn():
 @pytest.fixture
 def real_data():
     """The folder of real files that no repository holds."""
-    beside = Path(__file__).parents[2].parent / "shared" / "data"
-    folder = Path(os.environ.get("STILB_TEST_DATA", beside))
-    if not folder.is_dir():
-        pytest.skip(f"no real data: {folder} does not exist (set STILB_TEST_DATA)")
-    return folder
+    return data_file(".")

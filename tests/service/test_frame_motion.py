@@ -6,7 +6,7 @@ import io
 import pytest
 
 from store.tables import FrameRow
-from tests.service.test_tools import DATA
+from tests.support.data import data_file
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +75,7 @@ def test_the_blur_of_another_organisations_frame_does_not_exist(house, stranger)
 
 
 def test_a_real_sequoia_in_the_air(house):
-    path = DATA / "sequoia" / "IMG_180413_080658_0000_GRE.TIF"
-    if not path.is_file():
-        pytest.skip(f"no real data: {path} does not exist (set STILB_TEST_DATA)")
+    path = data_file("sequoia/IMG_180413_080658_0000_GRE.TIF")
     header = house.worker.decoders.read_header(path)
     camera = house.camera(make=header.make, model=header.model, serial=header.serial or "1")
     campaign = house.campaign(camera_id=camera["id"])

@@ -1,13 +1,8 @@
 """Files of real cameras through upload and worker, with the outcomes that their README states."""
 
-import os
-from pathlib import Path
-
 import pytest
 
-FOLDER = Path(os.environ.get("STILB_TEST_DATA", Path(__file__).parents[3] / "shared" / "data")) / "dng"
-
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no real files at {FOLDER} (STILB_TEST_DATA)")
+from tests.support.data import data_file
 
 # exposures as a field team would have noted them
 TYPED = {"exposure_time_s": 0.01, "f_number": 4, "iso": 400}
@@ -18,7 +13,7 @@ def upload(house, name, *, camera, roi=None, **query):
     campaign = house.campaign(camera_id=made["id"])
     if roi:
         house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=roi)
-    content = (FOLDER / name).read_bytes()
+    content = data_file(f"dng/{name}").read_bytes()
     frame = house.upload(campaign, content, role="light", filename=name, **query)
     house.work()
     assert house.http.get(f"/v1/frames/{frame['id']}/content").content == content
@@ -27,7 +22,7 @@ def upload(house, name, *, camera, roi=None, **query):
 
 def camera_in(house, name):
     """What the file says of its camera, as somebody who registers it would copy it."""
-    header = house.worker.decoders.read_header(FOLDER / name)
+    header = house.worker.decoders.read_header(data_file(f"dng/{name}"))
     return {
         "make": header.make or "unknown",
         "model": header.model or "unknown",
@@ -45,7 +40,7 @@ def test_a_frame_that_does_not_say_its_exposure_is_refused(house, name):
 
 
 def measure(house, name):
-    header = house.worker.decoders.read_header(FOLDER / name)
+    header = house.worker.decoders.read_header(data_file(f"dng/{name}"))
     roi = {"imagej": f"makeRectangle(0,0,{header.width_px},{header.height_px})"}
     frame = upload(house, name, camera=camera_in(house, name), roi=roi, **TYPED)
     assert frame["state"] == "extracted", frame.get("refusal")

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.service.test_tools import COVERAGE, DATA
+from tests.service.test_tools import COVERAGE
+from tests.support.data import data_file
 
 
 @pytest.fixture(scope="module")
@@ -100,10 +101,7 @@ def test_a_row_may_state_what_the_query_says_of_the_others(house):
 
 
 def read_text(name):
-    path = DATA / "nikon-d70" / name
-    if not path.is_file():
-        pytest.skip(f"no real data: {path} does not exist (set STILB_TEST_DATA)")
-    return path.read_text()
+    return data_file(f"nikon-d70/{name}").read_text()
 
 
 @pytest.mark.parametrize(("channel", "dark_dn"), [("R", 1), ("G", 8), ("B", 2)])

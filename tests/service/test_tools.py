@@ -2,16 +2,14 @@
 
 import csv
 import json
-import os
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import pytest
 from sqlalchemy import func, select
 
 from store.tables import IdempotentAnswer
+from tests.support.data import data_file
 
-DATA = Path(os.environ.get("STILB_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
 MOTION = {"pixel_pitch_um": 4.65, "focal_length_mm": 9, "exposure_time_s": 1 / 800, "distance_m": 25}
 COVERAGE = {
     "height_m": 50,
@@ -186,10 +184,7 @@ def test_a_thousand_cases_are_drawn_and_more_are_refused(house):
 
 
 def read_series(name):
-    path = DATA / "nikon-d70" / name
-    if not path.is_file():
-        pytest.skip(f"no real data: {path} does not exist (set STILB_TEST_DATA)")
-    with path.open() as lines:
+    with data_file(f"nikon-d70/{name}").open() as lines:
         return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(lines)]
 
 

@@ -1,8 +1,6 @@
 """Boards and cameras that are known, and OpenCV's own pictures."""
 
 import dataclasses
-import os
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,7 +12,6 @@ from radiometry.geometry.simulation import draw_poses, make_header, simulate_row
 from radiometry.methods import geometry
 from radiometry.roi import Polygon
 
-DATA = Path(os.environ.get("STILB_TEST_DATA", Path(__file__).parents[4] / "shared" / "data"))
 BOARD = geometry.Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)
 CHARUCO = geometry.Target(
     kind="charuco", columns=7, rows=5, square_size_mm=30.0, marker_size_mm=18.0, dictionary="DICT_4X4_50"

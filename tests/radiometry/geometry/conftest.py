@@ -1,12 +1,7 @@
-import sys
-from pathlib import Path
-
 import pytest
 
-# The makers beside these tests are theirs alone and no package.
-sys.path.insert(0, str(Path(__file__).parent))
-
-import boards
+from tests.radiometry.geometry import boards
+from tests.support.data import data_file
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +13,4 @@ def simulated():
 @pytest.fixture(scope="session")
 def opencv_rows():
     """OpenCV's own set, corners and all."""
-    folder = boards.DATA / "checkerboard"
-    if not folder.is_dir():
-        pytest.skip(f"no real data: {folder} does not exist (set STILB_TEST_DATA)")
-    return tuple(boards.read_picture(path) for path in sorted(folder.glob("*.jpg")))
+    return tuple(boards.read_picture(path) for path in sorted(data_file("checkerboard").glob("*.jpg")))

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from boards import CAMERA, FREE, SQUARE, raised
 
 from radiometry.geometry.camera import CameraModel, project
 from radiometry.geometry.caveats import _check_model
@@ -15,6 +14,7 @@ from radiometry.geometry.curve import (
     find_turning_radius_px,
 )
 from radiometry.methods import geometry
+from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE, raised
 
 NOTHING = np.zeros((9, 9))
 PITCH_UM = 4.65

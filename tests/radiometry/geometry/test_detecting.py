@@ -5,7 +5,6 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from boards import BOARD, CHARUCO, DATA, extract
 from pydantic import TypeAdapter
 
 from radiometry.geometry.camera import CameraModel, project
@@ -13,6 +12,8 @@ from radiometry.geometry.grey import make_grey
 from radiometry.geometry.simulation import Light, draw_poses, make_frame, render_board
 from radiometry.geometry.target import locate_corners_mm
 from radiometry.methods import geometry
+from tests.radiometry.geometry.boards import BOARD, CHARUCO, extract
+from tests.support.data import data_file
 
 # half of the usual camera in every direction
 SMALL = CameraModel(
@@ -172,7 +173,7 @@ def test_windows_keep_clear_of_neighbours(opencv_rows):
 
 def test_opencv_s_own_way_of_placing_corners(opencv_rows):
     """findChessboardCorners and cornerSubPix with the parameters of its calibration sample."""
-    picture = cv2.imread(str(DATA / "checkerboard" / "left01.jpg"), cv2.IMREAD_GRAYSCALE)
+    picture = cv2.imread(str(data_file("checkerboard/left01.jpg")), cv2.IMREAD_GRAYSCALE)
     _, start = cv2.findChessboardCorners(
         picture, (9, 6), flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     )

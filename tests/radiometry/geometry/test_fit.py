@@ -5,7 +5,18 @@ import math
 
 import numpy as np
 import pytest
-from boards import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import TypeAdapter
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Exclusion
+from radiometry.geometry.camera import project
+from radiometry.geometry.simulation import draw_poses, make_row, simulate_rows
+from radiometry.geometry.solving import Pose
+from radiometry.geometry.target import locate_corners_mm
+from radiometry.methods import geometry
+from tests.radiometry.geometry.boards import (
     BOARD,
     CAMERA,
     CHARUCO,
@@ -18,17 +29,6 @@ from boards import (
     values,
     with_features,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from pydantic import TypeAdapter
-
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Exclusion
-from radiometry.geometry.camera import project
-from radiometry.geometry.simulation import draw_poses, make_row, simulate_rows
-from radiometry.geometry.solving import Pose
-from radiometry.geometry.target import locate_corners_mm
-from radiometry.methods import geometry
 
 PUBLISHED = {
     "fx_px": 535.9157,

@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from boards import BOARD, FREE, SQUARE, simulate, with_features
 
 from radiometry.geometry.simulation import simulate_rows
 from radiometry.geometry.solving import Pose
 from radiometry.methods import geometry
 from radiometry.verdicts import Taken
+from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, with_features
 
 
 def taken(row, **changes):

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from boards import CAMERA, FREE, SQUARE
 
 from radiometry.errors import Code, InputRejected
 from radiometry.geometry.camera import find_directions
 from radiometry.geometry.exports import _write
 from radiometry.methods import geometry
+from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE
 
 SMALL = dataclasses.replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_px=128, cx_px=83, cy_px=57)
 

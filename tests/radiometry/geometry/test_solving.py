@@ -5,7 +5,6 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from boards import BOARD, CAMERA, FREE, SQUARE, errors, simulate, transpose, values
 
 from radiometry.errors import Code, InputRejected
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
@@ -13,6 +12,7 @@ from radiometry.geometry.simulation import simulate_rows
 from radiometry.geometry.solving import Pose, choose_freedom, solve
 from radiometry.geometry.views import make_view
 from radiometry.methods import geometry
+from tests.radiometry.geometry.boards import BOARD, CAMERA, FREE, SQUARE, errors, simulate, transpose, values
 
 ALL = choose_freedom(fix_aspect_ratio=False, radial_terms=3, tangential=True)
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from boards import BOARD, CHARUCO
 from pydantic import TypeAdapter, ValidationError
 
 from radiometry.geometry.target import locate_corners_mm, measure_spacing_px
 from radiometry.methods import geometry
+from tests.radiometry.geometry.boards import BOARD, CHARUCO
 
 ADAPTER = TypeAdapter(geometry.Target)
 

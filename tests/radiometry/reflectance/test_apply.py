@@ -5,13 +5,24 @@ import math
 
 import numpy as np
 import pytest
-from captures import CAMERA, NOON, PANEL, PANEL_R, READINGS, extract, flags_of, make_header, seeded, take
 from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.errors import InputRejected
 from radiometry.methods import reflectance
 from radiometry.reflectance.simulation import BANDS, simulate_sequoia_capture
+from tests.radiometry.reflectance.captures import (
+    CAMERA,
+    NOON,
+    PANEL,
+    PANEL_R,
+    READINGS,
+    extract,
+    flags_of,
+    make_header,
+    seeded,
+    take,
+)
 
 SURFACE = {"green": 0.08, "red": 0.05, "red_edge": 0.25, "nir": 0.40}
 

@@ -5,7 +5,16 @@ import math
 
 import numpy as np
 import pytest
-from captures import (
+from pydantic import TypeAdapter
+
+from radiometry.errors import InputRejected
+from radiometry.evidence import Exclusion
+from radiometry.methods import reflectance
+from radiometry.multispectral import Multispectral
+from radiometry.reflectance.evaluation import evaluate_k
+from radiometry.reflectance.fitting import compute_k
+from radiometry.reflectance.simulation import BANDS, SimulatedSequoia, simulate_sequoia_capture
+from tests.radiometry.reflectance.captures import (
     CAMERA,
     NAMES,
     NOON,
@@ -18,15 +27,6 @@ from captures import (
     seeded,
     take,
 )
-from pydantic import TypeAdapter
-
-from radiometry.errors import InputRejected
-from radiometry.evidence import Exclusion
-from radiometry.methods import reflectance
-from radiometry.multispectral import Multispectral
-from radiometry.reflectance.evaluation import evaluate_k
-from radiometry.reflectance.fitting import compute_k
-from radiometry.reflectance.simulation import BANDS, SimulatedSequoia, simulate_sequoia_capture
 
 PARAMS = reflectance.Params()
 

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from captures import CAMERA, make_header, seeded
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,6 +13,7 @@ from radiometry.multispectral import Multispectral, RigGeometry
 from radiometry.reflectance.alignment import _rotation, align, find_directions, move_region, project
 from radiometry.reflectance.simulation import SimulatedSequoia, simulate_sequoia_capture
 from radiometry.roi import Polygon, Window, mask
+from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 
 FISHEYE = RigGeometry(
     model="fisheye",

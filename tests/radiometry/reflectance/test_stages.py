@@ -5,7 +5,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from captures import CAMERA, make_header, seeded
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,6 +24,7 @@ from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial, evaluate_radial
 from radiometry.reflectance.simulation import LENS, simulate_sequoia_capture
 from radiometry.roi import Polygon, Window
+from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 
 SETTINGS = Settings(exposure_time_s=0.003, f_number=2.2, iso=206.0)
 MODEL = SensorModel(a=310316.1, b=3067.5, c=4773.6)

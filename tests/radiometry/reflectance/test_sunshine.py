@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from captures import TABLE, flags_of, make_band, make_record
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,6 +12,7 @@ from radiometry.errors import InputRejected
 from radiometry.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineIrradiance
 from radiometry.reflectance.gains import measure_gains
 from radiometry.reflectance.sunshine import list_readings, measure_sunshine
+from tests.radiometry.reflectance.captures import TABLE, flags_of, make_band, make_record
 
 
 def test_relative_gains_of_the_procedure_s_table():

@@ -5,7 +5,6 @@ import math
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
-from captures import make_band, make_header, make_record
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,6 +14,7 @@ from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.sun import SunPosition, locate_sun
 from radiometry.reflectance.sunshine import measure_sunshine
 from radiometry.reflectance.tilt import Tilt, TiltParams, level_factor, sun_angle_deg, transmit
+from tests.radiometry.reflectance.captures import make_band, make_header, make_record
 
 PARAMS = TiltParams()
 LEVEL = {"yaw_deg": 0.0, "pitch_deg": 0.0, "roll_deg": 0.0}

@@ -8,7 +8,6 @@ import pytest
 import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shots import EDGES, SMALL, STRAIGHT, edge, extract, measure, measure_only, seeded, transpose
 
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Region
@@ -17,6 +16,17 @@ from radiometry.methods import sharpness
 from radiometry.roi import Polygon
 from radiometry.sharpness.simulation import SimulatedCamera, render_chart, true_mtf
 from radiometry.sharpness.spectrum import find_crossing, list_frequencies
+from tests.radiometry.sharpness.shots import (
+    EDGES,
+    SMALL,
+    STRAIGHT,
+    edge,
+    extract,
+    measure,
+    measure_only,
+    seeded,
+    transpose,
+)
 
 FREQUENCY = list_frequencies()
 BELOW_NYQUIST = FREQUENCY <= 0.5

@@ -7,7 +7,6 @@ import math
 
 import pytest
 from pydantic import TypeAdapter
-from shots import EXPOSURE, extract, row, seeded
 
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Exclusion
@@ -16,6 +15,7 @@ from radiometry.sharpness.features import Estimate
 from radiometry.sharpness.merging import merge_estimates
 from radiometry.sharpness.simulation import SimulatedCamera, SimulatedEdge, SimulatedStar, render_chart
 from radiometry.verdicts import Taken
+from tests.radiometry.sharpness.shots import EXPOSURE, extract, row, seeded
 
 # The corners' blur takes a quarter off MTF50, as the source found of its camera.
 MIDDLE_PX, CORNER_PX = 0.72, 0.96

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
-from shots import extract, seeded, transpose
 
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Region
@@ -13,6 +12,7 @@ from radiometry.methods import sharpness
 from radiometry.roi import Polygon
 from radiometry.sharpness.resolution import find_resolving_power
 from radiometry.sharpness.simulation import SimulatedCamera, SimulatedStar, render_chart, true_mtf
+from tests.radiometry.sharpness.shots import extract, seeded, transpose
 
 CAMERA = SimulatedCamera(height_px=190, width_px=210)
 STAR = SimulatedStar(

@@ -1,20 +1,11 @@
-import os
-import sys
-from pathlib import Path
-
 import pytest
 
-# The writers beside these tests are theirs alone and no package.
-sys.path.insert(0, str(Path(__file__).parent))
-
-_DATA = Path(os.environ.get("STILB_TEST_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
+from tests.support.data import data_file
 
 
 @pytest.fixture(scope="session")
 def real_files():
-    if not _DATA.is_dir():
-        pytest.skip(f"the real files are not at {_DATA} (STILB_TEST_DATA)")
-    return _DATA
+    return data_file(".")
 
 
 @pytest.fixture

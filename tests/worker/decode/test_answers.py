@@ -8,8 +8,8 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from dng_variants import Variant, make_dng, make_samples
 
+from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from worker.decode import answers, messages, reading
 from worker.decode.messages import BrokenMessageError
 

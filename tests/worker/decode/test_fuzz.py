@@ -3,11 +3,11 @@
 import contextlib
 
 import pytest
-from dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radiometry.errors import InputRejected
+from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
 from worker.decode import reading
 
 VARIANTS = {

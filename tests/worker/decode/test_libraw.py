@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import rawpy
-from dng_variants import Variant, make_dng, make_samples
-from tiff_writer import LONG, RATIONAL
 
 from radiometry.errors import InputRejected
+from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
+from tests.worker.decode.tiff_writer import LONG, RATIONAL
 from worker.decode import libraw, reading
 from worker.decode.refusals import Refusal
 

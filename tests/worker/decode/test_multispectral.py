@@ -9,9 +9,15 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from spectral_tiff import CALIBRATION, make_tiff, pack_records, write_micasense_xmp, write_sequoia_xmp
 
 from radiometry.multispectral import GainMeasurement
+from tests.worker.decode.spectral_tiff import (
+    CALIBRATION,
+    make_tiff,
+    pack_records,
+    write_micasense_xmp,
+    write_sequoia_xmp,
+)
 from worker.decode import reading
 from worker.decode.irradiance import read_counts, read_gains
 from worker.decode.pool import DecoderPool

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tiff_writer import ASCII, LONG, RATIONAL, SHORT, TiffWriter
 
 from radiometry.errors import InputRejected
+from tests.worker.decode.tiff_writer import ASCII, LONG, RATIONAL, SHORT, TiffWriter
 from worker.decode import pictures, reading
 from worker.decode.pool import DecoderPool
 from worker.decode.refusals import Refusal

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dng_variants import Variant, expected_samples, make_dng, make_samples
-from tiff_writer import LONG
 
 from radiometry.errors import Code, InputRejected
+from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
+from tests.worker.decode.tiff_writer import LONG
 from worker.decode import reading
 from worker.decode.pool import DecoderCrashed, DecoderPool, DecoderUnavailable
 from worker.decode.refusals import Refusal

@@ -3,9 +3,9 @@
 import dataclasses
 
 import pytest
-from dng_variants import Variant, make_dng, make_samples
-from tiff_writer import ASCII, BYTE, LONG, RATIONAL
 
+from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
+from tests.worker.decode.tiff_writer import ASCII, BYTE, LONG, RATIONAL
 from worker.decode import reading
 
 LANSING = {

@@ -3,8 +3,8 @@
 import imagecodecs
 import numpy as np
 import pytest
-from dng_variants import Variant, make_dng
 
+from tests.worker.decode.dng_variants import Variant, make_dng
 from worker.decode import ljpeg, reading
 
 ROWS, COLS = 240, 400

@@ -4,10 +4,10 @@ import struct
 
 import numpy as np
 import pytest
-from dng_variants import Variant, black_level, make_dng, make_samples
-from tiff_writer import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 
 from radiometry.errors import Code, InputRejected
+from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
+from tests.worker.decode.tiff_writer import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 from worker.decode import reading
 from worker.decode.refusals import Refusal, refuse
 
