@@ -22,7 +22,7 @@ from radiometry.roi import Polygon
 from radiometry.statistics import measure_signal
 from radiometry.surface import Grid
 from tests.radiometry.coefficients import COEFFICIENT
-from tests.radiometry.test_luminance import PARAMS, READINGS, ROWS, K, fit
+from tests.radiometry.luminance.exact import PARAMS, READINGS, ROWS, K, fit
 
 SHAPE = (64, 96)
 RADIUS = math.hypot(*SHAPE) / 2

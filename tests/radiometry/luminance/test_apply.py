@@ -1,0 +1,114 @@
+"""From a coefficient back to a luminance, and what a frame gives to the fit."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from radiometry.errors import Code, InputRejected
+from radiometry.exposure import Exposure
+from radiometry.flags import Flag
+from radiometry.methods import luminance
+from radiometry.roi import Polygon
+from radiometry.simulate import Sensor, Shot, render_frame
+from tests.radiometry.luminance.exact import (
+    DARK,
+    LIGHTS,
+    PARAMS,
+    K,
+    fit,
+    statistics,
+)
+
+
+def apply(mean_dn, *, exposure=None, model="proportional", **changes):
+    coefficients = [f.coefficient for f in fit(params=dataclasses.replace(PARAMS, model=model)).iso_fits]
+    exposure = exposure or Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)
+    return luminance.apply(
+        statistics(mean_dn, **changes), exposure=exposure, coefficients=coefficients
+    ), coefficients[0]
+
+
+def test_apply_by_hand():
+    applied, coefficient = apply(DARK + 300.0)
+    assert applied.luminance_cd_m2.value == pytest.approx(300.0 * 64 / (K * 0.1 * 3200))
+    u_n = math.sqrt(20.0**2 / 10000)
+    expected = math.sqrt(
+        (coefficient.luminance_k_standard_uncertainty / coefficient.luminance_k) ** 2
+        + 0.005**2
+        + 4 * 0.015**2
+        + (u_n**2 + coefficient.dark_signal_standard_uncertainty_dn**2) / 300.0**2
+    )
+    assert applied.luminance_cd_m2.standard_uncertainty / applied.luminance_cd_m2.value == pytest.approx(
+        expected
+    )
+    assert applied.luminance_cd_m2.unit == "cd/m2"
+    assert applied.flags == ()
+
+
+@pytest.mark.parametrize("model", ["affine", "power"])
+def test_other_models_apply_to_the_same_luminance(model):
+    applied, _ = apply(DARK + 300.0, model=model)
+    assert applied.luminance_cd_m2.value == pytest.approx(300.0 * 64 / (K * 0.1 * 3200), rel=1e-6)
+    assert 0.03 < applied.luminance_cd_m2.standard_uncertainty / applied.luminance_cd_m2.value < 0.1
+
+
+def test_a_signal_below_dark_is_not_clipped():
+    applied, _ = apply(DARK - 3.0)
+    assert applied.luminance_cd_m2.value == pytest.approx(-3.0 * 64 / (K * 0.1 * 3200))
+    assert [f.flag for f in applied.flags] == ["outside_signals", "below_detection"]
+
+
+def test_a_model_without_an_answer_is_refused():
+    with pytest.raises(InputRejected, match="no luminance for a signal of -3 DN") as refusal:
+        apply(DARK - 3.0, model="power")
+    assert refusal.value.code is Code.FIT_FAILED
+
+
+@pytest.mark.parametrize(
+    ("changes", "flag"),
+    [
+        ({"exposure_time_s": 0.3}, Flag.OUTSIDE_EXPOSURE_TIMES),
+        ({"f_number": 4.0}, Flag.OUTSIDE_F_NUMBERS),
+        ({"f_number": 22.0}, Flag.OUTSIDE_F_NUMBERS),
+    ],
+)
+def test_what_was_not_calibrated_is_flagged(changes, flag):
+    exposure = Exposure(**{"exposure_time_s": 0.1, "f_number": 8.0, "iso": 3200.0, **changes})
+    assert [f.flag for f in apply(DARK + 300.0, exposure=exposure)[0].flags] == [flag.value]
+
+
+def test_a_saturated_measurement_is_flagged():
+    assert [f.flag for f in apply(DARK + 1000.0, saturated=0.5)[0].flags] == ["saturated"]
+
+
+def test_an_unknown_iso_is_refused():
+    with pytest.raises(InputRejected, match="taken at ISO 1600; this calibration holds ISO 3200") as refusal:
+        apply(500.0, exposure=Exposure(exposure_time_s=0.1, f_number=8.0, iso=1600.0))
+    assert refusal.value.code is Code.ISO_NOT_CALIBRATED
+
+
+def test_the_map_scale_agrees_with_apply():
+    applied, coefficient = apply(DARK + 300.0)
+    exposure = Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)
+    assert 300.0 * luminance.luminance_per_dn(coefficient, exposure) == pytest.approx(
+        applied.luminance_cd_m2.value
+    )
+    _, bent = apply(DARK + 300.0, model="affine")
+    with pytest.raises(InputRejected, match="this one is affine"):
+        luminance.luminance_per_dn(bent, exposure)
+
+
+def test_extract_measures_the_region_in_a_window():
+    sensor = Sensor(height_px=80, width_px=90)
+    settings = dataclasses.replace(LIGHTS[0].exposure).on_basis("nominal")
+    shot = Shot(frame="f", role="light", scene="s", stated=settings, true=settings, luminance_cd_m2=0.05)
+    frame = render_frame(sensor, shot, np.random.default_rng(1), row0=11, col0=20, height=30, width=40)
+    polygon = Polygon.from_points([(25, 15), (50, 18), (45, 38)])
+    rows = luminance.extract(frame, polygon)
+    assert [row.channel for row in rows] == ["R", "G1", "G2", "B", "grey"]
+    assert rows[-1].n == pytest.approx(0.5 * abs(25 * 23 - 20 * 3), abs=30)
+    with pytest.raises(InputRejected) as refusal:
+        luminance.extract(frame, Polygon.from_points([(0, 0), (9, 0), (9, 9)]))
+    assert refusal.value.code is Code.ROI_EMPTY

@@ -1,0 +1,218 @@
+"""Each reason that lies in one frame's signal: on its boundary, beside it, with the sentence that helps."""
+
+import dataclasses
+import math
+
+import pytest
+
+from radiometry.luminance.wording import show_stops, show_time
+from tests.radiometry.evidence import (
+    DARK,
+    DARKS,
+    ROWS,
+    SPAN,
+    WHITE,
+    dark,
+    light,
+)
+from tests.radiometry.luminance.judged import codes, odd, only, verdicts
+
+
+def test_a_good_campaign_passes_as_a_whole():
+    assert {verdict.outcome for verdict in verdicts(ROWS).values()} == {"pass"}
+    assert set(verdicts(ROWS)) == {row.frame for row in ROWS}
+
+
+# --- clipped and nearly
+
+
+def test_a_thousandth_is_not_clipped_and_a_little_more_is():
+    for share, found in ((0.001, []), (0.00101, ["clipped"])):
+        frame = odd(2000.0, saturated_share=share, max_dn=2500)
+        assert codes((*ROWS, frame), "odd") == found
+
+
+@pytest.mark.parametrize(
+    ("share", "median", "stops"),
+    [
+        # std = 232.63 / 2.3263 = 100, highlights 3862.37 + 309.02 - 256 = 3915.4 = 1.275 * 80 %: 0.35 stops
+        (0.01, WHITE - 232.63, "2/3 stop"),
+        # one sample in ten beyond: std = 1281.55 / 1.28155 = 1000, highlights 5647.7 = 1.839 * 80 %: 0.88
+        (0.1, WHITE - 1281.55, "1 stop"),
+    ],
+)
+def test_how_far_a_region_is_clipped_follows_from_its_median(share, median, stops):
+    frame = light("middle", 5.6, name="odd", signal_dn=median - DARK, saturated_share=share, median_dn=median)
+    found = verdicts((*DARKS, frame))["odd"]
+    assert found.outcome == "fail"
+    assert found.reasons[0].code == "clipped"
+    assert f"{share:.2%} of the region is clipped, more than 0.1%" in found.reasons[0].detail
+    assert f"Give it {stops} less light" in found.reasons[0].detail
+
+
+def test_how_far_a_region_is_wholly_clipped_follows_from_its_scene():
+    """K X = 30 * 0.1 * 3200 * 5 / 2.8^2 = 6122 DN, 1.993 times 80 % of 3839 DN: 0.995 stops."""
+    frame = light("middle", 2.8, name="odd", signal_dn=SPAN, saturated_share=1.0, median_dn=WHITE)
+    found = only((*ROWS, frame), "odd")
+    assert found.code == "clipped"
+    assert "Give it 1 stop less light" in found.detail
+
+
+def test_of_two_estimates_of_clipping_the_larger_counts():
+    """By its own median two thirds of a stop as above, by its scene one; and the other way round."""
+    own = {"saturated_share": 0.01, "median_dn": WHITE - 232.63}
+    for f_number, stops in ((2.8, "1 stop"), (4.0, "2/3 stop")):
+        frame = light("middle", f_number, name="odd", signal_dn=3700.0, **own)
+        assert f"Give it {stops} less light" in verdicts((*ROWS, frame))["odd"].reasons[0].detail
+
+
+def test_nobody_knows_how_far_a_lone_region_is_clipped():
+    frame = light("middle", 2.8, name="odd", signal_dn=SPAN, saturated_share=1.0, median_dn=WHITE)
+    assert "Give it at least 2 stops less light" in verdicts((*DARKS, frame))["odd"].reasons[0].detail
+
+
+def test_highlights_within_five_percent_of_white():
+    """0.95 * 3839 + 256 = 3903.05."""
+    below, above = (odd(3600.0, max_dn=max_dn, std_dn=30.0) for max_dn in (3903, 3904))
+    assert codes((*ROWS, below), "odd") == []
+    found = only((*ROWS, above), "odd")
+    assert (found.code, found.outcome) == ("nearly_clipped", "warn")
+    assert "reach 95% of white" in found.detail
+    # 0.9503 / 0.8 = 1.188: 0.25 stops
+    assert "Give it 1/3 stop less light" in found.detail
+
+
+def test_one_hot_pixel_is_no_highlight():
+    assert codes((*ROWS, odd(2000.0, max_dn=4095)), "odd") == []
+    # 3 + 2 * 3.09 * 300 = 3787 + ... reaches white by its spread: mean 3000 + 927 = 3927 > 3647
+    frame = odd(3000.0, max_dn=4095, std_dn=300.0)
+    assert "nearly_clipped" in codes((*ROWS, frame), "odd")
+
+
+# --- too dark and weak
+
+
+def test_three_standard_errors_above_dark():
+    """u(N) = 20 / 100, u(D) = sqrt(pi / 2 * 0.2^2 / 9): 0.2168 DN, three times 0.650 DN."""
+    error = math.hypot(0.2, math.sqrt(math.pi / 2 * 0.04 / 9))
+    for signal, code, outcome in ((2.99 * error, "too_dark", "fail"), (3.01 * error, "weak_signal", "warn")):
+        found = only((*ROWS, odd(signal)), "odd")
+        assert (found.code, found.outcome) == (code, outcome)
+
+
+def test_one_percent_of_the_span_is_useful():
+    """38.39 DN; 20 DN are 0.94 stops below."""
+    assert codes((*ROWS, odd(38.4)), "odd") == []
+    found = only((*ROWS, odd(20.0)), "odd")
+    assert found.code == "weak_signal"
+    assert "The signal is 20 DN above dark; from 38.4 DN on" in found.detail
+    assert "Give it 1 stop more light: a longer time" in found.detail
+
+
+def test_fifty_standard_errors_are_useful():
+    """100 samples of 20 DN: u(N) = 2, with u(D) = 0.0836; fifty times is 100.1 DN."""
+    assert codes((*ROWS, odd(100.2, n=100)), "odd") == []
+    found = only((*ROWS, odd(100.0, n=100)), "odd")
+    assert (found.code, "from 100 DN on" in found.detail) == ("weak_signal", True)
+
+
+def test_what_may_be_noise_says_only_the_least_number_of_stops():
+    found = only((*ROWS, odd(0.01)), "odd")
+    # 38.39 / 0.2168 = 177: 7.47 stops
+    assert "Give it at least 7 2/3 stops more light" in found.detail
+
+
+@pytest.mark.parametrize(
+    ("ratio", "text"),
+    [
+        (1.0, "1/3 stop"),
+        (2 ** (1 / 3), "1/3 stop"),
+        (1.27, "2/3 stop"),
+        (2.0, "1 stop"),
+        (2.01, "1 1/3 stops"),
+        (4.0, "2 stops"),
+    ],
+)
+def test_stops_are_rounded_up_to_thirds(ratio, text):
+    assert show_stops(ratio) == text
+
+
+@pytest.mark.parametrize(
+    ("time_s", "text"),
+    [(1 / 125, "1/125 s"), (0.008, "1/125 s"), (0.5, "0.5 s"), (8.0, "8 s"), (0.3, "0.3 s")],
+)
+def test_times_are_written_as_marked(time_s, text):
+    assert show_time(time_s) == text
+
+
+# --- uneven
+
+
+def photon(scene, f_number, *, unevenness=0.0, gain=2.0, **changes):
+    """std^2 = 20^2 + g S + (u S)^2."""
+    row = light(scene, f_number, **changes)
+    mean = row.statistics[0].mean_dn
+    signal = mean - DARK
+    std = math.sqrt(400.0 + gain * signal + (unevenness * signal) ** 2)
+    found = dataclasses.replace(row.statistics[0], std_dn=std, max_dn=min(4000, round(mean + 5 * std)))
+    return dataclasses.replace(row, statistics=(found,))
+
+
+def test_spread_beyond_photon_noise():
+    """The weakest frame is even: g = 2 DN but for 3 errors of its variance, 3 * sqrt(2 / 10000) = 4.2 %."""
+    rows = tuple(photon(scene, f) for scene in ("bright", "middle", "dim") for f in (5.6, 8.0, 16.0))
+    others = (*DARKS, *(row for row in rows if row.frame != "middle-3200-5.6"))
+    even, uneven = (photon("middle", 5.6, unevenness=u) for u in (0.045, 0.065))
+    assert codes((*others, even), even.frame) == []
+    found = only((*others, uneven), uneven.frame)
+    assert (found.code, found.outcome) == ("uneven", "warn")
+    assert "varies over the region by at least 6% beyond noise" in found.detail
+
+
+@pytest.mark.parametrize(("errors", "found"), [(2.9, False), (3.7, True)])
+def test_scatter_of_a_small_region_is_not_unevenness(errors, found):
+    """A variance of 100 pixels errs by sqrt(2 / 100): the weak frame's is too low, the other's too high."""
+
+    def scattered(row, sign):
+        only = row.statistics[0]
+        error = math.sqrt(2 / only.n) * only.std_dn**2
+        changed = dataclasses.replace(only, std_dn=math.sqrt(only.std_dn**2 + sign * errors * error))
+        return dataclasses.replace(row, statistics=(changed,))
+
+    weak, strong = (
+        photon("middle", f_number, gain=40.0, name=name, n=100)
+        for f_number, name in ((16.0, "weak"), (8.0, "strong"))
+    )
+    quiet = tuple(dark(f"quiet-{n}", std_dn=0.1) for n in range(3))
+    rows = (*quiet, scattered(weak, -1), scattered(strong, 1))
+    # 2.9: 42 * 0.590 * 1.424 is more than 40.5 * 1.410 * 0.576; 3.7: 42 * 0.477 * 1.424 is less by 6.9
+    assert ("uneven" in codes(rows, "strong")) is found
+
+
+def test_photon_noise_alone_is_never_uneven():
+    """Whatever the gain, and with a single frame, of which the noise is not known."""
+    for gain in (0.1, 10.0, 40.0):
+        rows = (*DARKS, *(photon(scene, 8.0, gain=gain) for scene in ("bright", "middle", "dim")))
+        assert {v.outcome for v in verdicts(rows).values()} == {"pass"}
+    alone = (*DARKS, photon("middle", 8.0, unevenness=0.4))
+    assert "uneven" not in codes(alone, "middle-3200-8")
+
+
+def test_mean_and_median_of_one_surface_agree():
+    """Allowed: 3 * 0.7555 * 20 / 100 + 400 / (6 * 1000) + 0.5 = 1.020 DN, then 2 % of 1000 DN."""
+    mean = DARK + 1000.0
+    for difference, found in ((21.0, []), (21.1, ["uneven"]), (-21.0, []), (-21.1, ["uneven"])):
+        assert codes((*ROWS, odd(1000.0, median_dn=mean - difference)), "odd") == found
+    (reason,) = verdicts((*ROWS, odd(1000.0, median_dn=mean + 61.02)))["odd"].reasons
+    assert "the mean lies 6.0% below the median" in reason.detail.lower()
+
+
+def test_evenness_is_not_judged_of_weak_signals():
+    """5 % of the span are 192 DN."""
+    for signal, found in ((191.0, []), (193.0, ["uneven"])):
+        assert codes((*ROWS, odd(signal, median_dn=DARK + signal + 20.0)), "odd") == found
+
+
+def test_a_tone_curve_says_nothing_of_the_light():
+    frame = dataclasses.replace(odd(1000.0, median_dn=DARK + 1100.0), rendered=True)
+    assert codes((*ROWS, frame), "odd") == []

@@ -1,0 +1,143 @@
+"""Points that a fit leaves out, each with its reason, and what keeps it from starting."""
+
+import dataclasses
+
+import pytest
+
+from radiometry.errors import Code, InputRejected
+from radiometry.evidence import Exclusion
+from radiometry.methods import luminance
+from tests.radiometry.luminance.exact import (
+    DARK,
+    DARKS,
+    LIGHTS,
+    PARAMS,
+    READINGS,
+    ROWS,
+    K,
+    dark,
+    fit,
+    light,
+    point,
+    statistics,
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"statistics": statistics(3000.0, saturated=0.0011)}, "0.11% of its samples are saturated"),
+        ({"statistics": statistics(DARK + 0.3)}, "less than 3 standard errors above dark"),
+        ({"scene": "unread"}, "no luminance reading"),
+    ],
+)
+def test_a_point_is_left_out_with_its_reason(changes, reason):
+    result = fit((*ROWS, dataclasses.replace(light("dim", 11.0, name="odd"), **changes)))
+    odd = point(result, "odd")
+    assert not odd.used
+    assert reason in odd.left_out
+    assert (odd.weight, odd.residual_rel) == (0.0, None)
+    assert result.iso_fits[0].coefficient.luminance_k == pytest.approx(K, rel=1e-9)
+
+
+def test_a_thousandth_saturated_still_counts():
+    rows = (*ROWS, light("dim", 11.0, name="odd"))
+    kept = dataclasses.replace(rows[-1].statistics[0], saturated_share=0.001)
+    assert point(fit((*rows[:-1], dataclasses.replace(rows[-1], statistics=(kept,)))), "odd").used
+
+
+def test_a_frame_excluded_by_hand_says_who_and_why():
+    exclude = (Exclusion(frame="odd", reason="someone walked past", by="R. Ecorder"),)
+    rows = (*ROWS, light("dim", 11.0, k=99.0, name="odd"))
+    result = fit(rows, params=dataclasses.replace(PARAMS, exclude=exclude))
+    assert point(result, "odd").left_out == "excluded by R. Ecorder: someone walked past"
+    assert result.iso_fits[0].coefficient.luminance_k == pytest.approx(K, rel=1e-9)
+
+
+def test_an_excluded_dark_frame_does_not_count():
+    exclude = (Exclusion(frame="lit", reason="lamp was on", by="me"),)
+    rows = (*LIGHTS, *DARKS[:1], dark("lit", mean_dn=900.0))
+    result = fit(rows, params=dataclasses.replace(PARAMS, exclude=exclude))
+    assert result.iso_fits[0].coefficient.dark_signal_dn == DARK
+
+
+def test_nothing_is_missing():
+    assert luminance.missing(ROWS, READINGS, PARAMS) == ()
+
+
+@pytest.mark.parametrize(
+    ("rows", "readings", "sentence"),
+    [
+        (DARKS, READINGS, "the campaign has no light frame"),
+        (
+            (*ROWS, light("dim", 11.0, name="new", statistics=None)),
+            READINGS,
+            "frame new has no statistics yet",
+        ),
+        (
+            (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene=None)),
+            READINGS,
+            "frame new has no scene",
+        ),
+        (
+            ROWS,
+            READINGS[1:],
+            "ISO 3200 has 2 usable scenes, a fit needs 3: scene bright: a frame was left out ",
+        ),
+        (LIGHTS[:6], READINGS, "ISO 3200 has 2 usable scenes, a fit needs 3: photograph more light levels"),
+        (ROWS, [], "ISO 3200 has 0 usable scenes"),
+    ],
+)
+def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, readings, sentence):
+    assert any(found.startswith(sentence) for found in luminance.missing(rows, readings, PARAMS))
+    with pytest.raises(InputRejected) as refusal:
+        fit(rows, readings)
+    assert refusal.value.code is Code.FIT_INCOMPLETE
+    assert sentence in refusal.value.message
+
+
+def test_a_scene_without_a_reading_is_named_and_does_not_stop_the_others():
+    rows = (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene="level-4"))
+    assert luminance.missing(rows, READINGS, PARAMS) == ("scene level-4 has no luminance reading",)
+    assert fit(rows).passed
+
+
+def test_a_scene_of_which_every_frame_is_excluded_needs_no_reading():
+    rows = (*ROWS, dataclasses.replace(light("dim", 11.0, name="new"), scene="level-4"))
+    params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="new", reason="", by="me"),))
+    assert luminance.missing(rows, READINGS, params) == ()
+
+
+def test_a_campaign_without_a_region_says_so_once():
+    bare = [dataclasses.replace(row, statistics=None, has_region=False) for row in ROWS]
+    assert luminance.missing(bare, READINGS, PARAMS) == ("the campaign has no region (ROI)",)
+    assert luminance.missing((*bare[:1], *ROWS[1:]), READINGS, PARAMS) == (
+        "frame bright-3200-5.6 has no region (ROI)",
+    )
+
+
+def test_the_first_of_many_waiting_frames_are_named_and_the_rest_counted():
+    waiting = [dataclasses.replace(row, statistics=None) for row in ROWS]
+    assert luminance.missing(waiting, READINGS, PARAMS) == (
+        "frames bright-3200-16, bright-3200-5.6, bright-3200-8 and 12 more have no statistics yet",
+    )
+    assert luminance.missing((*waiting[:2], *ROWS[2:]), READINGS, PARAMS) == (
+        "frames bright-3200-5.6 and bright-3200-8 have no statistics yet",
+    )
+
+
+def test_what_is_not_read_yet_is_named_and_may_be_the_light_frames():
+    assert luminance.missing((), (), PARAMS, unread=("b", "a")) == ("frames a and b have not been read yet",)
+    assert luminance.missing((), (), PARAMS) == ("the campaign has no light frame",)
+
+
+def test_excluding_an_unknown_frame_is_said():
+    params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="ghost", reason="", by="me"),))
+    assert luminance.missing(ROWS, READINGS, params) == (
+        "frame ghost is to be left out, but the campaign has no such frame",
+    )
+
+
+def test_an_excluded_frame_need_not_be_extracted():
+    params = dataclasses.replace(PARAMS, exclude=(Exclusion(frame="new", reason="blurred", by="me"),))
+    assert luminance.missing((*ROWS, light("dim", 11.0, name="new", statistics=None)), READINGS, params) == ()
