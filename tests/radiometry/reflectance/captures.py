@@ -1,5 +1,6 @@
 """Panel and flight captures of a simulated Sequoia, cut to small frames, as rows of a campaign."""
 
+import dataclasses
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -98,3 +99,29 @@ def make_header(band, **more):
         }
         | more
     )
+
+
+def panel(seed=1, **more):
+    return take(seeded(seed), PANEL_R, **more)
+
+
+def k_of(fit, band="green"):
+    return next(each for each in fit.band_fits if each.coefficient.band == band)
+
+
+def change_band(rows, **changes):
+    return [
+        dataclasses.replace(
+            each,
+            header=dataclasses.replace(
+                each.header, multispectral=dataclasses.replace(each.header.multispectral, **changes)
+            ),
+        )
+        for each in rows
+    ]
+
+
+def change_features(rows, **changes):
+    return [
+        dataclasses.replace(each, features=dataclasses.replace(each.features, **changes)) for each in rows
+    ]
