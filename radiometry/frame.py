@@ -18,6 +18,17 @@ class Opcode:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StatedAngle:
+    """An angle of the camera or of what carries it, under the file's own name and in the unit which that has.
+
+    ``name`` : with its family, such as "camera:Yaw"
+    """
+
+    name: str
+    value: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class FrameHeader:
     """The metadata of one raw file. What the file does not state is None; zero is kept as zero.
 
@@ -56,6 +67,7 @@ class FrameHeader:
     latitude_deg: float | None = None  # WGS 84, north positive; stated with the longitude or not at all
     longitude_deg: float | None = None  # east positive
     altitude_m: float | None = None  # above sea level, as the camera says; below it is negative
+    attitude: tuple[StatedAngle, ...] = field(default=())  # kept and handed on, computed with by nothing
     opcodes: tuple[Opcode, ...] = field(default=())
     multispectral: Multispectral | None = None  # of a camera with one band a file and a sunshine sensor
     # A whole frame is read cheapest in bands of so many rows, the first of which may be cut by the border.

@@ -9,6 +9,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+from store.tables import FrameRow
 from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
 from tests.support.frames import forget_time, place_frame, write_frame
 
@@ -106,6 +107,9 @@ def test_a_lit_surface(house):
 
 def test_a_map_holds_every_pixel_and_names_what_made_it(house, version):
     frame = field_frame(house, field_campaign(house))
+    with house.database.writing("test") as session:
+        row = session.get_one(FrameRow, frame["id"])
+        row.header = {**row.header, "attitude": [{"name": "drone-dji:GimbalPitchDegree", "value": -89.9}]}
     found = measure(house, frame, products=["map"])
     links = found["links"]
     answer = house.http.get(links["map_tif"])
@@ -121,6 +125,7 @@ def test_a_map_holds_every_pixel_and_names_what_made_it(house, version):
         values = page.asarray()
     assert (values.shape, values.dtype) == ((64, 96), np.float32)
     assert told["unit"] == "cd/m2"
+    assert b"<drone-dji:GimbalPitchDegree>-89.9</" in page.tags["XMP"].value
     assert told["calibration"] == {
         "id": version["id"],
         "version": 1,

@@ -167,6 +167,8 @@ def test_a_flight_frame_is_measured_whole_and_its_map_agrees(sqlite_house, frame
     }
     assert b"<Camera:BandName>NIR</Camera:BandName>" in packet
     assert b"Vignetting" not in packet
+    for angle in (b"Camera:IrradianceYaw>-21.1108", b"DLS:Pitch>-0.00964", b"DLS:Roll>-0.02679"):
+        assert angle in packet
     assert (gps["GPSLatitudeRef"], gps["GPSLongitudeRef"]) == ("N", "W")
     assert found["map"]["above_one"] > 100  # roofs and stones: not clipped
     assert found["map"]["saturated"] == round(found["saturated_share"] * plane.size) == 207

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from store.tables import FrameRow
 from tests.support.data import data_file
 
 NAMES = {
@@ -199,6 +200,9 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
         status=202,
     )
     assert (len(once["jobs"]), once["not_measured"]) == (1, [])
+    with house.database.writing("test") as session:
+        row = session.get_one(FrameRow, frames["nir"]["id"])
+        row.header = {**row.header, "attitude": [{"name": "camera:Yaw", "value": -63.8}]}
     frame = frames["red"]
     found = measure(house, frame, calibration_id=version["id"], index="ndvi", products=["map"])
     assert found["index"]["name"] == "ndvi"
@@ -211,6 +215,9 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
     assert found["mean"]["standard_uncertainty"] == pytest.approx(2 * u / total**2, rel=1e-5)
     plane, said = read_map(house, found)
     assert said["quantity"] == "ndvi"
+    file = house.http.get(found["links"]["map_tif"]).content
+    assert b"<Camera:Yaw>-63.8</" in file
+    assert b"BandName" not in file  # it shows two
     assert plane.shape == (960, 1280)
     assert found["map"] == {"pixels": plane.size, "undefined": int(np.isnan(plane).sum())}
     assert np.isfinite(plane).sum() > 0.9 * plane.size

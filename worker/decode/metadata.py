@@ -7,7 +7,9 @@ from datetime import datetime
 from typing import Final
 
 from radiometry.errors import InputRejected
+from radiometry.frame import StatedAngle
 from worker.decode import limits, tags
+from worker.decode.attitude import read_attitude
 from worker.decode.position import read_position
 from worker.decode.tiff import Directory
 
@@ -58,6 +60,7 @@ class Metadata:
     latitude_deg: float | None
     longitude_deg: float | None
     altitude_m: float | None
+    attitude: tuple[StatedAngle, ...]
 
 
 class _Tags:
@@ -112,6 +115,7 @@ def read_metadata(main: Directory) -> Metadata:
         latitude_deg=position.latitude_deg,
         longitude_deg=position.longitude_deg,
         altitude_m=position.altitude_m,
+        attitude=read_attitude(main),
         exposure_time_s=exposure_time_s,
         exposure_time_apex_s=_from_apex(found.numbers(tags.SHUTTER_SPEED_VALUE), -1.0, exposure_time_s),
         f_number=f_number,

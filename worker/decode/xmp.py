@@ -23,6 +23,7 @@ _FAMILIES: Final = (
     ("micasense.com/MicaSense", "micasense"),
     ("micasense.com/DLS", "dls"),
     ("pix4d.com", "camera"),
+    ("dji.com/drone-dji", "drone-dji"),
 )
 _CONTAINERS: Final = frozenset(f"{_RDF} {name}" for name in ("RDF", "Description", "Seq", "Bag", "Alt"))
 _ITEM: Final = f"{_RDF} li"

@@ -14,6 +14,7 @@ from radiometry.methods import geometry
 from store.codec import decode_exposure
 from store.measuring.record import Products, read_camera
 from store.software import CODE_VERSION
+from worker.maps.packet import write_packet
 from worker.maps.picture import WIDEST_PX
 from worker.maps.strips import cut_strips
 from worker.maps.tiff import MapFacts, Samples, write_picture
@@ -54,6 +55,7 @@ def measure(task: Task) -> tuple[dict[str, Any], Products]:
         exposure=decode_exposure(task.frame.exposure) if task.frame.exposure else None,
         software=f"stilb {CODE_VERSION}",
         description=description,
+        packet=write_packet(header.attitude),
     )
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"

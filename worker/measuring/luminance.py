@@ -14,6 +14,7 @@ from store.measuring.plan import read_request
 from store.measuring.record import Products, read_coefficients, read_regions
 from store.software import CODE_VERSION
 from worker.maps.making import Subject, make_map
+from worker.maps.packet import write_packet
 from worker.maps.picture import LUMINANCE
 from worker.maps.tiff import MapFacts
 from worker.measuring.task import Task, keep, keep_file
@@ -64,6 +65,7 @@ def _map(task: Task) -> Products:
             signal=scale.channel,
             vignetting=task.parameters.get("vignetting", "none"),
         ),
+        packet=write_packet(task.header.attitude),
     )
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"

@@ -82,7 +82,7 @@ def _map_band(task: Task) -> tuple[Made, Products]:
         report=lambda share: task.report(0.1 + 0.9 * share),
     )
     assert header.multispectral is not None  # noqa: S101  the plan refused files without one
-    packet = write_packet(header.multispectral)
+    packet = write_packet(header.attitude, header.multispectral)
     description = _describe(task, header, quantity="reflectance")
     return _draw(task, subject, header, REFLECTANCE, description, packet)
 
@@ -106,7 +106,7 @@ def _draw(
     header: FrameHeader,
     style: Style,
     description: dict[str, Any],
-    packet: bytes = b"",
+    packet: bytes,
 ) -> tuple[Made, Products]:
     facts = MapFacts(
         header=header,
@@ -160,7 +160,9 @@ def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
     )
     style = Style(unit=index.upper(), unknown="none", ends=_INDEX_ENDS)
     description = _describe(task, task.header, quantity=index, other=task.parameters["other"])
-    _, products = _draw(task, subject, task.header, style, description)
+    # of two bands: neither's name is the map's
+    packet = write_packet(task.header.attitude)
+    _, products = _draw(task, subject, task.header, style, description, packet)
     counts = {"pixels": int(values.size), "undefined": found.undefined}
     return result | {"map": counts}, products
 

@@ -1,4 +1,4 @@
-"""The XMP of a map: the band and its lens come back as the camera's own file told them, and nothing else."""
+"""The XMP of a map: band, lens and attitude come back as the camera's file told them, and nothing else."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -6,9 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from radiometry.frame import StatedAngle
 from radiometry.multispectral import Multispectral
 from tests.support.data import data_file
 from worker.decode import reading
+from worker.decode.metadata import read_metadata
 from worker.decode.multispectral import _pixels_per_mm, read_multispectral
 from worker.decode.tiff import read_directories
 from worker.decode.xmp import parse_xmp
@@ -16,6 +18,7 @@ from worker.maps.packet import write_packet
 from worker.maps.tiff import MapFacts, encode_band, write_tiff
 
 FILES = ["sequoia/IMG_180413_080658_0000_RED.TIF", "rededge/0000SET_000_IMG_0001_4.tif"]
+ANGLES = {"sequoia": 3, "micasense": 6}  # the RedEdge's are of its light sensor, in degrees and in radians
 KEPT = (
     *("system", "band", "band_name", "wavelength_nm", "width_nm"),
     *("rig_camera_index", "capture_id", "flight_id"),
@@ -33,7 +36,7 @@ def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path)
         exposure=None,
         software="stilb",
         description={},
-        packet=write_packet(told),
+        packet=write_packet(header.attitude, told),
     )
     write_tiff(target, tiles, facts)
     (main,) = read_directories(target.read_bytes())
@@ -41,20 +44,36 @@ def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path)
     assert [getattr(found, field) for field in KEPT] == [getattr(told, field) for field in KEPT]
     assert found.geometry.principal_point_px == pytest.approx(told.geometry.principal_point_px, rel=1e-8)
     assert found.geometry.pixels_per_mm == pytest.approx(told.geometry.pixels_per_mm, rel=1e-8)
+    assert len(header.attitude) == ANGLES[told.system]
+    again = read_metadata(main)
+    assert (again.attitude, again.taken_at) == (header.attitude, header.taken_at)
+    place, told_place = ((each.latitude_deg, each.longitude_deg, each.altitude_m) for each in (again, header))
+    # the Sequoia's file says no place
+    assert place == (told_place if None in told_place else pytest.approx(told_place, rel=1e-9))
+    assert (None in place) == (told.system == "sequoia")
     same = {"principal_point_px": (0.0, 0.0), "pixels_per_mm": None}
     assert dataclasses.replace(found.geometry, **same) == dataclasses.replace(told.geometry, **same)
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_what_the_map_has_taken_in_is_not_said_again(name):
-    properties = parse_xmp(write_packet(reading.read_header(data_file(name)).multispectral))
+    header = reading.read_header(data_file(name))
+    kept = {angle.name for angle in header.attitude}
+    properties = set(parse_xmp(write_packet(header.attitude, header.multispectral))) - kept
     words = ("Vignetting", "SensorModel", "Radiometric", "Irradiance", "Sunshine", "Albedo")
     assert not [key for key in properties if any(word in key for word in words)]
 
 
+def test_attitude_alone_is_a_packet_and_nothing_is_none():
+    angles = (StatedAngle(name="drone-dji:GimbalYawDegree", value=-12.3),)
+    assert parse_xmp(write_packet(angles)) == {"drone-dji:GimbalYawDegree": ("-12.3",)}
+    assert b"<drone-dji:GimbalYawDegree>-12.3<" in write_packet(angles)
+    assert write_packet(()) == b""
+
+
 def test_a_name_cannot_break_out_of_the_packet():
     band = Multispectral(system="micasense", band="x", band_name='</Camera:BandName>&"<x>')
-    assert parse_xmp(write_packet(band)) == {"camera:BandName": ('</Camera:BandName>&"<x>',)}
+    assert parse_xmp(write_packet((), band)) == {"camera:BandName": ('</Camera:BandName>&"<x>',)}
 
 
 @pytest.mark.parametrize("resolution", [0.0, -266.0, 9.0, 1e9, float("inf")])
