@@ -23,6 +23,18 @@ class InForce:
     calibration: Calibration
     publication: Publication
 
+    def sentence(self) -> str:
+        """Which version it is and for how long; what it is told for, and why, follows behind a comma."""
+        published = self.publication
+        end = f"to {show_instant(published.valid_to)}" if published.valid_to else "on"
+        since = show_instant(published.valid_from)
+        return f"version {self.calibration.version} is in force from {since} {end}"
+
+
+def show_instant(instant: datetime) -> str:
+    """As sentences have it: to the second."""
+    return instant.isoformat(timespec="seconds").replace("+00:00", "Z")
+
 
 def publish(
     session: Session,

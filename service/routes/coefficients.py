@@ -23,7 +23,7 @@ from service.schemas.equipment import PositiveText
 from service.schemas.series import SeriesAnswer, SeriesRow
 from service.tabular import write_csv
 from store.columns import utc_now
-from store.publications import InForce, in_force
+from store.publications import InForce, in_force, show_instant
 from store.queries.calibrations import coefficients_of, series
 from store.tables import Camera, CoefficientRow
 
@@ -98,18 +98,14 @@ def get_coefficient_series(
 
 def _in_force(row: CoefficientRow, held: InForce) -> CoefficientInForce:
     publication = held.publication
-    end = f"to {_stamp(publication.valid_to)}" if publication.valid_to else "on"
-    why = (
-        f"version {held.calibration.version} is in force from {_stamp(publication.valid_from)} {end}, "
-        f"known since {_stamp(publication.known_from)}: {publication.reason}"
-    )
+    known_from = show_instant(publication.known_from)
     return CoefficientInForce(
         **Coefficient.of(row).model_dump(),
         calibration_id=held.calibration.id,
         version=held.calibration.version,
         valid_from=publication.valid_from,
         valid_to=publication.valid_to,
-        why=why,
+        why=f"{held.sentence()}, known since {known_from}: {publication.reason}",
     )
 
 
@@ -117,11 +113,11 @@ def _explain_none(
     wanted: Wanted, at: datetime, found: list[InForce], rows: dict[str, list[CoefficientRow]]
 ) -> str:
     if not found:
-        return f"No {wanted.method} calibration of this camera is in force at {_stamp(at)}."
+        return f"No {wanted.method} calibration of this camera is in force at {show_instant(at)}."
     versions = ", ".join(str(held.calibration.version) for held in found)
     isos = sorted({row.iso for held in found for row in rows[held.calibration.id] if row.iso})
     return (
-        f"Version {versions} is in force at {_stamp(at)}, but has no such coefficient. "
+        f"Version {versions} is in force at {show_instant(at)}, but has no such coefficient. "
         f"It was calibrated for ISO {', '.join(f'{iso:g}' for iso in isos)}."
     )
 
@@ -134,7 +130,3 @@ def _flatten(row: RowMapping) -> dict[str, Any]:
         if name in flat:
             flat[name] = rfc3339(flat[name])
     return flat
-
-
-def _stamp(instant: datetime) -> str:
-    return instant.isoformat(timespec="seconds").replace("+00:00", "Z")

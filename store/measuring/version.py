@@ -58,12 +58,8 @@ def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tup
             f"Frame {frame.filename} was taken at {taken}, and {reason}. Publish a version for that time, or "
             "name one with calibration_id.",
         )
-    publication = whole[0].publication
-    end = f"to {_stamp(publication.valid_to)}" if publication.valid_to else "on"
-    return whole[0], (
-        f"version {whole[0].calibration.version} is in force from {_stamp(publication.valid_from)} {end}, "
-        f"the frame was taken at {taken}: {publication.reason}"
-    )
+    (held,) = whole
+    return held, f"{held.sentence()}, the frame was taken at {taken}: {held.publication.reason}"
 
 
 def _fits(configuration: dict[str, Any], frame: FrameRow) -> bool:
@@ -91,7 +87,3 @@ def read_time(frame: FrameRow) -> tuple[datetime, datetime]:
         return instant, instant
     instant = instant.replace(tzinfo=UTC)
     return instant + _EARLIEST, instant + _LATEST
-
-
-def _stamp(instant: datetime) -> str:
-    return instant.isoformat(timespec="seconds").replace("+00:00", "Z")
