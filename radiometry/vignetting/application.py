@@ -54,7 +54,7 @@ def evaluate(
     """
     ends = []
     for coefficient, weight in bracket(coefficients, channel=channel, f_number=f_number):
-        value, slopes = _evaluate_one(coefficient, np.asarray(row_px), np.asarray(col_px))
+        value, slopes = evaluate_one(coefficient, np.asarray(row_px), np.asarray(col_px))
         ends.append((weight, value, _total_u(coefficient, value, slopes)))
     return _interpolate(ends)
 
@@ -121,7 +121,8 @@ def list_windows(height_px: int, width_px: int) -> Iterator[Window]:
         yield Window(row0=row0, col0=0, height=min(BAND_ROWS, height_px - row0), width=width_px)
 
 
-def _evaluate_one(coefficient: Coefficient, row_px: Array, col_px: Array) -> tuple[Array, Slopes]:
+def evaluate_one(coefficient: Coefficient, row_px: Array, col_px: Array) -> tuple[Array, Slopes]:
+    """Give V of one f-number and channel, and how it changes with each of its parameters."""
     return evaluate_slopes(
         row_px, col_px, coefficient.k, centre_px=coefficient.centre_px, radius_px=coefficient.radius_px
     )

@@ -9,8 +9,14 @@ from numpy.typing import NDArray
 
 from radiometry.evidence import Quantity
 from radiometry.roi import Polygon, Window, bounding_window, mask
-from radiometry.vignetting.application import bracket, list_windows, require_format, spread_between
-from radiometry.vignetting.curve import Array, evaluate_curve, evaluate_slopes
+from radiometry.vignetting.application import (
+    bracket,
+    evaluate_one,
+    list_windows,
+    require_format,
+    spread_between,
+)
+from radiometry.vignetting.curve import Array, evaluate_curve
 from radiometry.vignetting.results import Coefficient
 
 _End = tuple[Coefficient, float, float, Array]  # with its weight, and at the place: V and its slopes
@@ -72,7 +78,7 @@ class Lens:
         row, col = np.array(float(row_px)), np.array(float(col_px))
 
         def resolve(channel: str) -> list[_End]:
-            found = [(each, w, *_evaluate_at(each, row, col)) for each, w in self._bracket(channel)]
+            found = [(each, w, *evaluate_one(each, row, col)) for each, w in self._bracket(channel)]
             return [(each, weight, float(value), slopes) for each, weight, value, slopes in found]
 
         return _combine([resolve(channel) for channel in channels])
@@ -118,19 +124,13 @@ def average_curve(coefficient: Coefficient, polygon: Polygon) -> tuple[float, Ar
     for band in list_windows(whole.height, whole.width):
         window = Window(row0=whole.row0 + band.row0, col0=whole.col0, height=band.height, width=band.width)
         rows, cols = np.nonzero(mask(polygon, window))
-        value, slopes = _evaluate_at(
+        value, slopes = evaluate_one(
             coefficient, (rows + window.row0).astype(np.float64), (cols + window.col0).astype(np.float64)
         )
         total += float(value.sum())
         slopes_total += slopes.sum(axis=1)
         count += rows.size
     return total / count, slopes_total / count
-
-
-def _evaluate_at(coefficient: Coefficient, row_px: Array, col_px: Array) -> tuple[Array, Array]:
-    return evaluate_slopes(
-        row_px, col_px, coefficient.k, centre_px=coefficient.centre_px, radius_px=coefficient.radius_px
-    )
 
 
 def _combine(channels: Sequence[Sequence[_End]]) -> LensShare:
