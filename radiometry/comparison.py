@@ -27,8 +27,8 @@ class Comparison:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LuminanceChange:
-    """How a measured luminance changes with another calibration, L_new / L_old - 1 in %.
+class MeasuredChange:
+    """How a measured luminance or reflectance changes with another calibration, new / old - 1 in %.
 
     ``basis`` : "signal": both calibrations were applied to the measured signal, dark signals included;
         "k_ratio": K_old / K_new - 1, where only the coefficients are known: right for signals far above dark
@@ -38,6 +38,11 @@ class LuminanceChange:
     change: Quantity | None
     basis: Literal["signal", "k_ratio"] | None
     why: str | None
+
+    @classmethod
+    def untold(cls, why: str) -> "MeasuredChange":
+        """Give no figure, and the sentence that says why."""
+        return cls(change=None, basis=None, why=why)
 
 
 def compare_quantities(old: Quantity, new: Quantity, *, common_u_rel: float = 0.0) -> Comparison:
@@ -81,7 +86,7 @@ def change_luminance(
     signal_dn: float | None,
     lens_share: float = 1.0,
     common_u_rel: float = 0.0,
-) -> LuminanceChange:
+) -> MeasuredChange:
     """Give the change of a luminance that was measured with ``old`` if it had been measured with ``new``.
 
         L = X f^2 / (t S), X from the model at N - D       change = L_new / L_old - 1
@@ -95,26 +100,30 @@ def change_luminance(
     before, after = _at_iso(old, exposure.iso), _at_iso(new, exposure.iso)
     if before is None or after is None:
         lacking = "The version used" if before is None else "The version that would take its place"
-        return _untold(f"{lacking} holds no coefficient for ISO {exposure.iso:g}.")
+        return MeasuredChange.untold(f"{lacking} holds no coefficient for ISO {exposure.iso:g}.")
     if before.channel != after.channel:
-        return _untold(f"One version takes the {before.channel} signal, the other {after.channel}.")
+        return MeasuredChange.untold(
+            f"One version takes the {before.channel} signal, the other {after.channel}."
+        )
     if before.vignetting != after.vignetting:
-        return _untold("The versions are corrected with different vignetting, or one of them with none.")
+        return MeasuredChange.untold(
+            "The versions are corrected with different vignetting, or one of them with none."
+        )
     if signal_dn is None:
         if {before.model, after.model} != {"proportional"}:
-            return _untold(
+            return MeasuredChange.untold(
                 "The measured signal was not kept; K alone tells the change for proportional models."
             )
         ratio = before.luminance_k / after.luminance_k
     else:
         ratio = _ratio(before, after, exposure, signal_dn, lens_share)
     if not math.isfinite(ratio):
-        return _untold("The signal is so near the dark signal that a ratio says nothing.")
+        return MeasuredChange.untold("The signal is so near the dark signal that a ratio says nothing.")
     u_rel = math.sqrt(max(0.0, _k_u_rel(before) ** 2 + _k_u_rel(after) ** 2 - 2.0 * common_u_rel**2))
     change = Quantity(
         value=100.0 * (ratio - 1.0), standard_uncertainty=100.0 * abs(ratio) * u_rel, unit=PERCENT
     )
-    return LuminanceChange(change=change, basis="k_ratio" if signal_dn is None else "signal", why=None)
+    return MeasuredChange(change=change, basis="k_ratio" if signal_dn is None else "signal", why=None)
 
 
 def _ratio(
@@ -137,7 +146,3 @@ def _k_u_rel(coefficient: Coefficient) -> float:
 
 def _at_iso(coefficients: Sequence[Coefficient], iso: float) -> Coefficient | None:
     return next((coefficient for coefficient in coefficients if coefficient.iso == iso), None)
-
-
-def _untold(why: str) -> LuminanceChange:
-    return LuminanceChange(change=None, basis=None, why=why)

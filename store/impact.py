@@ -9,7 +9,7 @@ from typing import Any, Literal
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.comparison import Comparison, LuminanceChange, change_luminance, compare_quantities
+from radiometry.comparison import Comparison, MeasuredChange, change_luminance, compare_quantities
 from radiometry.evidence import Quantity
 from store.codec import decode_exposure
 from store.falloff import list_corrected
@@ -36,7 +36,7 @@ class Touched:
     measurement: Measurement
     frame: FrameRow
     successor: Calibration | None
-    change: LuminanceChange | None
+    change: MeasuredChange | None
     why: str | None
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from radiometry.comparison import LuminanceChange
+from radiometry.comparison import MeasuredChange
 from radiometry.errors import InputRejected
 from radiometry.reflectance.comparison import change_reflectance
 from store.codec import decode_header
@@ -27,10 +27,10 @@ def compare_panels(old: Calibration, new: Calibration) -> tuple[PanelCalibration
 
 def touch_reflectance(
     measurement: Measurement, frame: FrameRow, old: Calibration, new: Calibration
-) -> LuminanceChange:
+) -> MeasuredChange:
     """The change of what was measured, or why there is no figure."""
     if "index" in measurement.parameters:
-        return _untold("An index changes with both of its bands: measure it anew.")
+        return MeasuredChange.untold("An index changes with both of its bands: measure it anew.")
     band = str(measurement.result.get("band", ""))
     try:
         change = change_reflectance(
@@ -41,12 +41,8 @@ def touch_reflectance(
             common_u_rel=compare_panels(old, new)[1].get(band, 0.0),
         )
     except InputRejected as refusal:
-        return _untold(refusal.message)
-    return LuminanceChange(change=change, basis="signal", why=None)
-
-
-def _untold(why: str) -> LuminanceChange:
-    return LuminanceChange(change=None, basis=None, why=why)
+        return MeasuredChange.untold(refusal.message)
+    return MeasuredChange(change=change, basis="signal", why=None)
 
 
 def _panels(version: Calibration) -> set[tuple[str, str]]:

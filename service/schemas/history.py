@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from radiometry.comparison import Comparison, LuminanceChange
+from radiometry.comparison import Comparison, MeasuredChange
 from service.schemas.base import Answer, Instant, Quantity
 from service.schemas.calibrations import CalibrationAnswer
 from store.impact import CoefficientChange, Impact, Touched
@@ -231,7 +231,7 @@ class ImpactAnswer(Answer):
         )
 
 
-def _change(change: LuminanceChange | None) -> dict[str, Any]:
+def _change(change: MeasuredChange | None) -> dict[str, Any]:
     if change is None or change.change is None:
         return {}
     return {"change": Quantity.model_validate(change.change), "basis": change.basis}
