@@ -13,13 +13,12 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem
 from service.routes import problems
-from service.schemas.base import BandName, Form, Instant, Text, rfc3339
+from service.schemas.base import BandName, Form, Instant, PositiveText, Text, rfc3339
 from service.schemas.calibrations import (
     Coefficient,
     CoefficientInForce,
     CoefficientsAnswer,
 )
-from service.schemas.equipment import PositiveText
 from service.schemas.series import SeriesAnswer, SeriesRow
 from service.tabular import write_csv
 from store.columns import utc_now

@@ -20,8 +20,7 @@ from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem
 from service.routes import UNCHANGED, problems, sends_file
-from service.schemas.base import Form, Text
-from service.schemas.equipment import PositiveText
+from service.schemas.base import Form, PositiveText, Text
 from service.schemas.exports import CameraFile, DngVignetteAnswer
 from store.codec import decode
 from store.tables import Calibration, Camera

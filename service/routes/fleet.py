@@ -16,8 +16,8 @@ from service.lookup import Id, owned
 from service.problems import Problem, invalid
 from service.routes import problems
 from service.routes.tools import stateless
+from service.schemas.base import PositiveText
 from service.schemas.drift import DriftAnswer
-from service.schemas.equipment import PositiveText
 from service.schemas.fleet import FleetVerdictAnswer, NewFleetVerdict
 from store.queries.fleet import list_determinations
 from store.tables import Camera

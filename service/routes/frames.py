@@ -22,9 +22,8 @@ from service.problems import HttpCode, Problem, invalid, located
 from service.receive import receive
 from service.routes import problems, sends_file
 from service.routes.campaigns import read_roi
-from service.schemas.base import Form, LongText, Text
+from service.schemas.base import Form, LongText, PositiveText, Text
 from service.schemas.campaigns import NewRoi, RoiAnswer, Role
-from service.schemas.equipment import PositiveText
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow
 from service.writing import Reply, StreamWrites, Writes
 from store.judging import judge_alone, judge_frames

@@ -12,7 +12,7 @@ from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
 from service.problems import HttpCode, Problem
 from service.routes import problems
-from service.schemas.equipment import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
+from service.schemas.keys import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
 from service.writing import Reply, Writes
 from store.columns import utc_now
 from store.queries.keys import create_key, new_secret

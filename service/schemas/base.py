@@ -34,6 +34,9 @@ Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]
 
 # in a body a number is a number: neither true nor "5"
 Number = Annotated[float, Strict()]
+Positive = Annotated[Number, Field(gt=0, lt=1e9)]
+PositiveText = Annotated[float, Field(gt=0, lt=1e9)]
+"""The same in an address, where everything is text."""
 PixelPitch = Annotated[Number, Field(ge=0.1, le=100, description="Distance of neighbouring pixels.")]
 
 _ISO_DAY = re.compile(r"\d{4}-\d\d-\d\d", re.ASCII)

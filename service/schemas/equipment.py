@@ -1,110 +1,11 @@
-"""Keys, cameras and meters."""
+"""Cameras and meters."""
 
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.auth import Scope
-from service.schemas.base import Answer, Day, Form, Instant, LongText, Number, PixelPitch, Text
-from store.tables import ApiKey, Camera, Meter, Organisation
-
-Positive = Annotated[Number, Field(gt=0, lt=1e9)]
-PositiveText = Annotated[float, Field(gt=0, lt=1e9)]
-"""The same in an address, where everything is text."""
-
-
-class NewKey(Form):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"name": "dashboard", "scopes": ["read"]}]})
-
-    name: Text
-    scopes: Annotated[list[Scope], Field(min_length=1, max_length=5)]
-
-
-class KeyAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"id": "key_1", "name": "dashboard", "scopes": ["read"], "created_at": "2026-05-01T08:00:00Z"}
-            ]
-        }
-    )
-
-    id: str
-    name: str
-    scopes: list[Scope]
-    created_at: Instant
-    revoked_at: Instant | None = None
-    secret: str | None = Field(
-        default=None,
-        description="The key itself: shown once, kept only as a hash, not repeated to a repeated request.",
-    )
-
-    @classmethod
-    def of(cls, row: ApiKey) -> "KeyAnswer":
-        return cls.model_validate(row)
-
-    def keep(self) -> dict[str, Any]:
-        return self.model_copy(update={"secret": None}).dump()
-
-
-class OrganisationNamed(Answer):
-    id: str
-    name: str
-
-
-class OwnKeyAnswer(Answer):
-    """The key of the one who asks, and the organisation that it belongs to."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "key_1",
-                    "name": "field laptop",
-                    "scopes": ["read", "upload", "calibrate"],
-                    "organisation": {"id": "org_1", "name": "City of Lansing"},
-                    "created_at": "2026-05-01T08:00:00Z",
-                }
-            ]
-        }
-    )
-
-    id: str
-    name: str
-    scopes: list[Scope]
-    organisation: OrganisationNamed
-    created_at: Instant
-
-    @classmethod
-    def own(cls, key: ApiKey, organisation: Organisation) -> "OwnKeyAnswer":
-        named = OrganisationNamed.model_validate(organisation)
-        return cls.model_validate({**KeyAnswer.of(key).dump(), "organisation": named})
-
-
-class NewOrganisation(Form):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"name": "City of Lansing"}]})
-
-    name: Text
-
-
-class OrganisationAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{"id": "org_1", "name": "City of Lansing", "created_at": "2026-05-01T08:00:00Z"}]
-        }
-    )
-
-    id: str
-    name: str
-    created_at: Instant
-    key: KeyAnswer | None = Field(default=None, description="The organisation's first key, with every scope.")
-
-    @classmethod
-    def of(cls, row: Organisation, key: KeyAnswer | None = None) -> "OrganisationAnswer":
-        return cls(id=row.id, name=row.name, created_at=row.created_at, key=key)
-
-    def keep(self) -> dict[str, Any]:
-        return self.dump() | ({"key": self.key.keep()} if self.key else {})
+from service.schemas.base import Answer, Day, Form, Instant, LongText, Number, PixelPitch, Positive, Text
+from store.tables import Camera, Meter
 
 
 class Lens(Form, Answer):

@@ -8,8 +8,7 @@ from radiometry.fleet.determinations import Determination, Key, LeftOut
 from radiometry.fleet.judging import Outcome
 from radiometry.fleet.results import Effect, FleetVerdict, ParameterVerdict
 from radiometry.methods import Method
-from service.schemas.base import Answer, Form, Quantity, Text
-from service.schemas.equipment import Positive
+from service.schemas.base import Answer, Form, Positive, Quantity, Text
 from store.tables import Camera
 
 MOST_CAMERAS = 100

@@ -8,9 +8,8 @@ from radiometry.errors import InputRejected
 from radiometry.methods.reflectance import measure_sunshine
 from radiometry.statistics import ChannelStatistics
 from radiometry.verdicts import Outcome, ReasonCode, Verdict
-from service.schemas.base import Answer, Form, Instant, Text
+from service.schemas.base import Answer, Form, Instant, Positive, Text
 from service.schemas.campaigns import Role
-from service.schemas.equipment import Positive
 from store.codec import decode_header
 from store.tables import Extraction, FrameRow
 
