@@ -14,7 +14,7 @@ from stilb.commands.moments import read_moment
 from stilb.commands.tables import holds_for, of_coefficients
 from stilb.commands.talk import Talk, talks
 from stilb.export import ExportProgress
-from stilb.problem import Unclear
+from stilb.field.plan import read_macro
 from stilb.records import Calibration
 
 CampaignNamed = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id or project number.")]
@@ -191,9 +191,4 @@ def _value(text: str) -> object:
 
 
 def _text_or_file(text: str) -> str:
-    if "(" in text:
-        return text
-    try:
-        return Path(text).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise Unclear(f"{text} holds no macro: record one in ImageJ (Plugins > Macros > Record).") from error
+    return text if "(" in text else read_macro(Path(text))

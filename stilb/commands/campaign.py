@@ -15,7 +15,7 @@ from stilb.commands.showing import lines
 from stilb.commands.tables import table
 from stilb.commands.talk import Talk, talks
 from stilb.field.files import sort_files
-from stilb.field.plan import FILENAME, read_plan
+from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
 from stilb.field.pushing import Report, as_json
 from stilb.field.running import ensure_campaign, ensure_readings
 from stilb.field.template import METHODS, write_template
@@ -126,10 +126,7 @@ def readings(
     ] = None,
 ) -> None:
     """Send a spreadsheet of readings. The service converts units; a bad row is named with its line."""
-    try:
-        text = spreadsheet.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise Unclear(f"{spreadsheet} is not UTF-8. Save it as CSV UTF-8.") from error
+    text = read_spreadsheet(spreadsheet)
     with talk.client() as client:
         added = client.add_readings(client.find_campaign(campaign).id, text, meter_ids=meter or ())
     rows = [(one["scene"], one["quantity"], f"{one['value']:.6g} {one['unit']}") for one in added]

@@ -105,7 +105,7 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
         meters=tuple(said.get("meter", ())),
         rules=USUAL_RULES if frames is None else tuple(map(_rule, frames)),
         readings=tuple(said.get("reading", ())),
-        readings_csv=None if csv is None else _text(folder / csv),
+        readings_csv=None if csv is None else read_spreadsheet(folder / csv),
         **_region(said.get("region", {}), folder),
         fit=said.get("fit", {}),
     )
@@ -155,7 +155,7 @@ def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
             raise Unclear("parts in region must be written as [region.parts], a name and its corners a line")
         return {"parts": {name: _corners(f"{name} in region", each) for name, each in said["parts"].items()}}
     if "file" in said:
-        return {"imagej": _text(folder / said["file"])}
+        return {"imagej": read_macro(folder / said["file"])}
     return {"imagej": said.get("imagej")}
 
 
@@ -166,12 +166,20 @@ def _corners(what: str, said: Any) -> Polygon:  # noqa: ANN401  whatever TOML ho
         raise Unclear(f"{what} must be corners: [[x, y], [x, y], [x, y]]") from None
 
 
-def _text(path: Path) -> str:
+def read_spreadsheet(path: Path) -> str:
     """As it is; a spreadsheet's other encodings are told to the person here, before anything is sent."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise Unclear(f"{path} is not UTF-8. Save it as CSV UTF-8.") from error
+
+
+def read_macro(path: Path) -> str:
+    """An ImageJ macro, as it is; its own .roi files are no text."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise Unclear(f"{path} holds no macro: record one in ImageJ (Plugins > Macros > Record).") from error
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401  whatever TOML holds

@@ -176,6 +176,7 @@ def test_a_method_that_is_not_known_is_named(signed_in, tmp_path):
         ("imagej =", "polygon = [[1, 2]]\nimagej =", "region takes one of polygon, imagej, file"),
         ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "polygon = [[1], [2]]", "must be corners"),
         ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "parts = [[1, 2]]", "as [region.parts]"),
+        ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', 'file = "frames.roi"', "holds no macro"),
         (
             "[fit]",
             '[panel]\nserial = "P"\nmeasured_on = 2026-03-14\n[fit]',
@@ -186,6 +187,7 @@ def test_a_method_that_is_not_known_is_named(signed_in, tmp_path):
 )
 def test_a_plan_that_is_wrong_says_where(handful, old, new, message):
     path = handful / "campaign.toml"
+    (handful / "frames.roi").write_bytes(b"Iout\x00\xe4\x00\x00")
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))

@@ -131,6 +131,8 @@ def test_a_region_is_set_and_shown(signed_in, team, tmp_path):
     assert signed_in("roi", campaign.id, "--imagej", macro).out == "9,9 70,9 70,50\n"
     assert signed_in("roi", campaign.id, "--imagej", "makePolygon(1,1").code == Exit.REFUSED
     assert signed_in("roi", campaign.id, "--imagej", tmp_path / "none.ijm").code == Exit.USAGE
+    macro.write_bytes(b"Iout\x00\xe4\x00\x00")
+    assert "holds no macro: record one in ImageJ" in signed_in("roi", campaign.id, "--imagej", macro).err
 
 
 def test_a_frame_has_a_region_of_its_own(signed_in, team, shots):
