@@ -150,9 +150,10 @@ def get_measurement(measurement_id: Id, request: Request, caller: Reader, contex
 def get_measurement_map(
     measurement_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
-    """The luminance of every pixel in cd/m2, float32, with the frame's metadata. Saturated pixels are NaN.
+    """What every pixel measured, float32, with the frame's metadata; NaN where it is not known.
 
-    Of a geometry campaign's frame: its undistorted picture, uint16.
+    A luminance in cd/m2; a band's reflectance or an index without unit. Of a geometry campaign's frame: its
+    undistorted picture, uint16.
     """
     row = _owned(context, measurement_id, caller)
     return _blob(request, context, row.map_tif_sha256, "image/tiff", f"{measurement_id}.tif")
@@ -166,7 +167,10 @@ def get_measurement_map(
 def get_measurement_picture(
     measurement_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
-    """The map in false colours on a logarithmic scale, with its bar."""
+    """The map in false colours with its bar: of luminance on a logarithmic scale, else on an even one.
+
+    Of a geometry campaign's frame: its undistorted picture, to look at.
+    """
     row = _owned(context, measurement_id, caller)
     return _blob(request, context, row.map_png_sha256, "image/png", f"{measurement_id}.png")
 

@@ -44,7 +44,7 @@ class Measurements(Jobs):
         return map(Measurement.of, self._transport.items(address("measurements"), query))
 
     def save_map(self, measurement_id: str, path: PathLike) -> Path:
-        """Save the map of a measurement that was made with one: float32 in cd/m2, or a picture (.png)."""
+        """Save the map of a measurement that was made with one: its numbers (.tif), or a picture (.png)."""
         path = Path(path)
         name = "map.png" if path.suffix.lower() == ".png" else "map.tif"
         call = Call(method="GET", path=address("measurements", measurement_id, name))
