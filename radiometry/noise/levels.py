@@ -15,7 +15,8 @@ class Level:
     ``signal_dn`` : mean above the mean of ``dark``: electrons of light and, where the times differ, of dark
         current, which the photon transfer does not tell apart
     ``light_dn``, ``light_u_dn`` : mean above the dark signal of the same time, between dark stacks
-        interpolated: what light alone has made
+        interpolated: what light alone has made. Outside their times the nearest one's is taken, and what dark
+        current adds until then is in the uncertainty, where there are two times to tell it
     ``time_ratio`` : how far the exposure lies outside those of the dark stacks, 1 within them
     ``left_out`` : why its variance is not used at all, "" where it is
     """
@@ -68,10 +69,20 @@ def _pair(lit: Stack, darks: Sequence[Stack], params: Params) -> Level:
         dark=dark,
         signal_dn=lit.mean_dn - dark.mean_dn,
         light_dn=lit.mean_dn - expected,
-        light_u_dn=math.sqrt(lit.mean_variance_dn2 + variance),
+        light_u_dn=math.sqrt(lit.mean_variance_dn2 + variance + _estimate_drift(darks, time_s) ** 2),
         time_ratio=max(1.0, shortest / time_s, time_s / longest),
         left_out=_judge(lit, params),
     )
+
+
+def _estimate_drift(darks: Sequence[Stack], time_s: float) -> float:
+    """Give how far the dark signal moves from the nearest dark stack to a time outside theirs [DN]."""
+    first, last = darks[0], darks[-1]
+    shortest, longest = first.setting.exposure_time_s, last.setting.exposure_time_s
+    outside_s = max(shortest - time_s, time_s - longest, 0.0)
+    if shortest == longest:
+        return 0.0
+    return outside_s * abs(last.mean_dn - first.mean_dn) / (longest - shortest)
 
 
 def _find_neighbours(darks: Sequence[Stack], time_s: float) -> tuple[Stack, Stack, float]:

@@ -95,7 +95,17 @@ def _check_darks(used: Sequence[Candidate]) -> list[Raised]:
             flags.append(_raise(Flag.DARK_FROM_BLACK_LEVEL, where, detail))
             continue
         if max(ratios) > EXPOSURE_RATIO:
-            detail = f"Dark frames differ in exposure time by up to {max(ratios):.3g} times."
+            far = [light for light in lights if (light.dark_time_ratio or 0.0) > EXPOSURE_RATIO]
+            known = all(light.dark_times > 1 for light in far)
+            current = (
+                "is in the uncertainty, from the times that there are"
+                if known
+                else "is not known from one time, and not in the uncertainty"
+            )
+            detail = (
+                f"Dark frames differ in exposure time by up to {max(ratios):.3g} times. How the dark level "
+                f"grows {current}."
+            )
             flags.append(_raise(Flag.DARK_EXPOSURE_DIFFERS, where, detail))
     return flags
 

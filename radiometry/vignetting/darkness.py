@@ -50,6 +50,39 @@ def estimate_dark_error(
     return DarkError(shared=math.sqrt((own**2 + noise) / n), own=own)
 
 
+def estimate_dark_drift(
+    times_s: Sequence[float],
+    means_dn: Sequence[float],
+    variances_dn2: Sequence[float],
+    *,
+    apart_s: float,
+    span_dn: float,
+) -> float:
+    """Give what dark current makes of a dark level that is used for a flat of another exposure time [DN].
+
+        mean_i = m + b t_i,    u^2 = (b apart)^2 + (u_b apart)^2,    u_b^2 = s^2 / sum (t_i - t)^2
+    The level is not corrected: dark current depends on the sensor's temperature, so b apart is the size of
+    the error and no more. s is the scatter about the line, at least pixel noise; of two frames, through which
+    every line goes, what dark levels usually wander by.
+
+    Takes
+      times_s, means_dn, variances_dn2 : of a channel, one per dark frame of the ISO, whatever its time
+      apart_s : from the mean time of the dark frames that are subtracted to the flat's
+    Returns 0 where all have one time: nothing is known then
+    """
+    t, y = np.array(times_s), np.array(means_dn)
+    if len(t) == 0 or float(np.ptp(t)) == 0.0:
+        return 0.0
+    from_mean = t - t.mean()
+    spread = float(from_mean @ from_mean)
+    slope = float(from_mean @ y) / spread
+    noise = math.fsum(variances_dn2) / len(t)
+    residual = y - y.mean() - slope * from_mean
+    dof = len(t) - 2
+    scatter = float(residual @ residual) / dof if dof else (WANDER_SHARE * span_dn) ** 2
+    return abs(apart_s) * math.hypot(slope, math.sqrt(max(scatter, noise) / spread))
+
+
 def merge_dark_errors(errors: Sequence[DarkError], shares: Sequence[float]) -> DarkError:
     """Give the error of a weighted mean of flats: what they share adds up, what is each one's own averages.
 

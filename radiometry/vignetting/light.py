@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.packing import unpack
-from radiometry.vignetting.darkness import estimate_dark_error
+from radiometry.vignetting.darkness import estimate_dark_drift, estimate_dark_error
 from radiometry.vignetting.features import ChannelBlocks, Features, FrameRow
 from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.rows import DARK
@@ -40,13 +40,18 @@ class ChannelLight:
 
 @dataclass(frozen=True)
 class FlatLight:
-    """A flat frame less dark. ``dark_time_ratio`` : of the nearest dark frames' time; None without any."""
+    """A flat frame less dark.
+
+    ``dark_time_ratio`` : of the nearest dark frames' time; None without any
+    ``dark_times`` : how many exposure times the dark frames of its ISO have
+    """
 
     frame: str
     f_number: float
     channels: tuple[ChannelLight, ...]
     dark_frames: int
     dark_time_ratio: float | None
+    dark_times: int
 
 
 def list_darks(flat: FrameRow, rows: Sequence[FrameRow]) -> tuple[list[FrameRow], float | None]:
@@ -54,16 +59,21 @@ def list_darks(flat: FrameRow, rows: Sequence[FrameRow]) -> tuple[list[FrameRow]
 
     All within a factor of two count, else those of the one nearest time. Without any: none, and None.
     """
-    darks = [
-        (row, time_ratio(flat, row))
-        for row in sorted(rows, key=lambda row: row.frame)
-        if row.role == DARK and row.features is not None and _is_alike(flat, row)
-    ]
+    darks = [(row, time_ratio(flat, row)) for row in _list_alike(flat, rows)]
     if not darks:
         return [], None
     nearest = min(ratio for _, ratio in darks)
     limit = max(EXPOSURE_RATIO, nearest)
     return [row for row, ratio in darks if ratio <= limit], nearest
+
+
+def _list_alike(flat: FrameRow, rows: Sequence[FrameRow]) -> list[FrameRow]:
+    """Give every dark frame of a flat's ISO, of whatever time."""
+    return [
+        row
+        for row in sorted(rows, key=lambda row: row.frame)
+        if row.role == DARK and row.features is not None and _is_alike(flat, row)
+    ]
 
 
 def time_ratio(one: FrameRow, other: FrameRow) -> float:
@@ -94,16 +104,53 @@ def measure_light(flat: FrameRow, rows: Sequence[FrameRow]) -> FlatLight:
     by_dark = [{each.channel: each for each in _features(dark).channels} for dark in darks]
     if flat.exposure is None:
         raise ValueError(f"{flat.frame} has no f-number")
+    alike = _list_alike(flat, rows)
+    lights = [
+        _subtract(blocks, [each[blocks.channel] for each in by_dark], _features(flat)) for blocks in channels
+    ]
     return FlatLight(
         frame=flat.frame,
         f_number=flat.exposure.f_number,
-        channels=tuple(
-            _subtract(blocks, [each[blocks.channel] for each in by_dark], _features(flat))
-            for blocks in channels
-        ),
+        channels=tuple(_add_drift(light, flat, darks, alike) for light in lights),
         dark_frames=len(darks),
         dark_time_ratio=ratio,
+        dark_times=len({_time_s(row) for row in alike}),
     )
+
+
+def _add_drift(
+    light: ChannelLight, flat: FrameRow, darks: Sequence[FrameRow], alike: Sequence[FrameRow]
+) -> ChannelLight:
+    """Add what is known of the dark current, where the dark frames have another time than the flat.
+
+    ``darks`` : that were subtracted; ``alike`` : all of the ISO, from which the dark current follows
+    """
+    if not darks:
+        return light
+    apart_s = _time_s(flat) - math.fsum(_time_s(row) for row in darks) / len(darks)
+    known = [(_time_s(row), *level) for row in alike if (level := _measure_level(row, light.channel))]
+    times_s, means_dn, variances_dn2 = zip(*known, strict=True) if known else ((), (), ())
+    drift = estimate_dark_drift(times_s, means_dn, variances_dn2, apart_s=apart_s, span_dn=light.span_dn)
+    dark = replace(light.blocks.dark, shared=math.hypot(light.blocks.dark.shared, drift))
+    return replace(light, blocks=replace(light.blocks, dark=dark))
+
+
+def _measure_level(dark: FrameRow, channel: str) -> tuple[float, float] | None:
+    """Give the mean of a dark frame's blocks and the variance that pixel noise makes of it."""
+    blocks = next(each for each in _features(dark).channels if each.channel == channel)
+    n = unpack(blocks.n)
+    pixels = math.fsum(n.ravel())
+    if not pixels:
+        return None
+    mean = math.fsum((unpack(blocks.mean_dn) * n).ravel()) / pixels
+    noise = math.fsum((unpack(blocks.noise_dn) ** 2 * n).ravel()) / pixels
+    return mean, max(noise, _ROUNDING_VARIANCE) / pixels
+
+
+def _time_s(row: FrameRow) -> float:
+    if row.exposure is None:
+        raise ValueError(f"{row.frame} has no exposure time")
+    return row.exposure.exposure_time_s
 
 
 def _features(row: FrameRow) -> Features:

@@ -7,6 +7,8 @@ import pytest
 
 from radiometry.flags import Flag
 from radiometry.methods import noise
+from radiometry.noise.levels import list_levels
+from radiometry.noise.points import collect_stacks
 from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, flags_of, only, take
 
 
@@ -38,6 +40,21 @@ def test_dark_frames_of_another_time_serve_through_their_line():
     assert linearity.error_rel.value < 6 * linearity.error_rel.standard_uncertainty
     far = noise.fit(take(sensor, 16, times=(*TIMES, 0.9), dark_times=(0.01,)), PARAMS)
     assert Flag.DARK_EXPOSURE_DIFFERS in flags_of(far)
+
+
+def test_what_dark_current_adds_beyond_the_dark_times_is_in_the_uncertainty():
+    """200 e- a second at 0.5 DN/e-: from darks of 0.01 and 0.11 s to 0.9 s it is 79 DN."""
+    sensor = dataclasses.replace(SMALL, dark_current_e_per_s=200.0)
+
+    def read(dark_times):
+        rows = take(sensor, 15, times=(*TIMES, 0.9), dark_times=dark_times)
+        ((_, stacks),) = collect_stacks(rows, PARAMS).items()
+        return {level.lit.setting.exposure_time_s: level.light_u_dn for level in list_levels(stacks, PARAMS)}
+
+    near, far, blind = read((0.01, 1.0)), read((0.01, 0.11)), read((0.01,))
+    assert far[0.9] == pytest.approx(79.0, rel=0.2)
+    assert max(near[0.9], blind[0.9]) < 2.0
+    assert far[0.1] == pytest.approx(near[0.1], rel=0.2)
 
 
 def test_a_compensated_dark_current_is_seen_in_the_noise():

@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from radiometry.methods import vignetting
-from radiometry.vignetting.darkness import DarkError, estimate_dark_error, merge_dark_errors
+from radiometry.vignetting.darkness import (
+    DarkError,
+    estimate_dark_drift,
+    estimate_dark_error,
+    merge_dark_errors,
+)
 from radiometry.vignetting.fitting import fit_channel
 from radiometry.vignetting.grid import Grid
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, exact_blocks, flat
@@ -84,3 +89,49 @@ def test_dark_frames_that_wander_are_in_the_uncertainty_of_every_channel():
         expected = one.dark_u_rel**2 * np.outer(k, k)
         scale = np.sqrt(np.diag(np.array(other.coefficient.covariance)))[:3]
         assert np.abs((added[:3, :3] - expected) / np.outer(scale, scale)).max() < 0.02
+
+
+def test_the_drift_between_two_times_by_hand():
+    """256 at 0.1 s and 260 DN at 0.3 s: 20 DN/s; wander 0.4 DN, so u_b = 0.4 / sqrt(0.02) DN/s."""
+    two = ([0.1, 0.3], [256.0, 260.0], [1e-6, 1e-6])
+    found = estimate_dark_drift(*two, apart_s=0.5, span_dn=4000.0)
+    assert found == pytest.approx(0.5 * math.hypot(20.0, 0.4 / math.sqrt(0.02)))
+    assert estimate_dark_drift(*two, apart_s=-0.5, span_dn=4000.0) == found
+    assert estimate_dark_drift(*two, apart_s=0.0, span_dn=4000.0) == 0.0
+    assert estimate_dark_drift([0.1, 0.1], [256.0, 260.0], [1.0, 1.0], apart_s=0.5, span_dn=4000.0) == 0.0
+    assert estimate_dark_drift([], [], [], apart_s=0.5, span_dn=4000.0) == 0.0
+    # about the line through (0.1, 256), (0.2, 259), (0.3, 260) lie -1/3, 2/3 and -1/3: s^2 = 2/3
+    three = estimate_dark_drift(
+        [0.1, 0.2, 0.3], [256.0, 259.0, 260.0], [0.1] * 3, apart_s=0.5, span_dn=4000.0
+    )
+    assert three == pytest.approx(0.5 * math.hypot(20.0, math.sqrt(2.0 / 3.0 / 0.02)))
+
+
+def warm(time_s, *, per_s=200.0, seed=1):
+    """A dark frame of a sensor whose level grows by so many DN a second."""
+    lens = dataclasses.replace(SMALL, black_level_dn=256.0 + per_s * time_s)
+    return dark(lens, seed, name=f"dark-{time_s}-{seed}", time_s=time_s)
+
+
+def test_dark_current_between_the_times_at_hand_is_in_the_uncertainty():
+    """The flat of 0.01 s has darks of 0.1 s, 18 DN too high, and of 0.4 s."""
+    bright = flat(SMALL, 1, 2.0)
+    right = [warm(0.01, seed=seed) for seed in (1, 2)]
+    long = [warm(0.1, seed=seed) for seed in (1, 2)]
+    longer = [warm(0.4, seed=seed) for seed in (1, 2)]
+    blind, known = (vignetting.fit([bright, *darks], NONE) for darks in (long, long + longer))
+    assert "not in the uncertainty" in blind.flags[0].detail
+    assert known.flags[0].detail.endswith("is in the uncertainty, from the times that there are.")
+    for before, after in zip(blind.channel_fits, known.channel_fits, strict=True):
+        assert after.coefficient.k == before.coefficient.k
+        light_dn = 0.7 * 3839.0 * SMALL.sensitivities[after.coefficient.channel[0]]
+        assert after.dark_u_rel == pytest.approx(18.0 / light_dn, rel=0.03)
+        assert before.dark_u_rel < 0.1 * after.dark_u_rel
+    assert not vignetting.fit([bright, *right, *longer], NONE).flags
+
+
+def test_dark_frames_of_the_flat_s_own_time_leave_no_drift():
+    bright = flat(SMALL, 1, 2.0)
+    own = [dark(SMALL, seed, name=f"own-{seed}", time_s=bright.exposure.exposure_time_s) for seed in (1, 2)]
+    alone, beside = (vignetting.fit([bright, *darks], NONE) for darks in (own, [*own, warm(5.0)]))
+    assert alone.channel_fits == beside.channel_fits
