@@ -32,6 +32,10 @@ _WORDS = {
     "date_from_datetime_inexact": "must be a date such as 2026-05-01",
 }
 _PATTERNS = {SHA256: "must be a SHA-256: 64 digits, each 0 to 9 or a to f"}
+
+AS_NUMBER, BY_NAME = "as a number", "by name"
+"""Two forms of one field. Pydantic puts the form into the field's place, where nobody has sent one."""
+
 _ASIDE = " after validation"
 """What pydantic says of the length of a list, as if the team had validated it."""
 
@@ -40,7 +44,7 @@ _PREFIXES = ("Value error, ", "Input should ", "String should ", "List should ",
 
 def describe(error: Mapping[str, Any]) -> list[dict[str, str]]:
     """The fields that one of pydantic's errors is about, each with what is wrong with it."""
-    field = ".".join(map(str, error["loc"]))
+    field = ".".join(str(part) for part in error["loc"] if part not in (AS_NUMBER, BY_NAME))
     if error["type"] == "null":
         return [{"field": f"{field}.{name}", "message": error["msg"]} for name in error["ctx"]["names"]]
     message = (

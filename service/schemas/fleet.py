@@ -9,6 +9,7 @@ from radiometry.fleet.judging import Outcome
 from radiometry.fleet.results import Effect, FleetVerdict, ParameterVerdict
 from radiometry.methods import Method
 from service.schemas.base import Answer, Form, Positive, Quantity, Text
+from service.wording import AS_NUMBER, BY_NAME
 from store.tables import Camera
 
 MOST_CAMERAS = 100
@@ -58,12 +59,12 @@ _EXAMPLE: dict[str, Any] = {
 
 
 def _form_of_tolerance(value: Any) -> str:  # noqa: ANN401
-    return "by_name" if isinstance(value, dict) else "number"
+    return BY_NAME if isinstance(value, dict) else AS_NUMBER
 
 
 Tolerance = Annotated[
-    Annotated[Positive, Tag("number")]
-    | Annotated[dict[Text, Positive], Field(min_length=1, max_length=100), Tag("by_name")],
+    Annotated[Positive, Tag(AS_NUMBER)]
+    | Annotated[dict[Text, Positive], Field(min_length=1, max_length=100), Tag(BY_NAME)],
     Discriminator(_form_of_tolerance),
 ]
 

@@ -192,6 +192,24 @@ def test_what_cannot_be_compared_is_refused(house):
     assert judge(house, cameras, lenses=[{"calibration_id": versions["A"][0], "serial": "L"}])
 
 
+@pytest.mark.parametrize(
+    ("tolerance", "field", "said"),
+    [
+        (0, "body.tolerance", "must be greater than 0"),
+        ("4 %", "body.tolerance", "must be a number"),
+        ([0.04], "body.tolerance", "must be a number"),
+        ({}, "body.tolerance", "at least 1 item"),
+        ({"luminance_k": 0}, "body.tolerance.luminance_k", "must be greater than 0"),
+        ({"luminance_k": "x"}, "body.tolerance.luminance_k", "must be a number"),
+    ],
+)
+def test_a_wrong_tolerance_is_named_as_it_was_sent(sqlite_house, tolerance, field, said):
+    body = {"method": "luminance", "camera_ids": ["cam_a", "cam_b"], "tolerance": tolerance}
+    (error,) = sqlite_house.post("/v1/fleet/verdict", body, status=422)["errors"]
+    assert error["field"] == field
+    assert said in error["message"]
+
+
 def test_another_s_camera_does_not_exist(house):
     cameras, _ = add_fleet(house, ALIKE)
     founded = house.post("/v1/organisations", {"name": f"City {next(numbers)}"})
