@@ -12,12 +12,12 @@ from service.certificate import render_pdf
 from service.certificate.gaps import GapCode, list_gaps
 from service.certificate.papers import describe_paper
 from service.schemas.certificates import CertificateAnswer
+from tests.support.campaigns import calibrate
 from tests.support.certificates import certificate_of
 from tests.support.every_method import (
     BOARD,
     PANEL_REFLECTANCE,
     PANEL_U,
-    fit,
     make_version,
     reflectance_campaign,
     register_panel,
@@ -190,7 +190,7 @@ def test_a_panel_without_its_uncertainty_is_a_gap(sqlite_house):
     house = sqlite_house
     campaign = reflectance_campaign(house)
     panel = register_panel(house, serial="P-unsure", u=None)
-    certificate = certificate_of(house, fit(house, campaign, panel_id=panel["id"]))
+    certificate = certificate_of(house, calibrate(house, campaign, panel_id=panel["id"]))
     (gap,) = [gap for gap in certificate["gaps"] if gap["code"].startswith("panel")]
     assert gap["code"] == GapCode.PANEL_UNCERTAINTY_MISSING
     assert "P-unsure" in gap["message"]

@@ -4,12 +4,12 @@ import math
 
 import pytest
 
+from tests.support.campaigns import calibrate
 from tests.support.data import data_file
 from tests.support.every_method import (
     BANDS,
     PANEL_REFLECTANCE,
     PANEL_U,
-    fit,
     make_version,
     reflectance_campaign,
     register_panel,
@@ -48,9 +48,9 @@ def versions(sqlite_house):
     panel = register_panel(house)
     brighter = register_panel(house, serial="P-20", reflectance=1.1 * PANEL_REFLECTANCE)
     campaign = reflectance_campaign(house)
-    first = fit(house, campaign, panel_id=panel["id"])
-    tilted = fit(house, campaign, panel_id=panel["id"], incidence_angle_deg=30)
-    other = fit(house, campaign, panel_id=brighter["id"])
+    first = calibrate(house, campaign, panel_id=panel["id"])
+    tilted = calibrate(house, campaign, panel_id=panel["id"], incidence_angle_deg=30)
+    other = calibrate(house, campaign, panel_id=brighter["id"])
     publish(house, first)
     return campaign, first, tilted, other
 
@@ -104,7 +104,7 @@ def test_a_band_that_the_other_version_lacks_is_said(sqlite_house, versions):
     sqlite_house.http.put(f"/v1/campaigns/{alone['id']}/roi", json=region)
     red = GREEN.replace("GRE", "RED")
     sqlite_house.upload(alone, data_file(f"sequoia/{red}").read_bytes(), role="panel", filename=red)
-    version = fit(sqlite_house, alone, panel_id=register_panel(sqlite_house)["id"])
+    version = calibrate(sqlite_house, alone, panel_id=register_panel(sqlite_house)["id"])
     (touched,) = impact(sqlite_house, version)["measurements"]
     assert "change" not in touched
     assert touched["why"].startswith("The frame shows band green; this calibration holds red.")

@@ -19,6 +19,7 @@ from store import publications
 from store.errors import Conflict
 from store.queries.calibrations import history, standings
 from store.tables import Calibration, Camera, Campaign, Organisation, Publication, Revocation
+from tests.support.versions import bare_version
 
 # the decisions are the same code on both; what PostgreSQL does otherwise, it does within a few hundred steps
 STEPS = {"sqlite": 10_000, "postgresql": 2_500}
@@ -111,21 +112,7 @@ class World:
         session.flush()
         for place, lens in enumerate(lenses):
             rows = [
-                Calibration(
-                    organisation_id=organisation_id,
-                    camera_id=camera.id,
-                    campaign_id=campaign.id,
-                    method="luminance",
-                    version=1 + number * len(lenses) + place,
-                    configuration=lens,
-                    parameters={},
-                    inputs={},
-                    result={},
-                    result_schema=1,
-                    software={},
-                    content_sha256=f"{number}-{place}",
-                    created_by="test",
-                )
+                bare_version(campaign, 1 + number * len(lenses) + place, configuration=lens)
                 for number in range(versions)
             ]
             session.add_all(rows)

@@ -8,6 +8,7 @@ from demo.dng import Camera, write_dng
 from demo.exif import Exposure
 from radiometry.noise.simulation import SimulatedSensor, expose
 from radiometry.vignetting.simulation import SimulatedLens, simulate_campaign
+from tests.support.campaigns import calibrate
 from tests.support.data import data_file
 from tests.support.house import CAMERA, House
 
@@ -36,15 +37,6 @@ def draw(house: House, campaign: dict, region: dict) -> None:
     assert answer.status_code == 200, answer.text
 
 
-def fit(house: House, campaign: dict, **params) -> dict:
-    house.work()
-    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", params, status=202)
-    house.work()
-    job = house.get(f"/v1/jobs/{job['id']}")
-    assert job["state"] == "succeeded", job
-    return house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
-
-
 def upload_panels(house: House, campaign: dict) -> None:
     for name in BANDS.values():
         filename = f"IMG_180413_080658_0000_{name}.TIF"
@@ -71,7 +63,7 @@ def reflectance_campaign(house: House) -> dict:
 
 def _reflectance(house: House) -> dict:
     panel = register_panel(house)
-    return fit(house, reflectance_campaign(house), panel_id=panel["id"])
+    return calibrate(house, reflectance_campaign(house), panel_id=panel["id"])
 
 
 def _vignetting(house: House) -> dict:
@@ -80,7 +72,7 @@ def _vignetting(house: House) -> dict:
     for shot in simulate_campaign(lens, np.random.default_rng(1), f_numbers=F_NUMBERS, flats=2, darks=2):
         content = _raw_bytes(house, shot.frame.samples_dn, f_number=shot.exposure.f_number)
         house.upload(campaign, content, role=shot.role, filename=f"{shot.name}.DNG")
-    return fit(house, campaign)
+    return calibrate(house, campaign)
 
 
 def _sharpness(house: House) -> dict:
@@ -89,7 +81,7 @@ def _sharpness(house: House) -> dict:
     draw(house, campaign, {"regions": [edge]})
     content = data_file("edge/Test_edge1.tif").read_bytes()
     house.upload(campaign, content, role="chart", filename="edge.tif")
-    return fit(house, campaign, pixel_pitch_um=5.0)
+    return calibrate(house, campaign, pixel_pitch_um=5.0)
 
 
 def _geometry(house: House) -> dict:
@@ -98,7 +90,7 @@ def _geometry(house: House) -> dict:
         name = f"left{number:02d}.jpg"
         content = data_file(f"checkerboard/{name}").read_bytes()
         house.upload(campaign, content, role="chart", filename=name)
-    return fit(house, campaign, pixel_pitch_um=6.0)
+    return calibrate(house, campaign, pixel_pitch_um=6.0)
 
 
 def _noise(house: House) -> dict:
@@ -117,7 +109,7 @@ def _noise(house: House) -> dict:
                 frame = expose(sensor, rng, light_e_per_s=light, exposure_time_s=exposure_time_s)
                 content = _raw_bytes(house, frame.samples_dn, exposure_time_s=exposure_time_s, white=16383)
                 house.upload(campaign, content, role=role, filename=f"{role}-{index}-{take}.DNG")
-    return fit(house, campaign)
+    return calibrate(house, campaign)
 
 
 _MAKERS = {

@@ -6,6 +6,7 @@ from sqlalchemy import func, select
 
 from store.publications import publish, revoke
 from store.tables import Calibration, Camera, Campaign, CoefficientRow
+from tests.support.versions import bare_version
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -39,24 +40,14 @@ def add_published(
             campaign = Campaign(**owner, started_at=at if dated else None)
             session.add(campaign)
             session.flush()
-            campaign_id = campaign.id
+        else:
+            campaign = session.get_one(Campaign, campaign_id)
         number = 1 + (
             session.scalar(select(func.max(Calibration.version)).where(Calibration.camera_id == camera["id"]))
             or 0
         )
-        version = Calibration(
-            **owner,
-            campaign_id=campaign_id,
-            version=number,
-            configuration={"lens": {"model": "9 mm", "serial": lens}} if lens else {},
-            parameters={},
-            inputs={},
-            result={},
-            result_schema=1,
-            software={},
-            content_sha256=f"{number:064x}",
-            created_by="test",
-        )
+        configuration = {"lens": {"model": "9 mm", "serial": lens}} if lens else {}
+        version = bare_version(campaign, number, configuration=configuration)
         session.add(version)
         session.flush()
         session.add(CoefficientRow(calibration_id=version.id, position=0, **row | columns))

@@ -6,7 +6,8 @@ from sqlalchemy import select
 
 from store import jobs, publications
 from store.queries.keys import find_key
-from store.tables import Calibration, Camera, Campaign, CoefficientRow, Meter
+from store.tables import Camera, Campaign, CoefficientRow, Meter
+from tests.support.versions import bare_version
 
 ISOS = (100, 400, 1600, 6400)
 SERIALS = ("0K1XE8", "0K1XF2", "0K1XG5")
@@ -88,21 +89,7 @@ def _publish(session, camera, number, by, *, shift):
     )
     session.add(campaign)
     session.flush()
-    version = Calibration(
-        organisation_id=camera.organisation_id,
-        camera_id=camera.id,
-        campaign_id=campaign.id,
-        method="luminance",
-        version=number,
-        configuration={},
-        parameters={},
-        inputs={},
-        result={},
-        result_schema=1,
-        software={},
-        content_sha256=f"{number:064x}",
-        created_by=by,
-    )
+    version = bare_version(campaign, number, created_by=by)
     session.add(version)
     session.flush()
     session.add_all(

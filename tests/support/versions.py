@@ -3,6 +3,22 @@
 from store.tables import Calibration, Camera, Campaign, Organisation
 
 
+def bare_version(campaign: Campaign, number: int, *, created_by: str = "test", **columns) -> Calibration:
+    """A version of a campaign, not yet added, that says nothing of how it came about."""
+    nothing = {"configuration": {}, "parameters": {}, "inputs": {}, "result": {}, "software": {}}
+    return Calibration(
+        organisation_id=campaign.organisation_id,
+        camera_id=campaign.camera_id,
+        campaign_id=campaign.id,
+        method=campaign.method,
+        version=number,
+        result_schema=1,
+        content_sha256=f"{number:064x}",
+        created_by=created_by,
+        **nothing | columns,
+    )
+
+
 def add_versions(database, count: int) -> list[str]:
     """One camera with so many draft versions; their ids."""
     with database.writing("test") as session:
@@ -15,24 +31,7 @@ def add_versions(database, count: int) -> list[str]:
         campaign = Campaign(organisation_id=organisation.id, camera_id=camera.id, method="luminance")
         session.add(campaign)
         session.flush()
-        versions = [
-            Calibration(
-                organisation_id=organisation.id,
-                camera_id=camera.id,
-                campaign_id=campaign.id,
-                method="luminance",
-                version=number,
-                configuration={},
-                parameters={},
-                inputs={},
-                result={},
-                result_schema=1,
-                software={},
-                content_sha256=f"{number:064x}",
-                created_by="test",
-            )
-            for number in range(1, count + 1)
-        ]
+        versions = [bare_version(campaign, number) for number in range(1, count + 1)]
         session.add_all(versions)
         session.flush()
         return [version.id for version in versions]

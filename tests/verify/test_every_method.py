@@ -11,7 +11,7 @@ from store.database import Database
 from tests.support.certificates import export_version
 from tests.support.every_method import make_version
 from tests.support.house import House
-from verify.__main__ import main
+from tests.verify.changing import change, nudge, run
 
 OTHERS = [method for method in methods.METHODS if method != "luminance"]
 
@@ -37,17 +37,6 @@ def exports(migrated_sqlite, tmp_path_factory):
 
         yield bring
     database.dispose()
-
-
-def run(capsys, folder):
-    code = main([str(folder / "certificate.json"), "--data", str(folder)])
-    return code, " ".join(capsys.readouterr().out.split())
-
-
-def change(path, edit):
-    content = json.loads(path.read_text())
-    edit(content)
-    path.write_text(json.dumps(content))
 
 
 @pytest.mark.parametrize("method", OTHERS)
@@ -107,15 +96,7 @@ PLACES = [
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: ".".join(map(str, place)))
 def test_a_changed_number_in_the_certificate_is_found(capsys, reflectance, place):
     """In its last bits, and although the data's own copy was changed along with it."""
-
-    def edit(certificate):
-        *path, last = place
-        node = certificate
-        for name in path:
-            node = node[name]
-        node[last] = node[last] * (1 + 1e-15) + 1e-15
-
-    change(reflectance / "certificate.json", edit)
+    change(reflectance / "certificate.json", nudge(place))
     code, said = run(capsys, reflectance)
     assert code == 1
     assert "quantities differ." in said

@@ -10,19 +10,9 @@ from stilb.commands.exits import Exit
 from stilb.export import frame_path
 from tests.support.certificates import certificate_of, complete_version
 from tests.support.house import KEY
+from tests.verify.changing import change, nudge, run
 from verify.__main__ import main
 from verify.compare import Row, compare
-
-
-def run(capsys, exported, *more):
-    code = main([str(exported / "certificate.json"), "--data", str(exported), *more])
-    return code, " ".join(capsys.readouterr().out.split())
-
-
-def change(path, edit):
-    content = json.loads(path.read_text())
-    edit(content)
-    path.write_text(json.dumps(content))
 
 
 @pytest.fixture(autouse=True)
@@ -113,15 +103,7 @@ PLACES = [
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: ".".join(map(str, place)))
 def test_a_changed_number_in_the_certificate_is_found(capsys, exported, place):
     """In its last bits, and although the data's own copy was changed along with it."""
-
-    def edit(certificate):
-        *path, last = place
-        node = certificate
-        for name in path:
-            node = node[name]
-        node[last] = node[last] * (1 + 1e-15) + 1e-15
-
-    change(exported / "certificate.json", edit)
+    change(exported / "certificate.json", nudge(place))
     code, said = run(capsys, exported)
     assert code == 1
     assert "quantities differ." in said
