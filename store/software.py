@@ -1,6 +1,6 @@
 """The versions that a result names: they rise when the same input may give another figure."""
 
-CODE_VERSION = "0.1.1"
+CODE_VERSION = "0.1.2"
 """Of the fit. Part of a version's content hash."""
 
 MEASURER = "measure-1"
