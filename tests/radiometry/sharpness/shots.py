@@ -7,9 +7,6 @@ import numpy as np
 from radiometry.evidence import FrameEvidence
 from radiometry.exposure import Exposure
 from radiometry.methods import sharpness
-from radiometry.roi import bounding_window
-from radiometry.sharpness.edges import measure_edge
-from radiometry.sharpness.sampling import read_planes
 from radiometry.sharpness.simulation import SimulatedCamera, SimulatedEdge, render_chart
 
 CAMERA = SimulatedCamera()
@@ -59,13 +56,6 @@ def measure(one, *, camera=SMALL, random=None, target=EDGES):
 def measure_only(one, **more):
     (response,) = measure(one, **more).values()
     return response
-
-
-def measure_planes(frame, region, *, order=1):
-    """Without the search for the edge's direction."""
-    window = bounding_window(region.polygon, height_px=frame.height_px, width_px=frame.width_px)
-    planes = read_planes(frame, window, tone=None, transposed=False)
-    return [measure_edge(plane, order=order, orientation="vertical") for plane in planes]
 
 
 def row(name, features, *, exposure=EXPOSURE, camera=CAMERA, **changes):
