@@ -1,0 +1,95 @@
+"""What a field team is told of each frame of a reflectance campaign, and what would make its fit good."""
+
+import dataclasses
+
+import pytest
+
+from radiometry.methods import reflectance
+from radiometry.verdicts import Taken
+from tests.radiometry.reflectance.captures import (
+    CAMERA,
+    PANEL,
+    PANEL_R,
+    READINGS,
+    change_features,
+    panel,
+    seeded,
+    take,
+)
+
+PARAMS = reflectance.Params()
+
+
+def verdicts(rows, readings=READINGS, params=PARAMS):
+    frames = [
+        Taken(
+            frame=row.frame,
+            role=row.role,
+            scene=None,
+            state="extracted",
+            refusal="",
+            flags=(),
+            format=(CAMERA.height_px, CAMERA.width_px, "grey"),
+            region=PANEL,
+        )
+        for row in rows
+    ]
+    found = reflectance.judge(frames, rows, readings, params)
+    return {
+        frame: (verdict.outcome, [reason.code.value for reason in verdict.reasons])
+        for frame, verdict in found.items()
+    }
+
+
+def saturate(rows, share):
+    (statistics,) = {each.features.statistics for each in rows}
+    return change_features(rows, statistics=dataclasses.replace(statistics, saturated_share=share))
+
+
+def test_a_good_capture_passes_as_a_whole():
+    assert list(verdicts(panel()).values()) == [("pass", [])] * 4
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.001, ("pass", [])), (0.0011, ("fail", ["clipped"]))])
+def test_a_thousandth_of_the_panel_may_be_saturated(share, expected):
+    assert verdicts(saturate(panel()[:1], share)) == {"panel-0-green": expected}
+
+
+@pytest.mark.parametrize(("i_sq", "expected"), [(3.1, ("pass", [])), (3.0, ("fail", ["panel_weak"]))])
+def test_a_panel_stands_three_standard_errors_above_dark(i_sq, expected):
+    rows = change_features(panel()[:1], i_sq=i_sq, i_sq_standard_uncertainty=1.0)
+    assert verdicts(rows) == {"panel-0-green": expected}
+
+
+@pytest.mark.parametrize(("gradient", "expected"), [(0.03, ("pass", [])), (0.04, ("warn", ["panel_uneven"]))])
+def test_the_signal_changes_little_across_the_panel(gradient, expected):
+    assert verdicts(change_features(panel()[:1], gradient_rel=gradient)) == {"panel-0-green": expected}
+
+
+def test_a_band_of_which_nobody_said_what_the_panel_reflects():
+    found = verdicts(panel(), readings=[reading for reading in READINGS if reading.band != "nir"])
+    assert found["panel-0-nir"] == ("warn", ["panel_unknown"])
+    assert found["panel-0-red"] == ("pass", [])
+
+
+def test_sunshine_that_cannot_be_used_is_said_of_every_frame_that_needs_it():
+    field = take(seeded(2), PANEL_R, role="field", minutes=5.0, gain_indices=(3,) * 10)
+    found = verdicts([*panel(), *field])
+    assert found["field-5-green"] == ("warn", ["sunshine_unusable"])
+    assert found["panel-0-green"] == ("pass", [])
+    alone = verdicts([*panel(), *field], params=reflectance.Params(normalisation="panel_only"))
+    assert alone["field-5-green"] == ("pass", [])
+
+
+def test_what_would_make_the_fit_good():
+    once = "the panel was photographed once: take it after the flight too, to see the drift"
+    assert reflectance.plan(panel(), READINGS, PARAMS) == (once,)
+    twice = [*panel(), *panel(2, minutes=20.0)]
+    assert reflectance.plan(twice, READINGS, PARAMS) == ()
+    certain = [dataclasses.replace(reading, standard_uncertainty=None) for reading in READINGS]
+    assert reflectance.plan(twice, certain, PARAMS) == (
+        "the panel states no uncertainty: register it with that of its certificate",
+    )
+    field = take(seeded(3), PANEL_R, role="field", minutes=5.0)
+    lacking = [row for row in twice if not row.frame.endswith("nir")]
+    assert reflectance.plan([*lacking, *field], READINGS, PARAMS) == ("band nir has no usable panel frame",)
