@@ -350,6 +350,7 @@ def test_an_unusable_region_warns():
     bad = row("bad", shoot(seeded(), (*CHART[:2], dataclasses.replace(CHART[2], angle_deg=0.5))))
     found = sharpness.judge([take(bad)], [bad], PARAMS)["bad"]
     assert found.outcome == "warn"
+    assert found.reasons[0].code == "chart_unusable"
     assert found.reasons[0].detail.startswith("Region bottom-right: The edge leans 0.5 degrees")
 
 

@@ -170,6 +170,17 @@ def test_uneven_light_is_told_from_an_off_centre_lens():
     assert abs(plain.centre_px[0] - 171.0) > 3.0
 
 
+@pytest.mark.parametrize(("depth", "flagged"), [(0.02, False), (0.05, True)])
+def test_what_no_curve_describes_is_said_and_counted(depth, flagged):
+    """A hood dims the corners at once: the rest of half a per cent goes by, of one per cent does not."""
+    lens = dataclasses.replace(LENS, falloffs={1.4: FALLOFFS[1.4]})
+    hood = [(row, col, 90.0, depth) for row in (0, lens.height_px) for col in (0, lens.width_px)]
+    found = vignetting.fit([flat(lens, 5, target=Target(spots=hood))], NONE)
+    assert 0.003 < of(found, 1.4).coefficient.model_u_rel < 0.015
+    assert (of(found, 1.4).coefficient.model_u_rel > 0.005) is flagged
+    assert ("vignetting_misfit" in flags_of(found.flags)) is flagged
+
+
 def test_noise_alone_makes_no_gradient():
     """Of 60 drawn flats 0.16 should pass the limit of three standard errors: three would be a fault."""
     random, found = np.random.default_rng(8), 0
