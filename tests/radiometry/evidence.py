@@ -70,10 +70,11 @@ def reading(scene, value=None, *, quantity="luminance"):
 
 
 def taken(row, **changes):
+    """A row's frame as its campaign knows it, whatever the method; a panel's row names no scene."""
     frame = Taken(
         frame=row.frame,
         role=row.role,
-        scene=row.scene,
+        scene=getattr(row, "scene", None),
         state="extracted",
         refusal="",
         flags=(),

@@ -8,26 +8,12 @@ import pytest
 from radiometry.geometry.simulation import simulate_rows
 from radiometry.geometry.solving import Pose
 from radiometry.methods import geometry
-from radiometry.verdicts import Taken
+from tests.radiometry.evidence import taken
 from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, with_features
 
 
-def taken(row, **changes):
-    frame = Taken(
-        frame=row.frame,
-        role=row.role,
-        scene=None,
-        state="extracted",
-        refusal="",
-        flags=(),
-        format=(640, 480, "grey"),
-        region=None,
-    )
-    return dataclasses.replace(frame, **changes)
-
-
 def judge(rows, **changes):
-    verdicts = geometry.judge([taken(row, **changes) for row in rows], rows, FREE)
+    verdicts = geometry.judge([taken(row, **{"region": None} | changes) for row in rows], rows, FREE)
     return {frame: (each.outcome, [r.code.value for r in each.reasons]) for frame, each in verdicts.items()}
 
 

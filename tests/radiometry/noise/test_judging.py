@@ -8,7 +8,7 @@ import pytest
 from radiometry.methods import noise
 from radiometry.noise.simulation import SimulatedSensor, shoot
 from radiometry.packing import pack, unpack
-from radiometry.verdicts import Taken
+from tests.radiometry.evidence import taken
 
 SENSOR = SimulatedSensor(rows=32, cols=32)
 
@@ -25,20 +25,7 @@ def rows():
 
 
 def verdicts(rows):
-    frames = [
-        Taken(
-            frame=row.frame,
-            role=row.role,
-            scene=None,
-            state="extracted",
-            refusal="",
-            flags=(),
-            format=(32, 32, "grey"),
-            region=None,
-        )
-        for row in rows
-    ]
-    found = noise.judge(frames, rows, noise.Params())
+    found = noise.judge([taken(row, region=None) for row in rows], rows, noise.Params())
     return {
         frame: (verdict.outcome, [reason.code.value for reason in verdict.reasons])
         for frame, verdict in found.items()

@@ -5,10 +5,8 @@ import dataclasses
 import pytest
 
 from radiometry.methods import reflectance
-from radiometry.verdicts import Taken
+from tests.radiometry.evidence import taken
 from tests.radiometry.reflectance.captures import (
-    CAMERA,
-    PANEL,
     PANEL_R,
     READINGS,
     change_features,
@@ -21,20 +19,7 @@ PARAMS = reflectance.Params()
 
 
 def verdicts(rows, readings=READINGS, params=PARAMS):
-    frames = [
-        Taken(
-            frame=row.frame,
-            role=row.role,
-            scene=None,
-            state="extracted",
-            refusal="",
-            flags=(),
-            format=(CAMERA.height_px, CAMERA.width_px, "grey"),
-            region=PANEL,
-        )
-        for row in rows
-    ]
-    found = reflectance.judge(frames, rows, readings, params)
+    found = reflectance.judge([taken(row) for row in rows], rows, readings, params)
     return {
         frame: (verdict.outcome, [reason.code.value for reason in verdict.reasons])
         for frame, verdict in found.items()

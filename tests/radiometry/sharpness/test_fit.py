@@ -14,7 +14,7 @@ from radiometry.methods import sharpness
 from radiometry.sharpness.features import Estimate
 from radiometry.sharpness.merging import merge_estimates
 from radiometry.sharpness.simulation import SimulatedCamera, SimulatedEdge, SimulatedStar, render_chart
-from radiometry.verdicts import Taken
+from tests.radiometry.evidence import taken
 from tests.radiometry.sharpness.shots import EXPOSURE, extract, row, seeded
 
 # The corners' blur takes a quarter off MTF50, as the source found of its camera.
@@ -316,22 +316,8 @@ def test_stars_have_their_own_figures():
 # --- on site
 
 
-def take(one, **changes):
-    frame = Taken(
-        frame=one.frame,
-        role="chart",
-        scene=None,
-        state="extracted",
-        refusal="",
-        flags=(),
-        format=(320, 240, "grey"),
-        region=REGIONS[0].polygon,
-    )
-    return dataclasses.replace(frame, **changes)
-
-
 def verdicts(rows):
-    found = sharpness.judge([take(each) for each in rows], rows, PARAMS)
+    found = sharpness.judge([taken(each) for each in rows], rows, PARAMS)
     return {name: (each.outcome, {reason.code for reason in each.reasons}) for name, each in found.items()}
 
 
@@ -348,7 +334,7 @@ def test_a_shaken_frame_is_told_by_its_repeats(rows, shaken):
 
 def test_an_unusable_region_warns():
     bad = row("bad", shoot(seeded(), (*CHART[:2], dataclasses.replace(CHART[2], angle_deg=0.5))))
-    found = sharpness.judge([take(bad)], [bad], PARAMS)["bad"]
+    found = sharpness.judge([taken(bad)], [bad], PARAMS)["bad"]
     assert found.outcome == "warn"
     assert found.reasons[0].code == "chart_unusable"
     assert found.reasons[0].detail.startswith("Region bottom-right: The edge leans 0.5 degrees")

@@ -9,8 +9,8 @@ from radiometry.errors import InputRejected
 from radiometry.evidence import Exclusion, Region
 from radiometry.methods import vignetting
 from radiometry.roi import Polygon
-from radiometry.verdicts import Taken
 from radiometry.vignetting.simulation import SimulatedLens, Target
+from tests.radiometry.evidence import taken
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, flags_of, flat
 
 DARKS = [dark(SMALL, seed, name=f"dark-{seed}") for seed in (91, 92, 93)]
@@ -27,22 +27,8 @@ def refuse(*rows):
     return refusal.value.message
 
 
-def taken(row, **changes):
-    known = Taken(
-        frame=row.frame,
-        role=row.role,
-        scene=None,
-        state="extracted",
-        refusal="",
-        flags=(),
-        format=(row.header.width_px, row.header.height_px, row.header.cfa),
-        region=None,
-    )
-    return dataclasses.replace(known, **changes)
-
-
 def judge(*rows):
-    return vignetting.judge([taken(each) for each in rows], rows, NONE)
+    return vignetting.judge([taken(each, region=None) for each in rows], rows, NONE)
 
 
 def reasons(verdict):
