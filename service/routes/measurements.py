@@ -29,6 +29,7 @@ from service.schemas.measurements import (
 from service.writing import Reply, Writes
 from store import jobs
 from store.errors import Conflict
+from store.measuring.captures import Captures
 from store.measuring.plan import Asked, find_subject, plan_measurement
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
@@ -45,7 +46,7 @@ def start_measurement(body: NewMeasurement, caller: Uploader, writing: Writes) -
     def change(session: Session) -> Reply:
         frame = owned(session, FrameRow, body.frame_id, caller)
         named = _named(session, body, caller)
-        job = _enqueue(session, frame, _read_asked(body), named, caller)
+        job = _enqueue(session, frame, _read_asked(body), named, caller, Captures(session))
         session.flush()
         location = {"Location": f"/v1/jobs/{job.id}"}
         return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
@@ -69,12 +70,12 @@ def start_campaign_measurements(
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
-        named, asked = _named(session, body, caller), _read_asked(body)
+        named, asked, captures = _named(session, body, caller), _read_asked(body), Captures(session)
         started: dict[Job, None] = {}
         refused: list[NotMeasured] = []
         for frame in _field_frames(session, campaign):
             try:
-                started[_enqueue(session, frame, asked, named, caller)] = None
+                started[_enqueue(session, frame, asked, named, caller, captures)] = None
             except (InputRejected, Conflict) as refusal:
                 refused.append(
                     NotMeasured(
@@ -195,16 +196,21 @@ def _named(session: Session, body: MeasurementOptions, caller: Caller) -> Calibr
 
 
 def _enqueue(
-    session: Session, frame: FrameRow, asked: Asked, named: Calibration | None, caller: Caller
+    session: Session,
+    frame: FrameRow,
+    asked: Asked,
+    named: Calibration | None,
+    caller: Caller,
+    captures: Captures,
 ) -> Job:
-    subject = find_subject(session, frame, asked)
+    subject = find_subject(session, frame, asked, captures)
     return jobs.enqueue(
         session,
         kind="measure",
         subject_id=subject.id,
         organisation_id=caller.organisation_id,
         by=caller.key_id,
-        parameters=plan_measurement(session, subject, asked, named),
+        parameters=plan_measurement(session, subject, asked, named, captures),
     )
 
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import TypeAdapter
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
@@ -19,6 +18,7 @@ from radiometry.roi import Polygon, bounding_window
 from radiometry.surface import Grid, outline
 from store.codec import decode_exposure, decode_header, encode
 from store.falloff import find_falloff, read_lens
+from store.measuring.captures import Captures
 from store.measuring.record import read_band_coefficients, read_camera, read_coefficients
 from store.measuring.version import choose_version
 from store.queries.frames import current_roi, whole_frame_of
@@ -40,7 +40,7 @@ class Asked:
 
 
 def plan_measurement(
-    session: Session, frame: FrameRow, asked: Asked, named: Calibration | None
+    session: Session, frame: FrameRow, asked: Asked, named: Calibration | None, captures: Captures
 ) -> dict[str, Any]:
     """The parameters of the job that measures: what is decided here cannot change while it waits.
 
@@ -64,14 +64,20 @@ def plan_measurement(
     if campaign.method == "geometry":
         _require_picture(frame, calibration, asked)
         return plan
-    return plan | _plan_reflectance(session, frame, calibration, polygon, asked)
+    return plan | _plan_reflectance(frame, calibration, polygon, asked, captures)
 
 
-def find_subject(session: Session, frame: FrameRow, asked: Asked) -> FrameRow:
-    """The frame that a measurement is of: of an index, its capture's near infrared one."""
+def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Captures) -> FrameRow:
+    """The frame that a measurement is of: of an index, its capture's near infrared one.
+
+    Raises InputRejected for a frame that tells no capture: it was not read, or is of another method
+    """
     if asked.index is None:
         return frame
-    return _find_band(session, frame, reflectance.name_bands(asked.index)[0])
+    method = session.get_one(Campaign, frame.campaign_id).method
+    _require_read(frame, method)
+    _refuse_foreign_options(method, asked)
+    return captures.find(frame, reflectance.name_bands(asked.index)[0])
 
 
 def _refuse_foreign_options(method: methods.Method, asked: Asked) -> None:
@@ -144,7 +150,7 @@ def _require_picture(frame: FrameRow, calibration: Calibration, asked: Asked) ->
 
 
 def _plan_reflectance(
-    session: Session, frame: FrameRow, calibration: Calibration, polygon: Polygon, asked: Asked
+    frame: FrameRow, calibration: Calibration, polygon: Polygon, asked: Asked, captures: Captures
 ) -> dict[str, Any]:
     coefficients, angle_deg = read_band_coefficients(calibration), asked.incidence_angle_deg or 0.0
     plan: dict[str, Any] = {"incidence_angle_deg": angle_deg}
@@ -152,7 +158,7 @@ def _plan_reflectance(
     bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     headers = [header]
     if asked.index is not None:
-        other = _find_band(session, frame, reflectance.name_bands(asked.index)[1])
+        other = captures.find(frame, reflectance.name_bands(asked.index)[1])
         headers.append(decode_header(other.header or {}))
         here, there = reflectance.align_region(polygon, header, headers[1])
         plan |= {
@@ -167,29 +173,6 @@ def _plan_reflectance(
 
 def _list_points(polygon: Polygon) -> list[list[float]]:
     return [list(point) for point in polygon.points]
-
-
-def _find_band(session: Session, frame: FrameRow, band: str) -> FrameRow:
-    """The frame of a band in the capture, and campaign, of a frame."""
-    shown = decode_header(frame.header or {}).multispectral
-    if shown is not None and shown.band == band:
-        return frame
-    rows = session.scalars(
-        select(FrameRow)
-        .where(FrameRow.campaign_id == frame.campaign_id, FrameRow.exposure_time_s.is_not(None))
-        .order_by(FrameRow.id)
-    )
-    for row in rows:
-        other = decode_header(row.header or {}).multispectral
-        if other is None or shown is None or shown.capture_id is None:
-            continue
-        if (other.capture_id, other.band) == (shown.capture_id, band):
-            return row
-    raise InputRejected(
-        Code.CAPTURE_INCOMPLETE,
-        f"The campaign holds no frame of band {band} of the capture that {frame.filename} belongs to, or it "
-        "has not been read yet. Upload the capture's other files.",
-    )
 
 
 def read_request(parameters: dict[str, Any]) -> Request:

@@ -5,6 +5,7 @@ last bit.
 """
 
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 from sqlalchemy import func, select
@@ -13,6 +14,7 @@ import stilb
 from store.broker import RUN_TASK, make_celery
 from store.jobs import FINAL_STATES
 from store.tables import ChannelRow, Extraction, FrameRow, Job
+from tests.support.campaigns import ROI
 from tests.support.deployments import Embedded, short_folder, wait_for
 from tests.support.fieldwork import CHANNELS, Team, figures_of
 from tests.support.processes import alive, family
@@ -100,6 +102,35 @@ def test_a_worker_killed_while_it_fits(deployment, shots, quiet_figures):
         assert [c.version for c in team.client.calibrations(campaign.id)] == list(range(number, 0, -1))
         (row,) = (row for row in deployment.jobs(subjects=[campaign.id]) if row.id == job)
         assert (row.attempt, row.lost) == (2, 1)
+
+
+def test_a_worker_killed_while_it_measures_a_flight(embedded, shots, tmp_path):
+    """Every map once, of all frames but the one that ends too soon, which is named and spoils no other."""
+    half = tmp_path / "half.DNG"
+    half.write_bytes(shots[12].path.read_bytes()[:-4000])
+    with embedded.team() as team, team.http() as http:
+        campaign = team.campaign()
+        embedded.wait_for_jobs([frame.id for frame in team.push(campaign, shots)])
+        version = team.client.calibrate(campaign.id)
+        lit = [replace(shot, role="field", scene=None) for shot in shots if shot.scene]
+        lit[12:12] = [replace(lit[0], path=half)]
+        flight = team.client.create_campaign(campaign.camera_id)
+        team.client.set_roi(flight.id, polygon=ROI["polygon"])
+        frames = [frame.id for frame in team.push(flight, lit)]
+        embedded.wait_for_jobs(frames)
+        body = {"calibration_id": version.id, "products": ["map"]}
+        told = http.post(f"/v1/campaigns/{flight.id}/measurements", json=body).json()
+        assert [(each["filename"], each["code"]) for each in told["not_measured"]] == [
+            ("half.DNG", "frame_not_read")
+        ]
+        ids = {job["id"] for job in told["jobs"]}
+        killed = kill_at_work(embedded, frames)
+        jobs = [job for job in embedded.wait_for_jobs(frames) if job.kind == "measure"]
+        assert {job.id for job in jobs} == ids
+        assert {(job.state, job.progress) for job in jobs} == {("succeeded", 1.0)}
+        assert {(job.id, 1) for job in jobs if job.lost} == killed != set()
+        measured = list(team.client.measurements(campaign_id=flight.id))
+        assert len({one.frame_id for one in measured}) == len(measured) == len(lit) - 1
 
 
 def test_everything_killed_and_started_again_on_the_same_data(shots, quiet_figures):

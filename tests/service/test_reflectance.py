@@ -253,6 +253,26 @@ def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, conte
     assert float(columns["mean_reflectance"]) == pytest.approx(row["mean"]["value"])
 
 
+def test_an_index_of_a_flight_names_what_has_not_been_read(house, contents):
+    campaign = begin(house, contents)
+    version = fit(house, campaign)
+    body = {"calibration_id": version["id"], "index": "ndvi"}
+    cut = contents | {"red": contents["red"][:-9000]}
+    flight_id = flight_of(house, campaign, {band: cut[band] for band in ("nir", "red")})
+    late = house.upload({"id": flight_id}, contents["green"], role="field", filename="late.TIF")
+    answer = house.post(f"/v1/campaigns/{flight_id}/measurements", body, status=202)
+    assert answer["jobs"] == []
+    assert [(each["filename"], each["code"]) for each in answer["not_measured"]] == [
+        (NAMES["nir"], "capture_incomplete"),
+        (NAMES["red"], "frame_not_read"),
+        ("late.TIF", "frame_not_read"),
+    ]
+    assert (
+        house.post("/v1/measurements", body | {"frame_id": late["id"]}, status=422)["code"]
+        == "frame_not_read"
+    )
+
+
 @pytest.mark.parametrize(
     ("body", "code"),
     [

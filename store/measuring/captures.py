@@ -1,0 +1,47 @@
+"""Which frames of a campaign are bands of one capture: looked up once, however many are asked for."""
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.errors import Code, InputRejected
+from store.tables import FrameRow
+
+_SAID = FrameRow.header["multispectral"]
+
+
+class Captures:
+    """Of the campaigns of the frames that it is asked about, as they are when it is first asked."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._frames: dict[str, dict[tuple[str, str], str]] = {}
+
+    def find(self, frame: FrameRow, band: str) -> FrameRow:
+        """The frame of a band in the capture, and campaign, of a frame that has been read.
+
+        Raises InputRejected(capture_incomplete)
+        """
+        shown = (frame.header or {}).get("multispectral") or {}
+        if shown.get("band") == band:
+            return frame
+        capture_id = shown.get("capture_id")
+        found = self._of_campaign(frame.campaign_id).get((capture_id, band)) if capture_id else None
+        if found is None:
+            raise InputRejected(
+                Code.CAPTURE_INCOMPLETE,
+                f"The campaign holds no frame of band {band} of the capture that {frame.filename} belongs "
+                "to, or it has not been read yet. Upload the capture's other files.",
+            )
+        return self._session.get_one(FrameRow, found)
+
+    def _of_campaign(self, campaign_id: str) -> dict[tuple[str, str], str]:
+        """Ids by capture and band; of two frames of one band the older."""
+        if campaign_id not in self._frames:
+            rows = self._session.execute(
+                select(_SAID["capture_id"].as_string(), _SAID["band"].as_string(), FrameRow.id)
+                .where(FrameRow.campaign_id == campaign_id, FrameRow.exposure_time_s.is_not(None))
+                .where(FrameRow.state != "refused")
+                .order_by(FrameRow.id.desc())
+            )
+            self._frames[campaign_id] = {(capture, band): frame_id for capture, band, frame_id in rows}
+        return self._frames[campaign_id]
