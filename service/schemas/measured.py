@@ -263,7 +263,8 @@ def _flags_of(standing: Standing) -> list[FlagAnswer]:
         case "draft":
             flag, detail = Flag.CALIBRATION_NOT_PUBLISHED, "It is a draft."
         case "superseded":
-            flag, detail = Flag.CALIBRATION_SUPERSEDED, f"By {standing.superseded_by or 'another version'}."
+            newer = f"version {standing.successor}" if standing.successor else "another version"
+            flag, detail = Flag.CALIBRATION_SUPERSEDED, f"By {newer}."
         case "revoked":
             flag, detail = Flag.CALIBRATION_REVOKED, f"Because: {standing.revoked_reason}."
         case _:

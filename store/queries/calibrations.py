@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Literal
 
@@ -22,6 +22,8 @@ class Standing:
     valid_from: datetime | None = None
     valid_to: datetime | None = None
     superseded_by: str | None = None
+    successor: int | None = None
+    """The number of the version that ``superseded_by`` is the id of."""
     revoked_reason: str | None = None
 
 
@@ -39,7 +41,21 @@ def standings(session: Session, calibration_ids: list[str]) -> dict[str, Standin
     )
     for row in rows:
         published[row.calibration_id].append(row)
-    return {key: _standing(published[key], revoked.get(key)) for key in calibration_ids}
+    return _name_successors(
+        session, {key: _standing(published[key], revoked.get(key)) for key in calibration_ids}
+    )
+
+
+def _name_successors(session: Session, found: dict[str, Standing]) -> dict[str, Standing]:
+    ids = {standing.superseded_by for standing in found.values()} - {None}
+    if not ids:
+        return found
+    rows = session.execute(select(Calibration.id, Calibration.version).where(Calibration.id.in_(ids)))
+    numbers = {row[0]: row[1] for row in rows}
+    return {
+        key: replace(standing, successor=numbers.get(standing.superseded_by or ""))
+        for key, standing in found.items()
+    }
 
 
 def _standing(rows: list[Publication], revocation: Revocation | None) -> Standing:

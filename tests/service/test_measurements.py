@@ -218,7 +218,8 @@ def test_what_becomes_of_the_version_is_told_with_every_measurement(house, versi
     newer = calibrate(house, {"id": version["campaign_id"]}, model="affine")
     house.post(f"/v1/calibrations/{newer['id']}/publish", IN_FORCE, status=200)
     now = house.get(address)
-    assert "calibration_superseded" in flags(now)
+    (superseded,) = (each for each in now["flags"] if each["flag"] == "calibration_superseded")
+    assert superseded["detail"] == f"By version {newer['version']}."
     assert now["calibration"]["superseded_by"] == newer["id"]
     assert now["mean"] == found["mean"]
     assert house.http.get(address, headers={"If-None-Match": tag}).status_code == 200
