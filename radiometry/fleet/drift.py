@@ -188,7 +188,8 @@ def _judge(
     line = fit_line(rows)
     date, why = None, None
     if line is None:
-        why = f"A trend needs three campaigns at different times; there are {len(rows)}."
+        there = "is 1" if len(rows) == 1 else f"are {len(rows)}"
+        why = f"A trend needs three campaigns at different times; there {there}."
     elif limit is None:
         why = "No tolerance was given that holds for it."
     elif not felt:

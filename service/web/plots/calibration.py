@@ -9,7 +9,7 @@ from bokeh.models import ColumnDataSource, HoverTool, Scatter, TapTool
 from bokeh.models.annotations import BoxAnnotation, Span
 from bokeh.models.axes import LogAxis
 from bokeh.models.renderers import DataRenderer
-from bokeh.models.tickers import LogTicker
+from bokeh.models.tickers import FixedTicker
 from bokeh.plotting import figure
 
 from radiometry import models
@@ -20,6 +20,7 @@ Row = dict[str, Any]
 
 _SYMBOLS: Final = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex")
 _ALONG: Final = 80
+_DECADES: Final = [digit * 10.0**power for power in range(-6, 7) for digit in (1, 2, 5)]
 _HOLLOW: Final = "rgba(0, 0, 0, 0)"
 _X: Final = "X = t S L / f²  [cd·s/m²]"
 # what stands for @name is escaped by Bokeh, also the name of a file
@@ -173,4 +174,5 @@ def _finish(drawn: figure, theme: Theme) -> None:
     drawn.legend.click_policy = "hide"
     for axis in drawn.axis:
         if isinstance(axis, LogAxis):
-            axis.ticker = LogTicker(mantissas=[1, 2, 5])
+            # by itself it ticks two decades like one: 20, 40, 60, and nothing below
+            axis.update(ticker=FixedTicker(ticks=_DECADES))

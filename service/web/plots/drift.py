@@ -16,7 +16,8 @@ from service.svg import span
 from service.web.plots.figures import COLOURS, Theme, new_figure, style_legend
 
 _SYMBOLS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex")
-_DAY_MS = 86_400_000.0
+_LEAST_MS = 90 * 86_400_000.0
+_ROOM = 1.15
 
 
 def draw_drift(found: Sequence[Determination], versions: Mapping[str, int], *, theme: Theme) -> figure:
@@ -30,12 +31,14 @@ def draw_drift(found: Sequence[Determination], versions: Mapping[str, int], *, t
         x_label="determined",
         y_label=f"{key.name} [{in_print(key.unit)}]",
         x_axis_type="datetime",
+        x_range=_time_range(found),
         y_range=span([row.value + sign * row.standard_uncertainty for row in found for sign in (-1, 1)]),
     )
     rows: dict[str, list[Determination]] = defaultdict(list)
+    shared = _shared([row.key for row in found])
     for row in found:
-        rows[_where(row.key)].append(row)
-    step_ms = _step_ms(found)
+        rows[_where(row.key, without=shared)].append(row)
+    step_ms = _step_ms(found, len(rows))
     points: list[DataRenderer] = []
     for place, (label, series) in enumerate(rows.items()):
         # error bars of one day would hide one another
@@ -93,12 +96,32 @@ def _columns(
     return columns
 
 
-def _where(key: Key) -> str:
-    """What a series holds for."""
-    return str(key).removeprefix(key.name).removeprefix(" at ")
+def _where(key: Key, *, without: frozenset[str] = frozenset()) -> str:
+    """What a series holds for, but for what goes without saying."""
+    return ", ".join(part for part in _parts(key) if part not in without)
 
 
-def _step_ms(found: Sequence[Determination]) -> float:
-    """Between the series of one version: a share of what lies between versions, or of a day."""
-    times = sorted({row.source.at.timestamp() * 1000.0 for row in found})
-    return 0.004 * (times[-1] - times[0]) or 0.04 * _DAY_MS
+def _parts(key: Key) -> list[str]:
+    said = str(key).removeprefix(key.name).removeprefix(" at ").split(", ")
+    # of sharpness the model ends with the place in the frame
+    return [part for part in (*said, key.model.partition(":")[2]) if part]
+
+
+def _shared(keys: Sequence[Key]) -> frozenset[str]:
+    """What all series hold for: of an only one nothing, as it must have a name."""
+    if len(set(keys)) == 1:
+        return frozenset()
+    return frozenset.intersection(*(frozenset(_parts(key)) for key in keys))
+
+
+def _time_range(found: Sequence[Determination]) -> tuple[float, float]:
+    """From the first version to the last with some room: at least months, as nothing drifts in hours."""
+    times = [row.source.at.timestamp() * 1000.0 for row in found]
+    middle, half = (max(times) + min(times)) / 2.0, max((max(times) - min(times)) / 2.0, _LEAST_MS / 2.0)
+    return middle - _ROOM * half, middle + _ROOM * half
+
+
+def _step_ms(found: Sequence[Determination], series: int) -> float:
+    """Between the series of one version: together a small share of what is shown."""
+    low, high = _time_range(found)
+    return min(0.012, 0.15 / series) * (high - low)

@@ -1,17 +1,25 @@
 """A figure in the page's colours, and its way to the browser."""
 
 import json
+import math
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 from bokeh.core.json_encoder import serialize_json
 from bokeh.embed import json_item
 from bokeh.models import Model
+from bokeh.models.annotations import LegendItem
 from bokeh.models.labeling import NoOverlap
 from bokeh.plotting import figure
 from fastapi import Response
 
 Theme = Literal["light", "dark"]
+
+# Of a legend in 12 px letters: what its line takes, and what a phone has for it.
+_PHONE_PX: Final = 320
+_GLYPH_PX: Final = 32
+_LETTER_PX: Final = 7
+_LINE_PX: Final = 22
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,15 +91,18 @@ def new_figure(theme: Theme, *, x_label: str, y_label: str, height_px: int = 320
 
 
 def style_legend(drawn: figure, theme: Theme) -> None:
-    """Below the plot, in as many lines as it takes."""
+    """Below the plot, in as many columns as a phone has room for; the plot keeps its own height."""
     legend = drawn.legend[0]
+    labels = [str(getattr(item.label, "value", item.label)) for item in legend.items if isinstance(item, LegendItem)]
+    columns = min(len(labels), max(1, _PHONE_PX // (_GLYPH_PX + _LETTER_PX * max(map(len, labels)))))
+    legend.ncols = columns
+    drawn.height = (drawn.height or 0) + _LINE_PX * (math.ceil(len(labels) / columns) - 1)
     legend.background_fill_color = legend.border_line_color = None
     legend.label_text_color = COLOURS[theme].muted
     legend.label_text_font = "system-ui, sans-serif"
     legend.label_text_font_size = "12px"
     legend.click_policy = "mute"
     legend.orientation = "horizontal"
-    legend.nrows = "auto"
     drawn.add_layout(legend, "below")
 
 
