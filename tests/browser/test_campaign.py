@@ -34,6 +34,7 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
     page.goto("/campaigns")
     expect(page.get_by_text("No campaign yet")).to_be_visible()
     page.get_by_role("link", name="New campaign").first.click()
+    page.get_by_role("radio", name="Luminance").check()
     for label, text in {
         "Make": "DJI",
         "Model": "FC6520",

@@ -48,9 +48,9 @@ def test_the_whole_procedure(page, tmp_path):
 def begin_a_campaign(page: Page) -> None:
     expect(page.get_by_role("heading", level=1)).to_have_text("Today")
     passed(page, "procedure-1-nothing-yet")
-    page.get_by_role("link", name="Campaigns", exact=True).first.click()
-    page.get_by_role("link", name="New campaign").first.click()
+    page.get_by_role("link", name="New campaign").click()
     settle(page)
+    page.get_by_role("radio", name="Luminance").check()
     camera = page.get_by_role("group", name="New camera")
     for label, value in CAMERA.items():
         camera.get_by_label(label, exact=True).fill(value)

@@ -50,4 +50,5 @@ def _describe(method: methods.Method) -> dict[str, Any]:
         "roles": sorted(room.roles | room.applied_roles),
         "target": room.target is not None,
         "whole_frame": room.whole_frame,
+        "finds_region": room.finds_region,
     }

@@ -1,15 +1,27 @@
 // Coefficients as the pages show them: what they hold for, and which of a series are in force.
 
-import { h } from "./dom.js";
-import { number } from "./format.js";
+import { filename, h } from "./dom.js";
+import { number, words } from "./format.js";
+
+/** What each method is asked for first; how well a camera is known is how well this is. */
+export const HEADLINES = {
+  luminance: "luminance_k",
+  reflectance: "reflectance_k",
+  vignetting: "corner_falloff",
+  sharpness: "mtf50_cycles_per_pixel",
+  geometry: "fx_px",
+  noise: "system_gain_dn_per_e",
+};
 
 /** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
 export function holdsFor(row) {
   return [
     row.iso !== undefined ? `ISO ${number(row.iso, 6)}` : "",
     row.f_number !== undefined ? `f/${number(row.f_number)}` : "",
-    row.band !== undefined ? `band ${row.band}` : "",
+    row.band !== undefined ? `band ${words(row.band)}` : "",
     row.channel !== undefined ? `channel ${row.channel}` : "",
+    // of sharpness: where in the frame
+    row.model?.includes(":") ? row.model.split(":")[1] : "",
   ]
     .filter(Boolean)
     .join(", ");
@@ -17,7 +29,7 @@ export function holdsFor(row) {
 
 /** A coefficient by its name and what it holds for. */
 export function named(row) {
-  return h("span", {}, h("code", {}, row.name), h("span", { class: "muted" }, ` ${holdsFor(row)}`));
+  return h("span", {}, h("code", {}, filename(row.name)), h("span", { class: "muted" }, ` ${holdsFor(row)}`));
 }
 
 /** The versions of a series (/v1/series/coefficients) that are in force at a time, each with its rows. */
@@ -29,7 +41,7 @@ export function inForce(rows, at = new Date()) {
     versions.get(row.calibration_id).rows.push(row);
   }
   for (const version of versions.values()) {
-    const shares = version.rows.filter((row) => row.value).map((row) => Math.abs(row.standard_uncertainty / row.value));
+    const shares = version.rows.filter((row) => row.value && row.name === HEADLINES[row.method]).map((row) => Math.abs(row.standard_uncertainty / row.value));
     version.largest = shares.length ? Math.max(...shares) : undefined;
     version.flags = [...new Set(version.rows.flatMap((row) => row.flags.split(/[ ,;]+/).filter(Boolean)))];
   }

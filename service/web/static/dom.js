@@ -71,6 +71,9 @@ export function figure(name, value, note, attributes = {}) {
   return h("div", {}, h("dt", {}, name), h("dd", attributes, value, note ? h("small", {}, note) : null));
 }
 
+/** The name of a file or a coefficient, which may be broken where its parts meet: most do not fit a phone. */
+export const filename = (name) => name.split(/(?<=[_.-])/).flatMap((part) => [part, h("wbr")]);
+
 /** Say something in passing, also to a screen reader. */
 export function toast(text) {
   const shown = h("div", { class: "toast" }, text);

@@ -43,9 +43,8 @@ export function quantity(reported) {
   const [value, uncertainty] = withUncertainty(reported.value, reported.standard_uncertainty).split(" ± ");
   return h(
     "span",
-    { class: "nowrap", title: "value ± standard uncertainty" },
-    value,
-    uncertainty ? h("span", { class: "u" }, ` ± ${uncertainty}`) : null,
+    { class: "quantity", title: "value ± standard uncertainty" },
+    h("span", { class: "nowrap" }, value, uncertainty ? h("span", { class: "u" }, ` ± ${uncertainty}`) : null),
     reported.unit && reported.unit !== "1" ? h("span", { class: "unit" }, ` ${unit(reported.unit)}`) : null,
   );
 }
@@ -71,6 +70,9 @@ export function time(instant) {
   const utc = new Date(instant).toISOString();
   return h("time", { datetime: instant, class: "nowrap", title: `${instant} (${ago(instant)})` }, `${utc.slice(0, 10)} ${utc.slice(11, 16)} UTC`);
 }
+
+/** The service's own sentences write times for machines: 2026-05-01T08:00:00Z becomes 2026-05-01 08:00 UTC. */
+export const sayTimes = (text) => text.replace(/(\d{4}-\d\d-\d\d)T(\d\d:\d\d)(?::\d\d(?:\.\d+)?)?(?:Z|\+00:00)/g, "$1 $2 UTC");
 
 /** How long ago: "3 days ago". */
 export function ago(instant, now = Date.now()) {

@@ -1,8 +1,10 @@
 // What changes while one looks: followed without reloading, at rest while nobody looks.
 
 import { get } from "./api.js";
+import { byId, h } from "./dom.js";
 
 const ENDED = ["succeeded", "failed", "quarantined"];
+const LONGEST_MS = 30000;
 
 /** Wait for a job; `onProgress(job)` hears of it every other second. Answers the job as it ended. */
 export async function followJob(id, onProgress = () => {}, { signal } = {}) {
@@ -32,9 +34,11 @@ export function follow(look, { every = 3000 } = {}) {
       try {
         await look();
         delay = every;
+        tellLost(false);
       } catch (error) {
         if (!error.code) throw error;
-        delay = Math.min(delay * 2, 60000);
+        delay = Math.min(delay * 2, LONGEST_MS);
+        tellLost(error.retryable);
       }
     }
     if (!stopped) timer = setTimeout(turn, delay);
@@ -50,6 +54,13 @@ export function follow(look, { every = 3000 } = {}) {
     },
     now: turn,
   };
+}
+
+/** While nothing comes any more, what is shown may be old: say so. */
+function tellLost(lost) {
+  const told = byId("lost");
+  if (lost && !told) document.body.append(h("p", { id: "lost", class: "note warn", role: "status" }, h("strong", {}, "The service does not answer. "), "What stands here may be old; it is asked again by itself."));
+  if (!lost) told?.remove();
 }
 
 export const pause = (ms) => new Promise((done) => setTimeout(done, ms));

@@ -3,7 +3,7 @@
 import { all, get, post } from "../api.js";
 import { ask } from "../ask.js";
 import { fill, h, may, toast } from "../dom.js";
-import { load } from "../states.js";
+import { act, load } from "../states.js";
 import { fitAnew } from "./refit.js";
 import { drawImpact, drawTouched } from "./impact.js";
 
@@ -15,11 +15,13 @@ export function offerDecisions(place, calibration, decided) {
     place,
     may("calibrate") ? button("Fit anew…", null, () => fitAnew(calibration)) : null,
     may("publish") && !revoked ? button("Revoke…", "danger", () => revoke(calibration, decided)) : null,
-    may("publish") && !revoked ? button(calibration.state === "draft" ? "Publish…" : "Publish for another time…", calibration.state === "draft" ? "primary" : null, () => publish(calibration, decided)) : null,
+    may("publish") && !revoked ? button(calibration.state === "draft" ? "Publish…" : "Publish for another time…", calibration.state === "draft" ? "primary" : null, (event) => publish(event.target, calibration, decided)) : null,
   );
 }
 
-async function publish(calibration, decided) {
+async function publish(button, calibration, decided) {
+  const from = await act(button, () => startOf(calibration));
+  if (!from) return;
   const impact = h("div", { class: "impact", "aria-live": "polite" });
   const show = () => {
     const at = instant(document.getElementById("ask-valid_from").value);
@@ -29,7 +31,7 @@ async function publish(calibration, decided) {
     title: `Publish version ${calibration.version}`,
     body: impact,
     fields: [
-      { name: "valid_from", label: "In force from (UTC)", type: "datetime-local", value: start(calibration), hint: "Frames that were taken from then on are measured with it." },
+      { name: "valid_from", label: "In force from (UTC)", type: "datetime-local", value: from, hint: "Frames that were taken from then on are measured with it." },
       { name: "valid_to", label: "Until (UTC)", type: "datetime-local", required: false, hint: "Left empty: until another version takes its place." },
       { name: "reason", label: "Why", type: "textarea", hint: "Who reviewed it, and on what grounds." },
     ],
@@ -65,10 +67,13 @@ async function revoke(calibration, decided) {
   decided(answer.measurements.length ? h("div", { class: "note bad" }, h("p", {}, h("strong", {}, "Revoked. These measurements were made with it:")), drawTouched(answer.measurements)) : null);
 }
 
-/** The day of the campaign where it is known: its own frames are then measured with it. */
-function start(calibration) {
+/** When the campaign began, or the day of its first frame: what was taken with it is then measured with it. */
+async function startOf({ campaign_id: id, created_at: made }) {
   const started = document.querySelector("main").dataset.startedAt;
-  return new Date(started || calibration.created_at).toISOString().slice(0, 16);
+  if (started) return new Date(started).toISOString().slice(0, 16);
+  const frames = await all(`/v1/campaigns/${id}/frames?brief=true`);
+  const days = frames.filter((frame) => frame.taken_at).map((frame) => frame.taken_at.slice(0, 10));
+  return days.length ? `${days.sort()[0]}T00:00` : new Date(made).toISOString().slice(0, 16);
 }
 
 const instant = (typed) => (typed ? new Date(`${typed}Z`).toISOString() : undefined);

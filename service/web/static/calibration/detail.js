@@ -2,7 +2,7 @@
 
 import { bars } from "../bars.js";
 import { h, table } from "../dom.js";
-import { number, percent, tag, withUncertainty } from "../format.js";
+import { number, percent, tag, withUncertainty, words } from "../format.js";
 
 /** Per ISO value, every model that was fitted; null where the method fits one alone. */
 export function drawModels({ method, diagnostics }) {
@@ -41,7 +41,7 @@ export function drawBudget({ method, diagnostics }) {
   return cards.length ? cards : null;
 }
 
-const titleOf = (coefficient) => (coefficient.iso === undefined ? `Band ${coefficient.band}` : `ISO ${number(coefficient.iso, 6)}`);
+const titleOf = (coefficient) => (coefficient.iso === undefined ? `Band ${words(coefficient.band)}` : `ISO ${number(coefficient.iso, 6)}`);
 
 function card(title, budget) {
   const rows = [...budget].sort((a, b) => b.u_rel - a.u_rel);

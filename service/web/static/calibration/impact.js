@@ -12,7 +12,7 @@ const METERS = {
 export function drawImpact(impact) {
   return [
     h("p", { class: "note" }, h("strong", {}, impact.said), impact.meter_calibration && METERS[impact.meter_calibration] ? ` ${METERS[impact.meter_calibration]}` : null),
-    impact.coefficients.length ? coefficients(impact.coefficients) : null,
+    impact.against?.calibration_id !== impact.calibration_id && impact.coefficients.length ? coefficients(impact.coefficients) : null,
     gains(impact),
     impact.measurements.length ? [h("h3", {}, `${impact.measurements.length} ${impact.measurements.length === 1 ? "measurement was" : "measurements were"} made with the version in force`), drawTouched(impact.measurements)] : null,
   ];

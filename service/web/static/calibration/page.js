@@ -40,7 +40,7 @@ async function start() {
 
 /** State, history and what can be decided: what a decision changes. */
 function standing(calibration) {
-  load(byId("standing"), () => calibration, drawStanding);
+  load(byId("standing"), () => withSuccessor(calibration), drawStanding);
   load(
     byId("history"),
     async () => {
@@ -61,6 +61,11 @@ function standing(calibration) {
     (found) => offerDecisions(byId("decide"), found, (said) => (fill(byId("said"), said), standing(get(`/v1/calibrations/${id}`)))),
     () => {},
   );
+}
+
+async function withSuccessor(calibration) {
+  const found = await calibration;
+  return [found, found.superseded_by ? await getOr(`/v1/calibrations/${found.superseded_by}`, undefined) : undefined];
 }
 
 function show(name, drawn) {

@@ -1,16 +1,20 @@
 // Every point of the fit in a table, used or left out; of luminance in chosen columns, else in the method's own.
+// What became of it stands beside its name: there it is seen on a phone too.
 
-import { h, may, table } from "../dom.js";
-import { exposureTime, fixed, number, tag, words } from "../format.js";
+import { filename, h, may, table } from "../dom.js";
+import { exposureTime, fixed, number, tag, time, withUncertainty, words } from "../format.js";
 import { empty } from "../states.js";
 import { shorten } from "../shorten.js";
 
-const UNITS = { px: "px", dn: "DN", dn2: "DN²", s: "s", deg: "°", mm: "mm", um: "µm", cd_m2: "cd/m²" };
-const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure"]);
+const UNITS = { cycles_per_pixel: "cycles/px", w_m2_nm: "W/(m²·nm)", px: "px", dn: "DN", dn2: "DN²", s: "s", deg: "°", mm: "mm", um: "µm", cd_m2: "cd/m²" };
+const HEADS = { iso: "ISO", f_number: "f-number", at_s: "taken", i_sq: "I_SQ", i_ss: "I_SS", reflectance_k: "K", mtf50_cycles_per_pixel: "MTF50" };
+const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure", "residual_rel"]);
+const U = "standard_uncertainty";
 
 export function drawPoints({ method, points, parameters }, choice) {
   if (!points.length) return empty("No points", "This version keeps none.");
-  const columns = [choosing(choice), frameColumn, ...(method === "luminance" ? LUMINANCE : ownColumns(points)), verdictColumn(parameters.exclude ?? [])].filter(Boolean);
+  const residual = points.some((point) => present(point.residual_rel)) ? residualColumn : null;
+  const columns = [choosing(choice), frameColumn, verdictColumn(parameters.exclude ?? []), residual, ...(method === "luminance" ? LUMINANCE : ownColumns(points))].filter(Boolean);
   const draw = (rows) => {
     const drawn = table(columns, rows, { caption: "Points of the fit", row: (point) => ({ class: point.used ? null : "out", "data-frame-id": point.frame_id }) });
     if (choice) mark(drawn, choice);
@@ -19,16 +23,19 @@ export function drawPoints({ method, points, parameters }, choice) {
   return shorten(points, draw, 12);
 }
 
-const frameColumn = { head: "Frame", header: true, class: "nowrap", cell: (point) => point.frame };
+const frameColumn = { head: "Frame", header: true, class: "frame-name", cell: (point) => filename(point.frame) };
 /** Of what somebody left out their reason alone: who it was stands with what the version was made from. */
 const verdictColumn = (exclude) => ({
   head: "In the fit",
+  class: "in-fit",
   cell: (point) => {
     if (point.used) return tag("used", "good");
     const why = exclude.find((each) => each.frame === point.frame)?.reason ?? point.left_out;
     return h("span", {}, tag("left out", "warn"), h("span", { class: "small why-out" }, why));
   },
 });
+
+const residualColumn = { head: "Residual", class: "number", cell: (point) => (present(point.residual_rel) ? signed(point.residual_rel) : "–") };
 
 const LUMINANCE = [
   { head: "Scene", class: "nowrap", cell: (point) => point.scene },
@@ -37,36 +44,46 @@ const LUMINANCE = [
   { head: "X", class: "number", cell: (point) => number(point.rhs) },
   { head: "Signal above dark", class: "number", cell: (point) => withUnit(point.adjusted_signal_dn, "DN", 5) },
   { head: "L fit", class: "number", cell: (point) => withUnit(point.fitted_luminance_cd_m2, "cd/m²") },
-  { head: "Residual", class: "number", cell: (point) => (present(point.residual_rel) ? signed(point.residual_rel) : "–") },
 ];
 
 const present = (value) => value !== null && value !== undefined;
 const signed = (share) => `${share > 0 ? "+" : ""}${fixed(100 * share, 2)} %`;
 const withUnit = (value, unit, digits = 4) => (present(value) ? [number(value, digits), h("span", { class: "unit" }, ` ${unit}`)] : "–");
 
-/** A column for each figure that some point has, named as the API names it. */
+/** A column for each figure that some point has; its uncertainty stands in it. */
 function ownColumns(points) {
-  const names = [...new Set(points.flatMap(Object.keys))].filter((name) => !HIDDEN.has(name) && points.some((point) => present(point[name])));
+  const known = [...new Set(points.flatMap(Object.keys))].filter((name) => !HIDDEN.has(name) && points.some((point) => present(point[name])));
+  const names = known.filter((name) => !name.includes(U));
   return names.map((name) => {
-    const [head, unit] = headOf(name);
+    const [head, unit] = headOf(name === "value" ? points[0].figure : name);
     const numeric = points.some((point) => typeof point[name] === "number");
-    return { head: unit ? `${head} [${unit}]` : head, class: numeric ? "number" : null, cell: (point) => figure(name, point[name]) };
+    const u = known.find((each) => each.includes(U) && (each === withU(name) || (name === "value" && each === U)));
+    return { head: sentence(unit ? `${head} [${unit}]` : head), class: numeric ? "number" : null, cell: (point) => figure(name, point[name], point[u]) };
   });
 }
 
+/** i_sq_standard_uncertainty, gradient_standard_uncertainty_rel */
+const withU = (name) => (name.endsWith("_rel") ? name.replace(/_rel$/, `_${U}_rel`) : `${name}_${U}`);
+
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 function headOf(name) {
-  if (/_(rel|share)$/.test(name)) return [words(name.replace(/_(rel|share)$/, "")), "%"];
+  if (name === "at_s") return [HEADS.at_s, ""];
   const suffix = Object.keys(UNITS).find((each) => name.endsWith(`_${each}`));
+  if (HEADS[name]) return [HEADS[name], suffix ? UNITS[suffix] : ""];
+  if (/_(rel|share)$/.test(name)) return [words(name.replace(/_(rel|share)$/, "")), "%"];
   return suffix ? [words(name.slice(0, -suffix.length - 1)), UNITS[suffix]] : [words(name), ""];
 }
 
-function figure(name, value) {
+function figure(name, value, u) {
   if (!present(value)) return "–";
-  if (name === "exposure_time_s") return number(value, 4);
-  if (/_(rel|share)$/.test(name)) return number(100 * value, 3);
-  if (typeof value === "number") return number(value, 5);
+  if (name === "at_s") return time(new Date(1000 * value).toISOString());
+  const scale = /_(rel|share)$/.test(name) ? 100 : 1;
+  if (present(u)) return withUncertainty(scale * value, scale * u);
+  if (scale !== 1) return number(100 * value, 3);
+  if (typeof value === "number") return number(value, name.endsWith("_dn") ? 5 : 4);
   if (Array.isArray(value)) return value.length ? String(value.length) : "none";
-  return String(value);
+  return name === "band" ? words(value) : String(value);
 }
 
 function choosing(choice) {

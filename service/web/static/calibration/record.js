@@ -1,6 +1,6 @@
 // What was decided, what else the campaign gave, and what all of it was computed from.
 
-import { h, table } from "../dom.js";
+import { filename, h, table } from "../dom.js";
 import { counted, day, number, quantity, tag, time, words } from "../format.js";
 import { empty } from "../states.js";
 
@@ -65,9 +65,9 @@ function definitions(values) {
 function excluded(rows) {
   if (!rows?.length) return null;
   const columns = [
-    { head: "Left out", header: true, cell: (row) => row.frame },
+    { head: "Left out", header: true, cell: (row) => filename(row.frame) },
     { head: "Why", cell: (row) => row.reason },
-    { head: "By", cell: (row) => h("code", {}, row.by) },
+    { head: "By", cell: (row) => row.by },
   ];
   return h("div", {}, table(columns, rows, { caption: "Frames that somebody left out" }));
 }

@@ -2,22 +2,28 @@
 
 import { figure, h, table } from "../dom.js";
 import { day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
-import { holdsFor } from "../coefficients.js";
+import { named } from "../coefficients.js";
 import { shorten } from "../shorten.js";
 
-/** Where the version stands: a row of facts. */
-export function drawStanding(calibration) {
+/** Where the version stands, and what took its place if anything did: a row of facts. */
+export function drawStanding([calibration, successor]) {
   const { state, valid_from: from, valid_to: to, superseded_by: by } = calibration;
   const facts = [
-    ["State", tag(state)],
+    ["State", stillHolds(calibration) ? h("span", {}, tag(state), h("span", { class: "sub" }, `from ${day(to)} on; in force until then`)) : tag(state)],
     from ? ["In force", h("span", { class: "nowrap" }, `${day(from)} – ${to ? day(to) : "open"}`)] : null,
-    by ? ["Superseded by", h("a", { href: `/calibrations/${by}` }, "another version")] : null,
+    by ? ["Superseded by", h("a", { href: `/calibrations/${by}` }, successor ? `version ${successor.version}` : "another version")] : null,
     calibration.revoked_reason ? ["Revoked because", calibration.revoked_reason] : null,
     ["Fitted", time(calibration.created_at)],
     ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, calibration.method === "luminance" ? "frames and readings" : "its frames")],
     ["Certificate", h("span", {}, h("a", { href: `/v1/calibrations/${calibration.id}/certificate.pdf` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${calibration.id}/certificate.json` }, "JSON"))],
   ];
   return h("dl", { class: "facts standing card" }, facts.filter(Boolean).map((each) => figure(...each)));
+}
+
+/** Of a superseded version: whether what is left of its time is now. */
+function stillHolds({ state, valid_from: from, valid_to: to }) {
+  const now = Date.now();
+  return state === "superseded" && from && to && new Date(from) <= now && now < new Date(to);
 }
 
 export function drawVerdict(calibration) {
@@ -31,12 +37,12 @@ function luminance({ diagnostics, coefficients: rows }) {
   const columns = [
     { head: "ISO", header: true, class: "number", cell: ({ coefficient }) => number(coefficient.iso, 6) },
     { head: "K", class: "number", cell: ({ coefficient: c }) => quantity({ value: c.luminance_k, standard_uncertainty: c.luminance_k_standard_uncertainty, unit: c.luminance_k_unit }) },
+    { head: "Verdict", cell: (fit) => (fit.passed ? tag("pass") : tag("beyond tolerance", "bad")) },
+    { head: "Largest residual", class: "number", cell: (fit) => percent(fit.largest_residual_rel) },
     { head: "u(K)", class: "number", cell: ({ coefficient: c }) => relative(c.luminance_k, c.luminance_k_standard_uncertainty) },
     { head: "U, 95 %", class: "number", cell: ({ coefficient: c }) => h("span", { title: `coverage factor ${number(c.coverage_factor, 3)}` }, number(c.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(c.coverage_factor, 3)}`)) },
     { head: "Dark signal", class: "number", cell: ({ coefficient: c }) => h("span", {}, withUncertainty(c.dark_signal_dn, c.dark_signal_standard_uncertainty_dn), h("span", { class: "unit" }, " DN")) },
-    { head: "Largest residual", class: "number", cell: (fit) => percent(fit.largest_residual_rel) },
-    { head: "Verdict", cell: (fit) => (fit.passed ? tag("pass") : tag("beyond tolerance", "bad")) },
-    { head: "Flags", cell: ({ coefficient }) => flagsOf(rows.find((row) => row.iso === coefficient.iso)) },
+    { head: "Flags", class: "wide-only", cell: ({ coefficient }) => flagsOf(rows.find((row) => row.iso === coefficient.iso)) },
   ];
   const note = failing.length
     ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Look at the residuals; do not exclude a point without a reason.")
@@ -46,13 +52,12 @@ function luminance({ diagnostics, coefficients: rows }) {
 
 function coefficients({ coefficients: rows }) {
   const columns = [
-    { head: "Coefficient", header: true, cell: (row) => h("code", {}, row.name) },
-    { head: "Holds for", cell: (row) => holdsFor(row) || "all" },
+    { head: "Coefficient", header: true, cell: named },
     { head: "Value", class: "number", cell: quantity },
-    { head: "u", class: "number", cell: (row) => relative(row.value, row.standard_uncertainty) },
-    { head: "Model", class: "nowrap", cell: (row) => words(row.model) },
-    { head: "Flags", cell: flagsOf },
-  ].filter((column) => column.head !== "Holds for" || rows.some(holdsFor));
+    { head: "u", class: "number wide-only", cell: (row) => relative(row.value, row.standard_uncertainty) },
+    { head: "Model", class: "nowrap wide-only", cell: (row) => words(row.model.split(":")[0]) },
+    { head: "Flags", class: "wide-only", cell: flagsOf },
+  ].filter((column) => column.head !== "Flags" || rows.some((row) => row.flags.length));
   return shorten(rows, (some) => table(columns, some, { caption: "Coefficients" }));
 }
 

@@ -9,16 +9,17 @@ import { numberOf } from "./numbers.js";
 import { panelPart } from "./panel.js";
 import { targetPart } from "./target.js";
 
+const NEW = "new";
 const form = byId("new-campaign");
 const rooms = JSON.parse(document.querySelector("main").dataset.methods);
-let method = rooms[0].method;
+let method = null;
 let target = null;
 let camera = { read: () => ({}) };
 let panel = { read: () => undefined };
 
 fill(
   byId("methods"),
-  choices("method", rooms.map((room) => [room.method, ...(METHODS[room.method] ?? [room.method, ""])]), choose),
+  choices("method", rooms.map((room) => [room.method, ...(METHODS[room.method] ?? [room.method, ""])]), choose, null),
 );
 choose(method);
 load(byId("camera"), () => all("/v1/cameras"), (cameras) => (camera = cameraPart(cameras)).element);
@@ -31,7 +32,7 @@ form.addEventListener("submit", (event) => {
 
 function choose(chosen) {
   method = chosen;
-  target = rooms.find((room) => room.method === method).target ? targetPart(method) : null;
+  target = rooms.find((room) => room.method === method)?.target ? targetPart(method) : null;
   byId("target-section").hidden = target === null;
   byId("panel-section").hidden = method !== "reflectance";
   byId("surface_reflectance").closest(".field").hidden = method !== "luminance";
@@ -60,7 +61,9 @@ async function create() {
 /** Choose a camera, or register one on the spot. */
 function cameraPart(cameras) {
   const known = cameras.map((each) => [each.id, `${each.make} ${each.model} ${each.serial}`]);
-  const chosen = select([...known, ["", "Register another…"]], { name: "camera_id" }, known.at(-1)?.[0]);
+  // frames of another camera are refused: of several, none is taken for granted
+  const several = known.length > 1 ? [["", "Choose…"]] : [];
+  const chosen = select([...several, ...known, [NEW, "Register another…"]], { name: "camera_id", required: true }, several.length ? "" : known[0]?.[0]);
   const make = h("input", { autocomplete: "off" });
   const model = h("input", { autocomplete: "off" });
   const serial = h("input", { autocomplete: "off" });
@@ -82,14 +85,14 @@ function cameraPart(cameras) {
     ),
   );
   const show = () => {
-    fresh.hidden = chosen.value !== "";
+    fresh.hidden = chosen.value !== NEW;
     for (const input of [make, model, serial]) input.required = !fresh.hidden;
   };
   chosen.addEventListener("change", show);
   show();
   const element = h("div", {}, known.length ? field("Camera", chosen) : null, fresh);
   const read = async () => {
-    if (chosen.value) return chosen.value;
+    if (chosen.value !== NEW) return chosen.value;
     const body = { make: make.value.trim(), model: model.value.trim(), serial: serial.value.trim(), pixel_pitch_um: numberOf(pitch) };
     if (lens[0].value.trim() && lens[1].value.trim()) body.lens = { make: lens[0].value.trim(), model: lens[1].value.trim() };
     return (await post("/v1/cameras", body)).id;

@@ -5,6 +5,7 @@ import { h, may, table, toast } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, tag, time, words } from "../format.js";
 import { act, load, loading } from "../states.js";
 import { decimal, field, select } from "./forms.js";
+import { originOf } from "./holding.js";
 import { ROLES } from "./methods.js";
 import { numberOf } from "./numbers.js";
 import { isRead } from "./state.js";
@@ -31,7 +32,7 @@ export function showFrame(state, id) {
         ? h("button", { type: "button", onclick: () => {
             dialog.close();
             state.dispatchEvent(new CustomEvent("draw-on", { detail: frame.id }));
-          } }, "Draw a region on it")
+          } }, frame.roi_origin === "found" ? "Draw another region" : "Draw a region on it")
         : null,
     ),
   ]);
@@ -48,6 +49,8 @@ function facts(frame) {
     ["Black, white", frame.white_level_dn && `${number(frame.black_level_dn, 6)}, ${number(frame.white_level_dn, 6)} DN`],
     ["Taken", frame.taken_at && time(frame.taken_at)],
     ["Received", time(frame.created_at)],
+    ["Band", frame.band && words(frame.band)],
+    ["Region", originOf(frame)],
     ["Noticed", frame.warnings.length && frame.warnings.map(words).join(", ")],
     ["SHA-256", h("code", { class: "small" }, frame.sha256)],
   ];

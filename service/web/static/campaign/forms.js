@@ -16,13 +16,13 @@ export const select = (options, attributes = {}, chosen = undefined) =>
 
 export const decimal = (attributes = {}) => h("input", { inputmode: "decimal", autocomplete: "off", ...attributes });
 
-/** A group of exclusive choices with a sentence each. */
-export function choices(name, options, onchange) {
-  return options.map(([value, title, text], index) =>
+/** A group of exclusive choices with a sentence each; none is taken for granted where `chosen` is none of them. */
+export function choices(name, options, onchange, chosen = options[0][0]) {
+  return options.map(([value, title, text]) =>
     h(
       "label",
       { class: "choice" },
-      h("input", { type: "radio", name, value, checked: index === 0, onchange: () => onchange(value) }),
+      h("input", { type: "radio", name, value, required: true, checked: value === chosen, onchange: () => onchange(value) }),
       h("span", {}, h("strong", {}, title), text ? h("span", { class: "hint" }, text) : null),
     ),
   );

@@ -1,8 +1,8 @@
 // Every frame of the campaign in a table: thumbnail, exposure, signal and verdict; chosen ones are changed together.
 
 import { patch } from "../api.js";
-import { byId, fill, h, may, toast } from "../dom.js";
-import { exposureTime, fixed, number, percent, tag } from "../format.js";
+import { byId, filename, fill, h, may, toast } from "../dom.js";
+import { exposureTime, fixed, number, percent, tag, words } from "../format.js";
 import { act, empty } from "../states.js";
 import { showFrame } from "./detail.js";
 import { select } from "./forms.js";
@@ -17,7 +17,7 @@ const RANKS = ["fail", "warn", "pending", "pass"];
 
 export function framesSection(state) {
   const chosen = new Set();
-  const view = { outcome: "", text: "", order: "arrival" };
+  const view = { outcome: "", text: "", order: "name" };
   const tools = h("div", { class: "frame-tools" });
   const bulk = h("div", { class: "bulk card", hidden: true });
   const bare = h("div");
@@ -68,8 +68,8 @@ export function framesSection(state) {
         ? h("img", { src: `/v1/frames/${frame.id}/preview.png`, alt: "", loading: "lazy", decoding: "async", width: 60, height: 42 })
         : h("span", { class: "no-picture", "aria-hidden": "true" }),
       [
-        h("button", { type: "button", class: "link", onclick: () => showFrame(state, frame.id) }, frame.filename),
-        h("span", { class: "sub" }, [frame.role, frame.scene, frame.band].filter(Boolean).join(" · ")),
+        h("button", { type: "button", class: "link", onclick: () => showFrame(state, frame.id) }, filename(frame.filename)),
+        h("span", { class: "sub" }, [frame.roi_origin === "found" ? `${frame.role}, found` : frame.role, frame.scene, frame.band && words(frame.band)].filter(Boolean).join(" · ")),
       ],
       frame.exposure_time_s ? [exposureTime(frame.exposure_time_s), h("span", { class: "sub" }, `f/${number(frame.f_number, 3)} · ISO ${number(frame.iso, 6)}`)] : h("span", { class: "muted" }, "–"),
       signal ? [fixed(signal.mean, 1), h("span", { class: "sub" }, `± ${number(signal.std, 3)}`)] : h("span", { class: "muted" }, "–"),
@@ -127,7 +127,7 @@ export function framesSection(state) {
     tools,
     outcomes,
     h("input", { type: "search", "aria-label": "Find a frame", placeholder: "Name, role or scene", oninput: (event) => ((view.text = event.target.value.trim()), draw()) }),
-    h("label", { class: "order" }, "Order ", select([["arrival", "as they came"], ["name", "by name"], ["scene", "by scene"], ["verdict", "worst first"], ["signal", "by signal"]], { onchange: (event) => ((view.order = event.target.value), draw()) })),
+    h("label", { class: "order" }, "Order ", select([["name", "by name"], ["arrival", "as they came"], ["scene", "by scene"], ["verdict", "worst first"], ["signal", "by signal"]], { onchange: (event) => ((view.order = event.target.value), draw()) })),
   );
   state.on("frames", draw);
   draw();

@@ -45,7 +45,7 @@ export function lookPart(onClipping) {
       if (signal.aborted) return;
       if (!job.result) throw Object.assign(new Error(job.error.detail), { title: "Not read", code: job.error.code, retryable: false });
       const clipped = job.result.clipping.cells.length ? "; red is clipped" : "";
-      told.textContent = `${number(areaOf(region.points), 9)} px² of ${frame.filename}, from its raw numbers${clipped}`;
+      told.textContent = `${number(Math.round(areaOf(region.points)), 9)} px² of ${frame.filename}, from its raw numbers${clipped}`;
       fill(shown, histogram(job.result), rows(job.result.statistics));
       element.classList.remove("stale");
       onClipping(job.result.clipping);

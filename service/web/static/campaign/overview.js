@@ -2,6 +2,7 @@
 
 import { figure, fill, h } from "../dom.js";
 import { counted, number } from "../format.js";
+import { countOwn } from "./holding.js";
 
 export function overview(state) {
   const element = h("div", { class: "overview" });
@@ -29,13 +30,20 @@ function figures(state) {
     "dl",
     { class: "figures" },
     figure("Frames", number(received), told),
-    figure("Region", state.roi ? (state.roi.regions ? counted(state.roi.regions.length, "part") : counted(state.roi.polygon.length, "corner")) : state.room.whole_frame ? "Whole frame" : "None yet", null, marked(!state.roi && !state.room.whole_frame)),
+    region(state),
     state.room.method === "luminance" ? figure("Readings", number(readings), state.scenes.length ? counted(state.scenes.length, "scene") : "") : null,
     figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${state.campaign.missing.length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
   );
 }
 
 const marked = (lacking) => ({ class: lacking ? "lacking" : null });
+
+function region({ roi, room, frames }) {
+  const { own, found, said } = countOwn(frames);
+  if (roi) return figure("Region", roi.regions ? counted(roi.regions.length, "part") : counted(roi.polygon.length, "corner"), said);
+  if (room.whole_frame) return figure("Region", "Whole frame", said);
+  return figure("Region", own ? (found === own ? "Found" : "Single ones") : "None yet", said, marked(!own));
+}
 
 function advice({ missing, advice: better }) {
   if (!missing.length && !better.length) return null;

@@ -3,6 +3,7 @@
 import { all, post, send } from "../api.js";
 import { byId, fill, h, may, table, toast } from "../dom.js";
 import { counted, number, time } from "../format.js";
+import { shorten } from "../shorten.js";
 import { act, empty, load } from "../states.js";
 import { field, select } from "./forms.js";
 import { askForMeter, nameOfMeter } from "./meters.js";
@@ -43,12 +44,12 @@ function rows(readings, meters, again) {
   const entered = (each) => `${number(each.entered_value, 6)} ${each.entered_unit.replace("m2", "m²")}`;
   const columns = [
     { head: "Scene", header: true, class: "nowrap", cell: (each) => each.scene },
-    { head: "Reading", class: "number", cell: (each) => [`${number(each.value, 5)} ${each.unit.replace("m2", "m²")}`, each.entered_unit === each.unit ? null : h("span", { class: "sub" }, entered(each))] },
-    { head: "Meter", cell: (each) => meterOf(each) },
+    { head: "Reading", class: "number", cell: (each) => [`${number(each.value, 5)} ${each.unit.replace("m2", "m²")}`, each.entered_unit === each.unit ? null : h("span", { class: "sub" }, entered(each)), h("span", { class: "sub narrow-only" }, meterOf(each))] },
+    { head: "Meter", class: "wide-only", cell: (each) => meterOf(each) },
     { head: "Taken", class: "wide-only", cell: (each) => (each.taken_at ? time(each.taken_at) : "–") },
     ...(may("calibrate") ? [{ head: h("span", { class: "hidden" }, "Withdraw"), cell: (each) => (each.withdrawn_at ? h("span", { class: "tag" }, "withdrawn") : h("button", { type: "button", class: "quiet", "aria-label": `Withdraw ${entered(each)} of ${each.scene}`, onclick: (event) => act(event.target, async () => (await send("DELETE", `/v1/readings/${each.id}`), await again())) }, "Withdraw")) }] : []),
   ];
-  return table(columns, sorted, { caption: "Readings", row: (each) => ({ class: each.withdrawn_at ? "withdrawn" : "" }) });
+  return shorten(sorted, (some) => table(columns, some, { caption: "Readings", row: (each) => ({ class: each.withdrawn_at ? "withdrawn" : "" }) }));
 }
 
 function entryPart(state, meters, after) {
@@ -56,15 +57,23 @@ function entryPart(state, meters, after) {
   const unit = select(Object.keys(UNITS).map((name) => [name, name.replace("m2", "m²")]));
   const meter = select([]);
   const told = h("div", { class: "sheet" });
+  let byHand = false;
+  meter.addEventListener("change", () => (byHand = true));
   const offer = (known) => {
-    const kept = meter.value || known.filter((each) => each.kind === UNITS[unit.value]).at(-1)?.id || "";
+    // of several of a kind nobody but the reader of the meter knows which it was
+    const ofKind = known.filter((each) => each.kind === UNITS[unit.value]);
+    const kept = byHand ? meter.value : ofKind.length === 1 ? ofKind[0].id : "";
     fill(meter, h("option", { value: "" }, "None, or named in the lines"), known.map((each) => h("option", { value: each.id }, `${nameOfMeter(each)} (${each.kind}${each.certificate ? "" : ", no certificate"})`)));
     meter.value = kept;
   };
   const read = () => readSheet(text.value, { unit: unit.value });
   const draw = () => fill(told, text.value.trim() ? preview(read()) : null);
   text.addEventListener("input", draw);
-  unit.addEventListener("change", () => (draw(), offer(meters.all)));
+  unit.addEventListener("change", () => {
+    byHand &&= meters.all.find((each) => each.id === meter.value)?.kind === UNITS[unit.value];
+    draw();
+    offer(meters.all);
+  });
   const add = async () => {
     const { rows: lines, faults } = read();
     if (faults.length) throw wrong(faults.map(({ line, text: why }) => `Line ${line}: ${why}`).join(" "));
@@ -89,6 +98,7 @@ function entryPart(state, meters, after) {
       const made = await askForMeter();
       if (!made) return;
       meters.all = await all("/v1/meters");
+      byHand = true;
       offer(meters.all);
       meter.value = made.id;
     } }, "Register a meter…")),

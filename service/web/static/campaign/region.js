@@ -6,6 +6,7 @@ import { act, empty } from "../states.js";
 import { RegionCanvas } from "./canvas.js";
 import { RegionEditor } from "./editor.js";
 import { select } from "./forms.js";
+import { adviceOn, countOwn, holdingFor } from "./holding.js";
 import { imagejPart } from "./imagej-part.js";
 import { lookPart } from "./look.js";
 import { wrong } from "./numbers.js";
@@ -32,8 +33,9 @@ export function regionSection(state) {
 
 function note(state) {
   const waiting = state.frames.filter((frame) => ["received", "read"].includes(frame.state)).length;
-  const text = state.roi ? (waiting ? `${state.frames.length - waiting} of ${state.frames.length} frames computed` : "The same for every frame that has none of its own") : state.room.whole_frame ? "The whole frame, unless you draw one" : "None yet";
-  byId("region-note").textContent = text;
+  const { said } = countOwn(state.frames);
+  const shared = state.roi ? (waiting ? `${state.frames.length - waiting} of ${state.frames.length} frames computed` : "The same for every frame that has none of its own") : state.room.whole_frame ? "The whole frame, unless you draw one" : said ? "" : state.room.finds_region ? "None yet: found where a panel’s code is seen, else drawn here" : "None yet";
+  byId("region-note").textContent = [shared, said].filter(Boolean).join("; ");
 }
 
 function build(state, drawable) {
@@ -55,13 +57,17 @@ function build(state, drawable) {
       const lit = some.find((each) => each.role !== "dark");
       if (frame?.role === "dark" && lit && !chosenByHand && !editor.dirty) choose(lit.id);
     }
+    const now = state.byId.get(frame?.id);
+    const another = now && now.roi_id !== frame.roi_id;
+    frame = now ?? frame;
+    if (another) load();
   }
   function choose(id) {
     frame = state.byId.get(id) ?? frame;
     frames.value = frame.id;
     canvas.show({ url: `/v1/frames/${frame.id}/preview.png`, width: frame.width_px, height: frame.height_px });
-    own.textContent = frame.roi_id ? "This frame has a region of its own; the campaign’s is shown." : "";
     settled();
+    load();
   }
   function settled() {
     drawParts();
@@ -91,7 +97,14 @@ function build(state, drawable) {
     fill(parts, several ? partsOf(editor) : null);
   }
   const saving = may("calibrate") ? savePart(state, editor, () => frame) : h("div");
-  const load = () => editor.load(regionsOf(state.roi));
+  /** What holds for the frame that is shown, unless somebody is drawing. */
+  async function load() {
+    const shown = frame;
+    own.textContent = adviceOn(shown);
+    if (editor.dirty) return;
+    const roi = await holdingFor(state, shown);
+    if (shown === frame && !editor.dirty) editor.load(regionsOf(roi));
+  }
 
   editor.addEventListener("settled", settled);
   state.on("roi", () => {
@@ -116,7 +129,6 @@ function build(state, drawable) {
     settled();
   }).observe(canvas.element);
   offer(drawable);
-  load();
   choose((drawable.find((each) => each.role !== "dark") ?? drawable[0]).id);
   return { element, offer };
 }
@@ -164,7 +176,8 @@ function savePart(state, editor, frameOf) {
   };
   const forAll = async () => {
     await put(`${state.path}/roi`, read());
-    await saved("The region is set; every frame is computed anew.");
+    const { own } = countOwn(state.frames);
+    await saved(`The region is set; ${own ? `the frames without one of their own are computed anew, ${own} keep theirs` : "every frame is computed anew"}.`);
   };
   const forOne = async () => {
     const frame = frameOf();

@@ -1,7 +1,7 @@
 // A measurement's figures: large ones first.
 
 import { figure, h, table } from "../dom.js";
-import { number, percent, quantity, relative, unit } from "../format.js";
+import { number, percent, quantity, relative, unit, words } from "../format.js";
 import { titleOf } from "./words.js";
 
 export function drawFigures(found) {
@@ -35,7 +35,7 @@ function reflected(row) {
 
 function bands({ bands: rows }) {
   const columns = [
-    { head: "Band", header: true, cell: (row) => row.band },
+    { head: "Band", header: true, cell: (row) => words(row.band) },
     { head: "Reflectance", class: "number", cell: (row) => quantity(row.reflectance) },
     { head: "K", class: "number", cell: (row) => number(row.reflectance_k) },
     { head: "Sensor", class: "number", cell: (row) => number(row.i_sq) },

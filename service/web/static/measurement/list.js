@@ -1,9 +1,10 @@
 // All measurements, newest first; two of a kind can be compared.
 
 import { all, get } from "../api.js";
-import { byId, fill, h, may, table } from "../dom.js";
+import { byId, filename, fill, h, may, table } from "../dom.js";
 import { number, quantity, tag, time, words } from "../format.js";
 import { act, empty, failed, load } from "../states.js";
+import { titleOf as titleOfCampaign } from "../campaign/named.js";
 import { titleOf } from "./words.js";
 
 const form = byId("filters");
@@ -24,7 +25,7 @@ async function offerFilters() {
   try {
     const [cameras, campaigns] = await Promise.all([all("/v1/cameras"), all("/v1/campaigns")]);
     offer("camera_id", cameras.map((each) => [each.id, `${each.model} ${each.serial}`]));
-    offer("campaign_id", campaigns.reverse().map((each) => [each.id, each.project_number ?? `${words(each.method)} of ${each.created_at.slice(0, 10)}`]));
+    offer("campaign_id", campaigns.reverse().map((each) => [each.id, titleOfCampaign(each)]));
   } catch (error) {
     if (!error.code) throw error;
     form.after(failed(error));
@@ -66,11 +67,11 @@ const none = (filtered) =>
 function draw() {
   const columns = [
     { head: h("span", { class: "hidden" }, "Compare"), class: "pick", cell: box },
-    { head: h("span", { class: "hidden" }, "Picture"), class: "thumb", cell: (row) => h("img", { src: `/v1/frames/${row.frame_id}/preview.png`, alt: "", loading: "lazy", width: 72, height: 48 }) },
-    { head: "Frame", header: true, class: "nowrap", cell: (row) => h("a", { href: `/measurements/${row.id}` }, row.filename) },
-    { head: "Taken", cell: (row) => time(row.taken_at) },
-    { head: "What", cell: titleOf },
+    { head: h("span", { class: "hidden" }, "Picture"), class: "thumb wide-only", cell: (row) => h("img", { src: `/v1/frames/${row.frame_id}/preview.png`, alt: "", loading: "lazy", width: 72, height: 48 }) },
+    { head: "Frame", header: true, class: "frame-name", cell: (row) => [h("a", { href: `/measurements/${row.id}` }, filename(row.filename)), h("span", { class: "sub narrow-only" }, [titleOf(row), row.taken_at?.slice(0, 10)].filter(Boolean).join(", "))] },
     { head: "Mean", class: "number", cell: (row) => quantity(row.mean) },
+    { head: "What", class: "wide-only", cell: titleOf },
+    { head: "Taken", class: "wide-only", cell: (row) => time(row.taken_at) },
     { head: "U₀", class: "number", cell: (row) => (row.u_o ? number(row.u_o.value, 2) : "–") },
     { head: "Calibration", cell: (row) => h("span", { class: "nowrap" }, h("a", { href: `/calibrations/${row.calibration.id}` }, `version ${row.calibration.version}`), " ", row.calibration.state === "published" ? null : tag(row.calibration.state)) },
     { head: "Flags", class: "number", cell: (row) => (row.flags.length ? h("span", { title: [...new Set(row.flags.map((each) => words(each.flag)))].join(", ") }, String(new Set(row.flags.map((each) => each.flag)).size)) : "–") },

@@ -1,14 +1,17 @@
 // Measure a frame: which, where on it, with what.
 
-import { all, get, getOr, post, Problem } from "../api.js";
+import { all, get, post, Problem } from "../api.js";
 import { byId, fill, h, may } from "../dom.js";
 import { day, words } from "../format.js";
 import { followJob } from "../live.js";
 import { act, empty, failed, load } from "../states.js";
 import { decimal, field, select } from "../campaign/forms.js";
 import { numberOf } from "../campaign/numbers.js";
+import { titleOf } from "../campaign/named.js";
 import { isRead } from "../campaign/state.js";
 import { regionPart } from "./region.js";
+
+const LOOKED_AT = 6;
 
 const asked = new URL(location.href).searchParams;
 const form = byId("new-measurement");
@@ -27,13 +30,14 @@ async function begin() {
   const [campaigns, wanted] = await Promise.all([all("/v1/campaigns"), asked.has("frame") ? get(`/v1/frames/${asked.get("frame")}`) : undefined]);
   if (!campaigns.length) return empty("No campaign yet", "A frame is sent to a campaign of its camera first.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
   const able = campaigns.filter((each) => ["luminance", "reflectance"].includes(each.method)).reverse();
-  const campaign = select(able.map((each) => [each.id, nameOf(each)]), { onchange: () => offerFrames() }, wanted?.campaign_id ?? asked.get("campaign") ?? able[0]?.id);
+  const first = wanted?.campaign_id ?? asked.get("campaign") ?? (await newestWithField(able))?.id;
+  const campaign = select(able.map((each) => [each.id, each.project_number ? `${each.project_number}, ${words(each.method)}` : titleOf(each)]), { onchange: () => offerFrames() }, first);
   const frame = select([], { onchange: () => choose(frame.value) });
   const note = h("div");
   async function offerFrames() {
     chosen.campaign = able.find((each) => each.id === campaign.value);
     try {
-      const [frames, versions, roi] = await Promise.all([framesOf(chosen.campaign), all(`/v1/cameras/${chosen.campaign.camera_id}/calibrations?method=${chosen.campaign.method}`), getOr(`/v1/campaigns/${chosen.campaign.id}/roi`, null)]);
+      const [frames, versions, roi] = await Promise.all([framesOf(chosen.campaign), all(`/v1/cameras/${chosen.campaign.camera_id}/calibrations?method=${chosen.campaign.method}`), chosen.campaign.roi_id ? get(`/v1/campaigns/${chosen.campaign.id}/roi`) : null]);
       chosen.frames = frames;
       chosen.roi = roi;
       fill(frame, frames.map((each) => h("option", { value: each.id, selected: each.id === wanted?.id }, each.filename)));
@@ -52,8 +56,14 @@ async function begin() {
 }
 
 const section = (title, ...content) => h("fieldset", { class: "card" }, h("legend", { class: "legend" }, title), content);
-const nameOf = (campaign) => [campaign.project_number ?? campaign.created_at.slice(0, 10), words(campaign.method)].join(", ");
 const framesOf = async ({ id }) => (await all(`/v1/campaigns/${id}/frames?brief=true`)).filter((each) => each.role === "field" && isRead(each)).reverse();
+
+/** What one wants to measure is most likely the newest flight, not a calibration begun since. */
+async function newestWithField(campaigns) {
+  const newest = campaigns.slice(0, LOOKED_AT);
+  const found = await Promise.all(newest.map(framesOf));
+  return newest.find((_, place) => found[place].length) ?? newest[0];
+}
 
 function choose(id) {
   chosen.frame = chosen.frames.find((each) => each.id === id);

@@ -4,7 +4,7 @@ import { get } from "../api.js";
 import { bars } from "../bars.js";
 import { byId, fill, h, may } from "../dom.js";
 import { drawFlags } from "../flags.js";
-import { number, percent, tag, time, words } from "../format.js";
+import { number, percent, sayTimes, tag, time, words } from "../format.js";
 import { empty, load } from "../states.js";
 import { drawFigures } from "./figures.js";
 import { drawGrid } from "./grid.js";
@@ -25,7 +25,7 @@ load(byId("figures"), () => measurement, (found) => {
   return drawFigures(found);
 });
 load(byId("map"), drawableMap, (drawn) => drawn);
-load(byId("with"), () => measurement, drawCalibration);
+load(byId("with"), withFalloff, drawCalibration);
 load(byId("budget"), () => measurement, drawBudget);
 load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, each))) : h("p", { class: "muted" }, "Nothing stands against these figures.")));
 load(byId("flags"), () => measurement, ({ flags }) => drawFlags(flags, JSON.parse(meanings)));
@@ -65,13 +65,21 @@ function warn({ calibration }) {
   if (said) fill(byId("warning"), h("p", { class: `note ${said[0]}` }, h("strong", {}, said[1]), said[2] ? ` Because: ${said[2]}` : null));
 }
 
-function drawCalibration({ calibration, signal, vignetting, method }) {
+/** The measurement, and the vignetting version that it was corrected with, if it was. */
+async function withFalloff() {
+  const found = await measurement;
+  const corrected = !["none", "file"].includes(found.vignetting);
+  return [found, corrected ? await get(`/v1/calibrations/${found.vignetting}`) : undefined];
+}
+
+function drawCalibration([{ calibration, signal, vignetting, method }, falloff]) {
+  const lens = falloff ? h("a", { href: `/calibrations/${falloff.id}` }, `vignetting version ${falloff.version}`) : { none: "nothing", file: "the falloff that the file states" }[vignetting];
   return h(
     "div",
     { class: "card" },
     h("p", {}, h("a", { href: `/calibrations/${calibration.id}` }, `${words(method)} version ${calibration.version}`), " ", tag(calibration.state)),
-    h("p", { class: "small muted" }, calibration.why),
-    h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, signal), h("dt", {}, "Vignetting corrected with"), h("dd", {}, typeof vignetting === "string" ? vignetting : JSON.stringify(vignetting))),
+    h("p", { class: "small muted" }, sayTimes(calibration.why)),
+    h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting corrected with"), h("dd", {}, lens)),
   );
 }
 

@@ -1,7 +1,7 @@
 import { get } from "../api.js";
 import { byId, fill, h, table } from "../dom.js";
 import { ago, day, quantity, relative, tag, time, words } from "../format.js";
-import { holdsFor, inForce, named } from "../coefficients.js";
+import { HEADLINES, holdsFor, inForce, named } from "../coefficients.js";
 import { empty, load } from "../states.js";
 import { plot } from "../plots.js";
 import { shorten } from "../shorten.js";
@@ -15,7 +15,7 @@ const series = get(`/v1/series/coefficients?camera_id=${id}`);
 load(byId("in-force"), () => series, ({ rows }) => {
   const held = inForce(rows);
   if (!held.length) return empty("Nothing is in force", "Publish a calibration of this camera, and it stands here.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
-  return h("div", { class: "columns" }, held.map(versionCard));
+  return h("div", { class: held.length > 1 ? "columns" : null }, held.map(versionCard));
 });
 
 load(byId("history"), () => get(`/v1/cameras/${id}/decisions`), ({ items }) => {
@@ -36,7 +36,7 @@ load(byId("drift"), () => series, ({ rows }) => {
     byId("drift-choice").hidden = true;
     return empty("No drift to see yet", "From the second published version on, the plot shows how the coefficients change.");
   }
-  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}` }, `${row.name} (${row.method})`)));
+  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}`, selected: row.name === HEADLINES[row.method] }, `${row.name} (${row.method})`)));
   choice.disabled = false;
   choice.addEventListener("change", drawDrift);
   tolerance.addEventListener("change", () => tolerance.reportValidity() && drawDrift());
@@ -76,8 +76,8 @@ function versionCard(version) {
   const columns = [
     { head: "Coefficient", header: true, cell: (row) => named(row) },
     { head: "Value", class: "number", cell: quantity },
-    { head: "u", class: "number", cell: (row) => relative(row.value, row.standard_uncertainty) },
-    { head: "Flags", cell: (row) => row.flags.split(/[ ,;]+/).filter(Boolean).map((flag) => tag(flag, "warn")) },
+    { head: "u", class: "number wide-only", cell: (row) => relative(row.value, row.standard_uncertainty) },
+    { head: "Flags", class: "wide-only", cell: (row) => row.flags.split(/[ ,;]+/).filter(Boolean).map((flag) => tag(flag, "warn")) },
   ].filter((column) => column.head !== "Flags" || version.flags.length);
   return h(
     "article",
@@ -88,6 +88,7 @@ function versionCard(version) {
       h("h3", {}, words(version.method), " ", h("a", { href: `/calibrations/${version.calibration_id}` }, `version ${version.version}`)),
       h("p", {}, `since ${day(version.valid_from)}, ${ago(version.valid_from)}${version.valid_to ? `; until ${day(version.valid_to)}` : ""}`),
     ),
+    version.flags.length ? h("p", { class: "narrow-only" }, version.flags.map((flag) => [tag(flag, "warn"), " "])) : null,
     shorten(version.rows, (rows) => table(columns, rows, { caption: `${version.method} version ${version.version}` })),
     DRAWN.includes(version.method) ? drawing(version) : null,
   );

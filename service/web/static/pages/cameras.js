@@ -3,7 +3,7 @@ import { byId, h, may, table, toast } from "../dom.js";
 import { ago, counted, day, number, tag, words } from "../format.js";
 import { ask } from "../ask.js";
 import { empty, load } from "../states.js";
-import { inForce } from "../coefficients.js";
+import { HEADLINES, inForce } from "../coefficients.js";
 
 const region = byId("cameras");
 const add = byId("add-camera");
@@ -28,11 +28,10 @@ const columns = [
         ? h("span", {}, h("a", { href: `/cameras/${camera.id}` }, `${camera.make} ${camera.model}`), h("br"), h("span", { class: "mono small muted" }, camera.serial))
         : h("span", { class: "hidden" }, `${camera.model} ${camera.serial}`),
   },
-  { head: "Method", cell: ({ held }) => (held ? words(held.method) : tag("nothing in force", "warn")) },
+  { head: "In force", cell: ({ held }) => (held ? words(held.method) : tag("nothing", "warn")) },
   { head: "Version", class: "number", cell: ({ held }) => (held ? h("a", { href: `/calibrations/${held.calibration_id}` }, String(held.version)) : "") },
-  { head: "In force since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
-  { head: "Coefficients", class: "number", cell: ({ held }) => (held ? number(held.rows.length) : "") },
-  { head: "Largest u", class: "number", cell: ({ held }) => (held?.largest === undefined ? "" : `${number(100 * held.largest, 2)} %`) },
+  { head: "Since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
+  { head: "Known to", cell: ({ held }) => (held?.largest === undefined ? "" : h("span", { title: "The largest standard uncertainty of this coefficient in the version" }, `${number(100 * held.largest, 2)} % `, h("code", { class: "small muted" }, HEADLINES[held.method]))) },
   { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(counted(held.flags.length, "flag"), "warn") : held ? h("span", { class: "muted" }, "none") : "") },
 ];
 

@@ -21,6 +21,14 @@ function form(models, rows) {
   const versions = (camera, method) => new Set(rows.filter((row) => row.camera_id === camera.id && row.method === method).map((row) => row.calibration_id)).size;
   const model = h("select", { id: "model" }, models.map(([name]) => h("option", { selected: name === wanted }, name)));
   const method = h("select", { id: "method" }, Object.keys(METHODS).map((name) => h("option", {}, name)));
+  const said = h("p", { class: "small muted" });
+  /** The method that most of the model's cameras have a version of. */
+  const offerMethod = () => {
+    const [, cameras] = models.find(([name]) => name === model.value);
+    const known = (name) => cameras.filter((camera) => versions(camera, name)).length;
+    method.value = Object.keys(METHODS).reduce((best, name) => (known(name) > known(best) ? name : best));
+    choose();
+  };
   const members = h("div", { class: "members" });
   const tolerance = h("input", { id: "tolerance", type: "number", step: "any", min: "0", required: true, value: "4" });
   const unit = h("span", {});
@@ -34,15 +42,18 @@ function form(models, rows) {
         return h(
           "label",
           { class: "check" },
-          h("input", { type: "checkbox", name: "camera", value: camera.id, checked: true }),
+          h("input", { type: "checkbox", name: "camera", value: camera.id, checked: versions(camera, method.value) > 0, disabled: !versions(camera, method.value) }),
           h("span", {}, h("span", { class: "mono" }, camera.serial), h("span", { class: "muted" }, ` ${counted(versions(camera, method.value), "version")}`)),
         );
       }),
     );
+    const able = cameras.filter((camera) => versions(camera, method.value)).length;
+    button.disabled = able < 2;
+    said.textContent = able < 2 ? `${counted(able, "camera")} of this model ${able === 1 ? "has" : "have"} a published ${method.value} version: it takes two to compare.` : "";
   };
-  model.addEventListener("change", choose);
+  model.addEventListener("change", offerMethod);
   method.addEventListener("change", choose);
-  choose();
+  offerMethod();
   const labelled = (id, name, ...control) => h("p", { class: "field" }, h("label", { for: id }, name), control);
   return h(
     "form",
@@ -54,7 +65,7 @@ function form(models, rows) {
       labelled("method", "Method", method),
       labelled("tolerance", ["Accepted deviation from the shared value [", unit, "]"], tolerance),
     ),
-    h("fieldset", {}, h("legend", {}, "Cameras"), members),
+    h("fieldset", {}, h("legend", {}, "Cameras"), members, said),
     h("div", { class: "actions" }, button),
   );
 }

@@ -1,6 +1,7 @@
 import { all, get } from "../api.js";
 import { byId, figure, h } from "../dom.js";
 import { ago, counted, day, number, span, tag, words } from "../format.js";
+import { nameOf, titleOf } from "../campaign/named.js";
 import { inForce } from "../coefficients.js";
 import { empty, load } from "../states.js";
 
@@ -28,11 +29,11 @@ load(byId("figures"), () => Promise.all([cameras, campaigns, series, queue]), ([
   );
 });
 
-load(byId("failed-jobs"), () => Promise.all([get(`/v1/jobs?state=quarantined&limit=${AT_MOST}`), get(`/v1/jobs?state=failed&limit=${AT_MOST}`)]), ([lost, broken]) =>
+load(byId("failed-jobs"), () => Promise.all([get(`/v1/jobs?state=quarantined&limit=${AT_MOST}`), get(`/v1/jobs?state=failed&limit=${AT_MOST}`), campaigns]), ([lost, broken, works]) =>
   list(
     [...lost.items, ...broken.items].map((job) => ({
       href: job.campaign_id ? `/campaigns/${job.campaign_id}` : "/jobs",
-      title: job.filename ?? (job.kind === "fit" ? "Fit of a campaign" : words(job.kind)),
+      title: job.filename ?? (job.kind === "fit" ? `Fit of ${nameOf(works, job.campaign_id)}` : words(job.kind)),
       said: job.error?.detail ?? "",
       tag: tag(job.state),
     })),
@@ -44,7 +45,7 @@ load(byId("campaigns"), latestCampaigns, (works) =>
   list(
     works.map(({ campaign, camera }) => ({
       href: `/campaigns/${campaign.id}`,
-      title: campaign.project_number ?? `${words(campaign.method)}, ${day(campaign.created_at)}`,
+      title: titleOf(campaign),
       said: campaign.missing.length ? `Missing: ${campaign.missing.slice(0, 2).join("; ")}${campaign.missing.length > 2 ? ` and ${campaign.missing.length - 2} more` : ""}` : `Ready to fit: ${campaign.frames.extracted} frames of ${camera?.model ?? "its camera"}`,
       tag: campaign.missing.length ? tag(`${campaign.missing.length} missing`, "warn") : tag("ready", "good"),
     })),
@@ -53,7 +54,7 @@ load(byId("campaigns"), latestCampaigns, (works) =>
 );
 
 load(byId("cameras"), () => Promise.all([cameras, series]), ([bodies, { rows }]) =>
-  list(bodies.flatMap((camera) => attention(camera, rows)), empty(bodies.length ? "Every camera has what it needs" : "No camera yet", bodies.length ? "" : "Register one on the page Cameras.")),
+  list(bodies.flatMap((camera) => attention(camera, rows)), empty(bodies.length ? "Every camera has what it needs" : "No camera yet", bodies.length ? "" : "Register one, or begin a campaign: it asks for its camera.", bodies.length ? null : h("a", { class: "button", href: "/cameras" }, "Cameras"))),
 );
 
 load(byId("meters"), () => all("/v1/meters"), (meters) =>
@@ -67,14 +68,14 @@ load(byId("meters"), () => all("/v1/meters"), (meters) =>
   ),
 );
 
-/** The newest campaigns that still have no version, with what they lack. */
+/** The newest campaigns of which nothing has come yet, neither a version nor a measurement, with what they lack. */
 async function latestCampaigns() {
   const [works, bodies] = await Promise.all([campaigns, cameras]);
   const newest = works.slice(-AT_MOST - 2).reverse();
   const found = await Promise.all(
     newest.map(async ({ id }) => {
-      const [campaign, versions] = await Promise.all([get(`/v1/campaigns/${id}`), get(`/v1/campaigns/${id}/calibrations?limit=1`)]);
-      return { campaign, camera: bodies.find((each) => each.id === campaign.camera_id), made: versions.items.length };
+      const [campaign, versions, measured] = await Promise.all([get(`/v1/campaigns/${id}`), get(`/v1/campaigns/${id}/calibrations?limit=1`), get(`/v1/measurements?campaign_id=${id}&limit=1`)]);
+      return { campaign, camera: bodies.find((each) => each.id === campaign.camera_id), made: versions.items.length + measured.items.length };
     }),
   );
   return found.filter(({ made }) => !made).slice(0, AT_MOST);

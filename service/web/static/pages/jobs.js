@@ -1,14 +1,16 @@
 import { all, get, getOr, post } from "../api.js";
 import { byId, figure, fill, h, may, table, toast } from "../dom.js";
+import { nameOf } from "../campaign/named.js";
 import { ago, number, span, tag, time } from "../format.js";
 import { follow } from "../live.js";
 import { act, empty, failed } from "../states.js";
 
-const KINDS = { extract: "Read a frame", fit: "Fit", measure: "Measure" };
+const KINDS = { extract: "Read", fit: "Fit of", measure: "Measure" };
 const SCOPES = { extract: "upload", fit: "calibrate", measure: "upload" };
 const SHOWN = 30;
 
 let known = "";
+let campaigns = [];
 
 const followed = follow(
   async () => {
@@ -25,6 +27,7 @@ const followed = follow(
       const seen = JSON.stringify([recent.items, lost, broken]);
       if (seen !== known) {
         known = seen;
+        await knowCampaigns([...recent.items, ...lost, ...broken]);
         drawFailures([...lost, ...broken]);
         drawRecent(recent.items);
       }
@@ -82,13 +85,21 @@ function drawRecent(jobs) {
   show("recent", table(columns, jobs, { caption: "Latest jobs", stack: true }));
 }
 
+/** Jobs name their campaign by its id; people know its name. */
+async function knowCampaigns(jobs) {
+  const named = new Set(campaigns.map((each) => each.id));
+  if (jobs.some((job) => job.campaign_id && !named.has(job.campaign_id))) campaigns = await all("/v1/campaigns");
+}
+
+const aboutOf = (job) => job.filename ?? (job.campaign_id ? nameOf(campaigns, job.campaign_id) : "");
+
 function what(job) {
-  const about = job.filename ?? "";
+  const about = aboutOf(job);
   return h(
     "span",
     {},
     `${KINDS[job.kind] ?? job.kind} `,
-    job.campaign_id ? h("a", { href: `/campaigns/${job.campaign_id}` }, about || "of a campaign") : about,
+    job.campaign_id ? h("a", { href: `/campaigns/${job.campaign_id}` }, about) : about,
   );
 }
 
@@ -109,7 +120,7 @@ function took(job) {
 
 function retryButton(job) {
   if (!may(SCOPES[job.kind])) return "";
-  const label = `Try again: ${KINDS[job.kind] ?? job.kind} ${job.filename ?? ""}`;
+  const label = `Try again: ${KINDS[job.kind] ?? job.kind} ${aboutOf(job)}`;
   const button = h("button", { type: "button", "aria-label": label.trim() }, "Try again");
   button.addEventListener("click", () =>
     act(button, async () => {
