@@ -93,7 +93,9 @@ def new_figure(theme: Theme, *, x_label: str, y_label: str, height_px: int = 320
 def style_legend(drawn: figure, theme: Theme) -> None:
     """Below the plot, in as many columns as a phone has room for; the plot keeps its own height."""
     legend = drawn.legend[0]
-    labels = [str(getattr(item.label, "value", item.label)) for item in legend.items if isinstance(item, LegendItem)]
+    labels = [
+        str(getattr(item.label, "value", item.label)) for item in legend.items if isinstance(item, LegendItem)
+    ]
     columns = min(len(labels), max(1, _PHONE_PX // (_GLYPH_PX + _LETTER_PX * max(map(len, labels)))))
     legend.ncols = columns
     drawn.height = (drawn.height or 0) + _LINE_PX * (math.ceil(len(labels) / columns) - 1)
