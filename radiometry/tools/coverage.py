@@ -6,13 +6,16 @@ from dataclasses import dataclass
 # a ray this close to the horizon (as the sine of its angle below) meets no ground worth a number
 _HORIZON = 1e-6
 
+MOST_TILT_DEG = 89.99
+"""Nearer to the horizon the middle of the picture meets no ground worth a number either."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class View:
     """A camera above level ground, its rows level.
 
-    ``tilt_deg`` : of the line of sight from straight down, [0, 90); ``azimuth_deg`` : where the tilt points,
-        clockwise from y of the footprint
+    ``tilt_deg`` : of the line of sight from straight down, 0 to MOST_TILT_DEG
+    ``azimuth_deg`` : where the tilt points, clockwise from y of the footprint
     ``sensor_width_mm`` : along the rows; ``sensor_height_mm`` : along the tilt
     """
 
@@ -29,7 +32,7 @@ class View:
         lengths = (self.height_m, self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm)
         if not (
             all(math.isfinite(each) and each > 0.0 for each in (*lengths, self.pixel_pitch_um))
-            and 0.0 <= self.tilt_deg < 90.0
+            and 0.0 <= self.tilt_deg <= MOST_TILT_DEG
             and math.isfinite(self.azimuth_deg)
         ):
             raise ValueError(f"a view that cannot be: {self}")
@@ -86,7 +89,7 @@ def compute_coverage(view: View) -> Coverage:
     half = view.sensor_height_mm / 2
     near, centre, far = _find_row(view, -half), _find_row(view, 0.0), _find_row(view, half)
     if near is None or centre is None:
-        raise AssertionError("a camera tilted by less than 90 degrees sees the ground")
+        raise AssertionError("the middle of a picture that is tilted by less than 90 degrees sees the ground")
     pitch_mm = view.pixel_pitch_um * 1e-3
     return Coverage(
         horizontal_fov_deg=_fov_deg(view.sensor_width_mm, view.focal_length_mm),

@@ -19,6 +19,10 @@ in 14 bits one DN is 1.6 %, and it bends a logarithm the more the lower it stand
 HIGHEST_SHARE = 0.95
 """Above it single pixels clip before the mean does, and many sensors bend."""
 
+SMALLEST_STEP = 0.01
+"""Of a setting, from its least to its largest, relative. A sixth of a stop is 12 %; what is less has been
+rounded in another way and was not set, and an exponent of it would be any number."""
+
 _LARGEST_CONDITION = 1e4
 
 
@@ -55,8 +59,8 @@ def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: 
     """Fit signal = A t^a N^b S^s by ordinary least squares of logarithms.
 
         ln(signal - dark) = ln A + a ln t + b ln N + s ln S,    u from the residuals' scatter, n - p dof
-    A linear sensor behind an ideal lens has a = 1, b = -2, s = 1. Only settings that vary get an exponent.
-    Rows below 1/256 or above 95 % of the way from dark to white are left out, and said.
+    A linear sensor behind an ideal lens has a = 1, b = -2, s = 1. Only settings that vary, by more than 1 %,
+    get an exponent. Rows below 1/256 or above 95 % of the way from dark to white are left out, and said.
 
     Takes
       dark_dn : of rows that have none of their own
@@ -67,7 +71,7 @@ def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: 
     if not kept:
         raise InputRejected(Code.FIT_INCOMPLETE, f"No row can be used. {_explain(left_out)}")
     logs = {name: np.log([getattr(row, name) for row, _ in kept]) for name in SETTINGS}
-    varied = [name for name in SETTINGS if np.ptp(logs[name]) > 0.0]
+    varied = [name for name in SETTINGS if np.ptp(logs[name]) > SMALLEST_STEP]
     _require_enough(len(kept), varied, left_out)
     columns = np.column_stack([logs[name] - logs[name].mean() for name in varied])
     _require_independent(columns, varied)

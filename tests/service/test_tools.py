@@ -99,7 +99,7 @@ def test_what_does_not_exist_is_absent(house):
         ("motion", MOTION | {"exposure_time_s": True}, "body.exposure_time_s", "must be a number"),
         ("motion", [MOTION, MOTION | {"limit_px": None}], "body.1.limit_px", "null is not a value"),
         ("motion", [], "body", "must have at least 1 item, not 0"),
-        ("coverage", COVERAGE | {"tilt_deg": 90}, "body.tilt_deg", "less than 90"),
+        ("coverage", COVERAGE | {"tilt_deg": 89.9999999999}, "body.tilt_deg", "less than or equal to 89.99"),
         ("exposure", {"rows": [], "white_level_dn": 1000}, "body.rows", "at least 1 item"),
     ],
 )

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from radiometry.tools.coverage import Coverage, View
+from radiometry.tools.coverage import MOST_TILT_DEG, Coverage, View
 from service.schemas.base import Answer, Form, Number, Text
 from service.schemas.tools.settings import FocalLength, Metres, PixelPitch
 
@@ -32,7 +32,7 @@ class NewCoverage(Form):
 
     name: Annotated[Text | None, Field(description="Given back, to find it in a rig.")] = None
     height_m: Metres
-    tilt_deg: Annotated[Number, Field(ge=0, lt=90, description="0 looks straight down.")]
+    tilt_deg: Annotated[Number, Field(ge=0, le=MOST_TILT_DEG, description="0 looks straight down.")]
     azimuth_deg: Annotated[
         Number,
         Field(ge=-360, le=360, description="Where the tilt points, clockwise from y of the footprint."),

@@ -84,6 +84,11 @@ def test_dark_by_row_takes_the_place_of_the_tables():
     ("rows", "message"),
     [
         ([row(0.01)] * 5, "No setting varies"),
+        # 1/60 s, written with more digits and with fewer: 0.2 % apart
+        (
+            [row(t, signal_dn=2000.0 + n) for n, t in enumerate((1 / 60, 0.0167, 0.01667))],
+            "No setting varies",
+        ),
         ([row(0.01), row(0.02)], "need at least 3"),
         ([row(0.01 * k, iso=200.0 / k, signal_dn=3000 + k) for k in (1, 2, 4, 8)], "vary only together"),
         ([row(0.01, signal_dn=16384.0)] * 5, "No row can be used. Left out: row 0: saturated"),
