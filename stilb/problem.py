@@ -1,6 +1,7 @@
 """What can go wrong, as the service says it (RFC 9457) or as the connection shows it."""
 
 import json
+import re
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import Any
@@ -86,9 +87,22 @@ def from_transport(error: httpx.TransportError) -> Problem:
     return Problem(
         status=0,
         code="unreachable" if passing else "not_sent",
-        detail=str(error) or type(error).__name__,
+        detail=f"{_asked(error)}{_say(error)}",
         retryable=passing,
     )
+
+
+def _asked(error: httpx.TransportError) -> str:
+    try:
+        url = error.request.url
+    except RuntimeError:  # it has none where no request was made
+        return ""
+    return f"{url.scheme}://{url.netloc.decode()} does not answer: "
+
+
+def _say(error: httpx.TransportError) -> str:
+    said = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
+    return "it speaks http, not https: begin its address with http://" if "WRONG_VERSION" in said else said
 
 
 def _object(response: httpx.Response) -> dict[str, Any]:

@@ -1,7 +1,10 @@
 """The `stilb` command, put together, and how it ends."""
 
+import re
 import sys
 import traceback
+from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated
 
 import typer
 
@@ -12,11 +15,31 @@ from stilb.problem import Problem, Unclear
 
 app = typer.Typer(
     name="stilb",
-    help="Field work with a stilb calibration service: frames in, coefficients out.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+
+def _tell_version(asked: bool) -> None:  # noqa: FBT001  as typer calls it
+    if asked:
+        try:
+            typer.echo(version("stilb"))
+        except PackageNotFoundError:
+            typer.echo("from a checkout")
+        raise typer.Exit
+
+
+@app.callback()
+def _start(
+    *,
+    _version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_tell_version, help="The client's version.")
+    ] = False,
+) -> None:
+    """Field work with a stilb calibration service: frames in, coefficients out."""
+
+
 app.command("login")(session.login)
 app.command("logout")(session.logout)
 app.command("whoami")(session.whoami)
@@ -39,6 +62,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         app(given, prog_name="stilb")
     except SystemExit as end:
+        if end.code == Exit.INTERRUPTED:
+            sys.stderr.write("stilb: stopped; the same command again goes on where it was\n")
         return end.code if isinstance(end.code, int) else int(Exit.USAGE)
     except (Problem, Unclear, TimeoutError, OSError) as error:
         return _end(error, as_json="--json" in given)
@@ -48,10 +73,17 @@ def main(arguments: list[str] | None = None) -> int:
     return Exit.DONE
 
 
+def _said(error: Exception) -> str:
+    """For a person: without the numbers of the system, and without where in a request a field stands."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+    return re.sub(r"\b(?:body|query)\.(?=\w)", "", str(error))
+
+
 def _end(error: Exception, *, as_json: bool) -> int:
     """Say what went wrong, on stderr for a person, on stdout for a machine."""
     code = exit_of(error)
-    lines = [f"stilb: {error}", *getattr(error, "__notes__", ()), next_step(error)]
+    lines = [f"stilb: {_said(error)}", *getattr(error, "__notes__", ()), next_step(error)]
     sys.stderr.write("".join(f"{line}\n" for line in lines if line))
     if as_json:
         told = {"detail": str(error), "exit_code": int(code)}

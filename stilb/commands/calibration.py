@@ -3,6 +3,8 @@
 import json
 import re
 from collections.abc import Sequence
+from difflib import get_close_matches
+from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +17,7 @@ from stilb.commands.tables import holds_for, of_coefficients
 from stilb.commands.talk import Talk, talks
 from stilb.export import ExportProgress
 from stilb.field.plan import read_macro
+from stilb.problem import Problem, Unclear, missing
 from stilb.records import Calibration
 
 CampaignNamed = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id or project number.")]
@@ -48,9 +51,25 @@ def roi(
         elif imagej is not None:
             found = client.set_roi(campaign_id, imagej=_text_or_file(imagej))
         else:
-            found = client.roi(campaign_id)
+            found = _current_roi(client, campaign_id, campaign)
     corners = " ".join(f"{x:g},{y:g}" for x, y in found["polygon"])
     talk.answer(found, corners)
+
+
+def _current_roi(client: Client, campaign_id: str, named: str) -> dict[str, Any]:
+    try:
+        return client.roi(campaign_id)
+    except Problem as problem:
+        if problem.status != HTTPStatus.NOT_FOUND:
+            raise
+        own = sum(1 for frame in client.frames(campaign_id) if "roi_id" in frame.raw)
+        singly = (
+            f" {own} of its frames have one of their own, drawn or found by a panel's code." if own else ""
+        )
+        raise missing(
+            f"{named} has no region that all its frames share.{singly} "
+            f'Draw it on its page, or: stilb roi {named} --imagej "makePolygon(...)"'
+        ) from problem
 
 
 @talks
@@ -58,7 +77,7 @@ def calibrate(
     talk: Talk,
     campaign: CampaignNamed,
     model: Annotated[str | None, typer.Option(help="proportional, affine, power, semilog.")] = None,
-    tolerance: Annotated[float | None, typer.Option(help="Largest accepted error, as a share of L.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="Largest accepted error of L: 0.04 is 4 %.")] = None,
     exclude: Annotated[
         list[str] | None, typer.Option(metavar="FRAME=REASON", help="Leave a frame out; repeatable.")
     ] = None,
@@ -68,6 +87,8 @@ def calibrate(
     ] = None,
 ) -> None:
     """Fit a campaign and show the draft. It counts for nothing until it is published."""
+    if tolerance is not None and not 0.0 < tolerance < 1.0:
+        raise typer.BadParameter(f"--tolerance is a share: {tolerance / 100.0:g} for {tolerance:g} %")
     said: dict[str, Any] = {name: _value(text) for name, text in map(_pair, option or ())}
     said |= {} if model is None else {"model": model}
     said |= {} if tolerance is None else {"tolerance": tolerance}
@@ -112,7 +133,10 @@ def export(
     calibration: CalibrationId,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made where it is not there.")],
 ) -> None:
-    """Fetch everything that a version rests on: certificate, readings, regions, every frame."""
+    """Fetch everything that a version rests on.
+
+    Its certificate, readings, regions and every frame.
+    """
 
     def tell(progress: ExportProgress) -> None:
         talk.note(f"{progress.files_done}/{progress.files_total} {progress.filename}")
@@ -151,7 +175,7 @@ def _told_impact(impact: dict[str, Any]) -> list[str]:
 
 def _exclusions(client: Client, campaign_id: str, named: list[str]) -> list[dict[str, str]]:
     """Frames by id or by file name, each with its reason."""
-    names, reasons = zip(*map(_pair, named), strict=True)
+    names, reasons = zip(*(_pair(each, "FRAME=REASON") for each in named), strict=True)
     ids = _find_frames(client, campaign_id, names, "--exclude")
     return [{"frame_id": each, "reason": reason} for each, reason in zip(ids, reasons, strict=True)]
 
@@ -164,7 +188,9 @@ def _find_frames(client: Client, campaign_id: str, names: Sequence[str], option:
         fitting = [frame.id for frame in frames if name in {frame.id, frame.filename}]
         if len(fitting) != 1:
             how_many = f"{len(fitting)} frames are" if fitting else "no frame is"
-            raise typer.BadParameter(f"{option}: {how_many} called {name!r} here")
+            alike = get_close_matches(name, {frame.filename for frame in frames}, n=1)
+            meant = f"; did you mean {alike[0]!r}?" if alike and not fitting else ""
+            raise typer.BadParameter(f"{option}: {how_many} called {name!r} here{meant}")
         found += fitting
     return found
 
@@ -175,10 +201,10 @@ def _need(imagej: str | None) -> str:
     return imagej
 
 
-def _pair(text: str) -> tuple[str, str]:
+def _pair(text: str, shape: str = "NAME=VALUE") -> tuple[str, str]:
     name, sign, value = text.partition("=")
     if not (name and sign and value):
-        raise typer.BadParameter(f"{text!r} must be written as NAME=VALUE")
+        raise typer.BadParameter(f"{text!r} must be written as {shape}")
     return name, value
 
 
@@ -191,4 +217,9 @@ def _value(text: str) -> object:
 
 
 def _text_or_file(text: str) -> str:
-    return text if "(" in text else read_macro(Path(text))
+    if "(" in text:
+        return text
+    try:
+        return read_macro(Path(text))
+    except FileNotFoundError:
+        raise Unclear(f"{text!r} is neither makePolygon(...) nor a file that is there") from None

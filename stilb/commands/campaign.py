@@ -61,9 +61,10 @@ def run(
         bool, typer.Option("--replace-readings", help="Withdraw the readings that the folder does not hold.")
     ] = False,
 ) -> None:
-    """Go from a card to a draft: camera, campaign, region, readings, frames, fit, as campaign.toml says.
+    """Go from a card to a draft, as its campaign.toml says.
 
-    The same command again goes on where it was; what has been done is not done twice.
+    Camera, campaign, region, readings, frames, fit. The same command again goes on where it was; what has
+    been done is not done twice.
     """
     plan = read_plan(folder)
     files, left_out = sort_files(folder, plan.rules)
@@ -90,15 +91,19 @@ def list_campaigns(talk: Talk) -> None:
     """List the campaigns of your organisation, oldest first."""
     with talk.client() as client:
         found = list(client.campaigns())
-    rows = [(one.id, one.project_number or "", one.method, one.camera_id) for one in found]
-    shown = table(("campaign", "project number", "method", "camera"), rows)
+        cameras = {one.id: f"{one.make} {one.model} {one.serial}" for one in client.cameras()}
+    rows = [
+        (one.project_number or "", one.method, cameras.get(one.camera_id, one.camera_id), one.id)
+        for one in found
+    ]
+    shown = table(("project number", "method", "camera", "campaign"), rows)
     talk.answer({"items": [one.raw for one in found]}, shown)
 
 
 @app.command("show")
 @talks
 def show(talk: Talk, campaign: Annotated[str, typer.Argument(help="Its id or project number.")]) -> None:
-    """Show what has arrived, what a fit still needs, and what would make it a good one."""
+    """Show what has arrived, what a fit lacks, what would be better."""
     with talk.client() as client:
         found = client.campaign(client.find_campaign(campaign).id).raw
     frames = found["frames"]
@@ -107,7 +112,7 @@ def show(talk: Talk, campaign: Annotated[str, typer.Argument(help="Its id or pro
         f"{found['id']} {found.get('project_number', '')} {found['method']}",
         f"{frames['received']} frames, {frames['extracted']} extracted, {frames['refused']} refused; "
         f"{found['readings']} readings",
-        *(f"missing: {each}" for each in found["missing"]),
+        *([f"missing: {each}" for each in found["missing"]] or [f"ready: stilb calibrate {campaign}"]),
         *(f"advice: {each}" for each in found["advice"]),
     )
 

@@ -18,9 +18,9 @@ def k(
     at: Annotated[str | None, typer.Option(help="What was in force then; else now.")] = None,
     known_at: Annotated[str | None, typer.Option(help="As it was known then; else now.")] = None,
 ) -> None:
-    """Show the luminance coefficient K in force, with its uncertainty and where it comes from.
+    """Show the K in force of a camera, with its uncertainty.
 
-    Of another method: every coefficient that is in force.
+    And where it comes from. Of another method: every coefficient that is in force.
     """
     with talk.client() as client:
         found = client.coefficients(

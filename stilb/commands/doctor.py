@@ -28,7 +28,7 @@ class Finding:
 
 @talks
 def doctor(talk: Talk) -> None:
-    """Check the service: ready, version, queue, disk, clock, and the key that you ask with."""
+    """Check the service, its queue, disk and clock, and your key."""
     login = talk.login()
     with talk.client(retries=0) as client:
         health = client.health()

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from stilb.client import Client
 from stilb.commands.exits import Exit
 from stilb.commands.tables import table
 from stilb.commands.talk import Talk, talks
@@ -30,10 +31,26 @@ def jobs(
             _one(talk, client.wait(job) if wait else client.job(job))
             return
         found = [each for each, _ in zip(client.jobs(state=state, kind=kind), range(limit), strict=False)]
-    rows = [(each.id, each.kind, each.state, f"{each.progress:.0%}", _error(each)) for each in found]
+        about = _about(client, found)
+    rows = [
+        (each.kind, about[each.id], each.state, f"{each.progress:.0%}", each.id, _error(each))
+        for each in found
+    ]
     talk.answer(
-        {"items": [each.raw for each in found]}, table(("job", "kind", "state", "done", "error"), rows)
+        {"items": [each.raw for each in found]},
+        table(("kind", "of", "state", "done", "job", "error"), rows),
     )
+
+
+def _about(client: Client, found: list[Job]) -> dict[str, str]:
+    """Of each job its file, else its campaign by project number."""
+    named: dict[str, str | None] = {}
+    if any("filename" not in each.raw for each in found):
+        named = {each.id: each.project_number for each in client.campaigns()}
+    return {
+        each.id: each.raw.get("filename") or named.get(each.raw.get("campaign_id", "")) or ""
+        for each in found
+    }
 
 
 def _one(talk: Talk, found: Job) -> None:

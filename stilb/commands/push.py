@@ -43,10 +43,11 @@ def push(
     every: Every = 2.0,
     wait: Wait = True,
 ) -> None:
-    """Send the frames of a folder that the campaign has not yet, and tell how they are.
+    """Send the frames of a folder that have not arrived yet.
 
-    The same command again goes on where it was. What each file is follows from --role, from campaign.toml, or
-    from its folder: dark/, field/, ... by name, any other folder is a light level.
+    It ends with how they are. The same command again goes on where it was. What each file is follows from
+    --role, from campaign.toml, or from its folder: dark/, field/, ... by name, any other folder is a light
+    level.
     """
     list_files = _lister(folder, role, scene)
     campaign_id = _campaign_id(talk, folder, campaign)

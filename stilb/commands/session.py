@@ -1,5 +1,6 @@
 """Signing in and out: which service, and as whom."""
 
+from http import HTTPStatus
 from typing import Annotated
 
 import typer
@@ -7,21 +8,45 @@ import typer
 from stilb.client import Client
 from stilb.commands.talk import Talk, config_folder, talks
 from stilb.login import Login, forget_login, keep_login
-from stilb.problem import Unclear
+from stilb.problem import Problem, Unclear
 from stilb.records import OwnKey
 
 
 @talks
 def login(talk: Talk, address: Annotated[str, typer.Argument(metavar="URL", help="Of the service.")]) -> None:
-    """Sign in: the key is checked against the service, then kept for this user (mode 600)."""
+    """Sign in: the key is checked, then kept for you alone.
+
+    It is asked for, unless --key or STILB_KEY gives it, and kept in a file of mode 600.
+    """
     address = address.rstrip("/")
     if not address.startswith(("http://", "https://")):
         raise Unclear(f"{address} is no address: it begins with http:// or https://")
-    key = talk.key or typer.prompt("Key", hide_input=True, err=True).strip()
+    key = talk.key or _ask_for_key()
     with Client(address, key, retries=2) as client:
-        own = client.own_key()
+        own = _own_key(client, address)
     path = keep_login(config_folder(), Login(url=address, key=key))
     talk.answer({**_told(address, own), "kept_in": str(path)}, f"{_sentence(address, own)}. Kept in {path}")
+
+
+def _ask_for_key() -> str:
+    try:
+        return str(typer.prompt("Key", hide_input=True, err=True)).strip()
+    except typer.Abort as end:
+        # a script has no terminal to type at
+        if isinstance(end.__context__, EOFError):
+            raise Unclear("no key was typed: give it with --key, or in STILB_KEY") from end
+        raise
+
+
+def _own_key(client: Client, address: str) -> OwnKey:
+    try:
+        return client.own_key()
+    except Problem as problem:
+        if problem.status != HTTPStatus.NOT_FOUND:
+            raise
+        raise Unclear(
+            f"{address} is no service's address. It has no page in it: http://127.0.0.1:8000"
+        ) from problem
 
 
 @talks
@@ -33,7 +58,7 @@ def logout(talk: Talk) -> None:
 
 @talks
 def whoami(talk: Talk) -> None:
-    """Tell as whom, where and with which scopes this machine asks."""
+    """Tell whose key this machine has, where, and what it may."""
     found = talk.login()
     with talk.client() as client:
         own = client.own_key()

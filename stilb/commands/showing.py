@@ -1,5 +1,6 @@
 """How far a push is, on stderr: a bar with rate and remaining time on a terminal, a line a step elsewhere."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -69,7 +70,7 @@ def showing(console: Console) -> Iterator[Listener]:
 
 def tell_retry(console: Console, problem: Problem, pause_s: float) -> None:
     """A person who sees nothing move wants to know why, and until when."""
-    console.print(f"{problem.detail or problem.code}; again in {pause_s:.0f} s")
+    console.print(f"{(problem.detail or problem.code).rstrip('.')}; again in {math.ceil(pause_s)} s")
 
 
 def lines(report: Report) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Tables as a terminal, a file and a pipe show them."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -9,6 +10,7 @@ from rich.text import Text
 
 from stilb.records import Coefficient, Quantity
 
+_MOST_DECIMALS = 7
 _HOLDS_FOR = {"iso": "ISO", "f_number": "f", "band": "band", "channel": "channel"}
 
 
@@ -26,8 +28,14 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
 
 def figure(quantity: Quantity | Coefficient) -> str:
     """A value with its standard uncertainty, to two digits of the latter."""
-    uncertainty = f"{quantity.standard_uncertainty:.2g}"
-    return f"{quantity.value:.6g} ± {uncertainty} {quantity.unit}"
+    value, uncertainty = quantity.value, quantity.standard_uncertainty
+    if not 0.0 < uncertainty < math.inf:
+        return f"{value:.6g} ± {uncertainty:.2g} {quantity.unit}"
+    # the value ends where its uncertainty does; 0.0996 is 0.10 at two digits
+    decimals = 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
+    if not 0 <= decimals <= _MOST_DECIMALS:
+        return f"{value:.6g} ± {uncertainty:.2g} {quantity.unit}"
+    return f"{value:.{decimals}f} ± {uncertainty:.{decimals}f} {quantity.unit}"
 
 
 def of_coefficients(rows: Iterable[Coefficient]) -> Table:

@@ -14,6 +14,7 @@ from stilb.upload import FrameDetails
 
 FILENAME = "campaign.toml"
 
+_FEWEST_CORNERS = 3
 _LENS = {"make", "model", "serial"}
 _CERTIFICATE = {
     *("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor"),
@@ -79,7 +80,10 @@ def read_plan(folder: Path) -> Plan:
     except FileNotFoundError:
         raise Unclear(f"There is no {path}. Make one: stilb campaign init {folder}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise Unclear(f"{path}: {error}") from error
+        raise Unclear(
+            f"{path} cannot be read: {error}. Compare it with one that stilb campaign init writes into an "
+            "empty folder."
+        ) from error
     try:
         return _plan(_plain(said), folder)
     except Unclear as error:
@@ -161,9 +165,12 @@ def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def _corners(what: str, said: Any) -> Polygon:  # noqa: ANN401  whatever TOML holds
     try:
-        return tuple((float(x), float(y)) for x, y in said)
+        corners = tuple((float(x), float(y)) for x, y in said)
     except (ValueError, TypeError):
-        raise Unclear(f"{what} must be corners: [[x, y], [x, y], [x, y]]") from None
+        corners = ()
+    if len(corners) < _FEWEST_CORNERS:
+        raise Unclear(f"{what} must be three corners or more: [[x, y], [x, y], [x, y]]")
+    return corners
 
 
 def read_spreadsheet(path: Path) -> str:
@@ -172,6 +179,8 @@ def read_spreadsheet(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise Unclear(f"{path} is not UTF-8. Save it as CSV UTF-8.") from error
+    except FileNotFoundError:
+        raise Unclear(f"there is no {path}: put the readings there, or take [readings] out") from None
 
 
 def read_macro(path: Path) -> str:

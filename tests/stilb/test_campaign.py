@@ -53,7 +53,7 @@ def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
     assert signed_in("k", "0K1XE8").code == Exit.NOT_FOUND
     assert "version 1 is in force from 2026-05-01T00:00:00Z on" in signed_in(*publish).out
     shown = signed_in("k", "0K1XE8", "--iso", 3200, "--at", "2026-06-01")
-    assert f"{k['value']:.6g} ± {k['standard_uncertainty']:.2g} DN*m2/(cd*s)" in shown.out
+    assert f"{k['value']:.3f} ± {k['standard_uncertainty']:.3f} DN*m2/(cd*s)" in shown.out
     assert "version 1 is in force" in shown.out
 
 
@@ -174,7 +174,7 @@ def test_a_method_that_is_not_known_is_named(signed_in, tmp_path):
         ("[fit]", "[fit", "at line"),
         ("[campaign]", "[campaign]\nstarted_at = 2026-05-01T20:00:00", "has no time zone"),
         ("imagej =", "polygon = [[1, 2]]\nimagej =", "region takes one of polygon, imagej, file"),
-        ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "polygon = [[1], [2]]", "must be corners"),
+        ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "polygon = [[1], [2]]", "must be three corners or more"),
         ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "parts = [[1, 2]]", "as [region.parts]"),
         ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', 'file = "frames.roi"', "holds no macro"),
         (
@@ -182,7 +182,7 @@ def test_a_method_that_is_not_known_is_named(signed_in, tmp_path):
             '[panel]\nserial = "P"\nmeasured_on = 2026-03-14\n[fit]',
             "bands in panel is not filled in",
         ),
-        ('file = "readings.csv"', 'file = "no.csv"', "No such file"),
+        ('file = "readings.csv"', 'file = "no.csv"', "put the readings there"),
     ],
 )
 def test_a_plan_that_is_wrong_says_where(handful, old, new, message):
@@ -206,6 +206,7 @@ def test_campaigns_are_listed(signed_in, team):
     camera = team.client.find_camera(team.campaign().camera_id)
     named = team.client.create_campaign(camera.id, project_number="P-17 [x]")
     listed = signed_in("campaign", "list")
+    assert "DJI FC6520 0K1XE8" in listed.out
     assert named.id in listed.out
     assert "P-17 [x]" in listed.out
 

@@ -97,5 +97,5 @@ def test_parts_of_a_region_have_names(card, team):
     campaign = ensure_campaign(team.client, read_plan(card))
     assert [part["name"] for part in team.client.roi(campaign.id)["regions"]] == ["centre", "top left"]
     path.write_text(path.read_text().replace("[1, 1]", "[1]"))
-    with pytest.raises(Unclear, match="top left in region must be corners"):
+    with pytest.raises(Unclear, match="top left in region must be three corners or more"):
         read_plan(card)

@@ -111,6 +111,9 @@ def test_measure_a_campaign(command, calibrated):
         (("measure", "f", "--region", "1,2"), "--polygon takes three corners or more"),
         (("roi", "c", "--polygon", "1,2 3,4 5,6", "--imagej", "makePolygon()"), "give one of"),
         (("calibrate", "c", "--set", "x"), "must be written as NAME=VALUE"),
+        (("calibrate", "c", "--tolerance", "4"), "--tolerance is a share: 0.04 for 4 %"),
+        (("k", "0K1XE8", "--at", "yesterday"), "'yesterday' is no time: give a day"),
+        (("k", "0K1XE8", "--at", "2026-05-01T20:00:00"), "a time with its zone"),
         (("k",), "Missing argument"),
         (("jobs", "--limit", "0"), "--limit"),
     ],
@@ -130,7 +133,8 @@ def test_a_region_is_set_and_shown(signed_in, team, tmp_path):
     macro.write_text("makePolygon(9,9,70,9,70,50);\n")
     assert signed_in("roi", campaign.id, "--imagej", macro).out == "9,9 70,9 70,50\n"
     assert signed_in("roi", campaign.id, "--imagej", "makePolygon(1,1").code == Exit.REFUSED
-    assert signed_in("roi", campaign.id, "--imagej", tmp_path / "none.ijm").code == Exit.USAGE
+    lost = signed_in("roi", campaign.id, "--imagej", tmp_path / "none.ijm")
+    assert (lost.code, "neither makePolygon(...) nor a file" in lost.err) == (Exit.USAGE, True)
     macro.write_bytes(b"Iout\x00\xe4\x00\x00")
     assert "holds no macro: record one in ImageJ" in signed_in("roi", campaign.id, "--imagej", macro).err
 
@@ -198,7 +202,9 @@ def test_jobs_and_one_of_them(command, calibrated):
     assert [job["kind"] for job in found] == ["extract"] * 3
     shown = command("jobs", field.job_id, "--wait")
     assert (shown.code, "extract succeeded 100%" in shown.out) == (Exit.DONE, True)
-    assert "succeeded" in command("jobs", "--state", "succeeded").out
+    listed = command("jobs", "--state", "succeeded").out
+    assert "field.DNG" in listed
+    assert "succeeded" in listed
 
 
 def test_a_failed_job_is_a_finding(command, calibrated, tmp_path):

@@ -120,4 +120,5 @@ def test_ctrl_c(stilb_command, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("stilb.commands.talk.read_login", stop)
-    assert stilb_command("whoami").code == Exit.INTERRUPTED
+    ended = stilb_command("whoami")
+    assert (ended.code, "goes on where it was" in ended.err) == (Exit.INTERRUPTED, True)
