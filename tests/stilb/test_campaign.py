@@ -174,7 +174,11 @@ def test_a_method_that_is_not_known_is_named(signed_in, tmp_path):
         ("[fit]", "[fit", "at line"),
         ("[campaign]", "[campaign]\nstarted_at = 2026-05-01T20:00:00", "has no time zone"),
         ("imagej =", "polygon = [[1, 2]]\nimagej =", "region takes one of polygon, imagej, file"),
-        ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "polygon = [[1], [2]]", "must be three corners or more"),
+        (
+            'imagej = "makePolygon(8,8,88,8,88,56,8,56);"',
+            "polygon = [[1], [2]]",
+            "must be three corners or more",
+        ),
         ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', "parts = [[1, 2]]", "as [region.parts]"),
         ('imagej = "makePolygon(8,8,88,8,88,56,8,56);"', 'file = "frames.roi"', "holds no macro"),
         (
