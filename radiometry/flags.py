@@ -50,6 +50,10 @@ class Flag(StrEnum):
         "Fewer than three dark frames: their median guards nothing.",
     )
     DARK_VARIES = "dark_varies", "The dark frames of an ISO differ by more than 1 % of its weakest signal."
+    DARK_NOT_DARK = (
+        "dark_not_dark",
+        "A dark frame is brighter than others like it, or than the stated black level: it saw light.",
+    )
     NONLINEAR = "nonlinear", "The exponent of the power model differs from 1 by more than 0.02."
     IMPLAUSIBLE_K = (
         "implausible_k",
@@ -233,6 +237,14 @@ class Flag(StrEnum):
     READ_NOISE_BELOW_ROUNDING = (
         "read_noise_below_rounding",
         "Rounding hides the dark noise: the read noise is a limit, it may be anything below.",
+    )
+    LINEARITY_ERROR_LARGE = (
+        "linearity_error_large",
+        "A level lies more than 10 % off the straight line: other light, another scene, or the shutter.",
+    )
+    PRNU_LARGE = (
+        "prnu_large",
+        "PRNU is above 5 %: the lit frames show something, and no even surface.",
     )
     PATTERN_NOT_RESOLVED = (
         "pattern_not_resolved",

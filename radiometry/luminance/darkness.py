@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from radiometry.lit import TAKE_AGAIN, inspect_black
 from radiometry.luminance.dark import EXPOSURE_RATIO, time_ratio
 from radiometry.luminance.points import DETECTION_ERRORS
 from radiometry.luminance.rows import FrameRow, Params
@@ -13,16 +14,6 @@ ABOVE_OTHERS_SHARE = 0.001
 """Of the span from black to white, above the darkest dark frame of the same ISO and a like time: a tenth of
 the weakest useful signal. Dark frames of one time differ by noise and by a wandering black level, together
 about a tenth of this."""
-
-ABOVE_BLACK_SHARE = 0.005
-"""Of the span, above the stated black level: half of the weakest useful signal. A warm sensor reaches it at
-long times by itself, so that it is no more than a warning."""
-
-LIT_SHARE = 0.05
-"""Of the span, above the stated black level: more than the dark current of any sensor at the times and ISO
-values of the procedure; this is light."""
-
-_ADVICE = "Switch the lamp off, cover the lens and take it again."
 
 
 def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
@@ -74,27 +65,15 @@ def _above_others(row: FrameRow, darkest: FrameRow, signals: dict[str, Signal]) 
         return None
     detail = (
         f"Its mean is {excess:.3g} DN above that of {darkest.frame}, a dark frame of the same ISO and a like "
-        f"time: this one saw light. {_ADVICE}"
+        f"time: this one saw light. {TAKE_AGAIN}"
     )
     return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=detail)
 
 
 def _above_black(signal: Signal) -> Reason | None:
-    # a black level of zero is what a file has that states none
-    share = (signal.value_dn - signal.black_level_dn) / _span(signal) if signal.black_level_dn > 0.0 else 0.0
-    if share <= ABOVE_BLACK_SHARE:
-        return None
-    said = (
-        f"Its mean is {share:.1%} of the span from black to white above the black level that the file states"
+    return inspect_black(
+        signal.value_dn, black_level_dn=signal.black_level_dn, white_level_dn=signal.white_level_dn
     )
-    if share > LIT_SHARE:
-        return Reason(
-            code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=f"{said}: this frame saw light. {_ADVICE}"
-        )
-    detail = (
-        f"{said}. {_ADVICE} If it stays so with the lens covered, the sensor is warm and the frame is right."
-    )
-    return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="warn", detail=detail)
 
 
 def _span(signal: Signal) -> float:

@@ -18,10 +18,12 @@ from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Figure, FrameEvidence
 from radiometry.flags import Flag, Raised
 from radiometry.frame import Frame
+from radiometry.lit import flag_lit
 from radiometry.luminance.application import apply_coefficient as apply
 from radiometry.luminance.application import luminance_per_dn
 from radiometry.luminance.curves import fit_series
 from radiometry.luminance.dark import check_dark
+from radiometry.luminance.darkness import inspect_darks
 from radiometry.luminance.judging import judge
 from radiometry.luminance.planning import plan
 from radiometry.luminance.points import (
@@ -125,9 +127,9 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
 
     Flags
-      per ISO: dark_exposure_differs, dark_from_black_level, dark_from_few_frames, dark_varies, nonlinear,
-      implausible_k, few_points, tolerance_exceeded, scatter_exceeds_uncertainty, gain_maps_differ, rendered,
-      meter_repeatability_estimated, apex_missing;
+      per ISO: dark_exposure_differs, dark_from_black_level, dark_from_few_frames, dark_varies, dark_not_dark,
+      nonlinear, implausible_k, few_points, tolerance_exceeded, scatter_exceeds_uncertainty, gain_maps_differ,
+      rendered, meter_repeatability_estimated, apex_missing;
       per scene: lamp_drift, rho_cross_check; of the whole: meter_certificate_missing, semilog_model
     Raises InputRejected
       fit_incomplete if fewer than three scenes of an ISO value can be used, or frames are not extracted yet;
@@ -210,6 +212,10 @@ def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -
         dark_times_s=series.dark_times_s,
         weakest_signal_dn=min(c.signal.value_dn for c in series.used) - series.dark.signal_dn,
     )
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    darks = [row for row in rows if row.exposure.iso == series.iso and row.frame not in excluded]
+    lit = {frame: found[0] for frame, found in inspect_darks(darks, params).items()}
+    flags += flag_lit({frame: why for frame, why in lit.items() if why.outcome == "fail"}, where)
     if len(used) < FEW_POINTS:
         flags.append(_raise(Flag.FEW_POINTS, where, f"Points: {len(used)}."))
     rendered = sum(row.rendered for row in light)

@@ -108,7 +108,8 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
 
     Flags
-      per frame: flat_left_out, weak_flat, dust; per ISO: dark_from_black_level, dark_exposure_differs;
+      per frame: flat_left_out, weak_flat, dust; per ISO: dark_from_black_level, dark_exposure_differs,
+      dark_not_dark;
       per f-number and channel: uneven_light, centre_uncertain, falloff_not_monotonic, falloff_grows,
       vignetting_misfit; of the whole: rendered
     Raises InputRejected
@@ -133,7 +134,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
         channel_fits=tuple(each.fit for each in fitted),
         thresholds=find_thresholds(fitted),
         points=describe_points(rows, candidates, params),
-        flags=(*check_frames(candidates), *check_fits(fitted)),
+        flags=(*check_frames(candidates, rows, params), *check_fits(fitted)),
     )
 
 

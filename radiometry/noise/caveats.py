@@ -4,14 +4,23 @@ import math
 from collections.abc import Sequence
 
 from radiometry.flags import Flag, Raised
+from radiometry.lit import name_lit
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.fitting import FittedChannel
+from radiometry.noise.lit import find_lit
+from radiometry.noise.rows import DARK
 
 GOOD_LEVELS = 6
 DRIFT_REL = 0.01
 TIME_RATIO = 2.0
 UNDERFLOW_SHARE = 0.005
 """EMVA 1288, 6.5: no more samples of a dark frame may be zero."""
+
+OFF_LINE_REL = 0.1
+"""Nominal shutter times err by up to 7 %, 1/60 s for 1/64 s, and sensors bend by a few per cent."""
+
+UNEVEN_REL = 0.05
+"""Sensors have 0.3 to 2 %."""
 
 _ERRORS = 3.0
 
@@ -42,7 +51,11 @@ def _check_stacks(each: FittedChannel) -> list[tuple[Flag, str]]:
     ratios = [level.time_ratio for level in each.levels if not level.left_out]
     if max(ratios, default=1.0) > TIME_RATIO:
         found.append((Flag.DARK_EXPOSURE_DIFFERS, f"By up to a factor of {max(ratios):.3g}."))
-    zeros = max(stack.zero_share for stack in each.stacks if stack.setting.role == "dark")
+    darks = [stack for stack in each.stacks if stack.setting.role == DARK]
+    lit = {frame: why for stack in darks for frame, why in find_lit(stack).items()}
+    if lit:
+        found.append((Flag.DARK_NOT_DARK, name_lit(lit)))
+    zeros = max(stack.zero_share for stack in darks)
     if zeros > UNDERFLOW_SHARE:
         found.append((Flag.DARK_CLIPPED, f"Up to {zeros:.1%} of a dark frame's samples are 0."))
     return found
@@ -58,6 +71,10 @@ def _check_transfer(each: FittedChannel) -> list[tuple[Flag, str]]:
     if transfer.birge_ratio > 1.0 and transfer.chi_squared > _chi_squared_limit(len(transfer.levels) - 1):
         detail = f"Birge ratio {transfer.birge_ratio:.3f}: the noise does not follow the photon transfer."
         found.append((Flag.SCATTER_EXCEEDS_UNCERTAINTY, detail))
+    line = each.fit.linearity
+    if line and max(-line.lowest_rel, line.highest_rel) > OFF_LINE_REL:
+        detail = f"Levels lie {line.lowest_rel:+.1%} to {line.highest_rel:+.1%} off the line."
+        found.append((Flag.LINEARITY_ERROR_LARGE, detail))
     figures = each.fit.transfer
     if figures and figures.saturation_origin == "white_level_assumed":
         top = max((level.signal_dn for level in each.levels), default=0.0)
@@ -75,6 +92,8 @@ def _check_figures(each: FittedChannel) -> list[tuple[Flag, str]]:
     if each.rounding_dominates:
         detail = f"Given is the limit, {fit.read_noise_dn.value:.2g} DN."
         found.append((Flag.READ_NOISE_BELOW_ROUNDING, detail))
+    if fit.prnu_rel and fit.prnu_rel.value > UNEVEN_REL:
+        found.append((Flag.PRNU_LARGE, f"PRNU {fit.prnu_rel.value:.1%}."))
     names = [
         name
         for name, resolved in (("DSNU", each.dsnu_resolved), ("PRNU", each.prnu_resolved))

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.caveats import DRIFT_REL
+from radiometry.noise.lit import find_lit
 from radiometry.noise.points import collect_stacks
 from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack
@@ -17,9 +18,6 @@ from radiometry.verdicts import (
     give_whole_frame,
     inspect_frames,
 )
-
-LIT_SHARE = 0.05
-"""Of the span from black to white: more than the dark current of any sensor at the times of a flight."""
 
 
 def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
@@ -48,7 +46,7 @@ def _inspect(stack: Stack, params: Params) -> list[tuple[str, Reason]]:
     ]
     shared = [*_inspect_pairing(stack, params)]
     if stack.setting.role == DARK:
-        shared += _inspect_dark(stack)
+        found += find_lit(stack).items()
     elif stack.clipped:
         detail = (
             f"{stack.clipped_share:.1%} of {stack.setting.channel} is at white: that shows where the signal "
@@ -73,19 +71,6 @@ def _inspect_pairing(stack: Stack, params: Params) -> list[Reason]:
         "them. Let the lamp warm up, and take them one right after the other."
     )
     return [_reason(ReasonCode.PAIR_DRIFT, outcome, detail)]
-
-
-def _inspect_dark(stack: Stack) -> list[Reason]:
-    """Say whether a dark frame saw light; where the file states no black, nothing can be said."""
-    span = stack.white_level_dn - stack.black_level_dn
-    above = (stack.mean_dn - stack.black_level_dn) / max(1.0, span)
-    if stack.black_level_dn <= 0.0 or above <= LIT_SHARE:
-        return []
-    detail = (
-        f"Its mean lies {above:.1%} of the span from black to white above the black level that the file "
-        "states: this frame saw light. Cover the lens and take it again."
-    )
-    return [_reason(ReasonCode.DARK_NOT_DARK, "fail", detail)]
 
 
 def _reason(code: ReasonCode, outcome: Outcome, detail: str) -> Reason:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiometry.flags import Flag, Raised
+from radiometry.lit import flag_lit
 from radiometry.vignetting.curve import (
     evaluate_curve,
     evaluate_slopes,
@@ -14,12 +15,14 @@ from radiometry.vignetting.curve import (
     propagate,
     sample_radii,
 )
+from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.fitting import FittedChannel, farthest_radius
 from radiometry.vignetting.grid import Vector
 from radiometry.vignetting.light import EXPOSURE_RATIO
 from radiometry.vignetting.points import Candidate
-from radiometry.vignetting.quality import FLAGGED_GRADIENT_REL, flag_frame
+from radiometry.vignetting.quality import FLAGGED_GRADIENT_REL, find_lit, flag_frame
 from radiometry.vignetting.results import Coefficient, Threshold
+from radiometry.vignetting.rows import DARK, Params
 from radiometry.vignetting.solving import Solution
 
 LIMITS = (0.02, 0.10)
@@ -65,8 +68,8 @@ def _answer(
     return lowest, min((f_number for f_number in below if f_number > highest_above), default=None)
 
 
-def check_frames(candidates: Sequence[Candidate]) -> list[Raised]:
-    """Look at the frames that went in, and at those that did not."""
+def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], params: Params) -> list[Raised]:
+    """Look at the frames that went in, and at those that did not; ``rows`` : dark frames too."""
     flags = []
     for candidate in candidates:
         if candidate.quality is not None:
@@ -77,7 +80,21 @@ def check_frames(candidates: Sequence[Candidate]) -> list[Raised]:
     rendered = sum(candidate.row.header.rendered for candidate in used)
     if rendered:
         flags.append(_raise(Flag.RENDERED, "", f"Rendered frames: {rendered} of {len(used)}."))
-    return flags + _check_darks(used)
+    return flags + _check_darks(used) + _check_lit(used, rows, params)
+
+
+def _check_lit(used: Sequence[Candidate], rows: Sequence[FrameRow], params: Params) -> list[Raised]:
+    excluded = {exclusion.frame for exclusion in params.exclude}
+    flags = []
+    for iso in sorted({candidate.row.exposure.iso for candidate in used if candidate.row.exposure}):
+        darks = [
+            row
+            for row in rows
+            if row.role == DARK and row.frame not in excluded and row.exposure and row.exposure.iso == iso
+        ]
+        lit = {row.frame: reason for row in darks if (reason := find_lit(row)) is not None}
+        flags += flag_lit(lit, f"iso {iso:g}")
+    return flags
 
 
 def _check_darks(used: Sequence[Candidate]) -> list[Raised]:

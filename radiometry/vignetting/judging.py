@@ -1,19 +1,12 @@
 """The verdict on every frame of a vignetting campaign, from the same evidence that its fit will use."""
 
-import math
 from collections.abc import Sequence
 
-import numpy as np
-
-from radiometry.packing import unpack
 from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, give_whole_frame, inspect_frames
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.points import collect_candidates
-from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots
+from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots, find_lit
 from radiometry.vignetting.rows import DARK, Params
-
-LIT_SHARE = 0.05
-"""Of the span from black to white: more than the dark current of any sensor at the times of a flat."""
 
 _FAILURES = {
     "clipped": ReasonCode.CLIPPED,
@@ -37,8 +30,8 @@ def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> 
         if candidate.quality is not None:
             reasons[candidate.row.frame] += _inspect_flat(candidate.quality)
     for row in rows:
-        if row.role == DARK and row.features is not None:
-            reasons[row.frame] += _inspect_dark(row)
+        if row.role == DARK and (lit := find_lit(row)) is not None:
+            reasons[row.frame].append(lit)
     return {frame: conclude(found) for frame, found in reasons.items()}
 
 
@@ -63,21 +56,3 @@ def _inspect_flat(quality: Quality) -> list[Reason]:
         detail = f"{describe_spots(quality.spots)} Clean the sensor or move the target, and take it again."
         found.append(Reason(code=ReasonCode.DUST, outcome="warn", detail=detail))
     return found
-
-
-def _inspect_dark(row: FrameRow) -> list[Reason]:
-    """Say whether a dark frame saw light: its median lies too far above the stated black level."""
-    shares = []
-    for channel in row.features.channels if row.features else ():
-        mean, n = unpack(channel.mean_dn), unpack(channel.n)
-        if channel.black_level_dn > 0.0 and (n > 0).any():
-            above = float(np.median(mean[n > 0])) - channel.black_level_dn
-            shares.append(above / max(1.0, channel.white_level_dn - channel.black_level_dn))
-    lit = max(shares, default=-math.inf)
-    if lit <= LIT_SHARE:
-        return []
-    detail = (
-        f"Its median lies {lit:.1%} of the span from black to white above the black level that the file "
-        "states: this frame saw light. Cover the lens and take it again."
-    )
-    return [Reason(code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=detail)]

@@ -65,6 +65,7 @@ def test_without_dark_frames_the_black_level_stands_in():
         ((*LIGHTS, DARKS[0]), READINGS, PARAMS, Flag.DARK_FROM_FEW_FRAMES, "iso 3200"),
         ((*LIGHTS, *DARKS[:4]), READINGS, PARAMS, Flag.DARK_EXPOSURE_DIFFERS, "iso 3200"),
         ((*ROWS, dark("warm", mean_dn=DARK + 20)), READINGS, PARAMS, Flag.DARK_VARIES, "iso 3200"),
+        ((*ROWS, dark("lit", mean_dn=DARK + 20)), READINGS, PARAMS, Flag.DARK_NOT_DARK, "iso 3200"),
         (
             (*ROWS[1:], dataclasses.replace(LIGHTS[0], rendered=True)),
             READINGS,
