@@ -37,7 +37,7 @@ def draw_drift(found: Sequence[Determination], versions: Mapping[str, int], *, t
     rows: dict[str, list[Determination]] = defaultdict(list)
     shared = _shared([row.key for row in found])
     for row in found:
-        rows[_where(row.key, without=shared)].append(row)
+        rows[_where(row.key, without=shared).replace("channel ", "")].append(row)
     step_ms = _step_ms(found, len(rows))
     points: list[DataRenderer] = []
     for place, (label, series) in enumerate(rows.items()):

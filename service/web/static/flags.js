@@ -24,4 +24,4 @@ export function drawFlags(flags, meanings) {
   );
 }
 
-const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where}: `) : null, detail);
+const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where.replace(/^iso /, "ISO ")}: `) : null, detail);

@@ -44,7 +44,7 @@ function rows(readings, meters, again) {
   const entered = (each) => `${number(each.entered_value, 6)} ${each.entered_unit.replace("m2", "m²")}`;
   const columns = [
     { head: "Scene", header: true, class: "nowrap", cell: (each) => each.scene },
-    { head: "Reading", class: "number", cell: (each) => [`${number(each.value, 5)} ${each.unit.replace("m2", "m²")}`, each.entered_unit === each.unit ? null : h("span", { class: "sub" }, entered(each)), h("span", { class: "sub narrow-only" }, meterOf(each))] },
+    { head: "Reading", class: "number", cell: (each) => [`${number(each.value, 5)} ${each.unit.replace("m2", "m²")}`, each.entered_unit === each.unit ? null : h("span", { class: "sub" }, entered(each)), each.meter_id ? h("span", { class: "sub narrow-only" }, meterOf(each)) : null] },
     { head: "Meter", class: "wide-only", cell: (each) => meterOf(each) },
     { head: "Taken", class: "wide-only", cell: (each) => (each.taken_at ? time(each.taken_at) : "–") },
     ...(may("calibrate") ? [{ head: h("span", { class: "hidden" }, "Withdraw"), cell: (each) => (each.withdrawn_at ? h("span", { class: "tag" }, "withdrawn") : h("button", { type: "button", class: "quiet", "aria-label": `Withdraw ${entered(each)} of ${each.scene}`, onclick: (event) => act(event.target, async () => (await send("DELETE", `/v1/readings/${each.id}`), await again())) }, "Withdraw")) }] : []),
