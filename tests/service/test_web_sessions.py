@@ -167,7 +167,10 @@ def test_a_session_ends_when_its_key_is_revoked(house, visitor):
     assert visitor.get("/v1/cameras").status_code == 200
     assert house.http.delete(f"/v1/keys/{made['id']}").status_code == 200
     assert visitor.get("/v1/cameras").status_code == 401
-    assert visitor.get("/", headers=PAGE, follow_redirects=False).status_code == 303
+    again = visitor.get("/", headers=PAGE)
+    assert (again.url.path, "Your session has ended" in again.text) == ("/sign-in", True)
+    visitor.cookies.clear()
+    assert "Your session has ended" not in visitor.get("/sign-in", headers=PAGE).text
 
 
 def test_a_session_has_the_scopes_of_its_key(house, visitor):

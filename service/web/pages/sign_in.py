@@ -17,13 +17,20 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get("/sign-in")
-def show_sign_in(request: Request, context: UsesContext, next: str = "/") -> Response:  # noqa: A002  as in addresses
+def show_sign_in(
+    request: Request,
+    context: UsesContext,
+    next: str = "/",  # noqa: A002  as in addresses
+    *,
+    ended: bool = False,
+) -> Response:
     if find_session(request, context) is not None:
         return RedirectResponse(_local(next), 303)
     if request.headers.get("sec-fetch-site") in {"cross-site", "same-site"}:
         # a link from elsewhere comes without the cookie, which is strict: a page of ours asks again
         return render(request, "again.html", title="One moment", next=_local(next))
-    return _form(request, next)
+    # a session that has ended: its cookie is still there, or a page of ours was told so
+    return _form(request, next, ended=ended or COOKIE in request.cookies)
 
 
 @router.post("/sign-in")
@@ -61,10 +68,15 @@ def sign_out(request: Request, context: UsesContext, csrf_token: Annotated[str, 
     return answer
 
 
-def _form(request: Request, next_address: str, error: str | None = None) -> Response:
-    status = 401 if error else 200
+def _form(request: Request, next_address: str, error: str | None = None, *, ended: bool = False) -> Response:
     return render(
-        request, "sign-in.html", title="Sign in", status=status, next=_local(next_address), error=error
+        request,
+        "sign-in.html",
+        title="Sign in",
+        status=401 if error else 200,
+        next=_local(next_address),
+        error=error,
+        ended=ended,
     )
 
 

@@ -32,7 +32,7 @@ export async function send(method, path, { json, body, headers = {}, signal } = 
   }
   if (answer.ok) return answer;
   const problem = await problemOf(answer);
-  if (problem.status === 401) location.assign(`/sign-in?next=${encodeURIComponent(location.pathname + location.search)}`);
+  if (problem.status === 401) location.assign(`/sign-in?ended=true&next=${encodeURIComponent(location.pathname + location.search)}`);
   throw problem;
 }
 
