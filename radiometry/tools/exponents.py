@@ -106,7 +106,7 @@ def _cut(
         span, above = white_level_dn - dark, row.signal_dn - dark
         if span <= 0.0:
             reason = f"its dark signal {dark:g} DN is not below the white level {white_level_dn:g} DN"
-        elif above < LOWEST_SHARE * span:
+        elif above <= 0.0 or above < LOWEST_SHARE * span:
             reason = f"{above:g} DN above dark: less than 1/256 of the way to white ({span:g} DN)"
         elif above > HIGHEST_SHARE * span:
             reason = (

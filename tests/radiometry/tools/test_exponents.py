@@ -100,6 +100,13 @@ def test_what_cannot_be_fitted_is_refused_with_what_to_do(rows, message):
     assert refused.value.code is Code.FIT_INCOMPLETE
 
 
+def test_a_signal_of_nothing_has_no_logarithm_however_small_the_white_level():
+    """A 256th of the smallest number is 0, and no signal lies below it."""
+    rows = [row(0.004 * (1 + n), signal_dn=0.0) for n in range(4)]
+    with pytest.raises(InputRejected, match="No row can be used"):
+        fit_exponents(rows, dark_dn=0.0, white_level_dn=5e-324)
+
+
 @pytest.mark.parametrize("f_number", [11.0, 16.0])
 @pytest.mark.parametrize("channel", ["R", "G", "B"])
 def test_a_real_camera_is_linear_in_time(real_data, channel, f_number):
