@@ -103,6 +103,7 @@ class Taken:
     ``region`` : the polygon that holds for it now, None where nobody has drawn one
     ``needs_region`` : False for a frame that is measured as a whole where none is drawn
     ``roles`` : those that its campaign's method looks at; empty: all
+    ``told`` : False while nobody has said what is photographed, and the method must know
     """
 
     frame: str
@@ -115,6 +116,7 @@ class Taken:
     region: Polygon | None
     needs_region: bool = True
     roles: frozenset[str] = frozenset()
+    told: bool = True
 
 
 def conclude(reasons: Iterable[Reason]) -> Verdict:
@@ -224,7 +226,11 @@ def _inspect_region(frame: Taken, width_px: int, height_px: int) -> list[Reason]
     if Code.ROI_EMPTY in frame.flags:
         detail = "Its region is too small for what is measured in it. Draw it larger."
         return [Reason(code=ReasonCode.ROI_UNFIT, outcome="fail", detail=detail)]
-    detail = "The statistics of its region are being computed: ask again in a few seconds."
+    detail = (
+        "The statistics of its region are being computed: ask again in a few seconds."
+        if frame.told
+        else "Nobody has said what is photographed: describe the board, and it is looked for here."
+    )
     return [Reason(code=ReasonCode.NOT_EXTRACTED, outcome="pending", detail=detail)]
 
 

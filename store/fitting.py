@@ -14,7 +14,7 @@ from store.codec import decode, encode
 from store.columns import new_id
 from store.queries.calibrations import next_version
 from store.queries.evidence import Evidence
-from store.queries.frames import extractor_of
+from store.queries.frames import extractor_of, is_told
 from store.software import CODE_VERSION
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 
@@ -37,9 +37,8 @@ def read_params(campaign: Campaign, stored: dict[str, Any]) -> Any:  # noqa: ANN
 
 def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[str]:  # noqa: ANN401
     """What a fit still needs, by name; empty when it can start."""
-    untold = methods.describe(campaign.method).target is not None and campaign.target is None
     return [
-        *([_UNTOLD] if untold else ()),
+        *(() if is_told(campaign) else [_UNTOLD]),
         *methods.missing(campaign.method, evidence.frames, evidence.readings, params, unread=evidence.unread),
     ]
 

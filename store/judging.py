@@ -11,7 +11,7 @@ from radiometry.roi import Polygon
 from radiometry.verdicts import Taken, Verdict, conclude, inspect_frame
 from store.fitting import list_missing, make_params
 from store.queries.evidence import gather
-from store.queries.frames import current_roi, region_ids, whole_frame_of
+from store.queries.frames import current_roi, is_told, region_ids, whole_frame_of
 from store.tables import Campaign, FrameRow, Roi
 
 
@@ -84,6 +84,7 @@ def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -
         region=_region(row, campaign, drawn),
         needs_region=row.role in drawn_for,
         roles=room.roles | room.applied_roles,
+        told=is_told(campaign),
     )
 
 

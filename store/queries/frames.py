@@ -84,6 +84,11 @@ def extractor_of(campaign: Campaign) -> str:
     return name_extractor(campaign.method, campaign.target)
 
 
+def is_told(campaign: Campaign) -> bool:
+    """Whether what is photographed has been said, where the method must know."""
+    return campaign.target is not None or methods.describe(campaign.method).target is None
+
+
 def name_extractor(method: methods.Method, target: Json | None) -> str:
     if methods.describe(method).features is None:
         return EXTRACTOR

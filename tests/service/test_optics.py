@@ -184,7 +184,10 @@ def test_the_board_of_opencv(house):
 def check_that_frames_wait_for_their_board(house, campaign):
     house.work()
     path = f"/v1/campaigns/{campaign['id']}"
-    assert {frame["state"] for frame in house.get(f"{path}/frames")["items"]} == {"read"}
+    frames = house.get(f"{path}/frames")["items"]
+    reasons = [reason for frame in frames for reason in frame["verdict"]["reasons"]]
+    assert {frame["state"] for frame in frames} == {"read"}
+    assert any(reason["detail"].startswith("Nobody has said what is photographed") for reason in reasons)
     assert "describe the board in the campaign's target" in house.get(path)["missing"][0]
     problem = house.post(f"{path}/calibrations", {}, status=422)
     assert (problem["code"], problem["missing"][0]) == ("campaign_incomplete", house.get(path)["missing"][0])

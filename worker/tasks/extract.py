@@ -24,6 +24,7 @@ from store.queries.frames import (
     extractor_of,
     find_equal_extraction,
     find_extraction,
+    is_told,
     statistics_of,
     whole_frame,
     whole_frame_of,
@@ -114,8 +115,7 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
     extracted, region_refused = subject.equal, None
     panel = _find_panel(context, subject, header, path)
     drawn = subject.roi is not None or panel is not None
-    told = room.target is None or subject.campaign.target is not None
-    wanted = told and (drawn or (room.whole_frame and frame.role in room.roles))
+    wanted = is_told(subject.campaign) and (drawn or (room.whole_frame and frame.role in room.roles))
     if wanted and not subject.done and extracted is None:
         try:
             regions = _regions(subject.roi, panel, header)
