@@ -49,9 +49,9 @@ def begin_upload(team: Team, campaign, *, promised: int, sent: int) -> socket.so
     return connection
 
 
-def half_written(deployment):
-    """What uploads of this moment have left on the way, or such as were killed."""
-    return [path for path in files(deployment.blobs / "tmp") if path.stat().st_size]
+def half_written(deployment, before):
+    """What is left on the way since; ``before`` holds what others left, such as a worker that was killed."""
+    return [path for path in files(deployment.blobs / "tmp") if path not in before and path.stat().st_size]
 
 
 def known(deployment, campaign, sha256=None):
@@ -71,8 +71,8 @@ def check_the_next_works(deployment, team, campaign, shots):
 def test_a_client_that_goes_away(embedded, team, campaign, shots):
     before = files(embedded.blobs)
     with begin_upload(team, campaign, promised=8 * MEGABYTE, sent=3 * MEGABYTE):
-        embedded.wait_until(lambda: len(half_written(embedded)) == 1)
-    embedded.wait_until(lambda: not half_written(embedded))
+        embedded.wait_until(lambda: len(half_written(embedded, before)) == 1)
+    embedded.wait_until(lambda: not half_written(embedded, before))
     assert files(embedded.blobs) == before
     assert known(embedded, campaign) == (0, False)
     check_the_next_works(embedded, team, campaign, shots)
@@ -101,9 +101,9 @@ def test_a_hash_that_does_not_match(embedded, team, campaign, shots):
 def test_a_service_killed_in_the_middle_of_an_upload(embedded, team, campaign, shots):
     before = files(embedded.blobs)
     with begin_upload(team, campaign, promised=8 * MEGABYTE, sent=3 * MEGABYTE):
-        embedded.wait_until(lambda: len(half_written(embedded)) == 1)
+        embedded.wait_until(lambda: len(half_written(embedded, before)) == 1)
         embedded.kill("service")
-    (left,) = half_written(embedded)
+    (left,) = half_written(embedded, before)
     assert files(embedded.blobs) == sorted([*before, left])
     embedded.wait_until(embedded.serves)
     assert known(embedded, campaign) == (0, False)
@@ -111,7 +111,7 @@ def test_a_service_killed_in_the_middle_of_an_upload(embedded, team, campaign, s
     long_ago = left.stat().st_mtime - 2 * 24 * 3600
     os.utime(left, (long_ago, long_ago))
     embedded.kill("sweeper")
-    embedded.wait_until(lambda: not half_written(embedded))
+    embedded.wait_until(lambda: not half_written(embedded, before))
     assert files(embedded.blobs) == before
     check_the_next_works(embedded, team, campaign, shots)
 
@@ -127,9 +127,9 @@ def test_the_clients_retry_finishes_what_a_killed_service_began(embedded, team, 
             if len(attempts) == 1:
                 embedded.kill("service")
 
-    before = half_written(embedded)
+    before = files(embedded.blobs)
     frame = team.client.push(campaign.id, path, role="light", on_progress=progress)
-    for path_left in set(half_written(embedded)) - set(before):
+    for path_left in half_written(embedded, before):
         path_left.unlink()
     assert len(attempts) > 1
     assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
@@ -164,7 +164,7 @@ def test_the_same_file_from_many_clients_at_once(embedded, team, campaign, shots
     assert len(embedded.wait_for_jobs([frame_id])) == 1
     new = set(files(embedded.blobs)) - set(before)
     assert [path.name for path in new if path.name == sha256] == [sha256]
-    assert not half_written(embedded)
+    assert not half_written(embedded, before)
 
 
 @pytest.mark.parametrize("form", ["raw", "multipart"])
