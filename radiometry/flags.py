@@ -52,7 +52,7 @@ class Flag(StrEnum):
     DARK_VARIES = "dark_varies", "The dark frames of an ISO differ by more than 1 % of its weakest signal."
     DARK_NOT_DARK = (
         "dark_not_dark",
-        "A dark frame is brighter than others like it, or than the stated black level: it saw light.",
+        "A dark frame is brighter than others like it, or than the stated black level: light, or warmth.",
     )
     NONLINEAR = "nonlinear", "The exponent of the power model differs from 1 by more than 0.02."
     IMPLAUSIBLE_K = (

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from radiometry.lit import TAKE_AGAIN, inspect_black
+from radiometry.darkness import TAKE_AGAIN, inspect_black
 from radiometry.luminance.dark import EXPOSURE_RATIO, time_ratio
 from radiometry.luminance.points import DETECTION_ERRORS
 from radiometry.luminance.rows import FrameRow, Params

@@ -14,11 +14,11 @@ from typing import Any
 
 from scipy.special import chdtri
 
+from radiometry.darkness import flag_not_dark
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Figure, FrameEvidence
 from radiometry.flags import Flag, Raised
 from radiometry.frame import Frame
-from radiometry.lit import flag_lit
 from radiometry.luminance.application import apply_coefficient as apply
 from radiometry.luminance.application import luminance_per_dn
 from radiometry.luminance.curves import fit_series
@@ -213,9 +213,9 @@ def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -
         weakest_signal_dn=min(c.signal.value_dn for c in series.used) - series.dark.signal_dn,
     )
     excluded = {exclusion.frame for exclusion in params.exclude}
-    darks = [row for row in rows if row.exposure.iso == series.iso and row.frame not in excluded]
-    lit = {frame: found[0] for frame, found in inspect_darks(darks, params).items()}
-    flags += flag_lit({frame: why for frame, why in lit.items() if why.outcome == "fail"}, where)
+    mine = [row for row in rows if row.exposure.iso == series.iso and row.frame not in excluded]
+    doubted = {frame: reason for frame, (reason,) in inspect_darks(mine, params).items()}
+    flags += flag_not_dark({frame: why for frame, why in doubted.items() if why.outcome == "fail"}, where)
     if len(used) < FEW_POINTS:
         flags.append(_raise(Flag.FEW_POINTS, where, f"Points: {len(used)}."))
     rendered = sum(row.rendered for row in light)

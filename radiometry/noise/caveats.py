@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 
+from radiometry.darkness import name_not_dark
 from radiometry.flags import Flag, Raised
-from radiometry.lit import name_lit
 from radiometry.noise.blocks import FrameRow
+from radiometry.noise.darkness import find_not_dark
 from radiometry.noise.fitting import FittedChannel
-from radiometry.noise.lit import find_lit
 from radiometry.noise.rows import DARK
 
 GOOD_LEVELS = 6
@@ -52,9 +52,9 @@ def _check_stacks(each: FittedChannel) -> list[tuple[Flag, str]]:
     if max(ratios, default=1.0) > TIME_RATIO:
         found.append((Flag.DARK_EXPOSURE_DIFFERS, f"By up to a factor of {max(ratios):.3g}."))
     darks = [stack for stack in each.stacks if stack.setting.role == DARK]
-    lit = {frame: why for stack in darks for frame, why in find_lit(stack).items()}
-    if lit:
-        found.append((Flag.DARK_NOT_DARK, name_lit(lit)))
+    doubted = {frame: why for stack in darks for frame, why in find_not_dark(stack).items()}
+    if doubted:
+        found.append((Flag.DARK_NOT_DARK, name_not_dark(doubted)))
     zeros = max(stack.zero_share for stack in darks)
     if zeros > UNDERFLOW_SHARE:
         found.append((Flag.DARK_CLIPPED, f"Up to {zeros:.1%} of a dark frame's samples are 0."))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.caveats import DRIFT_REL
-from radiometry.noise.lit import find_lit
+from radiometry.noise.darkness import find_not_dark
 from radiometry.noise.points import collect_stacks
 from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack
@@ -46,7 +46,7 @@ def _inspect(stack: Stack, params: Params) -> list[tuple[str, Reason]]:
     ]
     shared = [*_inspect_pairing(stack, params)]
     if stack.setting.role == DARK:
-        found += find_lit(stack).items()
+        found += find_not_dark(stack).items()
     elif stack.clipped:
         detail = (
             f"{stack.clipped_share:.1%} of {stack.setting.channel} is at white: that shows where the signal "

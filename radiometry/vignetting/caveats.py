@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from radiometry.darkness import flag_not_dark
 from radiometry.flags import Flag, Raised
-from radiometry.lit import flag_lit
 from radiometry.vignetting.curve import (
     evaluate_curve,
     evaluate_slopes,
@@ -15,12 +15,13 @@ from radiometry.vignetting.curve import (
     propagate,
     sample_radii,
 )
+from radiometry.vignetting.darkness import find_not_dark
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.fitting import FittedChannel, farthest_radius
 from radiometry.vignetting.grid import Vector
 from radiometry.vignetting.light import EXPOSURE_RATIO
 from radiometry.vignetting.points import Candidate
-from radiometry.vignetting.quality import FLAGGED_GRADIENT_REL, find_lit, flag_frame
+from radiometry.vignetting.quality import FLAGGED_GRADIENT_REL, flag_frame
 from radiometry.vignetting.results import Coefficient, Threshold
 from radiometry.vignetting.rows import DARK, Params
 from radiometry.vignetting.solving import Solution
@@ -80,10 +81,10 @@ def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], para
     rendered = sum(candidate.row.header.rendered for candidate in used)
     if rendered:
         flags.append(_raise(Flag.RENDERED, "", f"Rendered frames: {rendered} of {len(used)}."))
-    return flags + _check_darks(used) + _check_lit(used, rows, params)
+    return flags + _check_darks(used) + _check_darkness(used, rows, params)
 
 
-def _check_lit(used: Sequence[Candidate], rows: Sequence[FrameRow], params: Params) -> list[Raised]:
+def _check_darkness(used: Sequence[Candidate], rows: Sequence[FrameRow], params: Params) -> list[Raised]:
     excluded = {exclusion.frame for exclusion in params.exclude}
     flags = []
     for iso in sorted({candidate.row.exposure.iso for candidate in used if candidate.row.exposure}):
@@ -92,8 +93,8 @@ def _check_lit(used: Sequence[Candidate], rows: Sequence[FrameRow], params: Para
             for row in rows
             if row.role == DARK and row.frame not in excluded and row.exposure and row.exposure.iso == iso
         ]
-        lit = {row.frame: reason for row in darks if (reason := find_lit(row)) is not None}
-        flags += flag_lit(lit, f"iso {iso:g}")
+        found = {row.frame: reason for row in darks if (reason := find_not_dark(row)) is not None}
+        flags += flag_not_dark(found, f"iso {iso:g}")
     return flags
 
 

@@ -1,10 +1,15 @@
-"""How well the dark level under a flat is known: an error that is alike in all of its blocks."""
+"""How well the dark level under a flat is known, alike in all of its blocks; and whether it was dark."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from radiometry.darkness import inspect_black
+from radiometry.packing import unpack
+from radiometry.verdicts import Reason
+from radiometry.vignetting.features import FrameRow
 
 STATED_SHARE = 1.0 / 4096.0
 """Of the span: a black level that the file states, and nobody measured, holds to one step of 12 bits."""
@@ -94,3 +99,22 @@ def merge_dark_errors(errors: Sequence[DarkError], shares: Sequence[float]) -> D
         shared=math.fsum(share * error.shared for error, share in pairs),
         own=math.hypot(*(share * error.own for error, share in pairs)),
     )
+
+
+def find_not_dark(dark: FrameRow) -> Reason | None:
+    """Say that a dark frame saw light, where a channel's median lies too far above the stated black level.
+
+    Reasons  dark_not_dark : fail, or warn where it may be the sensor's own dark current
+    """
+    found = []
+    for channel in dark.features.channels if dark.features else ():
+        mean, n = unpack(channel.mean_dn), unpack(channel.n)
+        if (n > 0).any():
+            reason = inspect_black(
+                float(np.median(mean[n > 0])),
+                black_level_dn=channel.black_level_dn,
+                white_level_dn=channel.white_level_dn,
+            )
+            found += [reason] if reason else []
+    # "fail" comes before "warn"
+    return min(found, key=lambda reason: reason.outcome, default=None)

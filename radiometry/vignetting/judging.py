@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, give_whole_frame, inspect_frames
+from radiometry.vignetting.darkness import find_not_dark
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.points import collect_candidates
-from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots, find_lit
+from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots
 from radiometry.vignetting.rows import DARK, Params
 
 _FAILURES = {
@@ -30,8 +31,8 @@ def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> 
         if candidate.quality is not None:
             reasons[candidate.row.frame] += _inspect_flat(candidate.quality)
     for row in rows:
-        if row.role == DARK and (lit := find_lit(row)) is not None:
-            reasons[row.frame].append(lit)
+        if row.role == DARK and (seen := find_not_dark(row)) is not None:
+            reasons[row.frame].append(seen)
     return {frame: conclude(found) for frame, found in reasons.items()}
 
 

@@ -8,10 +8,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from radiometry.flags import Flag, Raised
-from radiometry.lit import inspect_black
-from radiometry.packing import unpack
-from radiometry.verdicts import Reason
-from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.light import MOST_CLIPPED_SHARE, ChannelLight, FlatLight, leave_out
 from radiometry.vignetting.results import Spot
@@ -211,22 +207,3 @@ def describe_spots(spots: tuple[Spot, ...]) -> str:
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def find_lit(dark: FrameRow) -> Reason | None:
-    """Say that a dark frame saw light, where a channel's median lies too far above the stated black level.
-
-    Reasons  dark_not_dark : fail, or warn where it may be the sensor's own dark current
-    """
-    found = []
-    for channel in dark.features.channels if dark.features else ():
-        mean, n = unpack(channel.mean_dn), unpack(channel.n)
-        if (n > 0).any():
-            reason = inspect_black(
-                float(np.median(mean[n > 0])),
-                black_level_dn=channel.black_level_dn,
-                white_level_dn=channel.white_level_dn,
-            )
-            found += [reason] if reason else []
-    # "fail" comes before "warn"
-    return min(found, key=lambda reason: reason.outcome, default=None)

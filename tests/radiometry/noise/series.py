@@ -7,7 +7,7 @@ import pytest
 
 from radiometry.methods import noise
 from radiometry.noise.simulation import SimulatedSensor, shoot
-from radiometry.packing import unpack
+from radiometry.packing import pack, unpack
 
 PARAMS = noise.Params()
 TIMES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6)
@@ -38,3 +38,12 @@ def repack(row, change):
     (block,) = row.features.blocks
     changed = change(unpack(block.samples_dn), block)
     return dataclasses.replace(row, features=noise.Features(blocks=(changed,)))
+
+
+def brightened(rows, by_dn, wanted):
+    """The frames, with so much more light on those that are wanted."""
+
+    def change(samples, block):
+        return dataclasses.replace(block, samples_dn=pack(samples + by_dn, dtype="<u2"))
+
+    return [repack(row, change) if wanted(row) else row for row in rows]

@@ -9,7 +9,19 @@ from radiometry.flags import Flag
 from radiometry.methods import noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.points import collect_stacks
-from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, flags_of, only, take
+from radiometry.packing import pack, unpack
+from tests.radiometry.noise.series import (
+    LIGHT,
+    PARAMS,
+    SMALL,
+    TIMES,
+    agrees,
+    brightened,
+    flags_of,
+    only,
+    repack,
+    take,
+)
 
 
 def bent_error(times, share):
@@ -83,3 +95,23 @@ def test_a_pattern_below_the_noise_is_not_resolved():
     fit = noise.fit(take(SMALL, 12), PARAMS)
     assert Flag.PATTERN_NOT_RESOLVED in flags_of(fit)
     assert only(fit).dsnu_dn.standard_uncertainty > 0.0
+
+
+def test_a_chart_among_the_lit_frames_of_a_noise_campaign_is_off_the_line():
+    rows = take(SMALL, 3)
+    time_s = sorted({row.exposure.exposure_time_s for row in rows if row.role != "dark"})[3]
+    wrong = brightened(rows, 3000, lambda row: row.role != "dark" and row.exposure.exposure_time_s == time_s)
+    assert Flag.LINEARITY_ERROR_LARGE not in flags_of(noise.fit(rows, PARAMS))
+    assert Flag.LINEARITY_ERROR_LARGE in flags_of(noise.fit(wrong, PARAMS))
+
+
+def test_a_target_in_all_lit_frames_of_a_noise_campaign_is_no_prnu():
+    def draw(samples, block):
+        chart = np.where(np.indices(samples.shape).sum(axis=0) // 4 % 2, 1.0, 0.7)
+        drawn = np.rint((unpack(block.samples_dn) - 256) * chart + 256)
+        return dataclasses.replace(block, samples_dn=pack(drawn, dtype="<u2"))
+
+    rows = take(SMALL, 3)
+    shown = [row if row.role == "dark" else repack(row, draw) for row in rows]
+    assert Flag.PRNU_LARGE not in flags_of(noise.fit(rows, PARAMS))
+    assert Flag.PRNU_LARGE in flags_of(noise.fit(shown, PARAMS))

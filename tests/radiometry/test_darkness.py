@@ -2,25 +2,16 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 
-from radiometry.lit import inspect_black
+from radiometry.darkness import inspect_black
 from radiometry.methods import noise, vignetting
-from radiometry.packing import pack, unpack
-from tests.radiometry.noise.series import PARAMS, SMALL, repack, take
+from tests.radiometry.noise.series import PARAMS, SMALL, brightened, take
 from tests.radiometry.vignetting import flats
 
 
 def raised(fit, flag):
     return [each for each in fit.flags if each.flag == flag]
-
-
-def brightened(rows, by_dn, wanted):
-    def change(samples, block):
-        return dataclasses.replace(block, samples_dn=pack(samples + by_dn, dtype="<u2"))
-
-    return [repack(row, change) if wanted(row) else row for row in rows]
 
 
 @pytest.mark.parametrize(
@@ -57,26 +48,6 @@ def test_a_lamp_that_burnt_in_all_dark_frames_of_a_noise_campaign():
 def test_a_warm_sensor_is_a_noise_campaign_s_subject():
     sensor = dataclasses.replace(SMALL, dark_current_e_per_s=400.0)
     assert not raised(noise.fit(take(sensor, 5, dark_times=(0.02, 2.0)), PARAMS), "dark_not_dark")
-
-
-def test_a_chart_among_the_lit_frames_of_a_noise_campaign_is_off_the_line():
-    rows = take(SMALL, 3)
-    time_s = sorted({row.exposure.exposure_time_s for row in rows if row.role != "dark"})[3]
-    wrong = brightened(rows, 3000, lambda row: row.role != "dark" and row.exposure.exposure_time_s == time_s)
-    assert not raised(noise.fit(rows, PARAMS), "linearity_error_large")
-    assert raised(noise.fit(wrong, PARAMS), "linearity_error_large")
-
-
-def test_a_target_in_all_lit_frames_of_a_noise_campaign_is_no_prnu():
-    def draw(samples, block):
-        chart = np.where(np.indices(samples.shape).sum(axis=0) // 4 % 2, 1.0, 0.7)
-        drawn = np.rint((unpack(block.samples_dn) - 256) * chart + 256)
-        return dataclasses.replace(block, samples_dn=pack(drawn, dtype="<u2"))
-
-    rows = take(SMALL, 3)
-    shown = [row if row.role == "dark" else repack(row, draw) for row in rows]
-    assert not raised(noise.fit(rows, PARAMS), "prnu_large")
-    assert raised(noise.fit(shown, PARAMS), "prnu_large")
 
 
 @pytest.mark.parametrize(("black_level_dn", "flagged"), [(256.0, False), (290.0, True), (956.0, True)])

@@ -38,17 +38,17 @@ def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: floa
     return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="warn", detail=detail)
 
 
-def flag_lit(found: Mapping[str, Reason], where: str) -> list[Raised]:
+def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
     """Say that a fit rests on dark frames that are not dark; on none, nothing.
 
     Flags  dark_not_dark
     """
     if not found:
         return []
-    return [Raised(flag=Flag.DARK_NOT_DARK.value, where=where, detail=name_lit(found))]
+    return [Raised(flag=Flag.DARK_NOT_DARK.value, where=where, detail=name_not_dark(found))]
 
 
-def name_lit(found: Mapping[str, Reason]) -> str:
+def name_not_dark(found: Mapping[str, Reason]) -> str:
     """Name the frames, with the reason of the first."""
     names = sorted(found)
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
