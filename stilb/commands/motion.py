@@ -24,7 +24,10 @@ def motion(
     height: Annotated[float | None, typer.Option(metavar="M", help="Above ground; with --speed.")] = None,
     role: Annotated[str | None, typer.Option(help="Only frames of this role, such as field.")] = None,
 ) -> None:
-    """Show the image motion of a campaign's frames, from the attitudes that their files record."""
+    """Show how far the picture moved in each frame.
+
+    From the attitudes that the files of a campaign record, and from the speed over ground where it is given.
+    """
     with talk.client() as client:
         found = client.motion(
             client.find_campaign(campaign).id,
