@@ -127,6 +127,13 @@ def test_a_campaign_s_frames_in_one_table(house, flight):
     }
 
 
+@pytest.mark.parametrize(("limit_px", "within"), [(1.84, False), (1.86, True)])
+def test_the_limit_is_one_of_the_theoretical_motion(house, flight, limit_px, within):
+    """The turned frame moved by 1.852 px."""
+    answer = house.get(f"/v1/campaigns/{flight['id']}/motion", **OPTICS, limit_px=limit_px)
+    assert answer["rows"][0]["within_limit"] is within
+
+
 @pytest.mark.parametrize("speed", [{"ground_speed_m_s": 6}, {"ground_speed_km_h": 21.6}])
 def test_speed_and_height_add_the_forward_motion(house, flight, speed):
     """3.75 / 3980 rad at 100 m are 94.2 mm a pixel, of which 6 m/s pass 60 mm in 10 ms."""

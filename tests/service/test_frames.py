@@ -64,6 +64,7 @@ def test_a_frame_says_what_it_is(house):
     assert frame["state"] == "received"
     house.work()
     frame = get(house, frame)
+    assert [row["channel"] for row in rows_of(frame, roi)] == ["B", "G1", "G2", "R", "grey"]
     assert (frame["state"], frame["width_px"], frame["height_px"], frame["cfa"]) == (
         "extracted",
         96,
