@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from worker.decode.refusals import Refusal, refuse
-from worker.decode.tiff import Buffer
 
 MAGIC: Final = b"\xff\xd8\xff"
 _END, _START_OF_SCAN, _EXIF = 0xD9, 0xDA, 0xE1
@@ -30,7 +29,7 @@ class JpegClaims:
     exif: bytes
 
 
-def read_claims(buffer: Buffer) -> JpegClaims:
+def read_claims(buffer: bytes) -> JpegClaims:
     """Walk the file's segments to its end; nothing is decoded.
 
     libjpeg fills what is missing with grey and says nothing, so a file without its end is refused here. A
@@ -65,7 +64,7 @@ def read_claims(buffer: Buffer) -> JpegClaims:
     return JpegClaims(height_px=height, width_px=width, samples=samples, exif=exif)
 
 
-def _next_marker(buffer: Buffer, place: int) -> tuple[int, int]:
+def _next_marker(buffer: bytes, place: int) -> tuple[int, int]:
     if place + 2 > len(buffer):
         raise refuse(Refusal.TRUNCATED, "The JPEG ends before its own end marker: it was cut short.")
     if buffer[place] != 0xFF:
@@ -77,7 +76,7 @@ def _next_marker(buffer: Buffer, place: int) -> tuple[int, int]:
     return buffer[place + 1], place + 2
 
 
-def _segment(buffer: Buffer, place: int) -> tuple[bytes, int]:
+def _segment(buffer: bytes, place: int) -> tuple[bytes, int]:
     length = int.from_bytes(buffer[place : place + 2], "big")
     end = place + length
     if end > len(buffer) or place + 2 > len(buffer):
@@ -87,7 +86,7 @@ def _segment(buffer: Buffer, place: int) -> tuple[bytes, int]:
     return bytes(buffer[place + 2 : end]), end
 
 
-def _skip_coded(buffer: Buffer, place: int) -> int:
+def _skip_coded(buffer: bytes, place: int) -> int:
     found = _MARKER.search(buffer, place)
     if found is None:
         raise refuse(Refusal.TRUNCATED, "The JPEG ends before its own end marker: it was cut short.")

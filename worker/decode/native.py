@@ -17,7 +17,8 @@ from worker.decode.multispectral import read_multispectral
 from worker.decode.opcodes import read_opcodes
 from worker.decode.refusals import Refusal, refuse
 from worker.decode.segments import COMPRESSIONS, read_samples
-from worker.decode.tiff import Buffer, Directory
+from worker.decode.source import Source
+from worker.decode.tiff import Directory
 
 
 @dataclass(frozen=True)
@@ -114,8 +115,8 @@ def _refuse_lossy(raw: Directory) -> None:
 class NativeFile:
     """An opened DNG or TIFF."""
 
-    def __init__(self, buffer: Buffer, path: Path, description: ImageDescription) -> None:
-        self._buffer = buffer
+    def __init__(self, source: Source, path: Path, description: ImageDescription) -> None:
+        self._source = source
         self._path = path
         self._image = description
         self._libraw: LibRawFile | None = None
@@ -132,7 +133,7 @@ class NativeFile:
         if self._libraw is not None:
             return self._libraw.mosaic[top : top + height, left : left + width]
         try:
-            samples = read_samples(self._buffer, image.layout, top, left, height, width)
+            samples = read_samples(self._source, image.layout, top, left, height, width)
         except ljpeg.NotDecodedHereError:
             self._hand_to_libraw()
             return self.read(row0, col0, height, width)
@@ -145,6 +146,7 @@ class NativeFile:
 
     def _hand_to_libraw(self) -> None:
         """Only the decoding changes hands: levels and metadata are still the file's own."""
+        self._source.prove_all()
         libraw = LibRawFile(self._path)
         if libraw.mosaic.shape != (self._image.layout.rows, self._image.layout.cols):
             raise refuse(Refusal.UNSUPPORTED_LAYOUT, "LibRaw sees an image of another size in this file.")

@@ -1,7 +1,5 @@
 """From a path to an opened file: which kind it is, and whether it is one at all."""
 
-import mmap
-import os
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +14,7 @@ from worker.decode.metadata import Metadata, read_metadata
 from worker.decode.native import NativeFile, describe_dng, describe_tiff
 from worker.decode.pictures import PictureFile, is_picture
 from worker.decode.refusals import Refusal, refuse
+from worker.decode.source import Source
 from worker.decode.tiff import Directory, is_tiff, read_directories
 
 _KNOWN_OTHERS: Final = (
@@ -49,34 +48,35 @@ class OtherRawFile:
 OpenedFile = NativeFile | OtherRawFile | PictureFile
 
 
-def open_file(path: Path) -> OpenedFile:
+def open_file(path: Path, digests: bytes | None = None) -> OpenedFile:
     with path.open("rb") as file:
-        size = os.fstat(file.fileno()).st_size
-        if size == 0:
-            raise refuse(Refusal.EMPTY_FILE, "The file is empty.")
-        buffer = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)
-    head = buffer[:16]
+        source = Source.map(file.fileno(), digests)
+    if not len(source):
+        raise refuse(Refusal.EMPTY_FILE, "The file is empty.")
+    head = source[:16]
     if is_tiff(head):
-        return _open_tiff(buffer, path)
+        return _open_tiff(source, path)
     if is_picture(head):
-        return PictureFile(buffer)
+        return PictureFile(source)
     if head.startswith(_RAW_MAGIC) or head[4:12] == b"ftypcrx ":
+        source.prove_all()
         return OtherRawFile(LibRawFile(path), None)
     known = next((name for magic, name in _KNOWN_OTHERS if head.startswith(magic)), "no raw image")
     raise refuse(Refusal.NOT_A_RAW_FILE, f"The file is {known}, whatever its name says.")
 
 
-def _open_tiff(buffer: mmap.mmap, path: Path) -> OpenedFile:
-    directories = read_directories(buffer)
+def _open_tiff(source: Source, path: Path) -> OpenedFile:
+    directories = read_directories(source)
     main = directories[0]
     if tags.DNG_VERSION in main:
         raw = _find_raw(directories)
-        return NativeFile(buffer, path, describe_dng(raw, main, len(buffer)))
+        return NativeFile(source, path, describe_dng(raw, main, len(source)))
     is_cfa = any(_photometric(each) == tags.PHOTOMETRIC_CFA for each in directories)
-    canon = buffer[8:10] == b"CR"
+    canon = source[8:10] == b"CR"
     if not is_cfa and not canon and _is_picture(main):
-        return NativeFile(buffer, path, describe_tiff(main, len(buffer)))
-    _refuse_cut_mosaics(directories, len(buffer))
+        return NativeFile(source, path, describe_tiff(main, len(source)))
+    _refuse_cut_mosaics(directories, len(source))
+    source.prove_all()
     return OtherRawFile(LibRawFile(path), read_metadata(main))
 
 

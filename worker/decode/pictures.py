@@ -11,7 +11,8 @@ from radiometry.frame import FrameHeader
 from worker.decode import jpeg, limits, png
 from worker.decode.metadata import Metadata, read_metadata
 from worker.decode.refusals import Refusal, refuse
-from worker.decode.tiff import Buffer, Directory, is_tiff, read_directories
+from worker.decode.source import Source
+from worker.decode.tiff import Directory, is_tiff, read_directories
 
 # A picture is decoded as a whole: three times as many bytes, and twice that as the window that is sent.
 MAX_PICTURE_PX: Final = 100_000_000
@@ -27,16 +28,17 @@ class PictureFile:
 
     band_rows = 1 << 16
 
-    def __init__(self, buffer: Buffer) -> None:
-        self._buffer = buffer
-        self._jpeg = buffer[:3] == jpeg.MAGIC
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        content = source[:]
+        self._jpeg = content[:3] == jpeg.MAGIC
         if self._jpeg:
-            claims = jpeg.read_claims(buffer)
+            claims = jpeg.read_claims(content)
             self.header = _describe(
                 "jpeg", claims.height_px, claims.width_px, claims.samples, bits=8, exif=claims.exif
             )
         else:
-            found = png.read_claims(buffer)
+            found = png.read_claims(content)
             self.header = _describe(
                 "png", found.height_px, found.width_px, found.samples, bits=found.bits, exif=found.exif
             )
@@ -52,7 +54,7 @@ class PictureFile:
         header = self.header
         decode = imagecodecs.jpeg8_decode if self._jpeg else imagecodecs.png_decode
         try:
-            samples: NDArray[np.uint8 | np.uint16] = decode(self._buffer[:])
+            samples: NDArray[np.uint8 | np.uint16] = decode(self._source[:])
         except (RuntimeError, ValueError) as error:
             raise refuse(Refusal.SIZE_MISMATCH, "The picture cannot be decoded.") from error
         colours = (3,) if header.cfa == "rgb" else ()

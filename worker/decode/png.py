@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from worker.decode.refusals import Refusal, refuse
-from worker.decode.tiff import Buffer
 
 MAGIC: Final = b"\x89PNG\r\n\x1a\n"
 _SAMPLES: Final = {0: 1, 2: 3}
@@ -26,7 +25,7 @@ class PngClaims:
     exif: bytes
 
 
-def read_claims(buffer: Buffer) -> PngClaims:
+def read_claims(buffer: bytes) -> PngClaims:
     """Walk the file's chunks to its end; nothing is decompressed."""
     width, height, bits, samples = _read_head(buffer)
     place, packed, exif = len(MAGIC), 0, b""
@@ -50,7 +49,7 @@ def read_claims(buffer: Buffer) -> PngClaims:
     return PngClaims(height_px=height, width_px=width, samples=samples, bits=bits, exif=exif)
 
 
-def _read_head(buffer: Buffer) -> tuple[int, int, int, int]:
+def _read_head(buffer: bytes) -> tuple[int, int, int, int]:
     head = bytes(buffer[len(MAGIC) : len(MAGIC) + 18])
     if len(head) < 18:
         raise refuse(Refusal.TRUNCATED, "The PNG ends within its own header.")

@@ -10,7 +10,7 @@ from worker.decode import ljpeg, tags
 from worker.decode.bits import unpack_rows
 from worker.decode.layout import Layout
 from worker.decode.refusals import Refusal, refuse
-from worker.decode.tiff import Buffer
+from worker.decode.source import Source
 
 COMPRESSIONS = {
     tags.UNCOMPRESSED: "none",
@@ -23,7 +23,7 @@ COMPRESSIONS = {
 
 
 def read_samples(
-    buffer: Buffer, layout: Layout, row0: int, col0: int, height: int, width: int
+    source: Source, layout: Layout, row0: int, col0: int, height: int, width: int
 ) -> NDArray[np.uint16]:
     """A window of the whole frame as (row, col, sample), before linearisation."""
     out = np.empty((height, width, layout.samples), np.uint16)
@@ -36,18 +36,20 @@ def read_samples(
             target = out[first_row - row0 : last_row - row0, first_col - col0 : last_col - col0]
             rows, cols = slice(first_row - top, last_row - top), slice(first_col - left, last_col - left)
             index = segment_row * layout.across + segment_col
-            target[...] = _read_segment(buffer, layout, index, rows, cols)
+            target[...] = _read_segment(source, layout, index, rows, cols)
     return out
 
 
-def _read_segment(buffer: Buffer, layout: Layout, index: int, rows: slice, cols: slice) -> NDArray[np.uint16]:
+def _read_segment(source: Source, layout: Layout, index: int, rows: slice, cols: slice) -> NDArray[np.uint16]:
     offset, size = int(layout.offsets[index]), int(layout.byte_counts[index])
     stored_rows = layout.rows_in(index // layout.across)
     shape = (stored_rows, layout.segment_cols, layout.samples)
     if layout.compression == tags.UNCOMPRESSED:
-        stored = np.frombuffer(buffer, np.uint8, count=stored_rows * layout.row_bytes, offset=offset)
-        return _cut(stored, layout, stored_rows, rows, cols)
-    data = buffer[offset : offset + size]
+        stored = source.array(
+            offset + rows.start * layout.row_bytes, (rows.stop - rows.start) * layout.row_bytes
+        )
+        return _cut(stored, layout, rows.stop - rows.start, slice(None), cols)
+    data = source[offset : offset + size]
     if layout.compression == tags.JPEG:
         return ljpeg.decode(data, samples=shape[0] * shape[1] * shape[2]).reshape(shape)[rows, cols]
     expanded = _expand(data, layout.compression, stored_rows * layout.row_bytes)

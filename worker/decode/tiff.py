@@ -5,7 +5,6 @@ for, and nothing is logged, guessed or allocated beyond what the caller allows.
 """
 
 import math
-import mmap
 import struct
 from dataclasses import dataclass
 from typing import Final
@@ -14,6 +13,7 @@ import numpy as np
 
 from worker.decode import limits
 from worker.decode.refusals import Refusal, refuse
+from worker.decode.source import Source
 
 TYPE_SIZES: Final = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
 _DTYPES: Final = {
@@ -34,7 +34,7 @@ _DTYPES: Final = {
 }
 _RATIONALS: Final = (5, 10)
 
-Buffer = bytes | mmap.mmap
+Buffer = bytes | Source
 SUB_IFDS: Final = 330
 
 
