@@ -27,6 +27,7 @@ from store.tables import Job
 from tests.support.compose import ROOT, command_of, compose, environment_of
 from tests.support.fieldwork import Team, new_team
 from tests.support.processes import alive, children, command
+from tests.support.waiting import PATIENCE_S, state_of, text_of, wait_for
 
 # What is lost is found again within seconds.
 QUICK = {"STILB_LEASE_S": "2", "STILB_SWEEP_INTERVAL_S": "0.2", "STILB_STALL_S": "10"}
@@ -36,7 +37,6 @@ GIVEN = {
     "AWS_ACCESS_KEY_ID": "id",
     "AWS_SECRET_ACCESS_KEY": "secret",
 }
-PATIENCE_S = 90.0
 PARTS = {
     "service": ["-m", "service"],
     "worker": ["-m", "worker"],
@@ -66,7 +66,7 @@ class Deployment(ABC):
         """As the kernel does when memory runs out. It is started again by whoever looks after it."""
         pid = self.pid(name)
         os.kill(pid, signal.SIGKILL)
-        wait_for(lambda: not alive([pid]))
+        wait_for(lambda: not alive([pid]), f"the end of {name}, process {pid}, which was killed")
 
     @contextmanager
     def stopped(self, name: str):
@@ -78,12 +78,24 @@ class Deployment(ABC):
         finally:
             os.kill(pid, signal.SIGCONT)
 
-    def wait_until(self, condition: Callable[[], object], timeout_s: float = PATIENCE_S) -> None:
+    def wait_until(
+        self,
+        condition: Callable[[], object],
+        what: str = "",
+        *,
+        timeout_s: float = PATIENCE_S,
+        seen: Callable[[], object] | None = None,
+    ) -> None:
+        """Wait while dead parts are started again; a failure ends with the logs' last words."""
+
         def met() -> object:
             self.look_after()
             return condition()
 
-        assert holds_within(met, timeout_s), self.last_words()
+        def last() -> str:
+            return f"{seen() if seen else state_of(condition)}\n{self.last_words()}"
+
+        wait_for(met, what or text_of(condition), timeout_s=timeout_s, seen=last)
 
     def jobs(self, *, subjects: list[str] | None = None) -> list[Job]:
         """Rows, oldest first, also of other organisations unless the subjects are named."""
@@ -95,7 +107,14 @@ class Deployment(ABC):
 
     def wait_for_jobs(self, subjects: list[str]) -> list[Job]:
         """Wait until every job on these frames or campaigns has ended, and give them."""
-        self.wait_until(lambda: all(job.state in FINAL_STATES for job in self.jobs(subjects=subjects)))
+
+        def live() -> list[tuple[str, str, str, int]]:
+            jobs = self.jobs(subjects=subjects)
+            return [
+                (job.id, job.kind, job.state, job.attempt) for job in jobs if job.state not in FINAL_STATES
+            ]
+
+        self.wait_until(lambda: not live(), f"the end of the jobs of {len(subjects)} subjects", seen=live)
         return self.jobs(subjects=subjects)
 
     def team(self, **settings) -> Team:
@@ -109,7 +128,7 @@ class Deployment(ABC):
 
     def last_words(self) -> str:
         tails = [f"--- {path.name}\n{path.read_text()[-1500:]}" for path in sorted(self.logs.glob("*.log"))]
-        return "it did not happen in time\n" + "\n".join(tails)
+        return "\n".join(tails)
 
 
 class Embedded(Deployment):
@@ -150,7 +169,7 @@ class Embedded(Deployment):
             return bool(found)
 
         # It may have died just now, to be started again.
-        wait_for(is_there)
+        wait_for(is_there, f"a process of the part {name} below the launcher")
         return found[0]
 
     def tree_is_killed(self) -> None:
@@ -204,12 +223,12 @@ class Composed(Deployment):
         }
         self._broker_port = broker_port
         self.start("valkey")
-        wait_for(self._broker_answers)
+        wait_for(self._broker_answers, "an answer of Valkey")
         self.start("migrate")
         assert self._running.pop("migrate").wait(60) == 0, self.last_words()
         for name in ("service", "worker", "sweeper"):
             self.start(name)
-        self.wait_until(self.serves)
+        self.wait_until(self.serves, "readiness of the service")
 
     def start(self, name: str) -> None:
         with (self.logs / f"{name}.log").open("ab") as log:
@@ -280,19 +299,6 @@ def short_folder():
     """Short enough for a unix socket, and gone afterwards with all that was uploaded."""
     with tempfile.TemporaryDirectory(prefix="stilb-", ignore_cleanup_errors=True) as folder:
         yield Path(folder)
-
-
-def wait_for(condition: Callable[[], object], timeout_s: float = PATIENCE_S) -> None:
-    assert holds_within(condition, timeout_s), "it did not happen in time"
-
-
-def holds_within(condition: Callable[[], object], timeout_s: float) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.005)
-    return True
 
 
 def _is_part(pid: int, name: str) -> bool:

@@ -1,10 +1,11 @@
 """Looking at other processes through /proc."""
 
 import os
-import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
+
+from tests.support.waiting import wait_for
 
 
 def alive(pids: Iterable[int]) -> set[int]:
@@ -44,12 +45,9 @@ def marked(entry: str) -> set[int]:
     return alive(found - {os.getpid()})
 
 
-def wait_until(condition: Callable[[], object], timeout_s: float = 15.0) -> None:
-    """Wait for something that is about to happen, and fail if it does not."""
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.02)
+def wait_until(condition: Callable[[], object], what: str = "", *, timeout_s: float = 15.0) -> None:
+    """Wait for something that takes no more than a moment."""
+    wait_for(condition, what, timeout_s=timeout_s)
 
 
 def _stat(pid: int) -> list[str]:
