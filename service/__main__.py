@@ -4,6 +4,7 @@ import asyncio
 import gc
 import logging
 import sys
+from contextlib import suppress
 
 import uvicorn
 
@@ -11,6 +12,7 @@ from service.app import build_app
 from service.auth import SCOPES
 from service.context import Context
 from service.sessions import sessions_of
+from service.stopping import Server, Traffic
 from service.waiting import JobWatch
 from store.blobs import blobs_from_url
 from store.broker import Hints
@@ -29,6 +31,7 @@ def build_context(settings: Settings) -> Context:
         hints=Hints(settings.effective_broker_url),
         watch=JobWatch(database),
         sessions=sessions_of(settings),
+        traffic=Traffic(),
     )
 
 
@@ -49,10 +52,19 @@ def main() -> int:
         port=settings.port,
         log_config=None,
         access_log=False,
-        timeout_graceful_shutdown=5,
+        # The server below has waited by then: this is for what answers are still on the wire.
+        timeout_graceful_shutdown=1,
         server_header=False,
     )
-    asyncio.run(uvicorn.Server(config).serve())
+    server = Server(
+        config,
+        traffic=context.traffic,
+        watch=context.watch,
+        grace_s=settings.stop_grace_s,
+        notice_s=settings.stop_notice_s,
+    )
+    with suppress(KeyboardInterrupt):
+        asyncio.run(server.serve())
     return 0
 
 

@@ -16,6 +16,7 @@ from service.document import build_document
 from service.limits import BodyLimit
 from service.problems import HttpCode, Problem
 from service.routes import include_routes
+from service.stopping import CarriesTraffic
 from service.web import problem_pages
 from service.web.assets import Assets
 from service.web.headers import SecurityHeaders
@@ -39,6 +40,8 @@ def build_app(context: Context) -> FastAPI:
     app.add_middleware(BodyLimit)
     _let_dashboards_read(app, context.settings.cors_origins)
     app.add_middleware(SecurityHeaders)
+    # the outermost: it answers in the place of all others
+    app.add_middleware(CarriesTraffic)
     app.state.context = context
     app.state.assets = Assets()
     app.state.templates = build_environment(app.state.assets)

@@ -6,6 +6,7 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from service.sessions import Sessions
+from service.stopping import Traffic
 from service.waiting import JobWatch
 from store.blobs import Blobs
 from store.broker import Hints
@@ -21,6 +22,7 @@ class Context:
     hints: Hints
     watch: JobWatch
     sessions: Sessions
+    traffic: Traffic
 
 
 def get_context(request: Request) -> Context:

@@ -34,6 +34,7 @@ class HttpCode(StrEnum):
     STORAGE_FULL = "storage_full"
     STORAGE_UNAVAILABLE = "storage_unavailable"
     DATABASE_UNAVAILABLE = "database_unavailable"
+    SERVICE_STOPPING = "service_stopping"
     CAMPAIGN_INCOMPLETE = "campaign_incomplete"
     PANEL_DIFFERS = "panel_differs"
     CALIBRATION_REVOKED = "calibration_revoked"

@@ -5,6 +5,7 @@ and not imported.
 """
 
 import sys
+from dataclasses import replace
 
 from pydantic import ValidationError
 
@@ -13,6 +14,9 @@ from service.launch.refusal import Exit
 from service.launch.run import Roster, launch, say
 from service.launch.supervisor import Part
 from store.settings import Settings
+
+# What a part needs to end once its own grace is over.
+_TO_END_S = 5.0
 
 ROSTER = Roster(
     before=[[sys.executable, "-m", "store.migrate"]],
@@ -32,7 +36,13 @@ def main() -> int:
             say(f"STILB_{'_'.join(map(str, wrong['loc'])).upper()}: {wrong['msg']}")
         return Exit.CANNOT_START
     follow_make()
-    return launch(settings, ROSTER)
+    return launch(settings, give_grace(ROSTER, settings.stop_grace_s))
+
+
+def give_grace(roster: Roster, grace_s: float) -> Roster:
+    """Return the roster with as long a stop for every part as its own grace takes."""
+    parts = [replace(part, stop_within_s=grace_s + _TO_END_S) for part in roster.parts]
+    return replace(roster, parts=parts)
 
 
 if __name__ == "__main__":

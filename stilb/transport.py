@@ -36,8 +36,8 @@ def address(*parts: str) -> str:
 class Call:
     """One request as meant by the caller, however often it has to be sent.
 
-    ``stream`` opens the body anew for each attempt. A POST keeps one idempotency key over all attempts,
-    by which the service knows a repetition.
+    ``stream`` opens the body anew for each attempt. A POST or PATCH keeps one idempotency key over all
+    attempts, by which the service knows a repetition.
     """
 
     method: str
@@ -51,7 +51,7 @@ class Call:
 
     def sent_headers(self) -> dict[str, str]:
         headers = dict(self.headers)
-        if self.method == "POST":
+        if self.method in {"POST", "PATCH"}:
             headers.setdefault(_KEY, str(uuid.uuid4()))
         return headers
 

@@ -13,6 +13,7 @@ from service.metrics import render
 from service.problems import HttpCode, Problem
 from service.routes import problems
 from service.schemas.base import Answer
+from service.stopping import stopping
 from store.blobs import StorageFull, StorageUnavailable
 from store.queries.census import take_census
 
@@ -26,14 +27,16 @@ class Health(Answer):
 
 
 @router.get("/livez", response_model=Health)
-def get_livez() -> Response:
-    """The process answers."""
+async def get_livez() -> Response:
+    """The process answers: without a thread or the database, for which others may wait."""
     return Health(status="ok").respond()
 
 
 @router.get("/readyz", response_model=Health, responses={503: problems()[503]})
 def get_readyz(context: UsesContext) -> Response:
     """The database and the file store answer too: requests can be served."""
+    if context.traffic.stopping:
+        raise stopping()
     try:
         with context.database.reading() as session:
             session.execute(sql("SELECT 1"))

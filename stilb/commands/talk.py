@@ -18,7 +18,8 @@ from stilb.transport import OnRetry
 
 # Wide enough that a table in a file or a pipe loses nothing.
 _WIDTH_OF_A_PIPE = 240
-_RETRIES = 2
+# Some four seconds, or eight: a restart of the service passes unseen.
+_RETRIES = 5
 
 Answer = TypeVar("Answer")
 

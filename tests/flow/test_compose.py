@@ -95,3 +95,9 @@ def test_the_image_holds_the_rooms_that_run_and_no_others():
     allowed = set((ROOT / ".dockerignore").read_text().splitlines())
     assert {f"!{room}" for room in copied} <= allowed
     assert all((ROOT / room).is_dir() for room in copied)
+
+
+@pytest.mark.parametrize("name", ["service", "worker"])
+def test_who_finishes_what_is_open_gets_its_grace_and_the_time_to_end(name):
+    granted = compose()["services"][name]["stop_grace_period"]
+    assert int(granted.removesuffix("s")) > Settings.model_fields["stop_grace_s"].default

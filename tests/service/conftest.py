@@ -6,6 +6,7 @@ from starlette.testclient import TestClient
 from service.app import build_app
 from service.context import Context
 from service.sessions import Sessions
+from service.stopping import Traffic
 from service.waiting import JobWatch
 from store.blobs import LocalBlobs
 from store.database import Database
@@ -28,6 +29,7 @@ def built_app(migrated_sqlite, tmp_path_factory):
             hints=NullHints(),
             watch=JobWatch(database),
             sessions=Sessions(b"a secret of the tests, 32 bytes long"),
+            traffic=Traffic(),
         )
     )
     database.dispose()

@@ -13,6 +13,7 @@ import httpx
 import pytest
 import redis
 
+from service.up import ROSTER, give_grace
 from tests.support.launcher import launched, ready
 from tests.support.processes import alive, family, marked, wait_until
 
@@ -284,3 +285,9 @@ def test_nothing_outlives_a_killed_make(tmp_path):
         tree = family(process.pid)
         process.kill()
         wait_until(lambda: not alive(tree))
+
+
+def test_the_launcher_grants_every_part_its_own_grace_and_the_time_to_end():
+    parts = give_grace(ROSTER, 40.0).parts
+    assert [part.name for part in parts] == [part.name for part in ROSTER.parts]
+    assert min(part.stop_within_s for part in parts) > 40.0

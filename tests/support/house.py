@@ -12,6 +12,7 @@ from service.app import build_app
 from service.auth import SCOPES
 from service.context import Context
 from service.sessions import Sessions
+from service.stopping import Traffic
 from service.waiting import JobWatch
 from store.blobs import LocalBlobs
 from store.database import Database
@@ -60,6 +61,7 @@ class House:
             hints=NullHints(),
             watch=JobWatch(self.database),
             sessions=Sessions(b"a secret of the tests, 32 bytes long"),
+            traffic=Traffic(),
         )
         self.app = _idle_apps.pop() if _idle_apps else build_app(context)
         self.app.state.context = context

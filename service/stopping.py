@@ -1,0 +1,156 @@
+"""Stopping in order: what is open gets its answer, and what must be cut is told that it may come back."""
+
+import asyncio
+import socket
+from contextlib import suppress
+
+import uvicorn
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service import problems
+from service.problems import HttpCode, Problem
+from service.waiting import JobWatch
+
+COME_BACK_S = 2
+_LINGER_S = 1.0
+
+
+def stopping() -> Problem:
+    """The problem of whoever comes while the service stops."""
+    return Problem(
+        503,
+        HttpCode.SERVICE_STOPPING,
+        "The service is being stopped or restarted. Try again.",
+        retryable=True,
+        headers={"Retry-After": str(COME_BACK_S), "Connection": "close"},
+    )
+
+
+class Traffic:
+    """The requests that are open, and whether the service is stopping.
+
+    Lives in the event loop's thread, as all that calls it does.
+    """
+
+    def __init__(self) -> None:
+        self.stopping = False
+        self.closed = False
+        """Nothing more is begun."""
+        self._open: set[_Exchange] = set()
+        self._empty = asyncio.Event()
+        self._empty.set()
+
+    async def run_out(self, *, grace_s: float, notice_s: float) -> None:
+        """Return when nothing is open, after the notice at least; what outlasts the grace is cut."""
+        self.stopping = True
+        with suppress(TimeoutError):
+            async with asyncio.timeout(grace_s):
+                await asyncio.sleep(notice_s)
+                await self._empty.wait()
+        self.closed = True
+        await asyncio.gather(*(exchange.cut() for exchange in list(self._open)))
+
+    async def carry(self, app: ASGIApp, scope: Scope, receive: Receive, send: Send) -> None:
+        """Run one request, unless the service has closed."""
+        if self.closed:
+            await problems.answer(stopping())(scope, receive, send)
+            return
+        exchange = _Exchange(self, scope, receive, send)
+        self._open.add(exchange)
+        self._empty.clear()
+        try:
+            await app(scope, receive, exchange.send)
+        except asyncio.CancelledError:
+            if not exchange.is_cut:
+                raise
+        finally:
+            self._open.discard(exchange)
+            if not self._open:
+                self._empty.set()
+        await exchange.ended.wait()
+
+
+class _Exchange:
+    """One request and its answer."""
+
+    def __init__(self, traffic: Traffic, scope: Scope, receive: Receive, send: Send) -> None:
+        self._traffic = traffic
+        self._scope = scope
+        self._receive = receive
+        self._send = send
+        self._task = asyncio.current_task()
+        self._answering = False
+        self.is_cut = False
+        self.ended = asyncio.Event()
+        self.ended.set()
+
+    async def send(self, message: Message) -> None:
+        if self.is_cut:
+            return
+        if message["type"] == "http.response.start":
+            self._answering = True
+            if self._traffic.stopping:
+                # Whoever keeps this connection would find it closed under its next request.
+                MutableHeaders(scope=message)["Connection"] = "close"
+        await self._send(message)
+
+    async def cut(self) -> None:
+        """Answer in the place of the route; an answer on its way cannot be called back and breaks off."""
+        self.is_cut = True
+        self.ended.clear()
+        try:
+            if self._task is not None:
+                # A thread that works for it is not stopped by this: what it still answers is dropped.
+                self._task.cancel()
+            if not self._answering:
+                await problems.answer(stopping())(self._scope, self._receive, self._linger)
+        finally:
+            self.ended.set()
+
+    async def _linger(self, message: Message) -> None:
+        """Send; and before the end hear the sender out for a moment, or a reset overtakes the answer."""
+        if message["type"] != "http.response.body":
+            await self._send(message)
+            return
+        await self._send({**message, "more_body": True})
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_LINGER_S):
+                while (await self._receive()).get("more_body", False):
+                    pass
+        await self._send({"type": "http.response.body", "body": b"", "more_body": False})
+
+
+class CarriesTraffic:
+    """Lets every request pass through the traffic of the context."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        traffic: Traffic = scope["app"].state.context.traffic
+        await traffic.carry(self._app, scope, receive, send)
+
+
+class Server(uvicorn.Server):
+    """Stops in order: /readyz says so, waits for jobs end, open requests end or are cut, the port closes.
+
+    It listens to the end: who comes meanwhile is served, not turned away for as long as the slowest lasts.
+    """
+
+    def __init__(
+        self, config: uvicorn.Config, *, traffic: Traffic, watch: JobWatch, grace_s: float, notice_s: float
+    ) -> None:
+        super().__init__(config)
+        self._traffic = traffic
+        self._watch = watch
+        self._grace_s = grace_s
+        self._notice_s = notice_s
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._watch.release()
+        await self._traffic.run_out(grace_s=self._grace_s, notice_s=self._notice_s)
+        await super().shutdown(sockets)

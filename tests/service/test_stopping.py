@@ -1,0 +1,150 @@
+"""A service that is asked to stop: every open request gets an answer that its client can use."""
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import httpx
+import pytest
+
+from tests.support.alone import alone
+from tests.support.deployments import wait_for
+from tests.support.fieldwork import Shot
+from tests.support.frames import write_frame
+
+MEGABYTE = 1 << 20
+
+
+def frames_path(campaign):
+    return f"/v1/campaigns/{campaign.id}/frames?role=light"
+
+
+@pytest.fixture
+def start(migrated_sqlite, tmp_path):
+    def started(**settings):
+        return alone(tmp_path, migrated_sqlite, **settings)
+
+    return started
+
+
+@pytest.fixture
+def shots(tmp_path):
+    return [Shot(path=write_frame(tmp_path / "frame.DNG"), role="light", scene="a")]
+
+
+class SlowBody:
+    """A body of which the second half waits until it is let go."""
+
+    def __init__(self, content: bytes):
+        self._content = content
+        self.on_its_way = threading.Event()
+        self.go_on = threading.Event()
+
+    @property
+    def headers(self):
+        return {"Content-Length": str(len(self._content))}
+
+    def __iter__(self):
+        half = len(self._content) // 2
+        yield self._content[:half]
+        self.on_its_way.set()
+        self.go_on.wait(30)
+        yield self._content[half:]
+
+
+def is_ready(service):
+    return httpx.get(f"{service.url}/readyz", timeout=5.0)
+
+
+def test_an_upload_has_the_whole_grace_and_those_who_come_meanwhile_are_served(start):
+    with start() as service, service.team() as team, team.http() as http, ThreadPoolExecutor(1) as pool:
+        campaign = team.campaign()
+        body = SlowBody(b"x" * 2 * MEGABYTE)
+        upload = pool.submit(http.post, frames_path(campaign), content=body, headers=body.headers)
+        assert body.on_its_way.wait(10)
+        service.ask_to_stop()
+        wait_for(lambda: is_ready(service).status_code == 503)
+        answer = is_ready(service)
+        assert (answer.json()["code"], answer.json()["retryable"]) == ("service_stopping", True)
+        assert answer.headers["Connection"] == "close"
+        assert team.client.campaign(campaign.id).id == campaign.id
+        body.go_on.set()
+        assert upload.result(10).status_code == 201
+        service.process.wait(10)
+    assert "Traceback" not in service.log.read_text()
+
+
+def test_what_outlasts_the_grace_is_told_to_come_back(start):
+    with start(STILB_STOP_GRACE_S="0.5") as service, service.team() as team, team.http() as http:
+        campaign = team.campaign()
+        body = SlowBody(b"x" * 2 * MEGABYTE)
+        with ThreadPoolExecutor(1) as pool:
+            upload = pool.submit(http.post, frames_path(campaign), content=body, headers=body.headers)
+            assert body.on_its_way.wait(10)
+            service.ask_to_stop()
+            time.sleep(0.8)
+            body.go_on.set()
+            answer = upload.result(10)
+        assert answer.status_code == 503
+        assert answer.headers["Content-Type"] == "application/problem+json"
+        assert int(answer.headers["Retry-After"]) > 0
+        assert answer.headers["Connection"] == "close"
+        assert (answer.json()["code"], answer.json()["retryable"]) == ("service_stopping", True)
+        service.process.wait(10)
+    assert "Traceback" not in service.log.read_text()
+
+
+def test_who_waits_for_a_job_gets_it_as_it_is(start, shots):
+    with start() as service, service.team() as team, team.http() as http, ThreadPoolExecutor(1) as pool:
+        (frame,) = team.push(team.campaign(), shots[:1])
+        job = f"/v1/jobs/{frame.job_id}"
+        waiting = pool.submit(http.get, job, headers={"Prefer": "wait=60"})
+        time.sleep(0.3)
+        assert not waiting.done()
+        service.ask_to_stop()
+        answer = waiting.result(5)
+        assert (answer.status_code, answer.json()["state"]) == (200, "queued")
+        service.process.wait(10)
+    assert "Traceback" not in service.log.read_text()
+
+
+def test_a_client_sees_nothing_of_restarts(start, shots, tmp_path):
+    """Uploads that outlast the grace, and waits, go on through several restarts without an error."""
+    paths = []
+    for number in range(3):
+        paths.append(tmp_path / f"{number}.DNG")
+        paths[-1].write_bytes(bytes([number]) * 2 * MEGABYTE)
+    over = threading.Event()
+    with start(STILB_STOP_GRACE_S="0.5") as service, service.team(retries=8) as team:
+        campaign = team.campaign()
+        (frame,) = team.push(campaign, shots[:1])
+
+        def upload(path):
+            began = time.monotonic()
+
+            def slowly(_):
+                time.sleep(0.5)
+
+            team.client.push(campaign.id, path, role="light", on_progress=slowly)
+            return time.monotonic() - began
+
+        def wait():
+            while not over.is_set():
+                with pytest.raises(TimeoutError):
+                    team.client.wait(frame.job_id, timeout_s=2)
+
+        with ThreadPoolExecutor(5) as pool:
+            waits = [pool.submit(wait) for _ in range(2)]
+            uploads = [pool.submit(upload, path) for path in paths]
+            for _ in range(2):
+                time.sleep(0.7)
+                service.ask_to_stop()
+                service.process.wait(10)
+                service.begin()
+            for sent in uploads:
+                sent.result(30)
+            over.set()
+            for waited in waits:
+                waited.result(30)
+        assert len(list(team.client.frames(campaign.id))) == 1 + len(paths)
+    assert "Traceback" not in service.log.read_text()
