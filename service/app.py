@@ -11,7 +11,9 @@ from sqlalchemy.exc import OperationalError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 
 from service import problems
+from service.addresses import Addresses
 from service.context import Context
+from service.digests import ContentDigests
 from service.document import build_document
 from service.limits import BodyLimit
 from service.problems import HttpCode, Problem
@@ -38,11 +40,14 @@ def build_app(context: Context) -> FastAPI:
         redoc_url=None,
     )
     app.add_middleware(BodyLimit)
+    app.add_middleware(ContentDigests)
     _let_dashboards_read(app, context.settings.cors_origins)
     app.add_middleware(SecurityHeaders)
     # the outermost: it answers in the place of all others
     app.add_middleware(CarriesTraffic)
     app.state.context = context
+    app.state.operations = {}
+    app.state.addresses = Addresses(app)
     app.state.assets = Assets()
     app.state.templates = build_environment(app.state.assets)
     problems.install(app)

@@ -3,11 +3,17 @@
 import re
 from typing import Final
 
-from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.problems import HttpCode, Problem, RefusedBody
 
 MAX_BODY_BYTES: Final = 4 << 20
 _UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames")
+
+
+def is_upload(path: str) -> bool:
+    """Whether what is sent there is a file, which streams."""
+    return _UPLOADS.fullmatch(path) is not None
 
 
 class BodyLimit:
@@ -17,7 +23,7 @@ class BodyLimit:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or _UPLOADS.fullmatch(scope["path"]):
+        if scope["type"] != "http" or is_upload(scope["path"]):
             await self._app(scope, receive, send)
             return
         announced = dict(scope["headers"]).get(b"content-length", b"")
@@ -36,6 +42,6 @@ class BodyLimit:
         await self._app(scope, limited, send)
 
 
-def _too_large() -> HTTPException:
-    # this class is the one that the framework lets through while it reads a body
-    return HTTPException(413, f"The body may have at most {MAX_BODY_BYTES} bytes here. Send it in parts.")
+def _too_large() -> RefusedBody:
+    detail = f"The body may have at most {MAX_BODY_BYTES} bytes here. Send it in parts."
+    return RefusedBody(Problem(413, HttpCode.UPLOAD_TOO_LARGE, detail))

@@ -9,7 +9,6 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
-from starlette.routing import compile_path
 
 from radiometry.errors import InputRejected
 from service.wording import describe
@@ -70,6 +69,14 @@ class Problem(Exception):  # noqa: N818  RFC 9457's own word
         self.extra = extra
 
 
+class RefusedBody(HTTPException):
+    """A problem found while the body is read, where the framework lets only its own exceptions through."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem.status, problem.detail)
+        self.problem = problem
+
+
 def problem_body(
     status: int,
     code: str,
@@ -119,7 +126,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     async def http(request: Request, error: HTTPException) -> JSONResponse:
-        return answer(_of_the_framework(request, error))
+        return answer(error.problem if isinstance(error, RefusedBody) else _of_the_framework(request, error))
 
     @app.exception_handler(Exception)
     async def unexpected(_request: Request, _error: Exception) -> JSONResponse:
@@ -135,23 +142,14 @@ def _of_the_framework(request: Request, error: HTTPException) -> Problem:
             detail = "There is nothing at this address; /docs lists what there is."
             return Problem(404, HttpCode.NOT_FOUND, detail)
         case 405:
-            allowed = ", ".join(_methods_of(request)) or headers.get("Allow", "GET")
+            allowed = ", ".join(request.app.state.addresses.methods_of(request.scope["path"]))
             detail = f"This address does not take {request.method}; it takes {allowed}."
             return Problem(405, HttpCode.METHOD_NOT_ALLOWED, detail, headers={"Allow": allowed})
-        case 413:
-            return Problem(413, HttpCode.UPLOAD_TOO_LARGE, str(error.detail))
         case _:
             detail = (
                 "The body cannot be read: send JSON in UTF-8, without endless nesting or endless numbers."
             )
             return Problem(error.status_code, HttpCode.BAD_REQUEST, detail, headers=headers)
-
-
-def _methods_of(request: Request) -> list[str]:
-    """Every method of an address; the framework names those of the first route that it finds."""
-    paths: dict[str, Any] = request.app.openapi()["paths"]
-    fitting = [path for path in paths if compile_path(path)[0].match(request.scope["path"])]
-    return sorted({method.upper() for path in fitting for method in paths[path]})
 
 
 def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:

@@ -33,7 +33,7 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int) -> Received
     """
     expected = _announced_sha256(request)
     announced = request.headers.get("content-length", "")
-    if announced.isdigit() and int(announced) > max_bytes:
+    if announced.isdecimal() and int(announced) > max_bytes:
         raise _too_large(max_bytes)
     try:
         with blobs.writer() as writer:

@@ -4,7 +4,6 @@ import csv
 import io
 import re
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -13,6 +12,7 @@ from pydantic import ValidationError
 
 from service.problems import HttpCode, Problem, invalid, located
 from service.schemas.base import Form
+from service.strictness import NUMBER
 
 F = TypeVar("F", bound=Form)
 
@@ -95,6 +95,4 @@ def _read_number(text: str, separator: str) -> float | str:
     # after tabs 1,234 may be a thousand and more, or one and a bit: nobody can tell
     if separator == ";" or (separator == "\t" and not _GROUPED.fullmatch(text)):
         text = text.replace(",", ".")
-    with suppress(ValueError):
-        return float(text)
-    return text
+    return float(text) if NUMBER.fullmatch(text) else text

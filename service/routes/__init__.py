@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from fastapi import Depends, FastAPI, Request
+from fastapi import Depends, FastAPI
 
-from service.problems import invalid
 from service.schemas.base import ProblemAnswer
+from service.strictness import check_request
 
 _MEANINGS = {
     400: "The body cannot be read.",
@@ -102,22 +102,4 @@ def include_routes(app: FastAPI) -> None:
         motion,
         tools,
     ):
-        app.include_router(module.router, dependencies=[Depends(_refuse_unknown_parameters)])
-
-
-def _refuse_unknown_parameters(request: Request) -> None:
-    """A filter that is misspelt must not answer with everything."""
-    document: dict[str, Any] = request.app.openapi()
-    name = request.scope["route"].name
-    known = {
-        parameter["name"]
-        for path in document["paths"].values()
-        for operation in path.values()
-        if operation["operationId"] == name
-        for parameter in operation.get("parameters", ())
-    }
-    unknown = [
-        {"type": "extra_forbidden", "loc": ("query", n)} for n in request.query_params if n not in known
-    ]
-    if unknown:
-        raise invalid(unknown)
+        app.include_router(module.router, dependencies=[Depends(check_request)])

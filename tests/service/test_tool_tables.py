@@ -152,7 +152,7 @@ def test_the_example_of_the_documentation_runs(house):
         ),
         ("exposure_s,f_number,iso,G,\n1,1,1,2,\n", {"white_level_dn": 9}, "line 1", "each at most once"),
         (SERIES + "1/50,11,200,99\n", {"white_level_dn": 9}, "line 6.exposure_time_s", "must be a number"),
-        (SERIES + "0.1,11,200,nan\n", {"white_level_dn": 9}, "line 6.signal_dn", "must be a finite number"),
+        (SERIES + "0.1,11,200,nan\n", {"white_level_dn": 9}, "line 6.signal_dn", "must be a number"),
         (SERIES + "0.1,11,,9\n", {"white_level_dn": 9}, "line 6.iso", "is missing"),
         (SERIES.splitlines()[0], {"white_level_dn": 9}, "csv", "must hold 1 to 10000 rows"),
     ],

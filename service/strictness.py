@@ -1,0 +1,94 @@
+"""What FastAPI would let pass: parameters that a route does not know, loose numbers, members given twice."""
+
+import json
+import re
+from dataclasses import dataclass
+from typing import Any, Final
+
+from fastapi import Request
+from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
+
+from service.problems import invalid
+
+NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""A number as people write it: Python also reads 1_000, and digits of any script."""
+_WHOLE: Final = re.compile(r"[+-]?\d+", re.ASCII)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Operation:
+    """What the document says of a request: the type of each parameter in the address, and the body."""
+
+    types: dict[str, str]
+    takes_json: bool
+
+
+async def check_request(request: Request) -> None:
+    """Refuse what is not said clearly, before the route reads it its own way."""
+    route: APIRoute = request.scope["route"]
+    if not request.app.state.addresses.is_of(route.path, request.scope["path"]):
+        # an address with a name of its own is no id of this route
+        raise HTTPException(405)
+    operation = _describe(request, route)
+    wrong = [
+        {"type": kind, "loc": ("query", name)}
+        for name, text in request.query_params.multi_items()
+        if (kind := _find_fault(operation.types.get(name), text)) is not None
+    ]
+    if wrong:
+        raise invalid([{**each, "msg": ""} for each in wrong])
+    kind = request.headers.get("content-type", "").lower()
+    if operation.takes_json and not kind.startswith("text/"):
+        _refuse_repeated_members(await request.body())
+
+
+def _find_fault(kind: str | None, text: str) -> str | None:
+    """Compare a parameter with its type: a filter that is misspelt must not answer with everything."""
+    if kind is None:
+        return "extra_forbidden"
+    if kind == "number" and not NUMBER.fullmatch(text):
+        return "float_parsing"
+    if kind == "integer" and not _WHOLE.fullmatch(text):
+        return "int_parsing"
+    return None
+
+
+def _describe(request: Request, route: APIRoute) -> _Operation:
+    known: dict[str, _Operation] = request.app.state.operations
+    if route.name not in known:
+        document: dict[str, Any] = request.app.openapi()
+        known |= {
+            operation["operationId"]: _Operation(
+                types={p["name"]: p["schema"].get("type", "") for p in operation.get("parameters", ())},
+                takes_json="application/json" in operation.get("requestBody", {}).get("content", {}),
+            )
+            for path in document["paths"].values()
+            for operation in path.values()
+        }
+    return known[route.name]
+
+
+class _Twice(Exception):  # noqa: N818  it is what was found
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.name = name
+
+
+def _refuse_repeated_members(body: bytes) -> None:
+    """Readers differ in which of two they take, so that what one has checked another does not see."""
+    try:
+        json.loads(body, object_pairs_hook=_collect)
+    except _Twice as twice:
+        message = f"names {json.dumps(twice.name)[:200]} twice in one object; send it once"
+        raise invalid([{"type": "twice", "loc": ("body",), "msg": message}]) from None
+    except (ValueError, RecursionError):
+        return  # whoever reads it says what is wrong
+
+
+def _collect(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    members = dict(pairs)
+    if len(members) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise _Twice(next(name for name in names if names.count(name) > 1))
+    return members

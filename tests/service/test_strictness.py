@@ -1,0 +1,135 @@
+"""What is written loosely is refused: numbers in text, members given twice, addresses with the wrong verb."""
+
+import base64
+import hashlib
+import json
+import re
+
+import pytest
+from fastapi.routing import iter_route_contexts
+
+CAMERA = {"make": "DJI", "model": "FC6520", "serial": "1"}
+NO_NUMBERS = ["1_000", "\uff11\uff10", "1e5_0", "infinity", "-inf", "nan", "0x10", "1 000", "1e", ".", "٣"]
+
+
+@pytest.fixture(scope="module")
+def house(sqlite_house):
+    """One for all: what is loose is refused before the database is asked."""
+    return sqlite_house
+
+
+@pytest.mark.parametrize("text", NO_NUMBERS)
+def test_what_only_a_programmer_reads_as_a_number_is_none_in_a_table(house, text):
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    table = f"scene;quantity;value;unit\na;luminance;{text};cd/m2\n"
+    answer = house.http.post(path, content=table.encode(), headers={"Content-Type": "text/csv"})
+    assert answer.status_code == 422, answer.text
+    assert answer.json()["errors"] == [{"field": "line 2.value", "message": "must be a number"}]
+
+
+@pytest.mark.parametrize("text", ["1.5", "+1.5", "1.5e0", "15E-1", "1,5", "001.50"])
+def test_what_people_write_is_one(house, text):
+    path = f"/v1/campaigns/{house.campaign()['id']}/readings"
+    table = f"scene;quantity;value;unit\na;luminance;{text};cd/m2\n"
+    answer = house.http.post(path, content=table.encode(), headers={"Content-Type": "text/csv"})
+    assert answer.json()["items"][0]["value"] == 1.5
+
+
+@pytest.mark.parametrize("text", NO_NUMBERS)
+def test_nor_is_it_one_in_an_address(house, text):
+    answer = house.http.get("/v1/cameras", params={"limit": text})
+    assert (answer.status_code, answer.json()["code"]) == (422, "validation_failed"), answer.text
+    assert answer.json()["errors"][0]["field"] == "query.limit"
+    campaign = house.campaign()["id"]
+    query = {"role": "light", "iso": text}
+    answer = house.http.post(f"/v1/campaigns/{campaign}/frames", params=query, content=b"x")
+    assert answer.json()["errors"] == [{"field": "query.iso", "message": "must be a number"}], answer.text
+
+
+@pytest.mark.parametrize(
+    ("body", "name"),
+    [
+        ('{"make": "a", "model": "b", "serial": "c", "make": "d"}', "make"),
+        (
+            '{"make": "a", "model": "b", "serial": "c", "lens": {"make": "d", "make": "d", "model": "e"}}',
+            "make",
+        ),
+        ('{"make": "a", "model": "b", "serial": "c", "\\ud800": 1, "\\ud800": 1}', "\\ud800"),
+    ],
+)
+def test_a_member_that_stands_twice_is_named(house, body, name):
+    answer = house.http.post("/v1/cameras", content=body, headers={"Content-Type": "application/json"})
+    assert (answer.status_code, answer.json()["code"]) == (422, "validation_failed"), answer.text
+    assert answer.json()["errors"] == [
+        {"field": "body", "message": f'names "{name}" twice in one object; send it once'}
+    ]
+
+
+@pytest.mark.parametrize("path", ["/v1/campaigns/{id}/readings", "/v1/tools/motion", "/v1/tools/exposure"])
+def test_so_it_is_where_the_route_reads_its_body_itself(house, path):
+    body = '{"value": 1, "value": 2}'
+    path = path.format(id=house.campaign()["id"])
+    answer = house.http.post(path, content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 422
+    assert 'names "value" twice' in answer.json()["detail"]
+
+
+def test_no_address_takes_a_verb_that_it_does_not_name(house):
+    """Every template of the application, with every verb that it does not have."""
+    tried = 0
+    routes = [route for route in iter_route_contexts(house.app.routes) if route.methods]
+    for route in routes:
+        taken = {method for each in routes if each.path == route.path for method in each.methods}
+        address = re.sub(r"{[^}]+}", "x", route.path)
+        for method in {"GET", "POST", "PUT", "PATCH", "DELETE"} - taken:
+            answer = house.http.request(method, address)
+            assert answer.status_code == 405, (method, route.path, answer.text)
+            assert answer.json()["code"] == "method_not_allowed"
+            assert answer.headers["allow"] == ", ".join(sorted(taken)), route.path
+            tried += 1
+    assert tried > 200
+
+
+def digest_of(content: bytes, algorithm="sha256") -> str:
+    return f":{base64.b64encode(hashlib.new(algorithm, content).digest()).decode()}:"
+
+
+@pytest.mark.parametrize("header", ["Content-Digest", "Repr-Digest"])
+def test_a_body_with_another_digest_is_refused(house, header):
+    body = json.dumps(CAMERA | {"serial": header}).encode()
+    for algorithm, named in (("sha256", "sha-256"), ("sha512", "sha-512")):
+        wrong = {header: f"{named}={digest_of(b'another', algorithm)}", "Content-Type": "application/json"}
+        answer = house.http.post("/v1/cameras", content=body, headers=wrong)
+        assert (answer.status_code, answer.json()["code"]) == (422, "digest_mismatch"), answer.text
+        assert answer.json()["retryable"] is True
+        right = wrong | {header: f"{named}={digest_of(body, algorithm)}"}
+        assert house.http.post("/v1/cameras", content=body, headers=right).status_code in {200, 201}
+
+
+@pytest.mark.parametrize("text", ["sha-256=:AAAA:", "sha-256=AAAA", "sha-512=:A:"])
+def test_a_digest_that_cannot_be_read_is_refused(house, text):
+    headers = {"Content-Digest": text}
+    answer = house.http.post("/v1/cameras", json=CAMERA, headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (400, "bad_request")
+    known_by_others = {"Content-Digest": "md5=:AAAA:"}
+    assert house.http.post("/v1/cameras", json=CAMERA, headers=known_by_others).status_code in {200, 201}
+
+
+def test_the_digest_of_an_upload_is_that_of_its_body_and_nothing_is_kept_of_another(house):
+    path = f"/v1/campaigns/{house.campaign()['id']}/frames?role=dark"
+    content = b"no frame at all" * 5000
+    wrong = house.http.post(path, content=content, headers={"Content-Digest": f"sha-256={digest_of(b'x')}"})
+    assert (wrong.status_code, wrong.json()["code"]) == (422, "digest_mismatch")
+    assert list((house.folder / "blobs").rglob(hashlib.sha256(content).hexdigest())) == []
+    right = {"Content-Digest": f"sha-256={digest_of(content)}"}
+    assert house.http.post(path, content=content, headers=right).status_code == 201
+    form = (
+        b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
+        + content
+        + b"\r\n--b--\r\n"
+    )
+    kind = {"Content-Type": "multipart/form-data; boundary=b"}
+    of_file = {"Content-Digest": f"sha-256={digest_of(content)}"}
+    assert house.http.post(path, content=form, headers=kind | of_file).status_code == 422
+    of_form = {"Content-Digest": f"sha-256={digest_of(form)}", "Repr-Digest": of_file["Content-Digest"]}
+    assert house.http.post(path, content=form, headers=kind | of_form).status_code == 200
