@@ -13,10 +13,12 @@ from service.auth import SCOPES
 from service.context import Context
 from service.sessions import sessions_of
 from service.stopping import Server, Traffic
+from service.vitals import Vitals
 from service.waiting import JobWatch
 from store.blobs import blobs_from_url
 from store.broker import Hints
 from store.database import Database
+from store.parts import Presence
 from store.queries.keys import ensure_operator
 from store.settings import Settings
 
@@ -64,8 +66,14 @@ def main() -> int:
         notice_s=settings.stop_notice_s,
     )
     with suppress(KeyboardInterrupt):
-        asyncio.run(server.serve())
+        asyncio.run(_serve(server, Presence(context.database, "service")))
     return 0
+
+
+async def _serve(server: Server, presence: Presence) -> None:
+    beating = asyncio.create_task(Vitals(presence).keep())
+    await server.serve()
+    beating.cancel()
 
 
 if __name__ == "__main__":

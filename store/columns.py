@@ -9,7 +9,22 @@ from sqlalchemy import DateTime, Dialect
 from sqlalchemy.types import TypeDecorator
 
 Prefix = Literal[
-    "org", "key", "cam", "met", "pnl", "cmp", "roi", "rdg", "frm", "ext", "job", "cal", "pub", "msr", "prg"
+    "org",
+    "key",
+    "cam",
+    "met",
+    "pnl",
+    "cmp",
+    "roi",
+    "rdg",
+    "frm",
+    "ext",
+    "job",
+    "cal",
+    "pub",
+    "msr",
+    "prg",
+    "prt",
 ]
 
 

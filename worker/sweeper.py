@@ -10,6 +10,7 @@ from store import jobs
 from store.blobs import Blobs, StorageUnavailable, blobs_from_url
 from store.broker import Hints
 from store.database import Database
+from store.parts import Presence
 from store.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -38,10 +39,12 @@ def main() -> int:
     database = Database(settings.effective_database_url)
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
     hints = Hints(settings.effective_broker_url)
+    presence = Presence(database, "sweeper")
     floor_due = 0.0
     while True:
         try:
             sweep_jobs(database, hints)
+            presence.beat()
             if time.monotonic() >= floor_due:
                 sweep_floor(blobs)
                 floor_due = time.monotonic() + _FLOOR_EVERY_S

@@ -1,42 +1,58 @@
 """Liveness by work done: a worker that has stopped taking jobs while jobs wait ends, and is started anew.
 
-Celery can stop consuming after a reconnect and look alive; no heartbeat of its own notices.
+Celery can stop consuming after a reconnect and look alive; no heartbeat of its own notices. What shows that
+work goes on is noted by the loop and the threads that do it; the thread here only looks, and writes it down.
 """
 
 import logging
 import os
 import threading
-import time
 
 from sqlalchemy.exc import SQLAlchemyError
 
 from store import jobs
+from store.awake import AwakeClock
 from store.database import Database
+from store.parts import Presence
 from worker.leases import Leases
 
 log = logging.getLogger(__name__)
 
 STALLED_EXIT = 70
+_LOOK_EVERY_S = 5.0
+TURN_EVERY_S = 2.0
+"""How often the loop that takes the hints says that it turns."""
 
 
 class Watchdog:
-    def __init__(self, database: Database, leases: Leases, stall_s: float) -> None:
+    """Looks several times in each stall limit; the time in which it was stopped itself does not count."""
+
+    def __init__(self, database: Database, leases: Leases, presence: Presence, stall_s: float) -> None:
         self._database = database
         self._leases = leases
+        self._presence = presence
         self._stall_s = stall_s
-        self._last_work = time.monotonic()
+        self._every_s = min(stall_s / 4, _LOOK_EVERY_S)
+        self._clock = AwakeClock(2 * self._every_s)
+        self._turned_s = self._worked_s = self._clock.now_s
         threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
 
+    def turned(self) -> None:
+        """Note that the loop that takes the hints has turned."""
+        self._turned_s = self._clock.now_s
+
     def worked(self) -> None:
-        """A hint has arrived."""
-        self._last_work = time.monotonic()
+        """Note that a hint has arrived."""
+        self._worked_s = self._turned_s = self._clock.now_s
 
     def _watch(self) -> None:
         pause = threading.Event()
-        while not pause.wait(self._stall_s / 4):
+        while not pause.wait(self._every_s):
+            now_s = self._clock.turn()
             if self._leases.count:
-                self.worked()
-            elif time.monotonic() - self._last_work > self._stall_s and self._somebody_waits():
+                self._worked_s = now_s
+            self._presence.beat(worked_s_ago=now_s - max(self._turned_s, self._worked_s))
+            if now_s - self._worked_s > self._stall_s and self._somebody_waits():
                 log.error("jobs wait and no hint has come for %g s: starting anew", self._stall_s)
                 os._exit(STALLED_EXIT)
 

@@ -8,6 +8,7 @@ from store.tables.equipment import Camera, Meter, Panel
 from store.tables.identity import ApiKey, IdempotentAnswer, Organisation
 from store.tables.job import Job
 from store.tables.measurement import Measurement
+from store.tables.part import PartRow
 from store.tables.review import ChecklistSignature, ChecklistTick, Purge
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "Meter",
     "Organisation",
     "Panel",
+    "PartRow",
     "Publication",
     "Purge",
     "Reading",

@@ -1,7 +1,10 @@
 """A worker that takes no job while one waits ends; one that works, or has nothing to do, lives."""
 
+import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -12,17 +15,28 @@ from worker.watchdog import STALLED_EXIT
 WATCHED = """
 import sys, time
 from store.database import Database
+from store.parts import Presence
 from worker.leases import Leases
 from worker.watchdog import Watchdog
 
 database = Database(sys.argv[1])
-watchdog = Watchdog(database, Leases(database, 30.0), stall_s=0.2)
+presence = Presence(database, "worker")
+watchdog = Watchdog(database, Leases(database, 30.0), presence, stall_s=float(sys.argv[4]))
+print("up", flush=True)
 end = time.monotonic() + float(sys.argv[2])
 while time.monotonic() < end:
     if sys.argv[3] == "works":
         watchdog.worked()
     time.sleep(0.02)
 """
+STALL_S = 1.0
+
+
+def enqueue(database):
+    with database.writing("test") as session:
+        session.add(Organisation(id="org_1", name="house"))
+        session.flush()
+        jobs.enqueue(session, kind="fit", subject_id="c", organisation_id="org_1", by="test", parameters={})
 
 
 @pytest.mark.parametrize(
@@ -31,11 +45,20 @@ while time.monotonic() < end:
 )
 def test_only_an_idle_worker_with_jobs_waiting_ends(database, database_url, waits, does, lasts, code):
     if waits:
-        with database.writing("test") as session:
-            session.add(Organisation(id="org_1", name="house"))
-            session.flush()
-            jobs.enqueue(
-                session, kind="fit", subject_id="c", organisation_id="org_1", by="test", parameters={}
-            )
-    argv = [sys.executable, "-c", WATCHED, database_url, lasts, does]
+        enqueue(database)
+    argv = [sys.executable, "-c", WATCHED, database_url, lasts, does, "0.2"]
     assert subprocess.run(argv, check=False, timeout=90).returncode == code
+
+
+def test_the_time_in_which_the_worker_was_stopped_itself_does_not_count(database, database_url):
+    enqueue(database)
+    argv = [sys.executable, "-c", WATCHED, database_url, "60", "works", str(STALL_S)]
+    with subprocess.Popen(argv, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"up\n"
+        for _ in range(3):
+            os.kill(process.pid, signal.SIGSTOP)
+            time.sleep(2 * STALL_S)
+            os.kill(process.pid, signal.SIGCONT)
+            time.sleep(STALL_S / 4)
+        assert process.poll() is None
+        process.kill()

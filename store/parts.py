@@ -1,0 +1,127 @@
+"""Heartbeats: which service, worker and sweeper processes run, and whether their work goes on.
+
+The row of a process says two things: that the process was there (`seen_at`), and that the loop that does its
+work went on (`worked_at`). A thread that lives on beside a hung loop renews the first and not the second.
+"""
+
+import os
+import socket
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any, Literal
+
+from sqlalchemy import CursorResult, delete, insert, or_, select, update
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from store.columns import new_id, utc_now
+from store.database import Database
+from store.tables import PartRow
+
+Kind = Literal["service", "worker", "sweeper"]
+State = Literal["working", "hung", "gone"]
+
+BEAT_EVERY_S = 10.0
+STALE_AFTER_S = 35.0
+"""Three missed beats and a moment."""
+_FORGET_AFTER = timedelta(minutes=10)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A process as its last heartbeat left it."""
+
+    id: str
+    kind: str
+    host: str
+    pid: int
+    started_at: datetime
+    seen_s_ago: float
+    worked_s_ago: float
+    details: Mapping[str, Any]
+
+    @property
+    def state(self) -> State:
+        """Return "gone" without a heartbeat, "hung" if it beats and no work goes on, else "working"."""
+        if self.seen_s_ago > STALE_AFTER_S:
+            return "gone"
+        return "hung" if self.worked_s_ago > STALE_AFTER_S else "working"
+
+
+class Presence:
+    """The heartbeat of this process; call `beat` from the loop that does the work, as often as it turns."""
+
+    def __init__(self, database: Database, kind: Kind, **details: Any) -> None:  # noqa: ANN401  JSON
+        self._database = database
+        self._kind = kind
+        self._details = details
+        self._id = new_id("prt")
+        self._started_at = utc_now()
+        self._due = 0.0
+
+    def note(self, **details: Any) -> None:  # noqa: ANN401  JSON
+        """Add what others may want to know of this process; the next beat writes it."""
+        self._details = self._details | details
+        self._due = 0.0
+
+    def beat(self, *, worked_s_ago: float = 0.0) -> None:
+        """Write the heartbeat if one is due. A database that does not answer misses it, and stops nobody."""
+        if time.monotonic() < self._due:
+            return
+        self._due = time.monotonic() + BEAT_EVERY_S
+        try:
+            with self._database.writing(self._kind) as session:
+                self._write(session, worked_s_ago)
+        except SQLAlchemyError:
+            return
+
+    def leave(self) -> None:
+        """Remove the row at an orderly end; that of a killed process is forgotten after a while."""
+        try:
+            with self._database.writing(self._kind) as session:
+                session.execute(delete(PartRow).where(PartRow.id == self._id))
+        except SQLAlchemyError:
+            return
+
+    def _write(self, session: Session, worked_s_ago: float) -> None:
+        now = utc_now()
+        values = {
+            "seen_at": now,
+            "worked_at": now - timedelta(seconds=worked_s_ago),
+            "details": self._details,
+        }
+        renewed = session.execute(update(PartRow).where(PartRow.id == self._id).values(values))
+        assert isinstance(renewed, CursorResult)  # noqa: S101  narrows the type: an UPDATE has a row count
+        if not renewed.rowcount:
+            me = {
+                "id": self._id,
+                "kind": self._kind,
+                "host": socket.gethostname(),
+                "pid": os.getpid(),
+                "started_at": self._started_at,
+            }
+            session.execute(insert(PartRow).values(me | values))
+        # Those that ended without a word; one that still runs after all writes its own row anew.
+        gone = or_(PartRow.seen_at < now - _FORGET_AFTER, PartRow.seen_at > now + _FORGET_AFTER)
+        session.execute(delete(PartRow).where(gone))
+
+
+def list_parts(session: Session) -> list[Part]:
+    """Return every process that is remembered, the longest running first, those that are gone too."""
+    now = utc_now()
+    return [
+        Part(
+            id=row.id,
+            kind=row.kind,
+            host=row.host,
+            pid=row.pid,
+            started_at=row.started_at,
+            # A beat from the future was written before the clock was set back: as far away as one as old.
+            seen_s_ago=abs((now - row.seen_at).total_seconds()),
+            worked_s_ago=abs((now - row.worked_at).total_seconds()),
+            details=row.details,
+        )
+        for row in session.scalars(select(PartRow).order_by(PartRow.started_at, PartRow.id))
+    ]
