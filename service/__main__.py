@@ -25,7 +25,7 @@ from store.settings import Settings
 
 def build_context(settings: Settings) -> Context:
     """Open the world that the settings name."""
-    database = Database(settings.effective_database_url)
+    database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
     return Context(
         settings=settings,
         database=database,

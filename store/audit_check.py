@@ -140,7 +140,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="stilb audit", description=__doc__)
     parser.add_argument("head", nargs="?", type=_read_head, help="a head noted before, seq:hash")
     noted = parser.parse_args(arguments).head
-    database = Database(Settings().effective_database_url)
+    database = Database(Settings().effective_database_url, answer_within_s=None)
     try:
         if database.is_sqlite and not Path(database.url.database or "").is_file():
             return _fail(f"there is no database {database.url.database}; STILB_DATA names its folder")

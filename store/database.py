@@ -11,24 +11,30 @@ from sqlalchemy.orm import Session
 
 from store.audit import append_entries, forget_entries, record_changes
 
+ANSWER_WITHIN_S = 30.0
+
 
 class Database:
     """SQLite or PostgreSQL behind one face.
 
     On SQLite a writer takes the write lock when it begins, not at its first write: two transactions that
     read, then write, would otherwise end in "database is locked" whatever the timeout.
+
+    ``answer_within_s`` is how long a statement may take, on SQLite how long the write lock is waited for;
+    None is for work without a limit, such as a migration.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, *, answer_within_s: float | None = ANSWER_WITHIN_S) -> None:
         self.url = make_url(url)
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         if self.is_sqlite:
-            self._reader = _sqlite_engine(url, begin="BEGIN")
-            self._writer = _sqlite_engine(url, begin="BEGIN IMMEDIATE")
+            wait_s = answer_within_s or ANSWER_WITHIN_S
+            self._reader = _sqlite_engine(url, begin="BEGIN", wait_s=wait_s)
+            self._writer = _sqlite_engine(url, begin="BEGIN IMMEDIATE", wait_s=wait_s)
         else:
-            self._reader = self._writer = create_engine(
-                url, pool_size=10, max_overflow=30, pool_pre_ping=True
-            )
+            from store.postgres import postgres_engine  # noqa: PLC0415  its driver is loaded where it is used
+
+            self._reader = self._writer = postgres_engine(self.url, answer_within_s=answer_within_s)
 
     @property
     def engine(self) -> Engine:
@@ -57,10 +63,10 @@ class Database:
         self._writer.dispose()
 
 
-def _sqlite_engine(url: str, *, begin: str) -> Engine:
+def _sqlite_engine(url: str, *, begin: str, wait_s: float) -> Engine:
     # a pooled connection changes threads, never two at a time
     engine = create_engine(
-        url, pool_size=10, max_overflow=30, connect_args={"timeout": 30, "check_same_thread": False}
+        url, pool_size=10, max_overflow=30, connect_args={"timeout": wait_s, "check_same_thread": False}
     )
 
     @event.listens_for(engine, "connect")

@@ -13,6 +13,7 @@ from store.database import Database
 from store.settings import Settings
 
 _ADVISORY_LOCK = 0x5711B
+_LOCK_WITHIN_S = 60
 
 
 class NewerSchema(Exception):  # noqa: N818  it says what was found
@@ -27,7 +28,10 @@ def migrate(database: Database, revision: str = "head") -> None:
     config = alembic_config()
     with database.engine.connect() as connection, connection.begin():
         if not database.is_sqlite:
+            connection.execute(text("SET LOCAL lock_timeout = 0"))
             connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _ADVISORY_LOCK})
+            # Everybody who comes after one that waits to change a table waits too.
+            connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_WITHIN_S} s'"))
         current = MigrationContext.configure(connection).get_current_revision()
         known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
         if current is not None and current not in known:
@@ -45,7 +49,7 @@ def alembic_config() -> Config:
 
 
 def main() -> int:
-    database = Database(Settings().effective_database_url)
+    database = Database(Settings().effective_database_url, answer_within_s=None)
     try:
         migrate(database)
     except NewerSchema as error:

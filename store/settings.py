@@ -21,6 +21,7 @@ class Settings(BaseSettings):
     session_secret: SecretStr = SecretStr("")
     cors_origins: str = ""
     database_url: str = ""
+    database_timeout_s: float = Field(default=30.0, gt=0)
     broker_url: str = ""
     blobs_url: str = ""
     max_upload_bytes: int = Field(default=2 * 1024**3, gt=0)

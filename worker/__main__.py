@@ -20,7 +20,7 @@ from worker.watchdog import TURN_EVERY_S, Watchdog
 
 def build_context(settings: Settings) -> Context:
     """Open the world that the settings name."""
-    database = Database(settings.effective_database_url)
+    database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
     return Context(
         settings=settings,
         database=database,

@@ -36,7 +36,7 @@ def sweep_floor(blobs: Blobs) -> None:
 def main() -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     settings = Settings()
-    database = Database(settings.effective_database_url)
+    database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
     hints = Hints(settings.effective_broker_url)
     presence = Presence(database, "sweeper")

@@ -1,0 +1,116 @@
+"""A PostgreSQL that does not answer, or not in time: nobody waits for ever."""
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from sqlalchemy import text
+from sqlalchemy.exc import OperationalError
+
+from store.database import Database
+from store.migrate import migrate
+from tests.support.proxy import Proxy
+
+LIMIT_S = 0.6
+
+
+@pytest.fixture
+def url(postgres, migrated_postgres):
+    url = postgres.new_database(like=migrated_postgres)
+    yield url
+    postgres.drop_database(url)
+
+
+@pytest.fixture
+def proxy(url):
+    with Proxy(Path(url.partition("?host=")[2]) / ".s.PGSQL.5432") as proxy:
+        yield proxy
+
+
+@pytest.fixture
+def database(url, proxy):
+    name = url.partition("?")[0].rpartition("/")[2]
+    opened = Database(f"postgresql+psycopg://stilb@{proxy.address}/{name}", answer_within_s=LIMIT_S)
+    yield opened
+    opened.dispose()
+
+
+def ask(database, statement="SELECT 1"):
+    with database.reading() as session:
+        return session.scalar(text(statement))
+
+
+def test_a_server_that_falls_silent_is_given_up_and_connected_to_anew(database, proxy):
+    assert ask(database) == 1
+    with proxy.being("silent"):
+        began = time.monotonic()
+        with pytest.raises(OperationalError):
+            ask(database)
+        assert time.monotonic() - began < 20
+    assert ask(database) == 1
+
+
+def test_a_server_that_falls_silent_within_a_transaction(database, proxy):
+    with database.reading() as session:
+        session.execute(text("SELECT 1"))
+        with proxy.being("silent"), pytest.raises(OperationalError, match="no answer within"):
+            session.execute(text("SELECT 1"))
+    assert ask(database) == 1
+
+
+def test_a_server_that_never_answers_a_connection(database, proxy):
+    with proxy.being("silent"), pytest.raises(OperationalError, match="timeout"):
+        ask(database)
+    assert ask(database) == 1
+
+
+def test_a_statement_that_takes_too_long_is_ended_by_the_server(database):
+    with pytest.raises(OperationalError, match="statement timeout"):
+        ask(database, "SELECT pg_sleep(20)")
+    assert ask(database) == 1
+
+
+def test_an_answer_that_comes_slowly_is_no_silence(url):
+    """Rows that keep coming for longer than the limit of silence are read to the end."""
+    with Proxy(Path(url.partition("?host=")[2]) / ".s.PGSQL.5432") as proxy:
+        name = url.partition("?")[0].rpartition("/")[2]
+        address = f"postgresql+psycopg://stilb@{proxy.address}/{name}?options=-c%20statement_timeout=0"
+        database = Database(address, answer_within_s=0.1)
+        ask(database)
+        proxy.become("slow")
+        with database.reading() as session:
+            began = time.monotonic()
+            rows = session.execute(text("SELECT repeat('x', 100000) FROM generate_series(1, 12)")).all()
+            assert (len(rows), time.monotonic() - began > 2.2) == (12, True)
+        database.dispose()
+
+
+def test_a_lock_is_not_waited_for_for_long(database, url):
+    locked = threading.Event()
+    done = threading.Event()
+    other = Database(url)
+
+    def hold():
+        with other.reading() as session:
+            session.execute(text("LOCK TABLE organisation"))
+            locked.set()
+            done.wait(30)
+
+    holder = threading.Thread(target=hold)
+    holder.start()
+    locked.wait(30)
+    try:
+        with pytest.raises(OperationalError, match="lock timeout"):
+            ask(database, "SELECT count(*) FROM organisation")
+    finally:
+        done.set()
+        holder.join()
+        other.dispose()
+
+
+def test_a_migration_has_no_such_limits(url):
+    patient = Database(url, answer_within_s=None)
+    migrate(patient)
+    assert [ask(patient, f"SHOW {name}") for name in ("statement_timeout", "lock_timeout")] == ["0", "0"]
+    patient.dispose()
