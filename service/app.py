@@ -15,6 +15,7 @@ from service.addresses import Addresses
 from service.context import Context
 from service.digests import ContentDigests
 from service.document import build_document
+from service.hosts import KnownHosts
 from service.limits import BodyLimit
 from service.problems import HttpCode, Problem
 from service.routes import include_routes
@@ -42,6 +43,7 @@ def build_app(context: Context) -> FastAPI:
     app.add_middleware(BodyLimit)
     app.add_middleware(ContentDigests)
     _let_dashboards_read(app, context.settings.cors_origins)
+    app.add_middleware(KnownHosts)
     app.add_middleware(SecurityHeaders)
     # the outermost: it answers in the place of all others
     app.add_middleware(CarriesTraffic)

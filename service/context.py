@@ -1,10 +1,12 @@
 """What a request needs of the world, built once in main and passed down."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 from fastapi import Depends, Request
 
+from service.hosts import Hosts
 from service.sessions import Sessions
 from service.stopping import Traffic
 from service.waiting import JobWatch
@@ -22,6 +24,11 @@ class Context:
     hints: Hints
     watch: JobWatch
     sessions: Sessions
+
+    @cached_property
+    def hosts(self) -> Hosts:
+        return Hosts(self.settings)
+
     traffic: Traffic
 
 

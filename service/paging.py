@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import Select
 from sqlalchemy.orm import Session
 
+from service.hosts import absolute
 from service.schemas.base import Answer, Text
 
 AnswerType = TypeVar("AnswerType", bound=Answer)
@@ -51,5 +52,6 @@ def page(
     found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
     more = len(found) > limit
     last = getattr(found[limit - 1], by.key) if more else None
-    address = str(request.url.include_query_params(cursor=last)) if more else None
+    following = request.url.include_query_params(cursor=last)
+    address = absolute(request, f"{following.path}?{following.query}") if more else None
     return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})

@@ -20,6 +20,7 @@ class Settings(BaseSettings):
     key: SecretStr = SecretStr("")
     session_secret: SecretStr = SecretStr("")
     cors_origins: str = ""
+    allowed_hosts: str = ""
     database_url: str = ""
     database_timeout_s: float = Field(default=30.0, gt=0)
     broker_url: str = ""

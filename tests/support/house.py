@@ -47,7 +47,7 @@ class House:
     def __init__(self, database: Database, folder: Path):
         self.database = database
         self.folder = folder
-        self.settings = Settings(data=folder)
+        self.settings = Settings(data=folder, allowed_hosts="testserver")
         self.blobs = LocalBlobs(folder / "blobs")
         self._stack = ExitStack()
 

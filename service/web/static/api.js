@@ -53,6 +53,12 @@ export async function getOr(path, instead) {
   }
 }
 
+/** The path of an address that the service gave: whole, or a path where it does not know its own name. */
+export function pathOf(address) {
+  const { pathname, search } = new URL(address, location.href);
+  return pathname + search;
+}
+
 /** Every item of a list, page by page. */
 export async function all(path, { limit = 1000, atMost = Infinity } = {}) {
   const items = [];
@@ -60,8 +66,7 @@ export async function all(path, { limit = 1000, atMost = Infinity } = {}) {
   while (next && items.length < atMost) {
     const page = await get(next);
     items.push(...page.items);
-    // the address is absolute, and of the name that the service knows itself by
-    next = page.next && new URL(page.next).pathname + new URL(page.next).search;
+    next = page.next && pathOf(page.next);
   }
   return items;
 }

@@ -1,6 +1,6 @@
 // All measurements, newest first; two of a kind can be compared.
 
-import { all, get } from "../api.js";
+import { all, get, pathOf } from "../api.js";
 import { byId, filename, fill, h, may, table } from "../dom.js";
 import { number, quantity, tag, time, words } from "../format.js";
 import { act, empty, failed, load } from "../states.js";
@@ -79,8 +79,7 @@ function draw() {
   const more = h("button", { type: "button" }, "Show more");
   more.addEventListener("click", () =>
     act(more, async () => {
-      const { pathname, search } = new URL(next);
-      const page = await get(pathname + search);
+      const page = await get(pathOf(next));
       rows = [...rows, ...page.items];
       next = page.next;
       fill(byId("measurements"), draw());
