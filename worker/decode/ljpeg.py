@@ -2,7 +2,9 @@
 
 Both decoders of imagecodecs crash on damaged headers, and the quicker one fills what is missing in silence.
 So the header is parsed and checked here, the decoder is given a new one with the same meaning, and afterwards
-the samples are counted back into bits: a scan that ended early, or went astray, does not add up.
+the samples are counted back into bits: a scan that ended early, or went astray, does not add up. The scan
+must run unbroken up to the end marker. What a damaged scan decodes to when it still adds up cannot be told
+from an image: the format has no checksum.
 """
 
 import functools
@@ -37,14 +39,16 @@ class Stream:
     tables: tuple[bytes, ...]
     predictor: int
     scan: bytes
+    stuffed: int  # bytes of the scan that only follow an FF
+    end: int  # of the end marker, in the bytes that were parsed
 
     @property
     def components(self) -> int:
         return len(self.tables)
 
 
-def decode(data: bytes, *, samples: int) -> NDArray[np.uint16]:
-    """The stream's samples in the order they were written, exactly ``samples`` of them."""
+def decode(data: bytes, *, samples: int) -> tuple[NDArray[np.uint16], int]:
+    """The stream's samples in the order they were written, exactly ``samples``; and the bytes it took."""
     stream = parse(data)
     claimed = stream.rows * stream.cols * stream.components
     if claimed != samples:
@@ -60,7 +64,7 @@ def decode(data: bytes, *, samples: int) -> NDArray[np.uint16]:
         raise refuse(Refusal.SIZE_MISMATCH, "A piece of the image does not decompress to its size.")
     planes = decoded.astype(np.uint16, copy=False).reshape(stream.rows, stream.cols, stream.components)
     _check_length(stream, planes)
-    return np.ascontiguousarray(planes).reshape(-1)
+    return np.ascontiguousarray(planes).reshape(-1), stream.end
 
 
 def parse(data: bytes) -> Stream:
@@ -78,7 +82,7 @@ def parse(data: bytes) -> Stream:
             raise NotDecodedHereError("restart intervals")
         elif marker == _SOS and frame is not None:
             chosen, predictor = _read_scan_header(body, frame[3], tables)
-            return Stream(frame[0], frame[1], frame[2], chosen, predictor, _scan_bytes(data, end))
+            return Stream(frame[0], frame[1], frame[2], chosen, predictor, *_find_scan(data, end))
     raise _damaged()
 
 
@@ -166,54 +170,81 @@ def _read_scan_header(body: bytes, ids: list[int], tables: dict[int, bytes]) -> 
     return tuple(table for table in chosen if table is not None), predictor
 
 
-def _scan_bytes(data: bytes, start: int) -> bytes:
-    end = data.find(bytes([0xFF, _EOI]), start)
-    scan = data[start:end] if end >= 0 else data[start:]
+def _find_scan(data: bytes, start: int) -> tuple[bytes, int, int]:
+    """The scan up to its end marker, how many of its bytes are stuffed, and where the marker ends.
+
+    In a scan every FF is followed by a 0, which is stuffed, or begins a marker; only the end marker may come.
+    """
+    coded = np.frombuffer(data, np.uint8)[start:]
+    places = np.flatnonzero(coded[:-1] == 0xFF)
+    following = coded[places + 1]
+    markers = np.flatnonzero((following != 0) & (following != 0xFF))
+    if not len(markers):
+        raise refuse(Refusal.TRUNCATED, "A piece of the compressed image ends before its end marker.")
+    if following[markers[0]] != _EOI:
+        raise refuse(Refusal.INCOMPLETE_IMAGE, "A piece of the compressed image is broken off within.")
+    end = int(places[markers[0]])
+    stuffed = int(np.count_nonzero(following[: markers[0]] == 0))
+    scan = data[start : start + end]
     if not scan:
         raise _damaged()
-    return scan
+    return scan, stuffed, start + end + 2
 
 
 def _check_length(stream: Stream, planes: NDArray[np.uint16]) -> None:
-    available = 8 * (len(stream.scan) - stream.scan.count(b"\xff\x00"))
+    available = 8 * (len(stream.scan) - stream.stuffed)
     needed = 0
-    differences = _differences(planes, stream)
-    for component, table in enumerate(stream.tables):
-        needed += int(_bit_costs(table)[differences[:, :, component]].sum(dtype=np.int64))
+    differences = _differences(planes[:, :, 0] if stream.components == 1 else planes, stream)
+    if len(set(stream.tables)) == 1:
+        needed = _count_bits(differences, stream.tables[0])
+    else:
+        for component, table in enumerate(stream.tables):
+            needed += _count_bits(differences[:, :, component], table)
     if needed > available:
         raise refuse(Refusal.TRUNCATED, "A piece of the compressed image ends early.")
     if available - needed >= _SPARE_BITS:
         raise refuse(Refusal.SIZE_MISMATCH, "A piece of the compressed image does not add up.")
 
 
+def _count_bits(differences: NDArray[np.uint16], table: bytes) -> int:
+    # a number of 16 bits never leaves the table: "wrap" only spares numpy the look
+    return int(np.take(_bit_costs(table), differences, mode="wrap").sum(dtype=np.uint64))
+
+
 def _differences(planes: NDArray[np.uint16], stream: Stream) -> NDArray[np.uint16]:
     """What the encoder wrote: each sample less its prediction, modulo 2^16 (ITU T.81, table H.1)."""
-    out = planes.copy()
-    left, above, corner = planes[1:, :-1], planes[:-1, 1:], planes[:-1, :-1]
-    out[0, 1:] -= planes[0, :-1]
-    out[1:, 0] -= planes[:-1, 0]
-    out[0, 0] -= np.uint16(1 << (stream.bits - 1))
-    wide = np.int32
-    match stream.predictor:
-        case 1:
-            out[1:, 1:] -= left
-        case 2:
-            out[1:, 1:] -= above
-        case 3:
-            out[1:, 1:] -= corner
-        case 4:
-            out[1:, 1:] -= left + above - corner
-        case 5:
-            out[1:, 1:] -= (left + ((above.astype(wide) - corner) >> 1)).astype(np.uint16)
-        case 6:
-            out[1:, 1:] -= (above + ((left.astype(wide) - corner) >> 1)).astype(np.uint16)
-        case _:
-            out[1:, 1:] -= ((left.astype(wide) + above) >> 1).astype(np.uint16)
+    out = np.empty_like(planes)
+    here, left, above, corner = planes[1:, 1:], planes[1:, :-1], planes[:-1, 1:], planes[:-1, :-1]
+    out[:1, :1] = planes[:1, :1] - np.uint16(1 << (stream.bits - 1))
+    np.subtract(planes[0, 1:], planes[0, :-1], out=out[0, 1:])
+    np.subtract(planes[1:, 0], planes[:-1, 0], out=out[1:, 0])
+    np.subtract(here, _predict(stream.predictor, left, above, corner), out=out[1:, 1:])
     return out
 
 
+def _predict(
+    predictor: int, left: NDArray[np.uint16], above: NDArray[np.uint16], corner: NDArray[np.uint16]
+) -> NDArray[np.uint16]:
+    wide = np.int32
+    predicted = left
+    match predictor:
+        case 2:
+            predicted = above
+        case 3:
+            predicted = corner
+        case 4:
+            predicted = left + above - corner
+        case 5:
+            predicted = (left + ((above.astype(wide) - corner) >> 1)).astype(np.uint16)
+        case 6:
+            predicted = (above + ((left.astype(wide) - corner) >> 1)).astype(np.uint16)
+        case 7:
+            predicted = ((left.astype(wide) + above) >> 1).astype(np.uint16)
+    return predicted
+
+
 @functools.lru_cache(maxsize=64)
-def _bit_costs(table: bytes) -> NDArray[np.uint8]:
+def _bit_costs(table: bytes) -> NDArray[np.uint32]:
     """Bits that the table spends on each difference; one that it cannot write costs most."""
     code_bits = np.full(17, 255, np.uint8)
     lengths = np.repeat(np.arange(1, 17), list(table[:16]))
@@ -225,7 +256,7 @@ def _bit_costs(table: bytes) -> NDArray[np.uint8]:
     categories = np.zeros(1 << 16, np.int64)
     for bit in range(16):
         categories[magnitude >= 1 << bit] = bit + 1
-    return np.asarray(code_bits[categories], np.uint8)
+    return np.asarray(code_bits[categories], np.uint32)
 
 
 def _damaged() -> Exception:

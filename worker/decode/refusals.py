@@ -13,6 +13,7 @@ class Refusal(StrEnum):
     NOT_A_RAW_FILE = Code.NOT_A_RAW_FILE.value
     TRUNCATED = "truncated"
     SIZE_MISMATCH = "size_mismatch"
+    INCOMPLETE_IMAGE = "incomplete_image"
     FRAME_TOO_LARGE = "frame_too_large"
     FRAME_TOO_SMALL = "frame_too_small"
     LINEAR_RAW = "linear_raw"
@@ -27,6 +28,7 @@ _WHAT_TO_DO = {
     Refusal.NOT_A_RAW_FILE: "Send the camera's raw file (DNG), or a TIFF; of a chart also JPEG or PNG.",
     Refusal.TRUNCATED: "Copy it from the camera's card again and compare the file sizes.",
     Refusal.SIZE_MISMATCH: "The file is damaged: copy it from the camera's card again.",
+    Refusal.INCOMPLETE_IMAGE: "Copy it from the camera's card again; its own copy may be damaged too.",
     Refusal.FRAME_TOO_LARGE: "Send a single frame as the camera wrote it.",
     Refusal.FRAME_TOO_SMALL: "Send a whole frame as the camera wrote it, not a thumbnail.",
     Refusal.LINEAR_RAW: "Send the DNG as the camera wrote it, before any conversion.",

@@ -1,15 +1,15 @@
-"""Windows of the stored samples: only the strips, tiles and bytes that they need are read."""
+"""Windows of the stored samples: only the strips, tiles and bytes that they need are read.
 
-import zlib
+Each compressed piece is decoded to its own end and has to end there, whatever part of it is wanted: what the
+format has to prove its samples with, a checksum or an end code, stands behind the last of them.
+"""
 
-import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.decode import ljpeg, tags
+from worker.decode import expanding, ljpeg, tags
 from worker.decode.bits import unpack_rows
 from worker.decode.layout import Layout
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.source import Source
 
 COMPRESSIONS = {
@@ -23,9 +23,18 @@ COMPRESSIONS = {
 
 
 def read_samples(
-    source: Source, layout: Layout, row0: int, col0: int, height: int, width: int
+    source: Source,
+    layout: Layout,
+    row0: int,
+    col0: int,
+    height: int,
+    width: int,
+    consumed: dict[int, int] | None = None,
 ) -> NDArray[np.uint16]:
-    """A window of the whole frame as (row, col, sample), before linearisation."""
+    """A window of the whole frame as (row, col, sample), before linearisation.
+
+    ``consumed`` : receives the bytes that each compressed piece took up to its end, by its index
+    """
     out = np.empty((height, width, layout.samples), np.uint16)
     for segment_row in range(row0 // layout.segment_rows, -(-(row0 + height) // layout.segment_rows)):
         top = segment_row * layout.segment_rows
@@ -36,28 +45,43 @@ def read_samples(
             target = out[first_row - row0 : last_row - row0, first_col - col0 : last_col - col0]
             rows, cols = slice(first_row - top, last_row - top), slice(first_col - left, last_col - left)
             index = segment_row * layout.across + segment_col
-            target[...] = _read_segment(source, layout, index, rows, cols)
+            if layout.compression == tags.UNCOMPRESSED:
+                target[...] = _read_stored(source, layout, index, rows, cols)
+                continue
+            target[...], took = _read_compressed(source, layout, index, rows, cols)
+            if consumed is not None:
+                consumed[index] = took
     return out
 
 
-def _read_segment(source: Source, layout: Layout, index: int, rows: slice, cols: slice) -> NDArray[np.uint16]:
+def _read_stored(source: Source, layout: Layout, index: int, rows: slice, cols: slice) -> NDArray[np.uint16]:
+    offset, count = int(layout.offsets[index]), rows.stop - rows.start
+    stored = source.array(offset + rows.start * layout.row_bytes, count * layout.row_bytes)
+    return _cut(stored, layout, count, slice(None), cols)
+
+
+def _read_compressed(
+    source: Source, layout: Layout, index: int, rows: slice, cols: slice
+) -> tuple[NDArray[np.uint16], int]:
     offset, size = int(layout.offsets[index]), int(layout.byte_counts[index])
     stored_rows = layout.rows_in(index // layout.across)
     shape = (stored_rows, layout.segment_cols, layout.samples)
-    if layout.compression == tags.UNCOMPRESSED:
-        stored = source.array(
-            offset + rows.start * layout.row_bytes, (rows.stop - rows.start) * layout.row_bytes
-        )
-        return _cut(stored, layout, rows.stop - rows.start, slice(None), cols)
     data = source[offset : offset + size]
     if layout.compression == tags.JPEG:
-        return ljpeg.decode(data, samples=shape[0] * shape[1] * shape[2]).reshape(shape)[rows, cols]
-    expanded = _expand(data, layout.compression, stored_rows * layout.row_bytes)
+        samples, took = ljpeg.decode(data, samples=shape[0] * shape[1] * shape[2])
+        return samples.reshape(shape)[rows, cols], took
+    expanded, took = expanding.expand(
+        data,
+        layout.compression,
+        wanted=stored_rows * layout.row_bytes,
+        # a writer may store the last strip whole
+        most=layout.segment_rows * layout.row_bytes,
+    )
     if layout.predictor == 1:
-        return _cut(expanded, layout, stored_rows, rows, cols)
+        return _cut(expanded, layout, stored_rows, rows, cols), took
     everything = _cut(expanded, layout, stored_rows, slice(0, stored_rows), slice(0, layout.segment_cols))
     summed = np.cumsum(everything, axis=1, dtype=np.uint16)[rows, cols]
-    return summed & np.uint16((1 << layout.bits) - 1)
+    return summed & np.uint16((1 << layout.bits) - 1), took
 
 
 def _cut(
@@ -73,19 +97,3 @@ def _cut(
     else:
         samples = unpack_rows(table, bits=layout.bits, first=first, count=count)
     return samples.reshape(len(table), -1, layout.samples)
-
-
-def _expand(data: bytes, compression: int, size: int) -> NDArray[np.uint8]:
-    """Decompress at most ``size`` bytes, however much the data would expand to."""
-    try:
-        if compression in (tags.DEFLATE, tags.DEFLATE_OLD):
-            plain = zlib.decompressobj().decompress(data, size)
-        elif compression == tags.LZW:
-            plain = bytes(imagecodecs.lzw_decode(data, out=size))
-        else:
-            plain = bytes(imagecodecs.packbits_decode(data, out=size))
-    except (zlib.error, RuntimeError, ValueError) as error:
-        raise refuse(Refusal.SIZE_MISMATCH, "A piece of the image cannot be decompressed.") from error
-    if len(plain) < size:
-        raise refuse(Refusal.TRUNCATED, "A piece of the compressed image ends early.")
-    return np.frombuffer(plain, np.uint8, count=size)

@@ -1,0 +1,132 @@
+"""Compressed pieces have to end where they say, whatever part of them is wanted."""
+
+import io
+import zlib
+
+import numpy as np
+import pytest
+import tifffile
+
+from radiometry.errors import InputRejected
+from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
+from tests.worker.decode.tiff_writer import LONG, SHORT, TiffWriter
+from worker.decode import reading
+from worker.decode.refusals import Refusal
+
+ROWS, COLS, STRIP = 40, 50, 16
+IMAGE = np.random.default_rng(3).integers(0, 1 << 16, (ROWS, COLS)).astype(np.uint16)
+
+
+def _tiff(pieces, compression):
+    writer = TiffWriter()
+    offsets = [writer.append(piece) for piece in pieces]
+    entries = {
+        256: (LONG, COLS),
+        257: (LONG, ROWS),
+        258: (SHORT, 16),
+        259: (SHORT, compression),
+        262: (SHORT, 1),
+        273: (LONG, offsets),
+        277: (SHORT, 1),
+        278: (LONG, STRIP),
+        279: (LONG, [len(piece) for piece in pieces]),
+    }
+    return writer.finish(writer.directory(entries))
+
+
+def _strips(image=IMAGE):
+    return [image[top : top + STRIP].tobytes() for top in range(0, ROWS, STRIP)]
+
+
+def _deflated(change=lambda data: data):
+    packed = [zlib.compress(strip) for strip in _strips()]
+    return _tiff([packed[0], change(packed[1]), packed[2]], 8)
+
+
+def _read(path, row0=STRIP, height=1):
+    return reading.read_window(path, row0, 0, height, COLS).samples_dn
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda data: data[:-1] + bytes([data[-1] ^ 1]),
+        lambda data: data[:-4],
+        lambda data: data + b"what another file left",
+        lambda data: zlib.compress(zlib.decompress(data) + b"more"),
+        lambda data: data[:100] + bytes([data[100] ^ 64]) + data[101:],
+    ],
+    ids=["checksum", "no checksum", "trailing bytes", "longer", "a bit within"],
+)
+def test_deflate_that_does_not_end_with_its_checksum(change, save):
+    path = save(_deflated(change))
+    with pytest.raises(InputRejected) as caught:
+        _read(path)
+    assert caught.value.code is Refusal.INCOMPLETE_IMAGE
+    np.testing.assert_array_equal(_read(path, 0), IMAGE[:1])  # another strip: it is not looked at
+
+
+def test_deflate_with_a_whole_last_strip_and_padding_is_read(save):
+    padded = np.concatenate([IMAGE, IMAGE[:8]])
+    strips = [zlib.compress(padded[top : top + STRIP].tobytes()) + b"\0" for top in range(0, ROWS, STRIP)]
+    np.testing.assert_array_equal(_read(save(_tiff(strips, 8)), 0, ROWS), IMAGE)
+
+
+def test_no_damaged_deflate_strip_is_accepted(save):
+    """300 bytes changed at random: zlib accepts none, and nor does the reader."""
+    random = np.random.default_rng(5)
+    packed = zlib.compress(_strips()[1])
+    accepted = 0
+    for place, flip in zip(random.integers(0, len(packed), 300), random.integers(1, 256, 300), strict=True):
+        damaged = bytearray(packed)
+        damaged[place] ^= flip
+        try:
+            _read(save(_deflated(lambda _, damaged=damaged: bytes(damaged))))
+        except InputRejected:
+            continue
+        accepted += 1
+    assert accepted == 0
+
+
+@pytest.mark.parametrize("compression", ["lzw", "packbits"])
+def test_piece_that_lost_its_end_or_runs_on(compression, save):
+    target = io.BytesIO()
+    tifffile.imwrite(target, IMAGE, compression=compression, rowsperstrip=ROWS, photometric="minisblack")
+    with tifffile.TiffFile(io.BytesIO(target.getvalue())) as file:
+        page = file.pages[0]
+        offset, count, number = page.dataoffsets[0], page.databytecounts[0], page.tags[259].value
+    packed = target.getvalue()[offset : offset + count]
+    more = {"lzw": packed[:-2], "packbits": packed + b"\x00\x07"}[compression]
+    for piece, ends in ((packed, True), (packed[: len(packed) // 2], False), (more, False)):
+        content = _tiff([piece], number).replace(
+            (278).to_bytes(2, "little") + b"\4\0\1\0\0\0" + STRIP.to_bytes(4, "little"),
+            (278).to_bytes(2, "little") + b"\4\0\1\0\0\0" + ROWS.to_bytes(4, "little"),
+        )
+        if ends:
+            np.testing.assert_array_equal(_read(save(content), 0, ROWS), IMAGE)
+            continue
+        with pytest.raises(InputRejected) as caught:
+            _read(save(content), 0, 1)
+        assert caught.value.code in (Refusal.INCOMPLETE_IMAGE, Refusal.TRUNCATED)
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda jpeg: jpeg[:-2], Refusal.TRUNCATED),
+        (lambda jpeg: jpeg[:-60] + b"\xff\xd0" + jpeg[-58:], Refusal.INCOMPLETE_IMAGE),
+    ],
+    ids=["no end marker", "another marker within"],
+)
+def test_lossless_jpeg_has_to_reach_its_end_marker(change, code, save):
+    samples = make_samples(64, 64, 16)
+    content = make_dng(samples, Variant(compression="ljpeg"))
+    start = content.index(b"\xff\xd8")
+    end = content.index(b"\xff\xd9", start) + 2
+    changed = change(content[start:end])
+    place = len(content) + len(content) % 2
+    extra = {273: (LONG, place), 279: (LONG, len(changed))}
+    again = make_dng(samples, Variant(compression="ljpeg", extra=extra)).ljust(place, b"\0") + changed
+    with pytest.raises(InputRejected) as caught:
+        reading.read_window(save(again), 0, 0, 1, 1)
+    assert caught.value.code is code
