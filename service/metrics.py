@@ -27,6 +27,8 @@ def _lines(census: Census) -> Iterator[str]:
         "stilb_oldest_queued_job_age_seconds", "How long the job that waits longest has been due."
     )
     yield f"stilb_oldest_queued_job_age_seconds {census.oldest_queued_s:.3f}"
+    yield from _head("stilb_jobs_due_later", "Queued jobs whose time to be tried again has not come.")
+    yield f"stilb_jobs_due_later {census.due_later}"
     yield from _by_state("stilb_frames", "Frames by state.", census.frames, get_args(FrameState))
     yield from _head("stilb_uploads", "Files that were ever received.")
     yield f"stilb_uploads {sum(census.frames.values())}"

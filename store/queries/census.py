@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from sqlalchemy import func, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
+from store.columns import utc_now
 from store.jobs import oldest_wait_s
 from store.tables import FrameRow, Job, Publication
 
@@ -13,6 +14,8 @@ from store.tables import FrameRow, Job, Publication
 class Census:
     jobs: dict[str, int]
     oldest_queued_s: float
+    due_later: int
+    """Queued jobs that are not due yet: they are tried again later, or the clock was set back."""
     frames: dict[str, int]
     refusals: dict[str, int]
     """Refused frames by the code of their refusal."""
@@ -24,9 +27,11 @@ def take_census(session: Session) -> Census:
     in_force = select(func.count(Publication.calibration_id.distinct())).where(
         Publication.known_to.is_(None), Publication.superseded_by.is_(None)
     )
+    due_later = select(func.count()).select_from(Job).where(Job.state == "queued", Job.due_at > utc_now())
     return Census(
         jobs=_count_by(session, Job.state),
         oldest_queued_s=oldest_wait_s(session),
+        due_later=session.scalar(due_later) or 0,
         frames=_count_by(session, FrameRow.state),
         refusals=_count_by(session, FrameRow.refusal_code),
         versions_published=session.scalar(in_force) or 0,

@@ -1,10 +1,15 @@
 """What the service tells those who watch it."""
 
 import shutil
+from datetime import timedelta
 
 import pytest
+from sqlalchemy import update
 
+from store.clocks import mend_times
+from store.columns import utc_now
 from store.software import CODE_VERSION
+from store.tables import Job
 
 
 def test_metrics_count_what_the_database_holds(house):
@@ -15,6 +20,16 @@ def test_metrics_count_what_the_database_holds(house):
     assert 'stilb_frames{state="received"} 1' in lines
     age = next(line for line in lines if line.startswith("stilb_oldest_queued_job_age_seconds "))
     assert float(age.split()[1]) > 0
+    assert "stilb_jobs_due_later 0" in lines
+    with house.database.writing("test") as session:
+        later = utc_now() + timedelta(hours=1)
+        session.execute(update(Job).values(due_at=later))
+    lines = house.http.get("/metrics").text.splitlines()
+    assert "stilb_jobs_due_later 1" in lines
+    assert "stilb_oldest_queued_job_age_seconds 0.000" in lines
+    with house.database.writing("test") as session:
+        mend_times(session, lease_s=30.0, jumped=False)
+    assert "stilb_jobs_due_later 0" in house.http.get("/metrics").text.splitlines()
     house.work()
     lines = house.http.get("/metrics").text.splitlines()
     assert 'stilb_jobs{state="failed"} 1' in lines
