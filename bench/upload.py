@@ -3,6 +3,7 @@
 import hashlib
 import itertools
 import os
+import secrets
 import socket
 import subprocess
 import sys
@@ -26,7 +27,7 @@ CLIENT = "through the service with stilb.Client (it hashes first)"
 SCRIPT = "a script: read, SHA-256, write, fsync"
 
 _ROOT = Path(__file__).resolve().parent.parent
-KEY = "stilb_bench"
+KEY = f"stilb_{secrets.token_urlsafe(32)}"
 _CHUNK_BYTES = 1 << 20
 _READY_WITHIN_S = 60.0
 

@@ -11,6 +11,9 @@ import uvicorn
 from service.app import build_app
 from service.auth import SCOPES
 from service.context import Context
+from service.launch.folder import close_to_others
+from service.launch.key import refuse_weak_key
+from service.launch.refusal import Refusal, say
 from service.sessions import sessions_of
 from service.stopping import Server, Traffic
 from service.vitals import Vitals
@@ -40,8 +43,16 @@ def build_context(settings: Settings) -> Context:
 def main() -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     settings = Settings()
+    secret = settings.key.get_secret_value()
+    try:
+        close_to_others(settings.data.absolute(), say)
+        if secret:
+            refuse_weak_key(secret, "STILB_KEY")
+    except Refusal as refusal:
+        say(str(refusal))
+        return refusal.code
     context = build_context(settings)
-    if secret := settings.key.get_secret_value():
+    if secret:
         with context.database.writing("service") as session:
             ensure_operator(session, secret, list(SCOPES))
     app = build_app(context)

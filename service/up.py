@@ -10,8 +10,8 @@ from dataclasses import replace
 from pydantic import ValidationError
 
 from service.launch.lifeline import follow_make
-from service.launch.refusal import Exit
-from service.launch.run import Roster, launch, say
+from service.launch.refusal import Exit, say
+from service.launch.run import Roster, launch
 from service.launch.supervisor import Part
 from store.settings import Settings
 

@@ -2,8 +2,9 @@
 
 import fcntl
 import os
+import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,15 +14,36 @@ REMAINS_S = 10.0
 """How long the children of a killed launcher may take to go; the kernel kills them at once."""
 
 
+_OURS = ("lock", "session-secret", "stilb.sqlite")
+
+
+def close_to_others(data: Path, say: Callable[[str], None]) -> None:
+    """Make the data folder, or take everybody else's rights away: it holds keys and customers' files."""
+    if not data.exists():
+        data.mkdir(parents=True, mode=0o700)
+        return
+    mode = stat.S_IMODE(data.stat().st_mode)
+    if not mode & 0o077:
+        return
+    # somebody may have named a folder that holds other things, which others may need
+    is_ours = not any(data.iterdir()) or any((data / name).exists() for name in _OURS)
+    if is_ours and data.stat().st_uid == os.geteuid() and not mode & stat.S_ISVTX:
+        data.chmod(0o700)
+        say(f"the data folder {data} was open to other users (mode {mode:o}); it is now 700")
+    else:
+        advice = "name a folder of its own, or chmod 700"
+        say(f"the data folder {data} is open to other users (mode {mode:o}): {advice}")
+
+
 @contextmanager
-def claimed(data: Path) -> Iterator[int]:
+def claimed(data: Path, say: Callable[[str], None]) -> Iterator[int]:
     """Hold the folder; yields the lock's descriptor, to be inherited by every child.
 
     With the children holding it too, the lock is free only when nothing of an earlier run is left that could
     still write here.
     """
     try:
-        data.mkdir(parents=True, exist_ok=True)
+        close_to_others(data, say)
         lock = os.open(data / "lock", os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
         raise Refusal(f"the data folder {data} cannot be written: {error.strerror}") from error

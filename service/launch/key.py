@@ -3,13 +3,19 @@
 import os
 import secrets
 from pathlib import Path
+from typing import Final
 
 from service.launch.refusal import Refusal
+
+SHORTEST: Final = 32
+_FEWEST_DIFFERENT: Final = 6
+_PREFIX: Final = "stilb_"
 
 
 def bootstrap_key(data: Path, given: str) -> str:
     """Return the given key, else the one kept in the data folder, which is made at the first start."""
     if given:
+        refuse_weak_key(given, "STILB_KEY")
         return given
     path = data / "key"
     try:
@@ -20,7 +26,27 @@ def bootstrap_key(data: Path, given: str) -> str:
         raise Refusal(f"the key in {path} cannot be kept or read: {error}") from error
     if not key:
         raise Refusal(f"the key in {path} is empty; remove the file to have a new one made")
+    refuse_weak_key(key, str(path))
     return key
+
+
+def refuse_weak_key(key: str, place: str) -> None:
+    """Refuse a key that could be guessed: it opens everything, to anybody who reaches the port.
+
+    Chance gives 32 characters of any alphabet more than five different ones, and never a block that repeats.
+    """
+    secret = key.removeprefix(_PREFIX)
+    if not (key.isascii() and key.isprintable() and " " not in key):
+        fault = "holds characters that no request can send: use letters, digits, - and _"
+    elif len(secret) < SHORTEST:
+        fault = f"has {len(secret)} characters; it needs {SHORTEST} random ones"
+    elif len(set(secret)) < _FEWEST_DIFFERENT or secret in (secret + secret)[1:-1]:
+        fault = f"repeats itself; it needs {SHORTEST} random characters"
+    else:
+        return
+    make = "python3 -c 'import secrets; print(secrets.token_urlsafe(32))'"
+    hint = f"make one with: {make}"
+    raise Refusal(f"the key in {place} {fault}; {hint}")
 
 
 def _write_whole(path: Path, text: str) -> None:

@@ -1,5 +1,6 @@
 """Why the launcher does not start, or ends: one line for a person, one number for a script."""
 
+import sys
 from enum import IntEnum
 
 
@@ -19,3 +20,8 @@ class Refusal(Exception):  # noqa: N818 (it says what was found)
     def __init__(self, message: str, code: Exit = Exit.CANNOT_START) -> None:
         super().__init__(message)
         self.code = code
+
+
+def say(line: str) -> None:
+    """Print one line for whoever looks at the terminal, or at the log of a container."""
+    print(f"stilb: {line}", file=sys.stderr, flush=True)  # noqa: T201 (speaks to the terminal)

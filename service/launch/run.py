@@ -3,7 +3,6 @@
 import http.client
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -15,7 +14,7 @@ from service.launch.folder import claimed
 from service.launch.key import bootstrap_key
 from service.launch.lifeline import die_with_parent
 from service.launch.port import free_port
-from service.launch.refusal import Exit, Refusal
+from service.launch.refusal import Exit, Refusal, say
 from service.launch.signals import Signals
 from service.launch.supervisor import GaveUp, Part, Supervisor
 from store.settings import Settings
@@ -48,13 +47,9 @@ def launch(settings: Settings, roster: Roster) -> Exit:
         return Exit.CANNOT_START
 
 
-def say(line: str) -> None:
-    print(f"stilb: {line}", file=sys.stderr, flush=True)  # noqa: T201 (speaks to the terminal)
-
-
 def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack) -> Exit:
     data = settings.data.absolute()
-    lock = stack.enter_context(claimed(data))
+    lock = stack.enter_context(claimed(data, say))
     key = bootstrap_key(data, settings.key.get_secret_value())
     port = free_port(settings.host, settings.port)
     environment = os.environ | {

@@ -13,7 +13,7 @@ from store.settings import Settings
 from tests.support.compose import OURS, ROOT, command_of, compose, environment_of
 
 GIVEN = {
-    "STILB_KEY": "stilb_key",
+    "STILB_KEY": "stilb_key_of_32_characters_and_some_more",
     "POSTGRES_PASSWORD": "secret",
     "AWS_ACCESS_KEY_ID": "id",
     "AWS_SECRET_ACCESS_KEY": "secret",

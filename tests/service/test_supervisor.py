@@ -17,6 +17,7 @@ from service.up import ROSTER, give_grace
 from tests.support.launcher import launched, ready
 from tests.support.processes import alive, family, marked, wait_until
 
+GIVEN = "given-to-the-launcher-by-its-environment"
 FOLLOW_MAKE = """
 import time
 from service.launch.lifeline import follow_make
@@ -55,12 +56,12 @@ def test_it_says_in_one_line_where_it_serves(tmp_path):
 
 def test_the_key_is_kept_from_start_to_start_unless_one_is_given(tmp_path):
     keys = []
-    for settings in ({}, {}, {"STILB_KEY": "given"}, {}):
+    for settings in ({}, {}, {"STILB_KEY": GIVEN}, {}):
         with launched(tmp_path, **settings) as process:
             keys.append(ready(process)[1])
             process.terminate()
             process.communicate(timeout=90)
-    assert keys == [keys[0], keys[0], "given", keys[0]]
+    assert keys == [keys[0], keys[0], GIVEN, keys[0]]
 
 
 @pytest.mark.parametrize("sig", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
@@ -84,8 +85,8 @@ def test_a_part_that_does_not_heed_the_stop_is_killed(tmp_path):
 
 
 def test_a_part_that_needs_no_key_is_given_none(tmp_path):
-    with launched(tmp_path, parts=("serve", "stubborn"), STILB_KEY="given") as process:
-        assert ready(process)[1] == "given"
+    with launched(tmp_path, parts=("serve", "stubborn"), STILB_KEY=GIVEN) as process:
+        assert ready(process)[1] == GIVEN
         log = tmp_path / "logs" / "stubborn.log"
         wait_until(lambda: log.read_text() == "deaf, without the key\n")
 

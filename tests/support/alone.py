@@ -13,7 +13,7 @@ from service.launch.port import free_port
 from tests.support.deployments import spawn, wait_for
 from tests.support.fieldwork import Team, new_team
 
-KEY = "stilb_key_of_a_service_that_is_alone"
+KEY = "stilb_key_of_a_service_that_is_alone_here"
 
 
 class Alone:

@@ -31,7 +31,7 @@ from tests.support.waiting import PATIENCE_S, state_of, text_of, wait_for
 # What is lost is found again within seconds.
 QUICK = {"STILB_LEASE_S": "2", "STILB_SWEEP_INTERVAL_S": "0.2", "STILB_STALL_S": "10"}
 GIVEN = {
-    "STILB_KEY": "stilb_flow_key",
+    "STILB_KEY": "stilb_flow_key_of_32_characters_and_more",
     "POSTGRES_PASSWORD": "secret",
     "AWS_ACCESS_KEY_ID": "id",
     "AWS_SECRET_ACCESS_KEY": "secret",
