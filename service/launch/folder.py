@@ -19,9 +19,7 @@ _OURS = ("lock", "session-secret", "stilb.sqlite")
 
 def close_to_others(data: Path, say: Callable[[str], None]) -> None:
     """Make the data folder, or take everybody else's rights away: it holds keys and customers' files."""
-    if not data.exists():
-        data.mkdir(parents=True, mode=0o700)
-        return
+    data.mkdir(parents=True, mode=0o700, exist_ok=True)
     mode = stat.S_IMODE(data.stat().st_mode)
     if not mode & 0o077:
         return
