@@ -177,9 +177,7 @@ def _find_in_force(session: Session, campaign: Campaign, lights: list[_Light]) -
     latest = max((last for _, last in times), default=earliest)
     held = [
         found.calibration
-        for found in in_force(
-            session, camera_id=campaign.camera_id, method=METHOD, at=earliest, known_at=utc_now()
-        )
+        for found in in_force(session, camera_id=campaign.camera_id, method=METHOD, at=earliest)
         if found.publication.valid_to is None or found.publication.valid_to > latest
     ]
     if len(held) != 1:

@@ -8,7 +8,7 @@ import json
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from sqlalchemy import func, select
+from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
@@ -89,9 +89,19 @@ def in_force(
     camera_id: str,
     method: str,
     at: datetime,
-    known_at: datetime,
+    known_at: datetime | None = None,
 ) -> list[InForce]:
-    """The versions that hold at ``at`` as known at ``known_at``, one a configuration."""
+    """The versions that hold at ``at`` as known at ``known_at``, one a configuration.
+
+    Without a time, as known last: also if that was written down by a clock that has been set back since.
+    """
+    known: ColumnElement[bool]
+    if known_at is None:
+        known = Publication.known_to.is_(None)
+    else:
+        known = (Publication.known_from <= known_at) & (
+            Publication.known_to.is_(None) | (Publication.known_to > known_at)
+        )
     rows = session.execute(
         select(Calibration, Publication)
         .join(Publication, Publication.calibration_id == Calibration.id)
@@ -99,8 +109,7 @@ def in_force(
         .where(Slot.camera_id == camera_id, Slot.method == method)
         .where(Publication.valid_from <= at)
         .where(Publication.valid_to.is_(None) | (Publication.valid_to > at))
-        .where(Publication.known_from <= known_at)
-        .where(Publication.known_to.is_(None) | (Publication.known_to > known_at))
+        .where(known)
         .order_by(Slot.configuration)
     )
     return [InForce(calibration=calibration, publication=publication) for calibration, publication in rows]

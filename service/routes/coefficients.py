@@ -51,11 +51,10 @@ def get_coefficients(
     camera_id: Id, wanted: Annotated[Wanted, Query()], caller: Reader, context: UsesContext
 ) -> Response:
     """The coefficients in force at a time, as known at a time; both default to now. None is a 404."""
-    now = utc_now()
-    at, known_at = wanted.at or now, wanted.known_at or now
+    at = wanted.at or utc_now()
     with context.database.reading() as session:
         owned(session, Camera, camera_id, caller)
-        found = in_force(session, camera_id=camera_id, method=wanted.method, at=at, known_at=known_at)
+        found = in_force(session, camera_id=camera_id, method=wanted.method, at=at, known_at=wanted.known_at)
         rows = coefficients_of(session, [held.calibration.id for held in found])
     items = [
         _in_force(row, held) for held in found for row in rows[held.calibration.id] if wanted.matches(row)

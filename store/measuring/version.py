@@ -7,7 +7,6 @@ from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
 from radiometry.errors import Code, InputRejected
-from store.columns import utc_now
 from store.errors import Conflict
 from store.publications import InForce, in_force
 from store.tables import Calibration, Campaign, FrameRow, Revocation
@@ -41,9 +40,7 @@ def choose_version(
 
 def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tuple[InForce, str]:
     earliest, latest = read_time(frame)
-    found = in_force(
-        session, camera_id=campaign.camera_id, method=campaign.method, at=earliest, known_at=utc_now()
-    )
+    found = in_force(session, camera_id=campaign.camera_id, method=campaign.method, at=earliest)
     found = [held for held in found if _fits(held.calibration.configuration, frame)]
     whole = [held for held in found if _holds_until(held, latest)]
     taken = (frame.header or {})["taken_at"]

@@ -32,9 +32,7 @@ def held(database, version_id, at, known_at=None):
     """The version number in force, None where there is none."""
     with database.reading() as session:
         camera_id = session.get_one(Calibration, version_id).camera_id
-        found = in_force(
-            session, camera_id=camera_id, method="luminance", at=at, known_at=known_at or utc_now()
-        )
+        found = in_force(session, camera_id=camera_id, method="luminance", at=at, known_at=known_at)
     assert len(found) <= 1
     return found[0].calibration.version if found else None
 
@@ -59,6 +57,16 @@ def test_a_newer_version_takes_over_from_its_start(database):
     assert standing(database, one).superseded_by == two
     assert standing(database, one).valid_to == JUN
     assert standing(database, two).state == "published"
+
+
+def test_what_was_published_before_the_clock_was_set_back_is_in_force(database, monkeypatch):
+    one, two = add_versions(database, 2)
+    for version, ahead in ((one, 2), (two, 1)):
+        shown = utc_now() + timedelta(hours=ahead)
+        monkeypatch.setattr("store.publications.utc_now", lambda shown=shown: shown)
+        decide(database, version, JAN)
+        assert held(database, version, MAR) == (1 if version == one else 2)
+    assert held(database, one, MAR, known_at=utc_now()) is None
 
 
 def test_a_version_between_interrupts_without_superseding(database):
