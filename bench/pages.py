@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import TypeVar
 
 from playwright.sync_api import Browser, StorageState, sync_playwright
 from sqlalchemy import select
@@ -17,9 +17,11 @@ from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.timing import Seconds
 from bench.upload import KEY, Service, serving
 from store.columns import new_id
+from store.jobs import Turn
 from store.settings import Settings
 from store.tables import Base, Blob, ChannelRow, Extraction, FrameRow
 from worker.__main__ import build_context
+from worker.runner import claim_next
 from worker.runner import run as run_job
 
 PAGE = "the campaign's page, nothing cached"
@@ -94,7 +96,9 @@ def _fill_campaign(scale: Scale, service: Service, folder: Path) -> str:
         frame = client.push(campaign, path, role="light", scene="level-1")
     worker = build_context(Settings(data=folder / "data"))
     try:
-        run_job(worker, cast("str", frame.job_id))
+        claim = claim_next(worker, Turn())
+        assert claim is not None  # noqa: S101  the frame has just been uploaded
+        run_job(worker, claim)
         with worker.database.writing("bench") as session:
             for number in range(1, scale.frames):
                 _copy(session, frame.id, number)

@@ -1,4 +1,4 @@
-"""Hints to the workers: a Celery message that carries a job's id and nothing else."""
+"""Hints to the workers: a Celery message that wakes one of them, which then asks the database what to do."""
 
 import logging
 import threading
@@ -12,6 +12,8 @@ RUN_TASK = "stilb.run"
 _SILENCE_AFTER_FAILURE_S = 2.0
 _HINT_WITHIN_S = 1.0
 _ANSWER_WITHIN_S = 30.0
+_MOST_AT_ONCE = 16
+"""Messages for any number of jobs: one wakes a worker, and a worker that finds work wakes all its threads."""
 
 log = logging.getLogger(__name__)
 
@@ -23,9 +25,9 @@ def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -
     """
     app = Celery("stilb", broker=broker_url)
     app.conf.update(
-        task_acks_late=True,
-        task_reject_on_worker_lost=True,
-        worker_prefetch_multiplier=1,
+        # A message lost with its worker is no loss. One that is acknowledged late holds one of the consumer's
+        # places, which is never given back when the connection breaks in between.
+        task_acks_late=False,
         task_ignore_result=True,
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
@@ -45,7 +47,7 @@ def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -
 
 
 class Hints:
-    """Sends hints, and never fails: what is not hinted is found by the sweeper.
+    """Sends hints, and never fails: what is not hinted is found when a worker looks by itself.
 
     After a failure it stays silent for two seconds: a broker that is down or hangs delays one request by a
     second, not each.
@@ -60,7 +62,7 @@ class Hints:
 
     def send(self, job_ids: list[str]) -> None:
         """Tell some worker that these jobs wait."""
-        for job_id in job_ids:
+        for job_id in job_ids[:_MOST_AT_ONCE]:
             with self._lock:
                 # Looked at behind the lock: those who waited for one that failed do not try one by one.
                 if time.monotonic() < self._silent_until:
@@ -68,6 +70,6 @@ class Hints:
                 try:
                     self._celery.send_task(RUN_TASK, args=[job_id], retry=False, ignore_result=True)
                 except (OperationalError, RedisError, OSError) as error:
-                    log.warning("no hint for %s, the sweeper will find it: %s", job_id, error)
+                    log.warning("no hint for %s, a worker will find it: %s", job_id, error)
                     self._silent_until = time.monotonic() + _SILENCE_AFTER_FAILURE_S
                     return

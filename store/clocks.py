@@ -49,4 +49,4 @@ def mend_times(session: Session, *, lease_s: float, jumped: bool) -> None:
     too_long = true() if jumped else Job.lease_until > now + _LEASES_AHEAD * lease
     session.execute(update(Job).where(Job.state == "running", too_long).values(lease_until=now + lease))
     too_late = (Job.state == "queued") & (Job.due_at > now + FURTHEST_DUE)
-    session.execute(update(Job).where(too_late).values(due_at=now, hinted_at=None))
+    session.execute(update(Job).where(too_late).values(due_at=now))

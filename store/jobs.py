@@ -1,23 +1,43 @@
 """The life of a job: queued, claimed with a lease and a fence, finished once, or taken back and tried again.
 
-Every step is one conditional UPDATE: two workers that hold the same hint, or a worker that comes back
+Every step is one conditional UPDATE: two workers that choose the same job, or a worker that comes back
 from the dead, find no row to change.
 """
 
-from dataclasses import dataclass
+import random
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from enum import StrEnum
 from typing import Any
 
 from sqlalchemy import ColumnElement, CursorResult, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from store.columns import new_id, utc_now
 from store.tables import Job
 
 QUARANTINE_AFTER = 3
-RETRY_LIMIT = 8
-_HINT_AGAIN_AFTER = timedelta(seconds=5)
+RETRIED_FOR = timedelta(days=1)
+SHORTEST_PAUSE = timedelta(seconds=2)
+LONGEST_PAUSE = timedelta(minutes=3)
 FINAL_STATES = ("succeeded", "failed", "quarantined")
+GIVEN_UP = ("failed", "quarantined")
+
+_CLAIM_ATTEMPTS = 8
+"""How often a claim chooses anew where other workers took what it had just seen."""
+
+
+class Dependency(StrEnum):
+    """What a job needs of the world, and may have to wait for."""
+
+    DATABASE = "database"
+    BLOBS = "blobs"
+    DECODER = "decoder"
+
+    @property
+    def label(self) -> str:
+        return {"database": "The database", "blobs": "The file store", "decoder": "The decoder"}[self]
 
 
 class LeaseLost(Exception):  # noqa: N818  it is what happened, not a fault
@@ -36,12 +56,33 @@ class Claim:
     subject_id: str
     parameters: dict[str, Any]
     created_by: str
+    faulty_since: datetime | None
+
+
+@dataclass
+class Turn:
+    """Where a worker's claims have come to on their way round the organisations, and the lanes of each."""
+
+    organisation_id: str = ""
+    lanes: dict[str, str] = field(default_factory=dict)
+    """The lane that was served last, by organisation."""
 
 
 def enqueue(
-    session: Session, *, kind: str, subject_id: str, organisation_id: str, by: str, parameters: dict[str, Any]
+    session: Session,
+    *,
+    kind: str,
+    subject_id: str,
+    organisation_id: str,
+    by: str,
+    parameters: dict[str, Any],
+    lane: str | None = None,
 ) -> Job:
-    """A queued job for this subject: the one that already waits with the same parameters, or a new one."""
+    """Return a queued job for this subject: one that already waits with the same parameters, or a new one.
+
+    The lane is the job's kind unless another is named: what a person waits for does not stand in the lane of
+    what a whole card or flight brings.
+    """
     waiting = session.scalars(
         select(Job).where(Job.subject_id == subject_id, Job.kind == kind, Job.state == "queued")
     )
@@ -55,7 +96,7 @@ def enqueue(
         organisation_id=organisation_id,
         created_by=by,
         parameters=parameters,
-        hinted_at=utc_now(),
+        lane=lane or kind,
     )
     session.add(job)
     return job
@@ -67,16 +108,53 @@ def is_live(session: Session, subject_id: str) -> bool:
     return session.scalar(live.limit(1)) is not None
 
 
-def claim(session: Session, job_id: str, *, lease_s: float) -> Claim | None:
-    """Take a job that waits; None when it is gone, taken, finished or not yet due."""
+def claim_next(
+    session: Session, turn: Turn, *, lease_s: float, without: Collection[str] = ()
+) -> Claim | None:
+    """Take the next job that is due and not of the kinds ``without``; None when there is none.
+
+    The organisation after the one that was served last comes first, then the lane after the one that was
+    served last in it, then what has been due for longest: whoever brings one job waits for one of each other
+    organisation at most, however many they have.
+    """
     now = utc_now()
+    ready = (Job.state == "queued") & _is_due(now)
+    if without:
+        ready &= Job.kind.not_in(without)
+    for _ in range(_CLAIM_ATTEMPTS):
+        organisation_id = _next_after(session, Job.organisation_id, turn.organisation_id, ready)
+        if organisation_id is None:
+            return None
+        turn.organisation_id = organisation_id
+        theirs = ready & (Job.organisation_id == organisation_id)
+        lane = _next_after(session, Job.lane, turn.lanes.get(organisation_id, ""), theirs)
+        if lane is None:
+            continue
+        turn.lanes[organisation_id] = lane
+        first = select(Job.id).where(theirs, Job.lane == lane).order_by(Job.due_at).limit(1)
+        job_id = session.scalar(first.with_for_update(skip_locked=True))
+        if job_id is not None and (claim := _claim(session, job_id, now, lease_s)) is not None:
+            return claim
+    return None
+
+
+def _next_after(
+    session: Session, column: InstrumentedAttribute[str], last: str, ready: ColumnElement[bool]
+) -> str | None:
+    """Return the column's next value after the last one among the jobs that are ready, else the first."""
+    values = select(column).where(ready).order_by(column).limit(1)
+    return session.scalar(values.where(column > last)) or session.scalar(values)
+
+
+def _claim(session: Session, job_id: str, now: datetime, lease_s: float) -> Claim | None:
     taken = _update(
         session,
-        (Job.id == job_id) & (Job.state == "queued") & (Job.due_at <= now),
+        (Job.id == job_id) & (Job.state == "queued"),
         state="running",
         fence=Job.fence + 1,
         attempt=Job.attempt + 1,
         progress=0.0,
+        waits_for=None,
         lease_until=now + timedelta(seconds=lease_s),
     )
     if not taken:
@@ -91,6 +169,7 @@ def claim(session: Session, job_id: str, *, lease_s: float) -> Claim | None:
         subject_id=job.subject_id,
         parameters=job.parameters,
         created_by=job.created_by,
+        faulty_since=job.faulty_since,
     )
 
 
@@ -119,37 +198,59 @@ def fail(session: Session, held: Claim, error: dict[str, Any], traceback: str | 
     )
 
 
-def retry_later(session: Session, held: Claim, error: dict[str, Any]) -> None:
-    """Put a job back after a passing fault: later each time, and failed at last."""
-    if held.attempt >= RETRY_LIMIT:
-        fail(session, held, error)
-        return
-    due = utc_now() + timedelta(seconds=min(2.0**held.attempt, 60.0))
-    _held(session, held, state="queued", error=error, lease_until=None, due_at=due, hinted_at=None)
+def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None:
+    """Put a job back after a passing fault; it has failed when such faults have lasted for a day.
 
-
-def retry(session: Session, job_id: str) -> bool:
-    """Queue a job that failed or was set aside as if it had never been tried; whether it was such a one."""
+    The pauses grow with the time since the first fault, up to minutes, and differ by chance: what failed
+    together is not tried again together.
+    """
     now = utc_now()
-    given_up = (Job.id == job_id) & Job.state.in_(("failed", "quarantined"))
-    renewed = _update(
+    since = held.faulty_since or now
+    error = {"code": "temporarily_unavailable", "retryable": True, "waits_for": str(waits_for)}
+    if now - since >= RETRIED_FOR:
+        detail = f"{waits_for.label} did not serve for a day. Nothing is lost: try the job again later."
+        fail(session, held, error | {"detail": detail})
+        return
+    detail = f"{waits_for.label} did not serve. The job is tried again by itself, for a day at most."
+    pause = min(max((now - since) / 2, SHORTEST_PAUSE), LONGEST_PAUSE) * random.uniform(0.5, 1.0)  # noqa: S311
+    _held(
         session,
-        given_up,
+        held,
+        state="queued",
+        error=error | {"detail": detail},
+        lease_until=None,
+        due_at=now + pause,
+        faulty_since=since,
+        waits_for=str(waits_for),
+    )
+
+
+def resume(session: Session, waits_for: Dependency) -> int:
+    """Let the jobs that wait for something be due now that it is back; how many they were."""
+    waiting = (Job.state == "queued") & (Job.waits_for == str(waits_for))
+    return _update(session, waiting, due_at=utc_now(), waits_for=None)
+
+
+def retry(session: Session, chosen: ColumnElement[bool]) -> int:
+    """Queue the chosen jobs that failed or were quarantined as if they had never been tried; how many."""
+    return _update(
+        session,
+        chosen & Job.state.in_(GIVEN_UP),
         state="queued",
         attempt=0,
         lost=0,
         progress=0.0,
         error=None,
         traceback=None,
-        due_at=now,
-        hinted_at=now,
+        due_at=utc_now(),
+        faulty_since=None,
+        waits_for=None,
         finished_at=None,
     )
-    return renewed > 0
 
 
-def sweep(session: Session) -> list[str]:
-    """Take back what dead workers held; the ids of the jobs that wait for a hint."""
+def sweep(session: Session) -> int:
+    """Take back what dead workers held; how many jobs wait again."""
     now = utc_now()
     expired = (Job.state == "running") & (Job.lease_until < now)
     lost_error = {
@@ -166,18 +267,7 @@ def sweep(session: Session) -> list[str]:
         lease_until=None,
         finished_at=now,
     )
-    _update(session, expired, state="queued", lost=Job.lost + 1, lease_until=None, due_at=now, hinted_at=None)
-    waiting = list(
-        session.scalars(
-            select(Job.id)
-            .where(Job.state == "queued", Job.due_at <= now)
-            .where(Job.hinted_at.is_(None) | (Job.hinted_at < now - _HINT_AGAIN_AFTER))
-            .order_by(Job.created_at)
-            .limit(1000)
-        )
-    )
-    _update(session, Job.id.in_(waiting), hinted_at=now)
-    return waiting
+    return _update(session, expired, state="queued", lost=Job.lost + 1, lease_until=None, due_at=now)
 
 
 def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float:
@@ -187,6 +277,10 @@ def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float
         waiting = waiting.where(Job.organisation_id == organisation_id)
     oldest: datetime | None = session.scalar(waiting.order_by(Job.due_at).limit(1))
     return (utc_now() - oldest).total_seconds() if oldest else 0.0
+
+
+def _is_due(now: datetime) -> ColumnElement[bool]:
+    return Job.due_at <= now
 
 
 def _held(session: Session, held: Claim, **values: Any) -> None:  # noqa: ANN401

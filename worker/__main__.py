@@ -1,10 +1,9 @@
-"""``python -m worker``: a Celery worker with threads, which runs the jobs that hints name."""
+"""``python -m worker``: threads that do jobs, and a Celery worker that wakes them when a message comes."""
 
 import logging
 import sys
 
-from celery import Celery, bootsteps
-from kombu.asynchronous import Hub
+from celery import Celery
 
 from store.blobs import blobs_from_url
 from store.broker import RUN_TASK, make_celery
@@ -14,17 +13,22 @@ from store.settings import Settings
 from worker.context import Context
 from worker.decode.pool import DecoderPool
 from worker.leases import Leases
-from worker.runner import run
-from worker.watchdog import TURN_EVERY_S, Watchdog
+from worker.needs import Needs
+from worker.threads import JobThreads
+from worker.watchdog import Watchdog
+
+_LAST_JOBS_S = 25.0
+"""How long a worker that is stopped waits for the jobs that run: less than Compose waits for the worker."""
 
 
 def build_context(settings: Settings) -> Context:
     """Open the world that the settings name."""
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
+    blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
     return Context(
         settings=settings,
         database=database,
-        blobs=blobs_from_url(settings.effective_blobs_url, settings.data),
+        blobs=blobs,
         decoders=DecoderPool(
             settings.worker_threads,
             memory_bytes=settings.decoder_memory_bytes,
@@ -32,31 +36,30 @@ def build_context(settings: Settings) -> Context:
             wall_seconds=settings.decoder_wall_s,
         ),
         leases=Leases(database, settings.lease_s),
+        needs=Needs(blobs),
     )
 
 
-def build_worker(settings: Settings, context: Context, presence: Presence) -> Celery:
-    """The Celery application with its one task."""
-    app = make_celery(settings.effective_broker_url)
+def build_threads(settings: Settings, context: Context, presence: Presence) -> JobThreads:
+    """Make the threads that do the jobs, watched for whether they look for work."""
     watchdog = Watchdog(context.database, context.leases, presence, settings.stall_s)
-    app.steps["consumer"].add(_watched_loop(watchdog))
+    return JobThreads(
+        context,
+        count=settings.worker_threads,
+        look_s=settings.sweep_interval_s,
+        looked=watchdog.worked,
+    )
+
+
+def build_listener(settings: Settings, threads: JobThreads) -> Celery:
+    """Make the Celery application whose one task wakes a thread."""
+    app = make_celery(settings.effective_broker_url)
 
     @app.task(name=RUN_TASK)  # type: ignore[untyped-decorator]
-    def run_job(job_id: str) -> None:
-        watchdog.worked()
-        run(context, job_id)
+    def wake(*_job_ids: str) -> None:
+        threads.wake()
 
     return app
-
-
-def _watched_loop(watchdog: Watchdog) -> type[bootsteps.StartStopStep]:
-    """Celery's loop itself tells the watchdog that it turns."""
-
-    class Turns(bootsteps.StartStopStep):  # type: ignore[misc]
-        def register_with_event_loop(self, _consumer: object, hub: Hub) -> None:
-            hub.call_repeatedly(TURN_EVERY_S, watchdog.turned)  # type: ignore[no-untyped-call]
-
-    return Turns
 
 
 def main() -> int:
@@ -64,19 +67,14 @@ def main() -> int:
     settings = Settings()
     context = build_context(settings)
     presence = Presence(context.database, "worker", threads=settings.worker_threads)
-    app = build_worker(settings, context, presence)
+    threads = build_threads(settings, context, presence)
+    threads.start()
     try:
-        app.worker_main(
-            [
-                "worker",
-                "--pool=threads",
-                f"--concurrency={settings.worker_threads}",
-                "--without-gossip",
-                "--without-mingle",
-                "--loglevel=WARNING",
-            ]
+        build_listener(settings, threads).worker_main(
+            ["worker", "--pool=solo", "--without-gossip", "--without-mingle", "--loglevel=WARNING"]
         )
     finally:
+        threads.stop(_LAST_JOBS_S)
         presence.leave()
     return 0
 

@@ -7,6 +7,7 @@ from store.database import Database
 from store.settings import Settings
 from worker.decode.pool import DecoderPool
 from worker.leases import Leases
+from worker.needs import Needs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,3 +17,4 @@ class Context:
     blobs: Blobs
     decoders: DecoderPool
     leases: Leases
+    needs: Needs

@@ -1,77 +1,124 @@
-"""One job, from its hint to its end: claimed, worked on, stored in one commit if the fence still holds."""
+"""One job, from its claim to its end: worked on, stored in one commit if the fence still holds."""
 
 import logging
+import threading
+import time
 import traceback
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from sqlalchemy.exc import IntegrityError, OperationalError
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from radiometry.errors import InputRejected
 from store import jobs
-from store.blobs import StorageFull, StorageUnavailable
+from store.jobs import Claim, Dependency, LeaseLost, Turn
 from worker.context import Context
-from worker.decode.pool import DecoderUnavailable
+from worker.needs import DATABASE_AWAY, find_dependency
 from worker.tasks import Outcome, work
 
 log = logging.getLogger(__name__)
 
-TRANSIENT = (OperationalError, StorageUnavailable, StorageFull, DecoderUnavailable)
+Ending = Callable[[Session], None]
+"""Ends a job in the transaction that also stores what it computed; it may be called twice."""
+
 _STORE_ATTEMPTS = 5
+_PATIENCE_S = 3600.0
+"""How long a result is kept for a database that does not answer."""
+_PAUSE_S = 0.5
 
 
-def run(context: Context, job_id: str) -> None:
-    """Do the job unless somebody else does, or did: a hint may come twice, late, or for nothing."""
-    with context.database.writing("worker") as session:
-        claim = jobs.claim(session, job_id, lease_s=context.leases.lease_s)
-    if claim is None:
-        return
-    with context.leases.hold(claim):
-        try:
-            _work(context, claim)
-        except jobs.LeaseLost:
-            log.warning("%s is another worker's now; what was computed here is dropped", job_id)
-
-
-def _work(context: Context, claim: jobs.Claim) -> None:
+def claim_next(context: Context, turn: Turn) -> Claim | None:
+    """Claim the next job that is due and whose dependencies serve; None when there is none."""
+    held_back, claim = context.needs.list_held_back(), None
     try:
-        _store(context, claim, work(context, claim))
-    except jobs.LeaseLost:
-        raise
-    except InputRejected as error:
-        _end(context, claim, problem(error.code, error.message))
-    except TRANSIENT as error:
-        log.warning("%s is tried again later: %s", claim.job_id, error)
-        detail = "Something that this needs did not answer; it is tried again by itself."
         with context.database.writing("worker") as session:
-            jobs.retry_later(session, claim, problem("temporarily_unavailable", detail, retryable=True))
-    except Exception:
-        log.exception("%s failed", claim.job_id)
-        detail = "This is our fault; the operator finds the reason with the job. The upload is safe."
-        _end(context, claim, problem("internal_error", detail), traceback.format_exc())
+            claim = jobs.claim_next(session, turn, lease_s=context.leases.lease_s, without=held_back)
+    finally:
+        context.needs.choose(claim.kind if claim else None)
+    return claim
 
 
-def problem(code: str, detail: str, *, retryable: bool = False) -> dict[str, Any]:
-    return {"code": str(code), "detail": detail, "retryable": retryable}
+def run(context: Context, claim: Claim) -> None:
+    """Do a job and end it, unless another worker holds it by then."""
+    with context.leases.hold(claim):
+        ending = _work(context, claim)
+        try:
+            try:
+                _end(context, claim, ending)
+            except (LeaseLost, *DATABASE_AWAY):
+                raise
+            except Exception:
+                log.exception("%s failed when it was stored", claim.job_id)
+                _end(context, claim, _fail_as_ours(claim, traceback.format_exc()))
+        except LeaseLost:
+            log.warning("%s is another worker's now; what was computed here is dropped", claim.job_id)
+        except DATABASE_AWAY as fault:
+            log.warning("%s is not ended, its lease will run out: %s", claim.job_id, first_line(fault))
 
 
-def _store(context: Context, claim: jobs.Claim, outcome: Outcome) -> None:
-    """Everything in one commit. Two that number a version at once collide: the later looks again."""
-    for attempt in range(_STORE_ATTEMPTS):
+def problem(code: str, detail: str) -> dict[str, Any]:
+    return {"code": str(code), "detail": detail, "retryable": False}
+
+
+def first_line(error: Exception) -> str:
+    """Return what an error says, without the statement that SQLAlchemy adds to it."""
+    return str(error).partition("\n")[0]
+
+
+def _work(context: Context, claim: Claim) -> Ending:
+    """Compute, and return how the job ends."""
+    try:
+        outcome = work(context, claim)
+    except InputRejected as refusal:
+        outcome = Outcome(store=lambda _session: {}, rejection=refusal)
+    except Exception as fault:
+        dependency = find_dependency(fault)
+        context.needs.fail(dependency, fault)
+        if dependency is None:
+            log.exception("%s failed", claim.job_id)
+            return _fail_as_ours(claim, traceback.format_exc())
+        log.info("%s is tried again later: %s", claim.job_id, first_line(fault))
+        return lambda session: jobs.retry_later(session, claim, waits_for=dependency)
+    return _store(claim, outcome, back=context.needs.serve(claim.kind))
+
+
+def _store(claim: Claim, outcome: Outcome, *, back: Sequence[Dependency]) -> Ending:
+    def end(session: Session) -> None:
+        result = outcome.store(session)
+        if outcome.rejection is None:
+            jobs.succeed(session, claim, result)
+        else:
+            jobs.fail(session, claim, problem(outcome.rejection.code, outcome.rejection.message))
+        for dependency in back:
+            jobs.resume(session, dependency)
+
+    return end
+
+
+def _fail_as_ours(claim: Claim, trace: str) -> Ending:
+    detail = "This is our fault; the operator finds the reason with the job. The upload is safe."
+    return lambda session: jobs.fail(session, claim, problem("internal_error", detail), trace)
+
+
+def _end(context: Context, claim: Claim, ending: Ending) -> None:
+    """End a job in one commit.
+
+    Two that number a version at once collide: the later looks again. A database that does not answer is
+    waited for; the lease may run out meanwhile, and the fence decides.
+    """
+    pause, give_up_at, collisions = threading.Event(), time.monotonic() + _PATIENCE_S, 0
+    while True:
         try:
             with context.database.writing("worker", claim.organisation_id) as session:
-                result = outcome.store(session)
-                if outcome.rejection is None:
-                    jobs.succeed(session, claim, result)
-                else:
-                    rejection = problem(outcome.rejection.code, outcome.rejection.message)
-                    jobs.fail(session, claim, rejection)
+                ending(session)
         except IntegrityError:
-            if attempt == _STORE_ATTEMPTS - 1:
+            collisions += 1
+            if collisions == _STORE_ATTEMPTS:
                 raise
+        except DATABASE_AWAY:
+            if time.monotonic() > give_up_at:
+                raise
+            pause.wait(_PAUSE_S)
         else:
             return
-
-
-def _end(context: Context, claim: jobs.Claim, error: dict[str, Any], trace: str | None = None) -> None:
-    with context.database.writing("worker", claim.organisation_id) as session:
-        jobs.fail(session, claim, error, trace)

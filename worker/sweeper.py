@@ -1,4 +1,4 @@
-"""``python -m worker.sweeper``: finds what was lost, hints at it again, sweeps the floor."""
+"""``python -m worker.sweeper``: takes back what dead workers held, sweeps the floor."""
 
 import logging
 import sys
@@ -8,7 +8,6 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from store import jobs
 from store.blobs import Blobs, StorageUnavailable, blobs_from_url
-from store.broker import Hints
 from store.clocks import ClockWatch, mend_times
 from store.database import Database
 from store.parts import Presence
@@ -20,12 +19,11 @@ _FLOOR_EVERY_S = 3600.0
 _ABANDONED_AFTER_S = 24 * 3600.0
 
 
-def sweep_jobs(database: Database, hints: Hints, *, lease_s: float, jumped: bool = False) -> None:
-    """One round: leases, then hints for whatever waits."""
+def sweep_jobs(database: Database, *, lease_s: float, renew: bool = False) -> None:
+    """Let the jobs whose leases have run out wait again; ``renew`` : first let every lease begin anew."""
     with database.writing("sweeper") as session:
-        mend_times(session, lease_s=lease_s, jumped=jumped)
-        waiting = jobs.sweep(session)
-    hints.send(waiting)
+        mend_times(session, lease_s=lease_s, jumped=renew)
+        jobs.sweep(session)
 
 
 def sweep_floor(blobs: Blobs) -> None:
@@ -40,21 +38,27 @@ def main() -> int:
     settings = Settings()
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
-    hints = Hints(settings.effective_broker_url)
     clock = ClockWatch()
     presence = Presence(database, "sweeper")
     floor_due = 0.0
+    trouble, was_away = "", False
     while True:
         try:
             if jumped_s := clock.jumped_s():
                 log.warning("the clock has jumped by %+.0f s: every lease begins anew", jumped_s)
-            sweep_jobs(database, hints, lease_s=settings.lease_s, jumped=bool(jumped_s))
+            # while the database was away nobody could renew a lease
+            sweep_jobs(database, lease_s=settings.lease_s, renew=bool(jumped_s) or was_away)
+            was_away = False
             presence.beat()
             if time.monotonic() >= floor_due:
                 sweep_floor(blobs)
                 floor_due = time.monotonic() + _FLOOR_EVERY_S
+            trouble = ""
         except (SQLAlchemyError, StorageUnavailable, OSError) as error:
-            log.warning("this round failed, the next comes: %s", error)
+            was_away = isinstance(error, SQLAlchemyError)
+            if not trouble:
+                trouble = str(error).partition("\n")[0]
+                log.warning("rounds fail until further notice: %s", trouble)
         time.sleep(settings.sweep_interval_s)
 
 

@@ -1,7 +1,7 @@
-"""Liveness by work done: a worker that has stopped taking jobs while jobs wait ends, and is started anew.
+"""Liveness by work done: a worker that no longer looks for jobs while jobs wait ends, and is started anew.
 
-Celery can stop consuming after a reconnect and look alive; no heartbeat of its own notices. What shows that
-work goes on is noted by the loop and the threads that do it; the thread here only looks, and writes it down.
+What shows that work goes on is noted by the threads that do it; the thread here only looks, and writes it
+down.
 """
 
 import logging
@@ -20,8 +20,6 @@ log = logging.getLogger(__name__)
 
 STALLED_EXIT = 70
 _LOOK_EVERY_S = 5.0
-TURN_EVERY_S = 2.0
-"""How often the loop that takes the hints says that it turns."""
 
 
 class Watchdog:
@@ -34,16 +32,12 @@ class Watchdog:
         self._stall_s = stall_s
         self._every_s = min(stall_s / 4, _LOOK_EVERY_S)
         self._clock = AwakeClock(2 * self._every_s)
-        self._turned_s = self._worked_s = self._clock.now_s
+        self._worked_s = self._clock.now_s
         threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
 
-    def turned(self) -> None:
-        """Note that the loop that takes the hints has turned."""
-        self._turned_s = self._clock.now_s
-
     def worked(self) -> None:
-        """Note that a hint has arrived."""
-        self._worked_s = self._turned_s = self._clock.now_s
+        """Note that a thread has looked for a job."""
+        self._worked_s = self._clock.now_s
 
     def _watch(self) -> None:
         pause = threading.Event()
@@ -51,9 +45,9 @@ class Watchdog:
             now_s = self._clock.turn()
             if self._leases.count:
                 self._worked_s = now_s
-            self._presence.beat(worked_s_ago=now_s - max(self._turned_s, self._worked_s))
+            self._presence.beat(worked_s_ago=now_s - self._worked_s)
             if now_s - self._worked_s > self._stall_s and self._somebody_waits():
-                log.error("jobs wait and no hint has come for %g s: starting anew", self._stall_s)
+                log.error("jobs wait and no thread has looked for one for %g s: starting anew", self._stall_s)
                 os._exit(STALLED_EXIT)
 
     def _somebody_waits(self) -> bool:

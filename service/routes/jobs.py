@@ -96,7 +96,7 @@ def retry_job(job_id: Id, caller: Reader, writing: Writes) -> Response:
         job = owned(session, Job, job_id, caller)
         require(caller, _SCOPES[job.kind])
         before = {"state": job.state, "error": job.error}
-        if not jobs.retry(session, job.id):
+        if not jobs.retry(session, Job.id == job.id):
             detail = f"This job is {job.state}. Only one that failed or was quarantined can be tried again."
             raise Problem(409, HttpCode.CONFLICT, detail)
         record_act(session, "retry", job, before, {"state": "queued"})

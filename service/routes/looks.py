@@ -48,6 +48,7 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Calibrator, writing: Wri
             organisation_id=caller.organisation_id,
             by=caller.key_id,
             parameters={"polygon": [list(point) for point in polygon.points]},
+            lane="look",
         )
         session.flush()
         return Reply(

@@ -46,7 +46,7 @@ def start_measurement(body: NewMeasurement, caller: Uploader, writing: Writes) -
     def change(session: Session) -> Reply:
         frame = owned(session, FrameRow, body.frame_id, caller)
         named = _named(session, body, caller)
-        job = _enqueue(session, frame, _read_asked(body), named, caller, Captures(session))
+        job = _enqueue(session, frame, _read_asked(body), named, caller, Captures(session), lane="measure")
         session.flush()
         location = {"Location": f"/v1/jobs/{job.id}"}
         return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
@@ -75,7 +75,8 @@ def start_campaign_measurements(
         refused: list[NotMeasured] = []
         for frame in _field_frames(session, campaign):
             try:
-                started[_enqueue(session, frame, asked, named, caller, captures)] = None
+                job = _enqueue(session, frame, asked, named, caller, captures, lane="flight")
+                started[job] = None
             except (InputRejected, Conflict) as refusal:
                 refused.append(
                     NotMeasured(
@@ -202,6 +203,8 @@ def _enqueue(
     named: Calibration | None,
     caller: Caller,
     captures: Captures,
+    *,
+    lane: str,
 ) -> Job:
     subject = find_subject(session, frame, asked, captures)
     return jobs.enqueue(
@@ -211,6 +214,7 @@ def _enqueue(
         organisation_id=caller.organisation_id,
         by=caller.key_id,
         parameters=plan_measurement(session, subject, asked, named, captures),
+        lane=lane,
     )
 
 

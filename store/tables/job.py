@@ -18,7 +18,7 @@ class Job(Base):
         ),
         CheckConstraint("progress BETWEEN 0 AND 1", "progress_share"),
         CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", "running_has_lease"),
-        Index("ix_job_state_created_at", "state", "created_at"),
+        Index("ix_job_state_organisation_id_lane_due_at", "state", "organisation_id", "lane", "due_at"),
         Index("ix_job_organisation_id_id", "organisation_id", "id"),
         Index("ix_job_subject_id", "subject_id"),
     )
@@ -28,6 +28,8 @@ class Job(Base):
     kind: Mapped[str]
     subject_id: Mapped[str]
     """The frame or campaign it works on."""
+    lane: Mapped[str]
+    """The queue within its organisation: claims go round the organisations, and round the lanes of each."""
     parameters: Mapped[Json] = mapped_column(default=dict)
     state: Mapped[str] = mapped_column(default="queued")
     progress: Mapped[float] = mapped_column(default=0.0)
@@ -38,7 +40,10 @@ class Job(Base):
     """Rises with every claim: a worker that lost its lease can store nothing."""
     lease_until: Mapped[datetime | None] = mapped_column(UtcDateTime)
     due_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
-    hinted_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    faulty_since: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    """When something that it needs first did not answer: it is tried again for a day from then."""
+    waits_for: Mapped[str | None]
+    """What did not answer at the last attempt; None for a job that waits for its turn alone."""
     error: Mapped[Json | None] = mapped_column(default=None)
     result: Mapped[Json | None] = mapped_column(default=None)
     traceback: Mapped[str | None]

@@ -8,6 +8,7 @@ from sqlalchemy import update
 from store import jobs
 from store.clocks import ClockWatch, mend_times
 from store.columns import utc_now
+from store.jobs import Turn
 from store.tables import Job, Organisation
 
 LEASE_S = 30.0
@@ -28,7 +29,7 @@ def set_clock(database, by):
     """What is written down already moves the other way."""
     with database.writing("test") as session:
         job = session.query(Job).one()
-        for name in ("due_at", "lease_until", "hinted_at"):
+        for name in ("due_at", "lease_until"):
             if getattr(job, name, None) is not None:
                 session.execute(update(Job).values({name: getattr(job, name) - by}))
 
@@ -39,9 +40,9 @@ def sweep(database, *, jumped=False):
         jobs.sweep(session)
 
 
-def claim(database, job_id):
+def claim(database):
     with database.writing("test") as session:
-        return jobs.claim(session, job_id, lease_s=LEASE_S)
+        return jobs.claim_next(session, Turn(), lease_s=LEASE_S)
 
 
 def job(database):
@@ -49,11 +50,12 @@ def job(database):
         return session.query(Job).one()
 
 
-def test_a_job_that_waits_is_due_at_once_when_the_clock_is_set_back(database, job_id):
+@pytest.mark.usefixtures("job_id")
+def test_a_job_that_waits_is_due_at_once_when_the_clock_is_set_back(database):
     set_clock(database, -HOUR)
-    assert claim(database, job_id) is None
+    assert claim(database) is None
     sweep(database)
-    assert claim(database, job_id) is not None
+    assert claim(database) is not None
 
 
 @pytest.mark.usefixtures("job_id")
@@ -65,8 +67,9 @@ def test_a_pause_that_a_rule_set_is_kept(database):
     assert job(database).due_at == later
 
 
-def test_the_lease_of_a_dead_worker_ends_in_time_when_the_clock_is_set_back(database, job_id):
-    claim(database, job_id)
+@pytest.mark.usefixtures("job_id")
+def test_the_lease_of_a_dead_worker_ends_in_time_when_the_clock_is_set_back(database):
+    claim(database)
     set_clock(database, -HOUR)
     sweep(database)
     found = job(database)
@@ -75,8 +78,9 @@ def test_the_lease_of_a_dead_worker_ends_in_time_when_the_clock_is_set_back(data
     assert found.lease_until <= utc_now() + timedelta(seconds=LEASE_S)
 
 
-def test_a_living_worker_keeps_its_job_when_the_clock_is_set_forward(database, job_id):
-    held = claim(database, job_id)
+@pytest.mark.usefixtures("job_id")
+def test_a_living_worker_keeps_its_job_when_the_clock_is_set_forward(database):
+    held = claim(database)
     set_clock(database, HOUR)
     sweep(database, jumped=True)
     assert (job(database).state, job(database).lost) == ("running", 0)
@@ -84,8 +88,9 @@ def test_a_living_worker_keeps_its_job_when_the_clock_is_set_forward(database, j
         jobs.succeed(session, held, {})
 
 
-def test_a_lease_that_ended_by_a_clock_that_was_not_set_is_taken_back(database, job_id):
-    claim(database, job_id)
+@pytest.mark.usefixtures("job_id")
+def test_a_lease_that_ended_by_a_clock_that_was_not_set_is_taken_back(database):
+    claim(database)
     set_clock(database, HOUR)
     sweep(database)
     assert (job(database).state, job(database).lost) == ("queued", 1)

@@ -5,7 +5,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from fastapi import FastAPI
-from sqlalchemy import select
 from starlette.testclient import TestClient
 
 from service.app import build_app
@@ -16,14 +15,15 @@ from service.stopping import Traffic
 from service.waiting import JobWatch
 from store.blobs import LocalBlobs
 from store.database import Database
+from store.jobs import Turn
 from store.queries.keys import ensure_operator
 from store.settings import Settings
-from store.tables import Job
 from tests.support.frames import write_frame
 from worker.context import Context as WorkerContext
 from worker.decode.pool import DecoderPool
 from worker.leases import Leases
-from worker.runner import run
+from worker.needs import Needs
+from worker.runner import claim_next, run
 
 KEY = "stilb_test_key"
 CAMERA = {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"}
@@ -75,6 +75,7 @@ class House:
             blobs=self.blobs,
             decoders=_decoders,
             leases=Leases(self.database, 30.0),
+            needs=Needs(self.blobs),
         )
         return self
 
@@ -98,12 +99,12 @@ class House:
         return answer.json()
 
     def work(self) -> int:
-        """Run every job that waits; how many there were."""
-        with self.database.reading() as session:
-            waiting = list(session.scalars(select(Job.id).where(Job.state == "queued").order_by(Job.id)))
-        for job_id in waiting:
-            run(self.worker, job_id)
-        return len(waiting)
+        """Run every job that is due; how many there were."""
+        turn, done = Turn(), 0
+        while (claim := claim_next(self.worker, turn)) is not None:
+            run(self.worker, claim)
+            done += 1
+        return done
 
     def camera(self, **changes) -> dict:
         answer = self.http.post("/v1/cameras", json=CAMERA | changes)

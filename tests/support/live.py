@@ -1,4 +1,4 @@
-"""The house on a real socket, with a worker that does each job as soon as it is hinted at."""
+"""The house on a real socket, with a worker that looks for work whenever it is hinted at."""
 
 import queue
 import socket
@@ -10,7 +10,6 @@ import uvicorn
 
 from tests.support.fieldwork import Team, new_team
 from tests.support.house import KEY, House
-from worker.runner import run
 
 
 class _QueuedHints:
@@ -44,8 +43,8 @@ def serving(house: House):
     server = uvicorn.Server(config)
 
     def work() -> None:
-        while (job_id := hints.waiting.get()) is not None:
-            run(house.worker, job_id)
+        while hints.waiting.get() is not None:
+            house.work()
 
     threads = [
         threading.Thread(target=server.run, kwargs={"sockets": [listening]}),

@@ -7,10 +7,11 @@ import pytest
 from sqlalchemy import func, select
 
 from store.blobs import StorageUnavailable
+from store.jobs import Turn
 from store.tables import ChannelRow, Extraction, FrameRow, Job
 from tests.support.campaigns import ROI
 from worker.decode.pool import DecoderCrashed
-from worker.runner import run
+from worker.runner import claim_next, run
 
 
 class Decoders:
@@ -35,8 +36,13 @@ def job(house, frame):
     return house.get(f"/v1/jobs/{frame['job_id']}")
 
 
-def test_the_same_hint_ten_times_at_once_counts_once(house, uploaded):
-    threads = [threading.Thread(target=run, args=(house.worker, uploaded["job_id"])) for _ in range(10)]
+def work(context):
+    """Do the one job that is due."""
+    run(context, claim_next(context, Turn()))
+
+
+def test_ten_who_look_for_the_same_job_at_once_do_it_once(house, uploaded):
+    threads = [threading.Thread(target=house.work) for _ in range(10)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -47,35 +53,31 @@ def test_the_same_hint_ten_times_at_once_counts_once(house, uploaded):
         assert session.scalar(select(func.count()).select_from(ChannelRow)) == 5
 
 
-def test_a_hint_for_nothing_does_nothing(house):
-    run(house.worker, "job_of_nobody")
-
-
 def test_a_file_that_ends_the_decoder_is_refused_and_the_next_is_not_disturbed(house, uploaded):
     crash = DecoderCrashed("reading the header", "signal 11")
-    run(replace(house.worker, decoders=Decoders(crash)), uploaded["job_id"])
+    work(replace(house.worker, decoders=Decoders(crash)))
     assert job(house, uploaded)["error"]["code"] == "decoder_crashed"
     frame = house.get(f"/v1/frames/{uploaded['id']}")
     assert (frame["state"], frame["refusal"]["code"]) == ("refused", "decoder_crashed")
     again = house.upload({"id": uploaded["campaign_id"]}, house.frame_bytes(seed=2), role="dark")
-    run(house.worker, again["job_id"])
+    work(house.worker)
     assert house.get(f"/v1/frames/{again['id']}")["state"] == "extracted"
 
 
 def test_a_passing_fault_is_tried_again(house, uploaded):
-    run(replace(house.worker, decoders=Decoders(StorageUnavailable("away"))), uploaded["job_id"])
+    work(replace(house.worker, decoders=Decoders(StorageUnavailable("away"))))
     found = job(house, uploaded)
     assert (found["state"], found["error"]["retryable"]) == ("queued", True)
     assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
 
 
 def test_our_own_fault_fails_with_its_traceback_kept_and_not_shown(house, uploaded):
-    run(replace(house.worker, decoders=Decoders(ZeroDivisionError("ours"))), uploaded["job_id"])
+    work(replace(house.worker, decoders=Decoders(ZeroDivisionError("ours"))))
     found = job(house, uploaded)
     assert (found["state"], found["error"]["code"]) == ("failed", "internal_error")
     assert "ZeroDivisionError" not in str(found)
-    again = house.upload({"id": uploaded["campaign_id"]}, house.frame_bytes(), status=200, role="light")
-    run(house.worker, again["job_id"])
+    house.upload({"id": uploaded["campaign_id"]}, house.frame_bytes(), status=200, role="light")
+    work(house.worker)
     assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "extracted"
     with house.database.reading() as session:
         assert "ZeroDivisionError: ours" in session.get_one(Job, uploaded["job_id"]).traceback
@@ -91,7 +93,7 @@ def test_a_worker_whose_job_was_given_away_stores_nothing(house, uploaded):
         def __getattr__(self, name):
             return getattr(house.worker.decoders, name)
 
-    run(replace(house.worker, decoders=Slow(None)), uploaded["job_id"])
+    work(replace(house.worker, decoders=Slow(None)))
     with house.database.reading() as session:
         assert session.get_one(FrameRow, uploaded["id"]).state == "received"
         assert session.scalar(select(func.count()).select_from(Extraction)) == 0

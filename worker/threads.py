@@ -1,0 +1,94 @@
+"""The threads that do the jobs: each takes the next one until none is left, then sleeps until it is woken."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from store.jobs import Claim, Turn
+from worker.context import Context
+from worker.needs import DATABASE_AWAY
+from worker.runner import claim_next, first_line, run
+
+log = logging.getLogger(__name__)
+
+
+class JobThreads:
+    """A fixed number of threads over one context.
+
+    A message wakes one of them, and whoever finds a job wakes the next: one message is enough for any number
+    of jobs, and a message for a job that is done costs one look. A look every ``look_s`` finds what no
+    message told of.
+    """
+
+    def __init__(self, context: Context, *, count: int, look_s: float, looked: Callable[[], None]) -> None:
+        self._context = context
+        self._looked = looked
+        self._turn = Turn()
+        self._claiming = threading.Lock()
+        self._away_since: float | None = None
+        self._wakes = 0
+        self._stopping = False
+        self._changed = threading.Condition()
+        self._threads = [
+            threading.Thread(target=self._work, name=f"jobs-{number}", daemon=True) for number in range(count)
+        ]
+        self._clock = threading.Thread(target=self._wake_every, args=[look_s], name="looks", daemon=True)
+
+    def start(self) -> None:
+        for thread in (*self._threads, self._clock):
+            thread.start()
+
+    def wake(self) -> None:
+        """Let one thread that sleeps, or the next that would, look for a job."""
+        with self._changed:
+            self._wakes = min(self._wakes + 1, len(self._threads))
+            self._changed.notify()
+
+    def stop(self, timeout_s: float) -> bool:
+        """Begin no further job and wait for those that run; whether all of them have ended."""
+        with self._changed:
+            self._stopping = True
+            self._changed.notify_all()
+        end = time.monotonic() + timeout_s
+        for thread in self._threads:
+            thread.join(max(0.0, end - time.monotonic()))
+        return not any(thread.is_alive() for thread in self._threads)
+
+    def _work(self) -> None:
+        while not self._stopping:
+            try:
+                claim = self._claim()
+                if claim is not None:
+                    self.wake()
+                    run(self._context, claim)
+                    continue
+            except Exception:
+                log.exception("a job was left to its lease, or none could be claimed")
+            with self._changed:
+                self._changed.wait_for(lambda: self._wakes or self._stopping)
+                self._wakes -= 1
+
+    def _claim(self) -> Claim | None:
+        # one at a time: the turn is shared, and so is SQLite's write lock
+        with self._claiming:
+            if self._stopping:
+                return None
+            try:
+                claim = claim_next(self._context, self._turn)
+            except DATABASE_AWAY as error:
+                if self._away_since is None:
+                    self._away_since = time.monotonic()
+                    log.warning("the database does not serve; no job is begun: %s", first_line(error))
+                return None
+            finally:
+                self._looked()
+            if self._away_since is not None:
+                log.warning("the database serves again after %.0f s", time.monotonic() - self._away_since)
+                self._away_since = None
+            return claim
+
+    def _wake_every(self, seconds: float) -> None:
+        pause = threading.Event()
+        while not pause.wait(seconds):
+            self.wake()
