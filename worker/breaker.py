@@ -39,12 +39,10 @@ class Breaker:
         check: Callable[[], None],
         *,
         faults: tuple[type[Exception], ...],
-        longest_pause_s: float = LONGEST_PAUSE_S,
     ) -> None:
         self.dependency = dependency
         self.faults = faults
         self._check = check
-        self._longest_pause_s = longest_pause_s
         self._lock = threading.Lock()
         self._state = _State.CLOSED
         self._trier: int | None = None
@@ -110,7 +108,7 @@ class Breaker:
         pause = threading.Event()
         while True:
             pause.wait(self._pause_s)
-            self._pause_s = min(2 * self._pause_s, self._longest_pause_s)
+            self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
             if self._serves():
                 break
         with self._lock:

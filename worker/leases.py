@@ -46,12 +46,19 @@ class Leases:
             return len(self._held)
 
     def _keep(self) -> None:
-        pause = threading.Event()
+        pause, away = threading.Event(), False
         while not pause.wait(self.lease_s / 3):
             with self._lock:
                 held = list(self._held.values())
-            for claim, progress in held:
-                self._renew(claim, progress)
+            try:
+                for claim, progress in held:
+                    self._renew(claim, progress)
+                away = False
+            except SQLAlchemyError as error:
+                # said once, not for each job and round: the sweeper gives the time back that nobody could use
+                if not away:
+                    away = True
+                    log.warning("no lease can be renewed: %s", str(error).partition("\n")[0])
 
     def _renew(self, claim: jobs.Claim, progress: float) -> None:
         try:
@@ -59,5 +66,3 @@ class Leases:
                 jobs.renew(session, claim, lease_s=self.lease_s, progress=progress)
         except jobs.LeaseLost:
             log.warning("the lease of %s was lost", claim.job_id)
-        except SQLAlchemyError as error:
-            log.warning("the lease of %s could not be renewed: %s", claim.job_id, error)

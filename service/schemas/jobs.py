@@ -42,6 +42,10 @@ class JobAnswer(Answer):
     filename: str | None = Field(default=None, description="Of the frame that it works on, where it is one.")
     campaign_id: str | None = Field(default=None, description="The campaign of that frame, or its subject.")
     created_at: Instant
+    next_attempt_at: Instant | None = Field(
+        default=None,
+        description="When a job is tried again that waits for what `error.waits_for` names; it may be sooner.",
+    )
     finished_at: Instant | None = None
 
     @classmethod
@@ -53,6 +57,7 @@ class JobAnswer(Answer):
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
             error=error,
+            next_attempt_at=row.due_at if row.state == "queued" and error is not None else None,
             filename=frame.filename if frame else None,
             campaign_id=frame.campaign_id if frame else row.subject_id if row.kind == "fit" else None,
         )
