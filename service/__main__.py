@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import logging
+import os
 import sys
 from contextlib import suppress
 
@@ -11,6 +12,7 @@ import uvicorn
 from service.app import build_app
 from service.auth import SCOPES
 from service.context import Context
+from service.health import Health
 from service.launch.folder import close_to_others
 from service.launch.key import refuse_weak_key
 from service.launch.refusal import Refusal, say
@@ -23,20 +25,27 @@ from store.broker import Hints
 from store.database import Database
 from store.parts import Presence
 from store.queries.keys import ensure_operator
+from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
+
+log = logging.getLogger("stilb.service")
+
+_FAREWELL_S = 2.0
 
 
 def build_context(settings: Settings) -> Context:
     """Open the world that the settings name."""
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
+    blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
     return Context(
         settings=settings,
         database=database,
-        blobs=blobs_from_url(settings.effective_blobs_url, settings.data),
+        blobs=blobs,
         hints=Hints(settings.effective_broker_url),
         watch=JobWatch(database),
         sessions=sessions_of(settings),
         traffic=Traffic(),
+        health=Health(database, blobs),
     )
 
 
@@ -52,6 +61,11 @@ def main() -> int:
         say(str(refusal))
         return refusal.code
     context = build_context(settings)
+    try:
+        context.database.guard_schema()
+    except SchemaDiffers as error:
+        log.error("%s: nothing is served", error)  # noqa: TRY400  expected: no traceback
+        return OTHER_SCHEMA_EXIT
     if secret:
         with context.database.writing("service") as session:
             ensure_operator(session, secret, list(SCOPES))
@@ -76,8 +90,7 @@ def main() -> int:
         grace_s=settings.stop_grace_s,
         notice_s=settings.stop_notice_s,
     )
-    with suppress(KeyboardInterrupt):
-        asyncio.run(_serve(server, Presence(context.database, "service")))
+    asyncio.run(_serve(server, Presence(context.database, "service")))
     return 0
 
 
@@ -85,6 +98,13 @@ async def _serve(server: Server, presence: Presence) -> None:
     beating = asyncio.create_task(Vitals(presence).keep())
     await server.serve()
     beating.cancel()
+    with suppress(TimeoutError):
+        async with asyncio.timeout(_FAREWELL_S):
+            await asyncio.to_thread(presence.leave)
+    logging.shutdown()
+    # A thread that waits for a peer that is gone would hold the process long after the grace. What it was to
+    # answer is cut by now, and all that was answered is durable.
+    os._exit(0)
 
 
 if __name__ == "__main__":

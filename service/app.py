@@ -7,8 +7,9 @@ from typing import Any
 from fastapi import FastAPI, Request, Response
 from fastapi.middleware.cors import CORSMiddleware
 from fastapi.routing import APIRoute
-from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.exc import OperationalError, ProgrammingError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
+from starlette.concurrency import run_in_threadpool
 
 from service import problems
 from service.addresses import Addresses
@@ -25,8 +26,12 @@ from service.web.assets import Assets
 from service.web.headers import SecurityHeaders
 from service.web.pages import include_pages
 from service.web.rendering import build_environment
+from store.database import Database, summarise
+from store.schema import SchemaDiffers, is_about_missing_parts, require_own_schema
 
 API_VERSION = "1"
+
+log = logging.getLogger(__name__)
 
 
 def build_app(context: Context) -> FastAPI:
@@ -92,14 +97,31 @@ def _operation_id(route: APIRoute) -> str:
 
 def _install_database_problem(app: FastAPI) -> None:
     @app.exception_handler(OperationalError)
+    @app.exception_handler(ProgrammingError)
     @app.exception_handler(NoConnectionFree)
-    async def unavailable(_request: Request, error: SQLAlchemyError) -> Response:
-        logging.getLogger(__name__).warning("the database does not answer: %s", error)
-        problem = Problem(
-            503,
-            HttpCode.DATABASE_UNAVAILABLE,
-            "The database does not answer just now. Try again.",
-            retryable=True,
-            headers={"Retry-After": "1"},
-        )
-        return problems.answer(problem)
+    @app.exception_handler(SchemaDiffers)
+    async def unavailable(request: Request, error: SQLAlchemyError) -> Response:
+        if isinstance(error, (OperationalError, ProgrammingError)) and is_about_missing_parts(error):
+            # Our own mistake, unless the schema was changed under us.
+            differs = await run_in_threadpool(_find_other_schema, request.app.state.context.database)
+            if differs is None:
+                raise error
+            error = differs
+        log.warning("the database cannot be used: %s", summarise(error))
+        if isinstance(error, SchemaDiffers):
+            code, detail = (
+                HttpCode.SCHEMA_MISMATCH,
+                "The database has another version's schema. Try again later.",
+            )
+        else:
+            code, detail = HttpCode.DATABASE_UNAVAILABLE, "The database does not answer just now. Try again."
+        return problems.answer(Problem(503, code, detail, retryable=True, headers={"Retry-After": "1"}))
+
+
+def _find_other_schema(database: Database) -> SchemaDiffers | None:
+    try:
+        with database.reading() as session:
+            require_own_schema(session)
+    except SchemaDiffers as found:
+        return found
+    return None

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from service.health import Health
 from service.hosts import Hosts
 from service.sessions import Sessions
 from service.stopping import Traffic
@@ -24,12 +25,12 @@ class Context:
     hints: Hints
     watch: JobWatch
     sessions: Sessions
+    traffic: Traffic
+    health: Health
 
     @cached_property
     def hosts(self) -> Hosts:
         return Hosts(self.settings)
-
-    traffic: Traffic
 
 
 def get_context(request: Request) -> Context:

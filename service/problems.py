@@ -33,6 +33,7 @@ class HttpCode(StrEnum):
     STORAGE_FULL = "storage_full"
     STORAGE_UNAVAILABLE = "storage_unavailable"
     DATABASE_UNAVAILABLE = "database_unavailable"
+    SCHEMA_MISMATCH = "schema_mismatch"
     SERVICE_STOPPING = "service_stopping"
     CAMPAIGN_INCOMPLETE = "campaign_incomplete"
     PANEL_DIFFERS = "panel_differs"

@@ -1,8 +1,10 @@
 """Stopping in order: what is open gets its answer, and what must be cut is told that it may come back."""
 
 import asyncio
+import signal
 import socket
 from contextlib import suppress
+from types import FrameType
 
 import uvicorn
 from starlette.datastructures import MutableHeaders
@@ -149,6 +151,11 @@ class Server(uvicorn.Server):
         self._watch = watch
         self._grace_s = grace_s
         self._notice_s = notice_s
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002  uvicorn calls it
+        # Uvicorn would keep the signal and die of it in the end; an end in order is none.
+        self.force_exit = self.should_exit and sig == signal.SIGINT
+        self.should_exit = True
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._watch.release()

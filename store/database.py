@@ -1,17 +1,24 @@
 """One database, two ways in: reading sessions and writing transactions."""
 
+import logging
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.engine import make_url
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.audit import append_entries, forget_entries, record_changes
+from store.schema import SchemaDiffers, require_own_schema
 
 ANSWER_WITHIN_S = 30.0
+_ASK_AGAIN_S = 1.0
+
+log = logging.getLogger(__name__)
 
 
 class Database:
@@ -26,6 +33,7 @@ class Database:
 
     def __init__(self, url: str, *, answer_within_s: float | None = ANSWER_WITHIN_S) -> None:
         self.url = make_url(url)
+        self._guarded = False
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         if self.is_sqlite:
             wait_s = answer_within_s or ANSWER_WITHIN_S
@@ -40,6 +48,28 @@ class Database:
     def engine(self) -> Engine:
         return self._writer
 
+    def guard_schema(self) -> None:
+        """Return once the database answers and has the schema of this code; no other is written to then.
+
+        Raises `SchemaDiffers` for any other schema, and each writing transaction does so too: the schema may
+        be changed while this process runs.
+        """
+        complained = False
+        while True:
+            try:
+                with self.reading() as session:
+                    require_own_schema(session)
+            except SchemaDiffers:
+                raise
+            except SQLAlchemyError as error:
+                if not complained:
+                    log.warning("the database does not answer yet: %s", summarise(error))
+                complained = True
+                time.sleep(_ASK_AGAIN_S)
+            else:
+                self._guarded = True
+                return
+
     @contextmanager
     def reading(self) -> Iterator[Session]:
         with Session(self._reader, expire_on_commit=False) as session:
@@ -53,6 +83,8 @@ class Database:
             session.info["organisation_id"] = organisation_id
             event.listen(session, "after_flush", record_changes)
             event.listen(session, "after_rollback", forget_entries)
+            if self._guarded:
+                require_own_schema(session)
             yield session
             session.flush()
             append_entries(session)
@@ -61,6 +93,12 @@ class Database:
     def dispose(self) -> None:
         self._reader.dispose()
         self._writer.dispose()
+
+
+def summarise(error: Exception) -> str:
+    """Return what a driver says in one line, without the statement and the addresses of manuals."""
+    words = str(getattr(error, "orig", None) or error).split()
+    return " ".join(words)[:300]
 
 
 def _sqlite_engine(url: str, *, begin: str, wait_s: float) -> Engine:

@@ -9,6 +9,7 @@ from store.blobs import blobs_from_url
 from store.broker import RUN_TASK, make_celery
 from store.database import Database
 from store.parts import Presence
+from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
 from worker.context import Context
 from worker.decode.pool import DecoderPool
@@ -19,6 +20,8 @@ from worker.watchdog import Watchdog
 
 _LAST_JOBS_S = 25.0
 """How long a worker that is stopped waits for the jobs that run: less than Compose waits for the worker."""
+
+log = logging.getLogger("stilb.worker")
 
 
 def build_context(settings: Settings) -> Context:
@@ -66,6 +69,11 @@ def main() -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     settings = Settings()
     context = build_context(settings)
+    try:
+        context.database.guard_schema()
+    except SchemaDiffers as error:
+        log.error("%s: no job is done", error)  # noqa: TRY400  expected: no traceback
+        return OTHER_SCHEMA_EXIT
     presence = Presence(context.database, "worker", threads=settings.worker_threads)
     threads = build_threads(settings, context, presence)
     threads.start()

@@ -9,8 +9,9 @@ from sqlalchemy.exc import SQLAlchemyError
 from store import jobs
 from store.blobs import Blobs, StorageUnavailable, blobs_from_url
 from store.clocks import ClockWatch, mend_times
-from store.database import Database
+from store.database import Database, summarise
 from store.parts import Presence
+from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -37,6 +38,15 @@ def main() -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     settings = Settings()
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
+    try:
+        database.guard_schema()
+        return _sweep(settings, database)
+    except SchemaDiffers as error:
+        log.error("%s: nothing is swept", error)  # noqa: TRY400  expected: no traceback
+        return OTHER_SCHEMA_EXIT
+
+
+def _sweep(settings: Settings, database: Database) -> int:
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
     clock = ClockWatch()
     presence = Presence(database, "sweeper")
@@ -54,10 +64,12 @@ def main() -> int:
                 sweep_floor(blobs)
                 floor_due = time.monotonic() + _FLOOR_EVERY_S
             trouble = ""
+        except SchemaDiffers:
+            raise
         except (SQLAlchemyError, StorageUnavailable, OSError) as error:
             was_away = isinstance(error, SQLAlchemyError)
             if not trouble:
-                trouble = str(error).partition("\n")[0]
+                trouble = summarise(error)
                 log.warning("rounds fail until further notice: %s", trouble)
         time.sleep(settings.sweep_interval_s)
 

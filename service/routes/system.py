@@ -1,53 +1,93 @@
 """Whether the service lives and can serve."""
 
 import shutil
+from typing import Any, Literal
 
 from fastapi import APIRouter, Response
 from fastapi.responses import PlainTextResponse
-from pydantic import ConfigDict
-from sqlalchemy import text as sql
-from sqlalchemy.exc import SQLAlchemyError
+from pydantic import ConfigDict, Field
 
 from service.context import UsesContext
 from service.metrics import render
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Answer
 from service.stopping import stopping
-from store.blobs import StorageFull, StorageUnavailable
+from store.parts import Part
 from store.queries.census import take_census
 
 router = APIRouter(tags=["system"])
 
 
-class Health(Answer):
+class Life(Answer):
     model_config = ConfigDict(json_schema_extra={"examples": [{"status": "ok"}]})
 
-    status: str
+    status: Literal["ok"]
 
 
-@router.get("/livez", response_model=Health)
+class PartAnswer(Answer):
+    """A process of the service, by its own heartbeat."""
+
+    kind: str = Field(description="service, worker or sweeper")
+    state: Literal["working", "hung", "gone"]
+    silent_s: float = Field(description="How long ago its last heartbeat was.")
+    idle_s: float = Field(description="How long ago its work last went on.")
+    details: dict[str, Any] = Field(description="What it says of itself.")
+
+    @classmethod
+    def of(cls, part: Part) -> "PartAnswer":
+        return cls(
+            kind=part.kind,
+            state=part.state,
+            silent_s=round(part.seen_s_ago, 1),
+            idle_s=round(part.worked_s_ago, 1),
+            details=dict(part.details),
+        )
+
+
+class Readiness(Answer):
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "status": "degraded",
+                    "warnings": ["no worker is at work: jobs wait"],
+                    "parts": [
+                        {"kind": "sweeper", "state": "working", "silent_s": 3.2, "idle_s": 3.2, "details": {}}
+                    ],
+                }
+            ]
+        }
+    )
+
+    status: Literal["ok", "degraded"]
+    warnings: list[str] = Field(description="What waits, and why. Requests are served all the same.")
+    parts: list[PartAnswer]
+
+
+@router.get("/livez", response_model=Life)
 async def get_livez() -> Response:
     """The process answers: without a thread or the database, for which others may wait."""
-    return Health(status="ok").respond()
+    return Life(status="ok").respond()
 
 
-@router.get("/readyz", response_model=Health, responses={503: problems()[503]})
-def get_readyz(context: UsesContext) -> Response:
-    """The database and the file store answer too: requests can be served."""
+@router.get("/readyz", response_model=Readiness, responses={503: problems()[503]})
+async def get_readyz(context: UsesContext) -> Response:
+    """Requests can be served: database and file store answer, the schema is ours, nobody stops us.
+
+    Answers within two seconds. `degraded`, and 200, without a worker or a sweeper: what is sent is kept, and
+    waits.
+    """
     if context.traffic.stopping:
         raise stopping()
-    try:
-        with context.database.reading() as session:
-            session.execute(sql("SELECT 1"))
-        context.blobs.check()
-    except SQLAlchemyError as error:
-        raise Problem(
-            503, HttpCode.DATABASE_UNAVAILABLE, "The database does not answer.", retryable=True
-        ) from error
-    except (StorageFull, StorageUnavailable) as error:
-        raise Problem(503, HttpCode.STORAGE_UNAVAILABLE, str(error), retryable=True) from error
-    return Health(status="ok").respond()
+    report = await context.health.look()
+    if (unfit := report.unfit) is not None and unfit.code is not None:
+        found = {finding.name: finding.detail or "ok" for finding in report.findings}
+        detail = f"Not ready ({unfit.name}): {unfit.detail}"
+        raise Problem(503, unfit.code, detail, retryable=True, headers={"Retry-After": "2"}, checks=found)
+    parts = [PartAnswer.of(part) for part in report.parts]
+    status: Literal["ok", "degraded"] = "degraded" if report.warnings else "ok"
+    return Readiness(status=status, warnings=report.warnings, parts=parts).respond()
 
 
 @router.get(

@@ -5,6 +5,7 @@ from starlette.testclient import TestClient
 
 from service.app import build_app
 from service.context import Context
+from service.health import Health
 from service.sessions import Sessions
 from service.stopping import Traffic
 from service.waiting import JobWatch
@@ -21,15 +22,17 @@ def built_app(migrated_sqlite, tmp_path_factory):
     path = folder / "stilb.sqlite"
     path.write_bytes(migrated_sqlite.read_bytes())
     database = Database(f"sqlite:///{path}")
+    blobs = LocalBlobs(folder / "blobs")
     yield build_app(
         Context(
             settings=Settings(data=folder),
             database=database,
-            blobs=LocalBlobs(folder / "blobs"),
+            blobs=blobs,
             hints=NullHints(),
             watch=JobWatch(database),
             sessions=Sessions(b"a secret of the tests, 32 bytes long"),
             traffic=Traffic(),
+            health=Health(database, blobs),
         )
     )
     database.dispose()

@@ -115,7 +115,7 @@ def test_a_client_sees_nothing_of_restarts(start, shots, tmp_path):
         paths.append(tmp_path / f"{number}.DNG")
         paths[-1].write_bytes(bytes([number]) * 2 * MEGABYTE)
     over = threading.Event()
-    with start(STILB_STOP_GRACE_S="0.5") as service, service.team(retries=8) as team:
+    with start(STILB_STOP_GRACE_S="0.5") as service, service.team(retries=12) as team:
         campaign = team.campaign()
         (frame,) = team.push(campaign, shots[:1])
 

@@ -10,6 +10,7 @@ from starlette.testclient import TestClient
 from service.app import build_app
 from service.auth import SCOPES
 from service.context import Context
+from service.health import Health
 from service.sessions import Sessions
 from service.stopping import Traffic
 from service.waiting import JobWatch
@@ -62,6 +63,7 @@ class House:
             watch=JobWatch(self.database),
             sessions=Sessions(b"a secret of the tests, 32 bytes long"),
             traffic=Traffic(),
+            health=Health(self.database, self.blobs),
         )
         self.app = _idle_apps.pop() if _idle_apps else build_app(context)
         self.app.state.context = context

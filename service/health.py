@@ -1,0 +1,148 @@
+"""Whether the service can serve: what it stands on is looked at in threads of its own, and never for long."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import delete
+from sqlalchemy.exc import SQLAlchemyError
+
+from service.problems import HttpCode
+from store.blobs import Blobs, StorageFull, StorageUnavailable
+from store.database import Database
+from store.parts import Part, list_parts
+from store.schema import SchemaDiffers, require_own_schema
+from store.tables import PartRow
+
+ANSWER_WITHIN_S = 1.5
+_FRESH_S = 1.0
+_WRITE_WITHIN_S = 10.0
+"""Others may hold SQLite's write lock for a while, and nothing is wrong."""
+_NOBODY = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What one check found, or that it has not come back."""
+
+    name: str
+    code: HttpCode | None = None
+    detail: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    findings: list[Finding]
+    parts: list[Part]
+
+    @property
+    def unfit(self) -> Finding | None:
+        """The first reason for which requests cannot be served."""
+        return next((finding for finding in self.findings if finding.code is not None), None)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong while requests can be served: what they ask for waits."""
+        at_work = {part.kind for part in self.parts if part.state == "working"}
+        idle = {
+            "worker": "no worker is at work: jobs wait",
+            "sweeper": "no sweeper is at work: lost jobs wait",
+        }
+        return [sentence for kind, sentence in idle.items() if kind not in at_work] + [
+            f"a {part.kind} hangs" for part in self.parts if part.state == "hung"
+        ]
+
+
+class _Check:
+    """One thing to look at: at most one look is under way, however many ask and however long it takes."""
+
+    def __init__(
+        self, name: str, code: HttpCode, detail: str, look: Callable[[], Any], *, within_s: float
+    ) -> None:
+        self.name = name
+        self._code = code
+        self._detail = detail
+        self._look = look
+        self._within_s = within_s
+        self._under_way: Future[Any] | None = None
+        self._begun = self._ended = -_FRESH_S
+        self._finding = Finding(name=name, code=code, detail="It has not answered yet.")
+        self.found: Any = None
+
+    def begin(self, pool: ThreadPoolExecutor) -> Future[Any] | None:
+        """Look again unless it is known or already asked; what is still under way is returned."""
+        self._take()
+        if self._under_way is None and time.monotonic() - self._ended >= _FRESH_S:
+            self._begun = time.monotonic()
+            self._under_way = pool.submit(self._look)
+        return self._under_way
+
+    def finding(self) -> Finding:
+        self._take()
+        asked_s = time.monotonic() - self._begun
+        if self._under_way is not None and asked_s >= self._within_s:
+            return Finding(
+                name=self.name, code=self._code, detail=f"It has not answered for {asked_s:.0f} s."
+            )
+        return self._finding
+
+    def _take(self) -> None:
+        if self._under_way is None or not self._under_way.done():
+            return
+        try:
+            self.found = self._under_way.result()
+            self._finding = Finding(name=self.name)
+        except SchemaDiffers as found:
+            detail = f"{str(found).capitalize()}."
+            self._finding = Finding(name=self.name, code=HttpCode.SCHEMA_MISMATCH, detail=detail)
+        except (SQLAlchemyError, StorageFull, StorageUnavailable, OSError):
+            self._finding = Finding(name=self.name, code=self._code, detail=self._detail)
+        self._under_way = None
+        self._ended = time.monotonic()
+
+
+class Health:
+    """The checks, and what they last found. All of it but the looks themselves runs in the event loop."""
+
+    def __init__(self, database: Database, blobs: Blobs) -> None:
+        self._database = database
+        no_database, no_files = HttpCode.DATABASE_UNAVAILABLE, HttpCode.STORAGE_UNAVAILABLE
+        self._read = _Check(
+            "database",
+            no_database,
+            "The database does not answer.",
+            self._look_at_rows,
+            within_s=ANSWER_WITHIN_S,
+        )
+        self._write = _Check(
+            "writing",
+            no_database,
+            "The database takes no writes.",
+            self._try_a_write,
+            within_s=_WRITE_WITHIN_S,
+        )
+        self._files = _Check(
+            "files", no_files, "The file store takes no files.", blobs.check, within_s=ANSWER_WITHIN_S
+        )
+        self._checks = [self._read, self._write, self._files]
+        self._pool = ThreadPoolExecutor(len(self._checks), thread_name_prefix="health")
+
+    async def look(self) -> Report:
+        """Return within two seconds what is known by then."""
+        looks = [look for check in self._checks if (look := check.begin(self._pool)) is not None]
+        if looks:
+            await asyncio.wait([asyncio.wrap_future(look) for look in looks], timeout=ANSWER_WITHIN_S)
+        return Report(findings=[check.finding() for check in self._checks], parts=self._read.found or [])
+
+    def _look_at_rows(self) -> list[Part]:
+        with self._database.reading() as session:
+            require_own_schema(session)
+            return list_parts(session)
+
+    def _try_a_write(self) -> None:
+        """Go the way of a write up to the rows: a server that only reads, or a held lock, stops it."""
+        with self._database.writing("health") as session:
+            session.execute(delete(PartRow).where(PartRow.id == _NOBODY))

@@ -1,0 +1,164 @@
+"""/livez and /readyz: quick whatever hangs, and true."""
+
+import sqlite3
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from sqlalchemy import text, update
+
+from service.health import Health
+from store.blobs import StorageFull, StorageUnavailable
+from store.columns import utc_now
+from store.database import Database
+from store.parts import Presence
+from store.tables import PartRow
+from tests.support.alone import alone
+from tests.support.processes import wait_until
+from tests.support.proxy import Proxy
+
+
+def ready(house, *, status=200):
+    answer = house.http.get("/readyz")
+    assert answer.status_code == status, answer.text
+    return answer.json()
+
+
+def look_anew(house, *, blobs=None, database=None):
+    """Forget what the checks have found."""
+    context = house.app.state.context
+    health = Health(database or house.database, blobs or house.blobs)
+    house.app.state.context = replace(context, health=health)
+
+
+def all_parts(database):
+    for kind in ("worker", "sweeper"):
+        Presence(database, kind, sandbox="full").beat()
+
+
+def test_all_is_well(house):
+    all_parts(house.database)
+    found = ready(house)
+    assert (found["status"], found["warnings"]) == ("ok", [])
+    assert [(part["kind"], part["state"]) for part in found["parts"]] == [
+        ("worker", "working"),
+        ("sweeper", "working"),
+    ]
+    assert found["parts"][0]["details"] == {"sandbox": "full"}
+
+
+def test_without_those_who_do_the_work_it_serves_and_says_so(house):
+    found = ready(house)
+    assert found["status"] == "degraded"
+    assert found["warnings"] == ["no worker is at work: jobs wait", "no sweeper is at work: lost jobs wait"]
+
+
+def test_a_part_that_hangs_is_named(house):
+    all_parts(house.database)
+    with house.database.writing("test") as session:
+        before = utc_now().replace(year=2020)
+        session.execute(update(PartRow).where(PartRow.kind == "sweeper").values(worked_at=before))
+    found = ready(house)
+    assert found["status"] == "degraded"
+    assert found["warnings"] == ["no sweeper is at work: lost jobs wait", "a sweeper hangs"]
+
+
+@pytest.mark.parametrize("error", [StorageUnavailable("no"), StorageFull("no"), PermissionError("no")])
+def test_a_file_store_that_takes_nothing(house, error):
+    class Blobs:
+        def check(self):
+            raise error
+
+    look_anew(house, blobs=Blobs())
+    found = ready(house, status=503)
+    assert (found["code"], found["retryable"]) == ("storage_unavailable", True)
+    assert found["checks"] == {"database": "ok", "writing": "ok", "files": "The file store takes no files."}
+
+
+def test_a_file_store_that_hangs_costs_one_thread_however_many_ask(house):
+    go_on, looks = threading.Event(), []
+
+    class Blobs:
+        def check(self):
+            looks.append(1)
+            go_on.wait(30)
+
+    look_anew(house, blobs=Blobs())
+    try:
+        with ThreadPoolExecutor(8) as pool:
+            began = time.monotonic()
+            answers = list(pool.map(lambda _: house.http.get("/readyz"), range(8)))
+            assert time.monotonic() - began < 8
+        assert {answer.json()["code"] for answer in answers} == {"storage_unavailable"}
+        assert len(looks) == 1
+    finally:
+        go_on.set()
+    wait_until(lambda: house.http.get("/readyz").status_code == 200)
+
+
+def test_a_schema_of_another_stilb(house):
+    house.database.guard_schema()
+    with house.database.reading() as session:
+        session.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+        session.commit()
+    look_anew(house)
+    found = ready(house, status=503)
+    assert found["code"] == "schema_mismatch"
+    assert "9999, which is newer than this stilb" in found["detail"]
+    answer = house.http.post("/v1/cameras", json={"make": "a", "model": "b", "serial": "c"})
+    assert (answer.status_code, answer.json()["code"]) == (503, "schema_mismatch")
+    # A read that meets what was changed is no fault of ours either.
+    with house.database.reading() as session:
+        session.execute(text("ALTER TABLE camera RENAME COLUMN note TO remark"))
+        session.commit()
+    answer = house.http.get("/v1/cameras")
+    assert (answer.status_code, answer.json()["code"]) == (503, "schema_mismatch")
+
+
+def test_a_database_that_only_reads(postgres, migrated_postgres, house):
+    url = postgres.new_database(like=migrated_postgres)
+    copy = Database(f"{url}&options=-c%20default_transaction_read_only=on")
+    look_anew(house, database=copy)
+    assert ready(house, status=503)["checks"]["writing"] == "The database takes no writes."
+    copy.dispose()
+    postgres.drop_database(url)
+
+
+def test_a_database_that_swallows_packets(postgres, migrated_postgres, house):
+    url = postgres.new_database(like=migrated_postgres)
+    folder, name = Path(url.partition("?host=")[2]), url.partition("?")[0].rpartition("/")[2]
+    with Proxy(folder / ".s.PGSQL.5432") as proxy:
+        silent = Database(f"postgresql+psycopg://stilb@{proxy.address}/{name}", answer_within_s=1.0)
+        look_anew(house, database=silent)
+        ready(house)
+        threads = threading.active_count()
+        with proxy.being("silent"):
+            time.sleep(1.1)
+            for _ in range(8):
+                began = time.monotonic()
+                assert ready(house, status=503)["code"] == "database_unavailable"
+                assert time.monotonic() - began < 2.5
+            assert threading.active_count() <= threads + 1
+        wait_until(lambda: house.http.get("/readyz").status_code == 200)
+        silent.dispose()
+    postgres.drop_database(url)
+
+
+def test_it_lives_while_every_thread_waits_for_a_lock(migrated_sqlite, tmp_path):
+    """64 requests want to write behind a lock, more than there are threads."""
+    with alone(tmp_path, migrated_sqlite) as service, service.team() as team, team.http() as http:
+        camera = {"make": "a", "model": "b", "serial": "c"}
+        with closing(sqlite3.connect(tmp_path / "stilb.sqlite", isolation_level=None)) as other:
+            other.execute("BEGIN IMMEDIATE")
+            with ThreadPoolExecutor(64) as pool:
+                posts = [pool.submit(http.post, "/v1/cameras", json=camera) for _ in range(64)]
+                time.sleep(1.0)
+                began = time.monotonic()
+                assert service.lives()
+                assert time.monotonic() - began < 1.5
+                other.execute("ROLLBACK")
+                assert {post.result().status_code for post in posts} <= {200, 201}
