@@ -1,6 +1,9 @@
 """/livez and /readyz: quick whatever hangs, and true."""
 
+import os
 import sqlite3
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -9,13 +12,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from alembic.script import ScriptDirectory
 from sqlalchemy import text, update
 
 from service.health import Health
 from store.blobs import StorageFull, StorageUnavailable
 from store.columns import utc_now
 from store.database import Database
+from store.migrate import alembic_config
 from store.parts import Presence
+from store.schema import OTHER_SCHEMA_EXIT, own_schema
 from store.tables import PartRow
 from tests.support.alone import alone
 from tests.support.processes import wait_until
@@ -162,3 +168,31 @@ def test_it_lives_while_every_thread_waits_for_a_lock(migrated_sqlite, tmp_path)
                 assert time.monotonic() - began < 1.5
                 other.execute("ROLLBACK")
                 assert {post.result().status_code for post in posts} <= {200, 201}
+
+
+@pytest.mark.parametrize(
+    ("module", "found"), [("service", "9999"), ("worker", "9999"), ("worker.sweeper", "0001")]
+)
+def test_no_part_starts_on_the_schema_of_another_stilb(module, found, migrated_sqlite, tmp_path):
+    path = tmp_path / "stilb.sqlite"
+    path.write_bytes(migrated_sqlite.read_bytes())
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE alembic_version SET version_num = ?", [found])
+        database.commit()
+    environment = os.environ | {"STILB_DATA": str(tmp_path), "STILB_PORT": "0"}
+    ended = subprocess.run(
+        [sys.executable, "-m", module],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert ended.returncode == OTHER_SCHEMA_EXIT
+    (line,) = [line for line in ended.stderr.splitlines() if " ERROR " in line]
+    assert f"the database has schema {found}, which is" in line
+    assert "Traceback" not in ended.stderr
+
+
+def test_the_own_schema_is_the_head_of_the_migrations():
+    assert own_schema() == ScriptDirectory.from_config(alembic_config()).get_current_head()
