@@ -9,8 +9,9 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from service.context import Context, get_context
 from service.problems import HttpCode, Problem
+from service.schemas.base import rfc3339
 from service.sessions import COOKIE, CSRF_HEADER
-from store.queries.keys import find_key, find_key_by_id
+from store.queries.keys import find_ended_key, find_key, find_session_key
 from store.tables import ApiKey, Organisation
 
 Scope = Literal["read", "upload", "calibrate", "publish", "admin"]
@@ -29,9 +30,11 @@ class Caller:
     """The key's organisation runs this service."""
     key_name: str
     organisation_name: str
+    session_id: str | None
+    """Of the browser that asks; None for who sends the key itself."""
 
     @classmethod
-    def holding(cls, key: ApiKey, organisation: Organisation) -> "Caller":
+    def holding(cls, key: ApiKey, organisation: Organisation, session_id: str | None = None) -> "Caller":
         return cls(
             key_id=key.id,
             organisation_id=organisation.id,
@@ -39,6 +42,7 @@ class Caller:
             operator=organisation.operator,
             key_name=key.name,
             organisation_name=organisation.name,
+            session_id=session_id,
         )
 
 
@@ -51,8 +55,11 @@ def get_caller(
     if credentials is not None:
         with context.database.reading() as session:
             found = find_key(session, credentials.credentials)
+            ended = None if found else find_ended_key(session, credentials.credentials)
         if found is None:
-            raise _unauthenticated("This key is not known, or it was revoked.")
+            raise _unauthenticated(describe_refusal(ended))
+        context.attempts.trust(credentials.credentials)
+        context.uses.note(found[0])
         return Caller.holding(*found)
     caller = None if "authorization" in request.headers else find_session(request, context)
     if caller is None:
@@ -64,12 +71,17 @@ def get_caller(
 
 def find_session(request: Request, context: Context) -> Caller | None:
     """Who is signed in with this browser, if anyone. The caller looks after CSRF."""
-    key_id = context.sessions.key_id_of(request.cookies.get(COOKIE, ""))
-    if key_id is None:
+    session_id = context.sessions.session_id_of(request.cookies.get(COOKIE, ""))
+    if session_id is None:
         return None
     with context.database.reading() as session:
-        found = find_key_by_id(session, key_id)
-    return Caller.holding(*found) if found else None
+        found = find_session_key(session, session_id)
+    if found is None:
+        return None
+    row, key, organisation = found
+    context.uses.note(row)
+    context.uses.note(key)
+    return Caller.holding(key, organisation, row.id)
 
 
 def require_csrf_token(request: Request, context: Context, given: str) -> None:
@@ -92,6 +104,13 @@ def _require(scope: Scope) -> Callable[[Caller], Caller]:
         return caller
 
     return check
+
+
+def describe_refusal(ended: ApiKey | None) -> str:
+    """Return why a key opens nothing; whoever has it may know that it was one."""
+    if ended is None or ended.revoked_at is not None or ended.expires_at is None:
+        return "This key is not known, or it was revoked."
+    return f"This key expired at {rfc3339(ended.expires_at)}. Ask an admin of your organisation for another."
 
 
 def _unauthenticated(detail: str) -> Problem:

@@ -6,10 +6,12 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from service.attempts import Attempts
 from service.health import Health
 from service.hosts import Hosts
 from service.sessions import Sessions
 from service.stopping import Traffic
+from service.uses import Uses
 from service.waiting import JobWatch
 from store.blobs import Blobs
 from store.broker import Hints
@@ -31,6 +33,14 @@ class Context:
     @cached_property
     def hosts(self) -> Hosts:
         return Hosts(self.settings)
+
+    @cached_property
+    def attempts(self) -> Attempts:
+        return Attempts()
+
+    @cached_property
+    def uses(self) -> Uses:
+        return Uses(self.database)
 
 
 def get_context(request: Request) -> Context:

@@ -20,6 +20,7 @@ from store.tables import (
     Panel,
     Purge,
     Reading,
+    WebSession,
 )
 
 Row = TypeVar("Row", bound=Base)
@@ -38,6 +39,7 @@ _WORDS: dict[type[Base], str] = {
     Panel: "panel",
     Purge: "purge",
     Reading: "reading",
+    WebSession: "session",
 }
 
 

@@ -45,6 +45,7 @@ class HttpCode(StrEnum):
     NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"
     PREVIEW_NOT_READY = "preview_not_ready"
     METHOD_MISMATCH = "method_mismatch"
+    TOO_MANY_ATTEMPTS = "too_many_attempts"
     HOST_NOT_ALLOWED = "host_not_allowed"
     INTERNAL_ERROR = "internal_error"
 

@@ -1,6 +1,7 @@
-"""Sessions of a browser: a signed token that names a key and an end, and holds no secret.
+"""Sessions of a browser: a signed token that names the session's row and an end, and holds no secret.
 
-Nothing is stored for one. The key is looked up on every request, so a session ends when its key is revoked.
+The row and its key are looked up on every request: a session ends when it is signed out, when somebody who
+may ends it, and when its key is revoked or expires.
 """
 
 import hashlib
@@ -25,18 +26,18 @@ class Sessions:
     def __init__(self, secret: bytes) -> None:
         self._secret = secret
 
-    def open(self, key_id: str) -> str:
-        """A token for the holder of a key, good for SESSION_S."""
-        claim = f"{key_id}.{int(time.time()) + SESSION_S}.{secrets.token_urlsafe(12)}"
+    def open(self, session_id: str) -> str:
+        """A token for the browser that a session was opened for, good for SESSION_S."""
+        claim = f"{session_id}.{int(time.time()) + SESSION_S}.{secrets.token_urlsafe(12)}"
         return f"{claim}.{self._sign('session', claim)}"
 
-    def key_id_of(self, token: str) -> str | None:
-        """The key that a token stands for; None when it is not ours, or over."""
+    def session_id_of(self, token: str) -> str | None:
+        """The session that a token stands for; None when it is not ours, or over."""
         claim, _, signature = token.rpartition(".")
         if not _same(signature, self._sign("session", claim)):
             return None
-        key_id, expires, _ = claim.split(".")
-        return key_id if time.time() < int(expires) else None
+        session_id, expires, _ = claim.split(".")
+        return session_id if time.time() < int(expires) else None
 
     def csrf_token(self, token: str) -> str:
         """What a page of this session sends with every change, and a stranger's page cannot know."""

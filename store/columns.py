@@ -25,6 +25,7 @@ Prefix = Literal[
     "msr",
     "prg",
     "prt",
+    "ses",
 ]
 
 

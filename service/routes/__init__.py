@@ -69,6 +69,7 @@ def include_routes(app: FastAPI) -> None:
         panels,
         purges,
         readings,
+        sessions,
         system,
         tools,
     )
@@ -76,6 +77,7 @@ def include_routes(app: FastAPI) -> None:
     app.include_router(system.router)
     for module in (
         keys,
+        sessions,
         cameras,
         meters,
         panels,

@@ -10,12 +10,12 @@ from service.auth import SCOPES, Admin, Caller, get_caller
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.problems import HttpCode, Problem
+from service.problems import HttpCode, Problem, invalid
 from service.routes import problems
 from service.schemas.keys import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
 from service.writing import Reply, Writes
 from store.columns import utc_now
-from store.queries.keys import create_key, new_secret
+from store.queries.keys import create_key, end_sessions, new_secret
 from store.tables import ApiKey, Organisation
 
 router = APIRouter(prefix="/v1", tags=["keys"])
@@ -76,10 +76,11 @@ def get_own_key(caller: Annotated[Caller, Depends(get_caller)], context: UsesCon
 
 @router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404))
 def revoke_key(key_id: Id, caller: Admin, writing: Writes) -> Response:
-    """Revoke a key at once. It stays in the record."""
+    """Revoke a key at once, and end the sessions opened with it. It stays in the record."""
 
     def change(session: Session) -> Reply:
         key = owned(session, ApiKey, key_id, caller)
+        end_sessions(session, key)
         key.revoked_at = key.revoked_at or utc_now()
         session.flush()
         return Reply(status=200, body=KeyAnswer.of(key))
@@ -89,7 +90,15 @@ def revoke_key(key_id: Id, caller: Admin, writing: Writes) -> Response:
 
 def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
     secret = new_secret()
+    if new.expires_at is not None and new.expires_at <= utc_now():
+        message = "lies in the past: such a key would open nothing"
+        raise invalid([{"type": "expiry", "loc": ("body", "expires_at"), "msg": message}])
     key = create_key(
-        session, organisation_id=organisation_id, name=new.name, scopes=list(new.scopes), secret=secret
+        session,
+        organisation_id=organisation_id,
+        name=new.name,
+        scopes=list(new.scopes),
+        secret=secret,
+        expires_at=new.expires_at,
     )
     return KeyAnswer.of(key).model_copy(update={"secret": secret})

@@ -6,14 +6,21 @@ from pydantic import ConfigDict, Field
 
 from service.auth import Scope
 from service.schemas.base import Answer, Form, Instant, Text
-from store.tables import ApiKey, Organisation
+from store.tables import ApiKey, Organisation, WebSession
 
 
 class NewKey(Form):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"name": "dashboard", "scopes": ["read"]}]})
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"name": "dashboard", "scopes": ["read"], "expires_at": "2099-05-01T00:00:00Z"}]
+        }
+    )
 
     name: Text
     scopes: Annotated[list[Scope], Field(min_length=1, max_length=5)]
+    expires_at: Instant | None = Field(
+        default=None, description="The key, and sessions opened with it, end then; without it, when revoked."
+    )
 
 
 class KeyAnswer(Answer):
@@ -29,6 +36,8 @@ class KeyAnswer(Answer):
     name: str
     scopes: list[Scope]
     created_at: Instant
+    expires_at: Instant | None = None
+    last_used_at: Instant | None = Field(default=None, description="To ten minutes.")
     revoked_at: Instant | None = None
     secret: str | None = Field(
         default=None,
@@ -70,6 +79,8 @@ class OwnKeyAnswer(Answer):
     scopes: list[Scope]
     organisation: OrganisationNamed
     created_at: Instant
+    expires_at: Instant | None = None
+    last_used_at: Instant | None = Field(default=None, description="To ten minutes.")
 
     @classmethod
     def own(cls, key: ApiKey, organisation: Organisation) -> "OwnKeyAnswer":
@@ -101,3 +112,38 @@ class OrganisationAnswer(Answer):
 
     def keep(self) -> dict[str, Any]:
         return self.dump() | ({"key": self.key.keep()} if self.key else {})
+
+
+class SessionAnswer(Answer):
+    """A browser that is signed in with a key."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "id": "ses_1",
+                    "key_id": "key_1",
+                    "key_name": "dashboard",
+                    "browser": "Mozilla/5.0",
+                    "current": False,
+                    "created_at": "2026-05-01T08:00:00Z",
+                    "expires_at": "2026-05-01T20:00:00Z",
+                }
+            ]
+        }
+    )
+
+    id: str
+    key_id: str
+    key_name: str
+    browser: str | None = Field(default=None, description="As it names itself.")
+    current: bool = Field(description="Whether it is the one that asks.")
+    created_at: Instant
+    expires_at: Instant
+    last_used_at: Instant | None = Field(default=None, description="To ten minutes.")
+    ended_at: Instant | None = None
+
+    @classmethod
+    def of(cls, row: WebSession, *, key_name: str, current: bool) -> "SessionAnswer":
+        said = {name: getattr(row, name) for name in cls.model_fields if name not in {"key_name", "current"}}
+        return cls(**said, key_name=key_name, current=current)

@@ -2,11 +2,13 @@
 
 import hashlib
 import secrets
+from datetime import datetime
 
-from sqlalchemy import ColumnElement, select
+from sqlalchemy import ColumnElement, Select, and_, not_, select, update
 from sqlalchemy.orm import Session
 
-from store.tables import ApiKey, Organisation
+from store.columns import utc_now
+from store.tables import ApiKey, Organisation, WebSession
 
 
 def new_secret() -> str:
@@ -14,22 +16,69 @@ def new_secret() -> str:
 
 
 def create_key(
-    session: Session, *, organisation_id: str, name: str, scopes: list[str], secret: str
+    session: Session,
+    *,
+    organisation_id: str,
+    name: str,
+    scopes: list[str],
+    secret: str,
+    expires_at: datetime | None = None,
 ) -> ApiKey:
-    key = ApiKey(organisation_id=organisation_id, name=name, scopes=scopes, sha256=_hash(secret))
+    key = ApiKey(
+        organisation_id=organisation_id,
+        name=name,
+        scopes=scopes,
+        sha256=_hash(secret),
+        expires_at=expires_at,
+    )
     session.add(key)
     session.flush()
     return key
 
 
 def find_key(session: Session, secret: str) -> tuple[ApiKey, Organisation] | None:
-    """The key that has not been revoked, and whose it is."""
-    return _find(session, ApiKey.sha256 == _hash(secret))
+    """The key that is in force, and whose it is."""
+    row = session.execute(_keys().where(ApiKey.sha256 == _hash(secret), *_in_force())).first()
+    return (row[0], row[1]) if row else None
 
 
-def find_key_by_id(session: Session, key_id: str) -> tuple[ApiKey, Organisation] | None:
-    """The same, for a session that was opened with the key."""
-    return _find(session, ApiKey.id == key_id)
+def find_ended_key(session: Session, secret: str) -> ApiKey | None:
+    """The key that was revoked or has expired."""
+    return session.scalar(select(ApiKey).where(ApiKey.sha256 == _hash(secret), not_(and_(*_in_force()))))
+
+
+def find_session_key(session: Session, session_id: str) -> tuple[WebSession, ApiKey, Organisation] | None:
+    """A browser's session that has not ended, with the key that it was opened with."""
+    row = session.execute(
+        _keys()
+        .add_columns(WebSession)
+        .join(WebSession, WebSession.key_id == ApiKey.id)
+        .where(WebSession.id == session_id, *is_open(), *_in_force())
+    ).first()
+    return (row[2], row[0], row[1]) if row else None
+
+
+def is_open() -> tuple[ColumnElement[bool], ...]:
+    """What holds of a session that has not ended."""
+    return WebSession.ended_at.is_(None), WebSession.expires_at > utc_now()
+
+
+def end_sessions(session: Session, key: ApiKey) -> None:
+    """End every session of a key."""
+    for row in session.scalars(select(WebSession).where(WebSession.key_id == key.id, *is_open())):
+        row.ended_at = utc_now()
+
+
+def note_use(session: Session, row: ApiKey | WebSession, now: datetime, *, unless_after: datetime) -> None:
+    """Write down that a key or a session was used, unless another process has just done so."""
+    table = type(row)
+    known = table.last_used_at.is_(None) | (table.last_used_at < unless_after)
+    session.execute(
+        update(table)
+        .where(table.id == row.id, known)
+        .values(last_used_at=now)
+        .execution_options(synchronize_session=False)
+    )
 
 
 def ensure_operator(session: Session, secret: str, scopes: list[str]) -> None:
@@ -43,13 +92,12 @@ def ensure_operator(session: Session, secret: str, scopes: list[str]) -> None:
         create_key(session, organisation_id=operator.id, name="bootstrap", scopes=scopes, secret=secret)
 
 
-def _find(session: Session, named: ColumnElement[bool]) -> tuple[ApiKey, Organisation] | None:
-    row = session.execute(
-        select(ApiKey, Organisation)
-        .join(Organisation, Organisation.id == ApiKey.organisation_id)
-        .where(named, ApiKey.revoked_at.is_(None))
-    ).first()
-    return (row[0], row[1]) if row else None
+def _keys() -> Select[ApiKey, Organisation]:
+    return select(ApiKey, Organisation).join(Organisation, Organisation.id == ApiKey.organisation_id)
+
+
+def _in_force() -> tuple[ColumnElement[bool], ...]:
+    return ApiKey.revoked_at.is_(None), ApiKey.expires_at.is_(None) | (ApiKey.expires_at > utc_now())
 
 
 def _hash(secret: str) -> str:

@@ -26,7 +26,7 @@ class Organisation(Audited, Base):
 
 class ApiKey(Audited, Base):
     __tablename__ = "api_key"
-    __audit_without__: ClassVar[frozenset[str]] = frozenset({"sha256"})
+    __audit_without__: ClassVar[frozenset[str]] = frozenset({"sha256", "last_used_at"})
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("key"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
@@ -34,7 +34,28 @@ class ApiKey(Audited, Base):
     sha256: Mapped[str] = mapped_column(String(64), unique=True)
     scopes: Mapped[list[str]]
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    expires_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
+    last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
+    """To some minutes: it is not written on every use, and is no decision of anybody's."""
     revoked_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+
+
+class WebSession(Audited, Base):
+    """A browser that signed in with a key. The cookie names it and is signed; nothing here opens it."""
+
+    __tablename__ = "web_session"
+    __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("ses"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
+    key_id: Mapped[str] = mapped_column(ForeignKey("api_key.id"), index=True)
+    browser: Mapped[str | None]
+    """As it names itself."""
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    expires_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
+    ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
+    """Signed out, ended by somebody who may, or its key revoked."""
 
 
 class IdempotentAnswer(Base):

@@ -1,12 +1,15 @@
 """Who may: keys, scopes, and organisations that do not see each other."""
 
 from collections import defaultdict
+from datetime import timedelta
 
 import pytest
 from sqlalchemy import select
+from sqlalchemy.exc import OperationalError
 
+from store.columns import utc_now
 from store.queries.keys import find_key
-from store.tables import IdempotentAnswer
+from store.tables import ApiKey, IdempotentAnswer
 from tests.support.everything import make_one_of_each
 
 
@@ -147,3 +150,64 @@ def test_nothing_can_be_hung_on_what_is_another_organisations(owned, stranger):
     exclude = {"exclude": [{"frame_id": owned["frame_id"], "reason": "r"}]}
     answer = stranger.post(f"/v1/campaigns/{mine['id']}/calibrations", json=exclude)
     assert (answer.status_code, answer.json()["code"]) == (422, "validation_failed")
+
+
+def test_a_key_expires_and_says_so(house):
+    soon = utc_now() + timedelta(hours=1)
+    made = house.post("/v1/keys", KEY | {"expires_at": soon.isoformat()})
+    assert made["expires_at"] == soon.isoformat().replace("+00:00", "Z")
+    with house.with_key(made["secret"]) as client:
+        assert client.get("/v1/keys/own").json()["expires_at"] == made["expires_at"]
+        signed_in = client.post("/sign-in", data={"key": made["secret"]}, follow_redirects=False)
+        assert signed_in.status_code == 303
+        with house.database.writing("test") as session:
+            session.get_one(ApiKey, made["id"]).expires_at = utc_now() - timedelta(seconds=1)
+        answer = client.get("/v1/cameras")
+        assert (answer.status_code, answer.json()["code"]) == (401, "unauthenticated")
+        assert answer.json()["detail"].startswith("This key expired at ")
+        del client.headers["Authorization"]
+        assert client.get("/v1/cameras").status_code == 401
+    past = house.post("/v1/keys", KEY | {"expires_at": "2020-01-01T00:00:00Z"}, status=422)
+    assert past["errors"][0]["field"] == "body.expires_at"
+
+
+def test_a_use_is_written_once_in_ten_minutes_and_nowhere_else(house, monkeypatch):
+    made = house.post("/v1/keys", KEY)
+    assert "last_used_at" not in made
+
+    def last_used():
+        return next(k for k in house.get("/v1/keys")["items"] if k["id"] == made["id"]).get("last_used_at")
+
+    writes = []
+    writing = house.database.writing
+    monkeypatch.setattr(house.database, "writing", lambda *a: writes.append(a) or writing(*a))
+    assert last_used() is None
+    writes.clear()
+    with house.with_key(made["secret"]) as client:
+        for _ in range(5):
+            client.get("/v1/cameras")
+        assert len(writes) == 1
+        first = last_used()
+        assert first is not None
+        later = utc_now() + timedelta(minutes=11)
+        monkeypatch.setattr("service.uses.utc_now", lambda: later)
+        house.app.state.context.__dict__.pop("uses")
+        client.get("/v1/cameras")
+    assert last_used() > first
+    assert {entry["action"] for entry in house.get("/v1/audit", subject_id=made["id"])["items"]} == {
+        "api_key.create"
+    }
+
+
+def test_a_use_that_cannot_be_written_disturbs_nobody(house, monkeypatch):
+    made = house.post("/v1/keys", KEY)
+    tries = []
+
+    def refuse(*_):
+        tries.append(1)
+        raise OperationalError("UPDATE", {}, Exception("disk full"))
+
+    monkeypatch.setattr(house.database, "writing", refuse)
+    with house.with_key(made["secret"]) as client:
+        assert [client.get("/v1/cameras").status_code for _ in range(3)] == [200] * 3
+    assert len(tries) == 1

@@ -4,9 +4,12 @@ import stat
 import time
 
 import pytest
+from starlette.testclient import TestClient
 
+from service.attempts import FORGOTTEN_AFTER_S, LONGEST_WAIT_S, Attempts, name_address
 from service.sessions import COOKIE, SESSION_S, Sessions, sessions_of
 from store.settings import Settings
+from store.tables import WebSession
 from tests.support.house import CAMERA, KEY
 
 PAGE = {"Accept": "text/html"}
@@ -40,7 +43,7 @@ def test_a_key_opens_a_session_and_the_cookie_holds_nothing_of_it(visitor):
     assert (answer.status_code, answer.headers["location"]) == (303, "/jobs")
     cookie = answer.headers["set-cookie"]
     assert KEY not in cookie
-    assert cookie.startswith(f"{COOKIE}=key_")
+    assert cookie.startswith(f"{COOKIE}=ses_")
     parts = {part.strip().lower() for part in cookie.split(";")[1:]}
     assert parts == {"httponly", f"max-age={SESSION_S}", "path=/", "samesite=strict"}
     assert visitor.get("/v1/cameras").status_code == 200
@@ -192,42 +195,154 @@ def test_signing_out_needs_the_token_and_takes_the_cookie(house, visitor):
     assert visitor.get("/v1/cameras").status_code == 401
 
 
+def test_signing_out_ends_the_session_on_the_server(house, visitor):
+    sign_in(visitor)
+    cookie, token = visitor.cookies[COOKIE], token_of(house, visitor)
+    visitor.post("/sign-out", data={"csrf_token": token}, follow_redirects=False)
+    visitor.cookies.set(COOKIE, cookie)
+    assert visitor.get("/v1/cameras").status_code == 401
+    key = {"name": "made with an old cookie", "scopes": ["read"]}
+    assert visitor.post("/v1/keys", json=key, headers={"X-CSRF-Token": token}).status_code == 401
+    assert key["name"] not in house.http.get("/v1/keys").text
+
+
+def test_a_person_lists_and_ends_their_sessions(house, visitor):
+    made = house.post("/v1/keys", {"name": "guest", "scopes": ["read"]})
+    sign_in(visitor, made["secret"], **{"User-Agent": "Netscape 4\x7f"})
+    with house.with_key(made["secret"]) as elsewhere:
+        (seen,) = elsewhere.get("/v1/sessions").json()["items"]
+        assert (seen["key_id"], seen["key_name"], seen["browser"]) == (made["id"], "guest", "Netscape 4")
+        assert seen["current"] is False
+        assert seen["expires_at"] > seen["created_at"]
+        (own,) = visitor.get("/v1/sessions").json()["items"]
+        assert (own["id"], own["current"]) == (seen["id"], True)
+        ended = elsewhere.delete(f"/v1/sessions/{seen['id']}")
+        assert ended.json()["ended_at"]
+        assert visitor.get("/v1/cameras").status_code == 401
+        assert elsewhere.get("/v1/sessions").json()["items"] == []
+    acts = [entry["action"] for entry in house.get("/v1/audit", subject_id=seen["id"])["items"]]
+    assert acts == ["web_session.change", "web_session.create"]
+
+
+def test_only_an_admin_sees_and_ends_those_of_others(house, visitor):
+    made = [house.post("/v1/keys", {"name": name, "scopes": ["read"]}) for name in "ab"]
+    sign_in(visitor, made[0]["secret"])
+    (seen,) = house.get("/v1/sessions", key_id=made[0]["id"])["items"]
+    with house.with_key(made[1]["secret"]) as other:
+        assert other.get("/v1/sessions").json()["items"] == []
+        assert other.delete(f"/v1/sessions/{seen['id']}").json()["code"] == "not_found"
+    assert visitor.get("/v1/cameras").status_code == 200
+    assert house.http.delete(f"/v1/sessions/{seen['id']}").status_code == 200
+    assert visitor.get("/v1/cameras").status_code == 401
+
+
+def test_revoking_a_key_ends_its_sessions(house, visitor):
+    made = house.post("/v1/keys", {"name": "guest", "scopes": ["read"]})
+    sign_in(visitor, made["secret"])
+    (seen,) = house.get("/v1/sessions", key_id=made["id"])["items"]
+    house.http.delete(f"/v1/keys/{made['id']}")
+    assert house.get("/v1/sessions", key_id=made["id"])["items"] == []
+    with house.database.reading() as session:
+        assert session.get_one(WebSession, seen["id"]).ended_at is not None
+
+
+@pytest.fixture
+def clock(house):
+    """The time by which attempts are counted; a process of its own for each test."""
+    now = [1000.0]
+    known = house.app.state.context.__dict__
+    known["attempts"] = Attempts(lambda: now[0])
+    yield now
+    del known["attempts"]
+
+
+def fail(client, times, key="stilb_wrong", **headers):
+    return [sign_in(client, key, **headers).status_code for _ in range(times)]
+
+
+def test_who_fails_again_and_again_waits_longer_each_time(visitor, clock):
+    assert fail(visitor, 6) == [401] * 5 + [429]
+    answer = sign_in(visitor, "stilb_wrong")
+    assert answer.headers["retry-after"] == "1"
+    assert "Try again in 1 s" in answer.text
+    plain = visitor.post("/sign-in", data={"key": "x"}, headers={"Accept": "application/json"})
+    assert (plain.status_code, plain.json()["code"]) == (429, "too_many_attempts")
+    assert plain.json()["retryable"] is True
+    waits = []
+    for _ in range(12):
+        clock[0] += 1 + waits[-1] if waits else 1
+        assert fail(visitor, 1) == [401]
+        waits.append(int(sign_in(visitor, "stilb_wrong").headers["retry-after"]))
+    assert waits == [2, 4, 8, 16, 32, 64, 128, 256, 300, 300, 300, 300]
+    clock[0] += LONGEST_WAIT_S + FORGOTTEN_AFTER_S + 1
+    assert fail(visitor, 6) == [401] * 5 + [429]
+
+
+@pytest.mark.usefixtures("clock")
+def test_a_stranger_locks_nobody_out(house, visitor):
+    made = house.post("/v1/keys", {"name": "in use", "scopes": ["read"]})
+    idle = house.post("/v1/keys", {"name": "idle", "scopes": ["read"]})
+    with house.with_key(made["secret"]) as client:
+        assert client.get("/v1/cameras").status_code == 200
+    assert fail(visitor, 20)[-1] == 429
+    assert sign_in(visitor, made["secret"]).status_code == 303
+    assert visitor.get("/v1/cameras").status_code == 200
+    with TestClient(house.app, client=("203.0.113.9", 1)) as elsewhere:
+        assert sign_in(elsewhere, idle["secret"]).status_code == 303
+
+
+@pytest.mark.usefixtures("clock")
+def test_a_key_that_is_revoked_waits_wherever_it_comes_from(house):
+    made = house.post("/v1/keys", {"name": "lost", "scopes": ["read"]})
+    house.http.delete(f"/v1/keys/{made['id']}")
+    codes = []
+    for number in range(7):
+        with TestClient(house.app, client=(f"203.0.113.{number}", 1)) as client:
+            codes += fail(client, 1, made["secret"])
+    assert codes == [401] * 5 + [429] * 2
+
+
+def test_an_address_of_ipv6_is_its_network():
+    assert name_address("2001:db8::1") == name_address("2001:db8::ffff") != name_address("2001:db8:0:1::1")
+    assert name_address("10.0.0.1") != name_address("10.0.0.2")
+
+
 def test_a_token_is_known_again_until_it_ends(monkeypatch):
     sessions = Sessions(b"secret")
-    token = sessions.open("key_1")
-    assert sessions.key_id_of(token) == "key_1"
+    token = sessions.open("ses_1")
+    assert sessions.session_id_of(token) == "ses_1"
     now = time.time()
     monkeypatch.setattr("service.sessions.time.time", lambda: now + SESSION_S - 2)
-    assert sessions.key_id_of(token) == "key_1"
+    assert sessions.session_id_of(token) == "ses_1"
     monkeypatch.setattr("service.sessions.time.time", lambda: now + SESSION_S + 1)
-    assert sessions.key_id_of(token) is None
+    assert sessions.session_id_of(token) is None
 
 
 def test_a_token_that_was_touched_or_made_elsewhere_is_none():
     sessions = Sessions(b"secret")
-    _, expires, nonce, signature = sessions.open("key_1").split(".")
+    _, expires, nonce, signature = sessions.open("ses_1").split(".")
     later = str(int(expires) + 1)
     for forged in (
-        f"key_2.{expires}.{nonce}.{signature}",
-        f"key_1.{later}.{nonce}.{signature}",
-        f"key_1.{expires}.{nonce}.",
-        f"key_1.{expires}.{nonce}",
-        Sessions(b"another").open("key_1"),
-        sessions.csrf_token("key_1"),
+        f"ses_2.{expires}.{nonce}.{signature}",
+        f"ses_1.{later}.{nonce}.{signature}",
+        f"ses_1.{expires}.{nonce}.",
+        f"ses_1.{expires}.{nonce}",
+        Sessions(b"another").open("ses_1"),
+        sessions.csrf_token("ses_1"),
         "",
         "...",
         "\udcff",
     ):
-        assert sessions.key_id_of(forged) is None, forged
+        assert sessions.session_id_of(forged) is None, forged
 
 
 def test_the_secret_is_kept_for_nobody_else_to_read(tmp_path):
     settings = Settings(data=tmp_path / "new")
-    token = sessions_of(settings).open("key_1")
-    assert sessions_of(settings).key_id_of(token) == "key_1"
+    token = sessions_of(settings).open("ses_1")
+    assert sessions_of(settings).session_id_of(token) == "ses_1"
     (kept,) = (tmp_path / "new").iterdir()
     assert stat.S_IMODE(kept.stat().st_mode) == 0o600
     assert len(kept.read_bytes()) == 32
     given = Settings(data=tmp_path / "other", session_secret="given")
-    assert sessions_of(given).key_id_of(token) is None
+    assert sessions_of(given).session_id_of(token) is None
     assert not (tmp_path / "other").exists()

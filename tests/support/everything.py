@@ -12,6 +12,9 @@ PANEL = {"serial": "RP04", "bands": [{"band": "red", "reflectance": 0.5}], "meas
 def make_one_of_each(house: House) -> dict[str, str]:
     """Their ids, by the names that they have in paths. The key is none that anybody uses."""
     version = published_campaign(house, isos=(3200,))
+    key = house.post("/v1/keys", {"name": "spare", "scopes": ["read"]})
+    with house.with_key(key["secret"]) as browser:
+        browser.post("/sign-in", data={"key": key["secret"]}, follow_redirects=False)
     campaign_id, frame_id = version["campaign_id"], version["points"][0]["frame_id"]
     return {
         "campaign_id": campaign_id,
@@ -22,7 +25,8 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "reading_id": house.get(f"/v1/campaigns/{campaign_id}/readings")["items"][0]["id"],
         "meter_id": house.post("/v1/meters", METER)["id"],
         "panel_id": house.post("/v1/panels", PANEL)["id"],
-        "key_id": house.post("/v1/keys", {"name": "spare", "scopes": ["read"]})["id"],
+        "key_id": key["id"],
+        "session_id": house.get("/v1/sessions", key_id=key["id"])["items"][0]["id"],
         "measurement_id": measure(house, {"id": frame_id}, version)["id"],
         "purge_id": house.post("/v1/purges", {"cause": {"software": CODE_VERSION}, "reason": "r"})["id"],
     }

@@ -1,17 +1,22 @@
 """Into a session with a key, and out of it."""
 
+import math
+from datetime import timedelta
 from typing import Annotated
 from urllib.parse import urlsplit
 
 from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import RedirectResponse
 
-from service.auth import find_session, require_csrf_token
-from service.context import UsesContext
+from service.attempts import FREE, name_address
+from service.auth import describe_refusal, find_session, require_csrf_token
+from service.context import Context, UsesContext
 from service.problems import HttpCode, Problem
 from service.sessions import COOKIE, SESSION_S
 from service.web.rendering import render
-from store.queries.keys import find_key
+from store.columns import utc_now
+from store.queries.keys import find_ended_key, find_key
+from store.tables import ApiKey, WebSession
 
 router = APIRouter(include_in_schema=False)
 
@@ -41,16 +46,32 @@ def sign_in(
     next: Annotated[str, Form()] = "/",  # noqa: A002
 ) -> Response:
     _refuse_other_sites(request)
+    key = key.strip()
+    address = name_address(request.client.host if request.client else None)
+    wait_s = 0.0 if context.attempts.is_trusted(key) else context.attempts.wait_s(address)
+    if wait_s > 0:
+        return _too_many(request, next, wait_s)
     with context.database.reading() as session:
-        found = find_key(session, key.strip())
-    if found is None:
-        return _form(request, next, "This key is not known, or it was revoked.")
-    if "read" not in found[0].scopes:
-        return _form(request, next, "This key may not read. The pages need a key with the scope read.")
+        found = find_key(session, key)
+        ended = None if found else find_ended_key(session, key)
+    unfit = ended or (found[0] if found and "read" not in found[0].scopes else None)
+    if found is None or unfit is not None:
+        return _refuse(request, context, next, address, unfit)
+    context.attempts.trust(key)
+    opened, organisation = found
+    expires_at = utc_now() + timedelta(seconds=SESSION_S)
+    with context.database.writing(opened.id, organisation.id) as session:
+        row = WebSession(
+            organisation_id=organisation.id,
+            key_id=opened.id,
+            browser=_plain(request.headers.get("user-agent", "")),
+            expires_at=min(expires_at, opened.expires_at or expires_at),
+        )
+        session.add(row)
     answer = RedirectResponse(_local(next), 303)
     answer.set_cookie(
         COOKIE,
-        context.sessions.open(found[0].id),
+        context.sessions.open(row.id),
         max_age=SESSION_S,
         secure=request.url.scheme == "https",
         httponly=True,
@@ -61,19 +82,57 @@ def sign_in(
 
 @router.post("/sign-out")
 def sign_out(request: Request, context: UsesContext, csrf_token: Annotated[str, Form()] = "") -> Response:
-    if find_session(request, context) is not None:
+    caller = find_session(request, context)
+    if caller is not None:
         require_csrf_token(request, context, csrf_token)
+        with context.database.writing(caller.key_id, caller.organisation_id) as session:
+            session.get_one(WebSession, caller.session_id).ended_at = utc_now()
     answer = RedirectResponse("/sign-in", 303)
     answer.delete_cookie(COOKIE, httponly=True, samesite="strict")
     return answer
 
 
-def _form(request: Request, next_address: str, error: str | None = None, *, ended: bool = False) -> Response:
+def _refuse(
+    request: Request, context: Context, next_address: str, address: str, unfit: ApiKey | None
+) -> Response:
+    """Count the failure, of a key that is known but opens nothing also whatever address it comes from."""
+    who = [address, unfit.id] if unfit else [address]
+    wait_s = context.attempts.wait_s(unfit.id) if unfit else 0.0
+    if wait_s > 0:
+        return _too_many(request, next_address, wait_s)
+    for each in who:
+        context.attempts.fail(each)
+    if unfit is not None and unfit.revoked_at is None and "read" not in unfit.scopes:
+        return _form(
+            request, next_address, "This key may not read. The pages need a key with the scope read."
+        )
+    return _form(request, next_address, describe_refusal(unfit))
+
+
+def _too_many(request: Request, next_address: str, wait_s: float) -> Response:
+    seconds = math.ceil(wait_s)
+    detail = f"More than {FREE} attempts to sign in failed. Try again in {seconds} s."
+    headers = {"Retry-After": str(seconds)}
+    if "text/html" not in request.headers.get("accept", ""):
+        raise Problem(429, HttpCode.TOO_MANY_ATTEMPTS, detail, retryable=True, headers=headers)
+    answer = _form(request, next_address, detail, status=429)
+    answer.headers.update(headers)
+    return answer
+
+
+def _plain(text: str) -> str | None:
+    """What a browser calls itself, as a row can hold it."""
+    return "".join(c for c in text if c.isprintable())[:200] or None
+
+
+def _form(
+    request: Request, next_address: str, error: str | None = None, *, ended: bool = False, status: int = 401
+) -> Response:
     return render(
         request,
         "sign-in.html",
         title="Sign in",
-        status=401 if error else 200,
+        status=status if error else 200,
         next=_local(next_address),
         error=error,
         ended=ended,

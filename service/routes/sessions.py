@@ -1,0 +1,79 @@
+"""The sessions that browsers have open, and how they are ended."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.auth import Caller, get_caller
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.paging import Cursor, Limit, Page, page
+from service.problems import not_found
+from service.routes import problems
+from service.schemas.base import Text
+from service.schemas.keys import SessionAnswer
+from service.writing import Reply, Writes
+from store.columns import utc_now
+from store.queries.keys import is_open
+from store.tables import ApiKey, WebSession
+
+router = APIRouter(prefix="/v1/sessions", tags=["keys"])
+
+AnyCaller = Annotated[Caller, Depends(get_caller)]
+
+
+@router.get("", response_model=Page[SessionAnswer], responses=problems())
+def list_sessions(
+    request: Request,
+    caller: AnyCaller,
+    context: UsesContext,
+    key_id: Annotated[Text | None, Query(description="Only those opened with this key.")] = None,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+) -> Response:
+    """The browsers that are signed in with your key; for an admin, with any key of the organisation."""
+    rows = (
+        select(WebSession)
+        .join(ApiKey, ApiKey.id == WebSession.key_id)
+        .where(WebSession.organisation_id == caller.organisation_id, *is_open(), ApiKey.revoked_at.is_(None))
+    )
+    if not _is_admin(caller):
+        rows = rows.where(WebSession.key_id == caller.key_id)
+    if key_id is not None:
+        rows = rows.where(WebSession.key_id == key_id)
+    with context.database.reading() as session:
+        return page(
+            session,
+            request,
+            rows,
+            by=WebSession.id,
+            limit=limit,
+            cursor=cursor,
+            shape=lambda found: [_answer(session, row, caller) for row in found],
+        )
+
+
+@router.delete("/{session_id}", response_model=SessionAnswer, responses=problems(404))
+def end_session(session_id: Id, caller: AnyCaller, writing: Writes) -> Response:
+    """End a session at once: its browser has to sign in again. It stays in the record."""
+
+    def change(session: Session) -> Reply:
+        row = owned(session, WebSession, session_id, caller)
+        if row.key_id != caller.key_id and not _is_admin(caller):
+            raise not_found("session")
+        row.ended_at = row.ended_at or utc_now()
+        session.flush()
+        return Reply(status=200, body=_answer(session, row, caller))
+
+    return writing.run(caller, change)
+
+
+def _is_admin(caller: Caller) -> bool:
+    return "admin" in caller.scopes
+
+
+def _answer(session: Session, row: WebSession, caller: Caller) -> SessionAnswer:
+    name = session.get_one(ApiKey, row.key_id).name
+    return SessionAnswer.of(row, key_name=name, current=row.id == caller.session_id)
