@@ -5,6 +5,7 @@ from typing import get_args
 
 from service.schemas.frames import State as FrameState
 from service.schemas.jobs import State as JobState
+from store.jobs import Dependency
 from store.queries.census import Census
 from store.software import CODE_VERSION
 
@@ -29,6 +30,13 @@ def _lines(census: Census) -> Iterator[str]:
     yield f"stilb_oldest_queued_job_age_seconds {census.oldest_queued_s:.3f}"
     yield from _head("stilb_jobs_due_later", "Queued jobs whose time to be tried again has not come.")
     yield f"stilb_jobs_due_later {census.due_later}"
+    yield from _head("stilb_jobs_failed", "Jobs that failed or were quarantined, by the code of their error.")
+    for code, count in census.failures.items():
+        yield f'stilb_jobs_failed{{code="{code}"}} {count}'
+    yield from _head("stilb_jobs_waiting_for", "Queued jobs whose last attempt found this not to serve.")
+    yield from _by_dependency("stilb_jobs_waiting_for", census.waiting_for)
+    yield from _head("stilb_workers_without", "Workers that hold jobs back, as this does not serve.")
+    yield from _by_dependency("stilb_workers_without", census.workers_without)
     yield from _by_state("stilb_frames", "Frames by state.", census.frames, get_args(FrameState))
     yield from _head("stilb_uploads", "Files that were ever received.")
     yield f"stilb_uploads {sum(census.frames.values())}"
@@ -42,6 +50,11 @@ def _lines(census: Census) -> Iterator[str]:
 def _head(name: str, meaning: str) -> Iterator[str]:
     yield f"# HELP {name} {meaning}"
     yield f"# TYPE {name} gauge"
+
+
+def _by_dependency(name: str, counts: Mapping[str, int]) -> Iterator[str]:
+    for dependency in Dependency:
+        yield f'{name}{{dependency="{dependency}"}} {counts.get(dependency, 0)}'
 
 
 def _by_state(name: str, meaning: str, counts: Mapping[str, int], states: tuple[str, ...]) -> Iterator[str]:

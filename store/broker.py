@@ -12,7 +12,7 @@ RUN_TASK = "stilb.run"
 _SILENCE_AFTER_FAILURE_S = 2.0
 _HINT_WITHIN_S = 1.0
 _ANSWER_WITHIN_S = 30.0
-_MOST_AT_ONCE = 16
+MOST_HINTS = 16
 """Messages for any number of jobs: one wakes a worker, and a worker that finds work wakes all its threads."""
 
 log = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ class Hints:
 
     def send(self, job_ids: list[str]) -> None:
         """Tell some worker that these jobs wait."""
-        for job_id in job_ids[:_MOST_AT_ONCE]:
+        for job_id in job_ids[:MOST_HINTS]:
             with self._lock:
                 # Looked at behind the lock: those who waited for one that failed do not try one by one.
                 if time.monotonic() < self._silent_until:

@@ -51,6 +51,7 @@ def build_threads(settings: Settings, context: Context, presence: Presence) -> J
         count=settings.worker_threads,
         look_s=settings.sweep_interval_s,
         looked=watchdog.worked,
+        noted=lambda away: presence.note(away={each: since.isoformat() for each, since in away.items()}),
     )
 
 

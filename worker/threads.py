@@ -3,9 +3,10 @@
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from datetime import datetime
 
-from store.jobs import Claim, Turn
+from store.jobs import Claim, Dependency, Turn
 from worker.context import Context
 from worker.needs import DATABASE_AWAY
 from worker.runner import claim_next, first_line, run
@@ -21,9 +22,19 @@ class JobThreads:
     message told of.
     """
 
-    def __init__(self, context: Context, *, count: int, look_s: float, looked: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        context: Context,
+        *,
+        count: int,
+        look_s: float,
+        looked: Callable[[], None],
+        noted: Callable[[Mapping[Dependency, datetime]], None],
+    ) -> None:
+        """``looked`` is called whenever a thread looks, ``noted`` when other things serve than before."""
         self._context = context
         self._looked = looked
+        self._noted = noted
         self._turn = Turn()
         self._claiming = threading.Lock()
         self._away_since: float | None = None
@@ -89,6 +100,9 @@ class JobThreads:
             return claim
 
     def _wake_every(self, seconds: float) -> None:
-        pause = threading.Event()
+        pause, away = threading.Event(), self._context.needs.list_away()
         while not pause.wait(seconds):
             self.wake()
+            before, away = away, self._context.needs.list_away()
+            if away != before:
+                self._noted(away)

@@ -1,7 +1,7 @@
 """Jobs, and waiting for them."""
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Request, Response
 from sqlalchemy import select
@@ -15,13 +15,14 @@ from service.paging import Cursor, Limit, Page, page
 from service.problems import HttpCode, Problem
 from service.routes import problems
 from service.schemas.base import Text
-from service.schemas.jobs import JobAnswer, QueueAnswer, State
+from service.schemas.jobs import JobAnswer, Kind, QueueAnswer, RetriedAnswer, RetriedJobs, State
 from service.writing import Reply, Writes
 from store import jobs
 from store.audit import record_act
+from store.broker import MOST_HINTS
 from store.jobs import FINAL_STATES
-from store.queries.jobs import frames_of, summarise_queue
-from store.tables import Job
+from store.queries.jobs import frames_of, select_given_up, summarise_queue
+from store.tables import Campaign, Job, Organisation
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -38,7 +39,7 @@ def list_jobs(
     limit: Limit = 100,
     cursor: Cursor = None,
     state: Annotated[State | None, Query()] = None,
-    kind: Annotated[Literal["extract", "fit", "measure"] | None, Query()] = None,
+    kind: Annotated[Kind | None, Query()] = None,
 ) -> Response:
     """The jobs of your organisation, newest first."""
     rows = select(Job).where(Job.organisation_id == caller.organisation_id)
@@ -86,6 +87,30 @@ async def get_job(
             await context.watch.wait(job_id, min(int(wanted[1]), _LONGEST_WAIT_S))
             answer = await run_in_threadpool(_read, context, caller, job_id)
     return answer.respond(headers)
+
+
+@router.post("/retry", status_code=202, response_model=RetriedAnswer, responses=problems(404))
+def retry_jobs(body: RetriedJobs, caller: Reader, writing: Writes) -> Response:
+    """Try all jobs again that failed, or were quarantined, of a kind, by an error's code, of a campaign.
+
+    It needs the scopes that starting them needed. Sent twice it finds nothing the second time.
+    """
+
+    def change(session: Session) -> Reply:
+        if body.campaign_id is not None:
+            owned(session, Campaign, body.campaign_id, caller)
+        chosen = select_given_up(caller.organisation_id, **body.model_dump())
+        for kind in session.scalars(select(Job.kind).where(chosen).distinct().order_by(Job.kind)):
+            require(caller, _SCOPES[kind])
+        first = list(session.scalars(select(Job).where(chosen).limit(MOST_HINTS)))
+        retried = jobs.retry(session, chosen)
+        if retried:
+            asked = body.model_dump(exclude_none=True)
+            organisation = session.get_one(Organisation, caller.organisation_id)
+            record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
+        return Reply(status=202, body=RetriedAnswer(retried=retried), jobs=first)
+
+    return writing.run(caller, change)
 
 
 @router.post("/{job_id}/retry", status_code=202, response_model=JobAnswer, responses=problems(404, 409))

@@ -5,11 +5,12 @@ from typing import Any, Literal, get_args
 from pydantic import ConfigDict, Field
 
 from service.problems import problem_body
-from service.schemas.base import Answer, Instant, ProblemAnswer
+from service.schemas.base import Answer, Form, Instant, ProblemAnswer, Text
 from store.queries.jobs import Queue
 from store.tables import FrameRow, Job
 
 State = Literal["queued", "running", "succeeded", "failed", "quarantined"]
+Kind = Literal["extract", "fit", "measure"]
 
 
 class JobAnswer(Answer):
@@ -44,7 +45,7 @@ class JobAnswer(Answer):
     created_at: Instant
     next_attempt_at: Instant | None = Field(
         default=None,
-        description="When a job is tried again that waits for what `error.waits_for` names; it may be sooner.",
+        description="When a job is tried again that waits for what `error.waits_for` names, if not sooner.",
     )
     finished_at: Instant | None = None
 
@@ -66,6 +67,25 @@ class JobAnswer(Answer):
 _FROM_ROW = (
     *("id", "kind", "subject_id", "state", "progress", "attempt", "result", "created_at", "finished_at"),
 )
+
+
+class RetriedJobs(Form):
+    """Which jobs are tried again: those that all of this holds for."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"state": "failed", "code": "temporarily_unavailable"}]}
+    )
+
+    state: Literal["failed", "quarantined"]
+    kind: Kind | None = None
+    code: Text | None = Field(default=None, description="The code of the error that they ended with.")
+    campaign_id: Text | None = Field(default=None, description="Jobs on this campaign and its frames.")
+
+
+class RetriedAnswer(Answer):
+    model_config = ConfigDict(json_schema_extra={"examples": [{"retried": 37}]})
+
+    retried: int = Field(ge=0, description="How many jobs are queued again.")
 
 
 class QueueAnswer(Answer):

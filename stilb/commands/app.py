@@ -53,6 +53,7 @@ app.command("measure")(measuring.measure)
 app.command("motion")(motion.motion)
 app.command("export")(calibration.export)
 app.command("jobs")(jobs.jobs)
+app.command("retry")(jobs.retry)
 app.command("doctor")(doctor.doctor)
 
 

@@ -42,6 +42,28 @@ def jobs(
     )
 
 
+@talks
+def retry(
+    talk: Talk,
+    job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; else all that fit.")] = None,
+    state: Annotated[str | None, typer.Option(help="failed, quarantined.")] = None,
+    kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
+    code: Annotated[str | None, typer.Option(help="The error's code: temporarily_unavailable.")] = None,
+    campaign: Annotated[str | None, typer.Option(help="Its id or project number.")] = None,
+) -> None:
+    """Try a job again that failed, or all in a state (--state) that fit the other options."""
+    if (job is None) == (state is None):
+        raise typer.BadParameter("name one job, or choose many with --state", param_hint="JOB")
+    with talk.client() as client:
+        if job is not None:
+            found = client.retry_job(job)
+            talk.answer(found.raw, f"{found.id} {found.kind} {found.state}")
+            return
+        campaign_id = client.find_campaign(campaign).id if campaign is not None else None
+        count = client.retry_jobs(str(state), kind=kind, code=code, campaign_id=campaign_id)
+    talk.answer({"retried": count}, f"{count} jobs are tried again")
+
+
 def _about(client: Client, found: list[Job]) -> dict[str, str]:
     """Of each job its file, else its campaign by project number."""
     named: dict[str, str | None] = {}

@@ -22,6 +22,19 @@ class Jobs(Connection):
         """The jobs of your organisation, newest first."""
         return map(Job.of, self._transport.items(address("jobs"), {"state": state, "kind": kind}))
 
+    def retry_job(self, job: Job | str) -> Job:
+        """Try a job again that failed or was quarantined; the job as it waits then."""
+        job_id = job if isinstance(job, str) else job.id
+        return Job.of(self._post(f"{address('jobs', job_id)}/retry", {}))
+
+    def retry_jobs(
+        self, state: str, *, kind: str | None = None, code: str | None = None, campaign_id: str | None = None
+    ) -> int:
+        """Try all jobs again that are ``failed``, or ``quarantined``, and fit the rest; how many they are."""
+        chosen = {"state": state, "kind": kind, "code": code, "campaign_id": campaign_id}
+        body = {name: value for name, value in chosen.items() if value is not None}
+        return int(self._post(address("jobs", "retry"), body)["retried"])
+
     def wait(self, job: Job | str, *, timeout_s: float | None = None) -> Job:
         """Wait until a job has succeeded; ``JobFailed`` when it will not, ``TimeoutError`` when it lasts."""
         job_id = job if isinstance(job, str) else job.id

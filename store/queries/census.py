@@ -1,12 +1,14 @@
 """How much there is of everything, for whoever watches the service."""
 
+from collections import Counter
 from dataclasses import dataclass
 
-from sqlalchemy import func, select
+from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from store.columns import utc_now
-from store.jobs import oldest_wait_s
+from store.jobs import GIVEN_UP, oldest_wait_s
+from store.parts import list_parts
 from store.tables import FrameRow, Job, Publication
 
 
@@ -16,6 +18,12 @@ class Census:
     oldest_queued_s: float
     due_later: int
     """Queued jobs that are not due yet: they are tried again later, or the clock was set back."""
+    failures: dict[str, int]
+    """Jobs that failed or were quarantined, by the code of their error."""
+    waiting_for: dict[str, int]
+    """Queued jobs whose last attempt found something away, by what that was."""
+    workers_without: dict[str, int]
+    """Workers that begin no job which needs a dependency, as it does not serve, by the dependency."""
     frames: dict[str, int]
     refusals: dict[str, int]
     """Refused frames by the code of their refusal."""
@@ -32,6 +40,14 @@ def take_census(session: Session) -> Census:
         jobs=_count_by(session, Job.state),
         oldest_queued_s=oldest_wait_s(session),
         due_later=session.scalar(due_later) or 0,
+        failures=_count_by(session, Job.error["code"].as_string(), Job.state.in_(GIVEN_UP)),
+        waiting_for=_count_by(session, Job.waits_for, Job.state == "queued"),
+        workers_without=Counter(
+            each
+            for part in list_parts(session)
+            if part.state == "working"
+            for each in part.details.get("away", {})
+        ),
         frames=_count_by(session, FrameRow.state),
         refusals=_count_by(session, FrameRow.refusal_code),
         versions_published=session.scalar(in_force) or 0,
@@ -39,7 +55,10 @@ def take_census(session: Session) -> Census:
 
 
 def _count_by(
-    session: Session, column: InstrumentedAttribute[str] | InstrumentedAttribute[str | None]
+    session: Session,
+    column: InstrumentedAttribute[str] | InstrumentedAttribute[str | None] | ColumnElement[str],
+    *where: ColumnElement[bool],
 ) -> dict[str, int]:
-    rows = select(column, func.count()).group_by(column).order_by(column)
+    value = column.label("value")
+    rows = select(value, func.count()).where(*where).group_by(value).order_by(value)
     return {row[0]: row[1] for row in session.execute(rows) if row[0] is not None}

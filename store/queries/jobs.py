@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import func, select
+from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from store.jobs import oldest_wait_s
@@ -24,6 +24,21 @@ def summarise_queue(session: Session, organisation_id: str) -> Queue:
     return Queue(
         counts={row[0]: row[1] for row in rows}, oldest_wait_s=oldest_wait_s(session, organisation_id)
     )
+
+
+def select_given_up(
+    organisation_id: str, *, state: str, kind: str | None, code: str | None, campaign_id: str | None
+) -> ColumnElement[bool]:
+    """Return which of an organisation's jobs are in a state, of a kind, ended by a code, of a campaign."""
+    chosen = (Job.organisation_id == organisation_id) & (Job.state == state)
+    if kind is not None:
+        chosen &= Job.kind == kind
+    if code is not None:
+        chosen &= Job.error["code"].as_string() == code
+    if campaign_id is not None:
+        frames = select(FrameRow.id).where(FrameRow.campaign_id == campaign_id)
+        chosen &= (Job.subject_id == campaign_id) | Job.subject_id.in_(frames)
+    return chosen
 
 
 def frames_of(session: Session, jobs: Sequence[Job]) -> dict[str, FrameRow]:

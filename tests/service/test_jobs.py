@@ -73,3 +73,60 @@ def test_trying_again_needs_the_scope_that_starting_needed(house):
         answer = client.post(f"/v1/jobs/{frame['job_id']}/retry")
     assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
     assert "'upload'" in answer.json()["detail"]
+
+
+def retry(house, status=202, **chosen):
+    return house.post("/v1/jobs/retry", chosen, status=status)
+
+
+def test_all_jobs_that_failed_are_tried_again_at_once_and_the_trail_says_by_whom(house, stranger):
+    campaign = house.campaign()
+    frames = [house.upload(campaign, b"no raw file %d" % each, role="light") for each in range(5)]
+    house.work()
+    for other in ({"state": "quarantined"}, {"state": "failed", "kind": "fit"}):
+        assert retry(house, **other) == {"retried": 0}
+    assert retry(house, state="failed", code="truncated") == {"retried": 0}
+    assert stranger.post("/v1/jobs/retry", json={"state": "failed"}).json() == {"retried": 0}
+    chosen = {"state": "failed", "kind": "extract", "code": "not_a_raw_file", "campaign_id": campaign["id"]}
+    assert retry(house, **chosen) == {"retried": 5}
+    assert retry(house, **chosen) == {"retried": 0}
+    assert house.get("/v1/jobs/summary")["queued"] == 5
+    (entry,) = [each for each in house.get("/v1/audit")["items"] if each["action"].endswith("retry_jobs")]
+    assert (entry["before"], entry["after"]) == (chosen, {"state": "queued", "jobs": 5})
+    assert entry["actor"].startswith("key_")
+    assert house.work() == len(frames)
+
+
+def test_only_the_campaigns_own_jobs_are_tried_again(house):
+    one, other = house.campaign(), house.campaign()
+    house.upload(one, b"no raw file", role="light")
+    house.upload(other, b"none either", role="light")
+    house.work()
+    assert retry(house, state="failed", campaign_id=other["id"]) == {"retried": 1}
+    assert retry(house, 404, state="failed", campaign_id="cmp_none")["code"] == "not_found"
+
+
+def test_a_repeated_request_to_try_again_answers_the_same(house):
+    failed_job(house)
+    headers = {"Idempotency-Key": "again"}
+    first = house.http.post("/v1/jobs/retry", json={"state": "failed"}, headers=headers)
+    house.work()
+    second = house.http.post("/v1/jobs/retry", json={"state": "failed"}, headers=headers)
+    assert (first.json(), second.json()) == ({"retried": 1}, {"retried": 1})
+    assert second.headers["idempotent-replayed"] == "true"
+    assert house.get("/v1/jobs/summary")["failed"] == 1
+
+
+def test_trying_many_again_needs_every_scope_that_starting_them_needed(house):
+    failed_job(house)
+    made = house.post("/v1/keys", {"name": "other", "scopes": ["read", "calibrate"]})
+    with house.with_key(made["secret"]) as client:
+        answer = client.post("/v1/jobs/retry", json={"state": "failed"})
+        assert (answer.status_code, answer.json()["code"]) == (403, "scope_missing")
+        assert client.post("/v1/jobs/retry", json={"state": "failed", "kind": "fit"}).status_code == 202
+    assert house.get("/v1/jobs/summary")["failed"] == 1
+
+
+def test_what_is_tried_again_has_to_be_chosen(house):
+    assert retry(house, 422)["code"] == "validation_failed"
+    assert retry(house, 422, state="succeeded")["code"] == "validation_failed"

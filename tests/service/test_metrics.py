@@ -1,15 +1,22 @@
 """What the service tells those who watch it."""
 
+import re
 import shutil
 from datetime import timedelta
 
 import pytest
+import yaml
 from sqlalchemy import update
 
+from store import jobs
 from store.clocks import mend_times
 from store.columns import utc_now
+from store.jobs import Dependency, Turn
+from store.parts import Presence
 from store.software import CODE_VERSION
 from store.tables import Job
+from tests.support.compose import ROOT
+from worker.runner import claim_next
 
 
 def test_metrics_count_what_the_database_holds(house):
@@ -45,3 +52,39 @@ def test_metrics_tell_the_version_and_the_room_on_the_disk(house):
     assert f'stilb_info{{version="{CODE_VERSION}"}} 1' in lines
     (free,) = [line for line in lines if line.startswith("stilb_data_free_bytes ")]
     assert int(free.split()[1]) == pytest.approx(shutil.disk_usage(house.folder).free, rel=0.2)
+
+
+def test_metrics_tell_why_jobs_were_given_up_and_what_others_wait_for(house):
+    campaign = house.campaign()
+    for content in (b"no raw file", b"none either", b"none at all"):
+        house.upload(campaign, content, role="light")
+    turn = Turn()
+    for number in range(2):
+        claim = claim_next(house.worker, turn)
+        with house.database.writing("test") as session:
+            if number:
+                jobs.fail(session, claim, {"code": "worker_lost", "detail": "x", "retryable": False})
+            else:
+                jobs.retry_later(session, claim, waits_for=Dependency.BLOBS)
+    Presence(house.database, "worker", away={"blobs": "2026-05-01T00:00:00+00:00"}).beat()
+    lines = house.http.get("/metrics").text.splitlines()
+    assert 'stilb_jobs_failed{code="worker_lost"} 1' in lines
+    assert 'stilb_jobs_waiting_for{dependency="blobs"} 1' in lines
+    assert 'stilb_jobs_waiting_for{dependency="decoder"} 0' in lines
+    assert 'stilb_workers_without{dependency="blobs"} 1' in lines
+    assert 'stilb_workers_without{dependency="database"} 0' in lines
+
+
+def test_every_alert_rests_on_what_the_metrics_tell(house):
+    """Names of metrics, and the codes and dependencies that the rules choose."""
+    text = (ROOT / "docs" / "prometheus-rules.yml").read_text(encoding="utf-8")
+    (group,) = yaml.safe_load(text)["groups"]
+    told = {
+        line.split()[2] for line in house.http.get("/metrics").text.splitlines() if line.startswith("# TYPE")
+    }
+    for rule in group["rules"]:
+        assert set(re.findall(r"stilb_\w+", rule["expr"])) <= told
+        assert rule["annotations"]["summary"]
+    errors = (ROOT / "docs" / "errors.md").read_text(encoding="utf-8")
+    (codes,) = re.findall(r'code=~"([^"]+)"', text)
+    assert all(f"## {code}\n" in errors for code in codes.split("|"))

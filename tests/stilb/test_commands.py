@@ -216,6 +216,16 @@ def test_a_failed_job_is_a_finding(command, calibrated, tmp_path):
     ended = command("jobs", frame.job_id)
     assert ended.code == Exit.FINDINGS
     assert "failed" in ended.out
+    for words, said in [
+        ((frame.job_id,), "extract queued"),
+        (("--state", "failed", "--code", "not_a_raw_file", "--campaign", campaign.id), "1 jobs"),
+    ]:
+        again = command("retry", *words)
+        assert (again.code, said in again.out) == (Exit.DONE, True)
+        with pytest.raises(stilb.JobFailed):
+            team.client.wait(frame.job_id)
+    assert command("retry", "--state", "failed", "--kind", "fit", "--json").json == {"retried": 0}
+    assert command("retry").code == command("retry", frame.job_id, "--state", "failed").code == Exit.USAGE
 
 
 def test_doctor_finds_a_service_well(command):

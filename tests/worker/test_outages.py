@@ -74,10 +74,12 @@ def frames(house):
 
 @contextmanager
 def working(context):
-    threads = JobThreads(context, count=3, look_s=0.05, looked=lambda: None)
+    """Threads that do the jobs; yields what they noted of what does not serve."""
+    noted = []
+    threads = JobThreads(context, count=3, look_s=0.05, looked=lambda: None, noted=noted.append)
     threads.start()
     try:
-        yield threads
+        yield noted
     finally:
         assert threads.stop(10.0)
 
@@ -95,7 +97,7 @@ def test_a_store_that_is_away_is_asked_for_by_few_jobs_and_comes_back_to_all(
 ):
     caplog.set_level(logging.WARNING)
     store.away = True
-    with working(worker):
+    with working(worker) as noted:
         wait_until(lambda: store.checked > 20, what="the store to be checked twenty times")
         # as many as there are threads, and none after the breaker has opened
         assert store.asked <= 3
@@ -103,8 +105,9 @@ def test_a_store_that_is_away_is_asked_for_by_few_jobs_and_comes_back_to_all(
         assert set(states(house, frames)) == {"queued"}
         store.away = False
         wait_until(lambda: set(states(house, frames)) == {"succeeded"}, what="every frame to be read")
+        wait_until(lambda: noted[-1:] == [{}], what="the return of the store to be noted")
     assert attempts(house, frames) <= FRAMES + 3
-    assert worker.needs.list_away() == {}
+    assert [list(each) for each in noted] == [[Dependency.BLOBS], []]
     said = [record.getMessage() for record in caplog.records if "does not serve" in record.getMessage()]
     assert len(said) == 1
     assert not [record for record in caplog.records if record.exc_info]
