@@ -6,6 +6,7 @@ from enum import StrEnum
 class Code(StrEnum):
     """Why an input cannot be used. Stable: clients match on it; each has its heading in docs/errors.md."""
 
+    IMAGE_PART_EMPTY = "image_part_empty"
     ROI_INVALID = "roi_invalid"
     ROI_SELF_INTERSECTING = "roi_self_intersecting"
     ROI_EMPTY = "roi_empty"

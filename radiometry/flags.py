@@ -36,6 +36,11 @@ class Flag(StrEnum):
         "supplied_exposure_ignored",
         "The exposure typed in differs from the file's by more than 10 %; the file's was used.",
     )
+    # of a frame, when all of it has been read
+    IMAGE_PART_EMPTY = (
+        "image_part_empty",
+        "A part of the image is empty, zeros or below black where a sensor shows noise: data is missing.",
+    )
     # of a luminance fit
     DARK_EXPOSURE_DIFFERS = (
         "dark_exposure_differs",

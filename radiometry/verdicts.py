@@ -43,6 +43,7 @@ class ReasonCode(StrEnum):
     ROLE_UNUSED = "role_unused", "Its role is none that the campaign's fit looks at."
     EXPOSURE_NOT_MANUAL = "exposure_not_manual", "The camera chose the exposure."
     RENDERED = "rendered", "The image is not raw."
+    IMAGE_PART_EMPTY = "image_part_empty", "A part of the image is empty: the fit leaves the frame out."
     # of a light frame
     SCENE_MISSING = "scene_missing", "Nobody said which light level it shows."
     READING_MISSING = "reading_missing", "Its scene has no luminance reading."
@@ -166,6 +167,12 @@ def inspect_frame(frame: Taken) -> list[Reason]:
         detail = "This frame waits to be read: ask again in a few seconds."
         return [Reason(code=ReasonCode.NOT_READ, outcome="pending", detail=detail)]
     reasons = [*_inspect_role(frame), *_inspect_region(frame, *frame.format[:2])]
+    if Flag.IMAGE_PART_EMPTY in frame.flags:
+        detail = (
+            "A part of this image is empty, zeros or below black where a sensor shows noise. Copy the file "
+            "from the card again, or take the frame again. The fit leaves it out."
+        )
+        reasons.append(Reason(code=ReasonCode.IMAGE_PART_EMPTY, outcome="fail", detail=detail))
     if Flag.EXPOSURE_NOT_MANUAL in frame.flags:
         detail = (
             "The camera chose the exposure itself. Set the exposure mode to manual and automatic ISO off, "

@@ -87,6 +87,7 @@ class MeasureDetails(TypedDict, total=False):
     reflectance: float
     incidence_angle_deg: float
     index: str  # of reflectance: ndvi | ndre | gndvi
+    allow: list[str]  # flags of a frame that else forbid to measure it: image_part_empty
 
 
 @dataclass(frozen=True, kw_only=True)

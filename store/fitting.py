@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from importlib.metadata import version as package_version
 from typing import Any
 
@@ -35,11 +35,26 @@ def read_params(campaign: Campaign, stored: dict[str, Any]) -> Any:  # noqa: ANN
     return decode(methods.describe(campaign.method).params, stored)
 
 
+def leave_out_doubtful(params: Any, evidence: Evidence) -> Any:  # noqa: ANN401 (the method's own)
+    """The parameters, with the frames that no fit may use among those left out; what a person said stands."""
+    said = {exclusion.frame for exclusion in params.exclude}
+    more = [exclusion for exclusion in evidence.doubtful if exclusion.frame not in said]
+    if not more:
+        return params
+    return replace(params, exclude=tuple(sorted((*params.exclude, *more), key=lambda each: each.frame)))
+
+
 def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[str]:  # noqa: ANN401
     """What a fit still needs, by name; empty when it can start."""
     return [
         *(() if is_told(campaign) else [_UNTOLD]),
-        *methods.missing(campaign.method, evidence.frames, evidence.readings, params, unread=evidence.unread),
+        *methods.missing(
+            campaign.method,
+            evidence.frames,
+            evidence.readings,
+            leave_out_doubtful(params, evidence),
+            unread=evidence.unread,
+        ),
     ]
 
 

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from radiometry import methods
 from radiometry.roi import Polygon
 from radiometry.verdicts import Taken, Verdict, conclude, inspect_frame
-from store.fitting import list_missing, make_params
+from store.fitting import leave_out_doubtful, list_missing, make_params
 from store.queries.evidence import gather
 from store.queries.frames import current_roi, is_told, region_ids, whole_frame_of
 from store.tables import Campaign, FrameRow, Roi
@@ -29,7 +29,9 @@ def take_stock(session: Session, campaign: Campaign) -> Stock:
     fitted = gather(session, campaign) if methods.describe(campaign.method).applied_roles else every
     return Stock(
         missing=list_missing(campaign, fitted, params),
-        advice=list(methods.plan(campaign.method, every.frames, every.readings, params)),
+        advice=list(
+            methods.plan(campaign.method, every.frames, every.readings, leave_out_doubtful(params, every))
+        ),
     )
 
 
@@ -44,9 +46,8 @@ def judge_frames(session: Session, campaign: Campaign) -> dict[str, Verdict]:
     # what no fit sees needs no name, only one that no other frame has
     names = {row.id: evidence.names.get(row.id, row.id) for row in rows}
     taken = [_take(row, campaign, names[row.id], regions.get(of_frame[row.id])) for row in rows]
-    verdicts = methods.judge(
-        campaign.method, taken, evidence.frames, evidence.readings, make_params(session, campaign)
-    )
+    params = leave_out_doubtful(make_params(session, campaign), evidence)
+    verdicts = methods.judge(campaign.method, taken, evidence.frames, evidence.readings, params)
     return {row.id: verdicts[names[row.id]] for row in rows}
 
 

@@ -35,7 +35,7 @@ from service.writing import Reply, Writes
 from store import jobs, publications
 from store.codec import encode
 from store.falloff import choose_falloff
-from store.fitting import list_missing, make_params
+from store.fitting import leave_out_doubtful, list_missing, make_params
 from store.impact import list_touched
 from store.queries.calibrations import coefficients_of, history, standings
 from store.queries.evidence import Evidence, gather
@@ -59,6 +59,7 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
             campaign.panel_id = owned(session, Panel, body.panel_id, caller).id
         evidence = gather(session, campaign)
         params = _read_params(session, body, campaign, evidence, caller)
+        params = leave_out_doubtful(params, evidence)
         missing = list_missing(campaign, evidence, params)
         if missing:
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")

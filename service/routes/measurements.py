@@ -189,6 +189,7 @@ def _read_asked(body: MeasurementOptions) -> Asked:
         incidence_angle_deg=body.incidence_angle_deg,
         index=body.index,
         products=tuple(body.products or ()),
+        allow=tuple(dict.fromkeys(body.allow or ())),
     )
 
 

@@ -52,6 +52,13 @@ class MeasurementOptions(Form):
         Field(description="Of reflectance: of this frame's capture; its other band must be there."),
     ] = None
     products: Annotated[list[Literal["map"]] | None, Field(max_length=1)] = None
+    allow: Annotated[
+        list[Literal["image_part_empty"]] | None,
+        Field(
+            max_length=1,
+            description="Flags of a frame that else forbid to measure it; the measurement then carries them.",
+        ),
+    ] = None
 
 
 class NewMeasurement(MeasurementOptions):

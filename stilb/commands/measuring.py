@@ -27,6 +27,10 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     ] = None,
     reflectance: Annotated[float | None, typer.Option(help="Of the surface: gives its illuminance.")] = None,
     index: Annotated[str | None, typer.Option(help="Of a near infrared frame: ndvi, ndre or gndvi.")] = None,
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FLAG", help="Measure a frame with this flag all the same: image_part_empty."),
+    ] = None,
     save_map: Annotated[
         Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame there.")
     ] = None,
@@ -37,6 +41,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     details = _details(calibration, region, grid, reflectance)
     if index is not None:
         details["index"] = index
+    if allow:
+        details["allow"] = list(allow)
     refused: list[dict[str, Any]] = []
     with talk.client() as client:
         with_map = save_map is not None

@@ -1,5 +1,6 @@
 """From a frame and a request to a plan for the worker."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,15 +9,17 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.errors import Code, InputRejected
+from radiometry.flags import Flag
 from radiometry.luminance.application import choose_coefficient
 from radiometry.luminance.lens import name_channels
 from radiometry.luminance.maps import find_map_scale
 from radiometry.measurement import Request, find_window
 from radiometry.methods import geometry, reflectance
+from radiometry.proof import Proof
 from radiometry.reflectance.indices import Index
 from radiometry.roi import Polygon, bounding_window
 from radiometry.surface import Grid, outline
-from store.codec import decode_exposure, decode_header, encode
+from store.codec import decode, decode_exposure, decode_header, encode
 from store.falloff import find_falloff, read_lens
 from store.measuring.captures import Captures
 from store.measuring.record import read_band_coefficients, read_camera, read_coefficients
@@ -37,6 +40,8 @@ class Asked:
     incidence_angle_deg: float | None = None
     index: Index | None = None
     products: tuple[str, ...] = field(default=())
+    allow: tuple[str, ...] = field(default=())
+    """Flags of a frame that forbid to measure it, unless they are named here."""
 
 
 def plan_measurement(
@@ -48,6 +53,7 @@ def plan_measurement(
     """
     campaign = session.get_one(Campaign, frame.campaign_id)
     _require_read(frame, campaign.method)
+    require_whole(frame, read_proof(frame), asked.allow)
     _refuse_foreign_options(campaign.method, asked)
     calibration, chosen, why = choose_version(session, frame, campaign, named)
     polygon, origin = _find_region(session, frame, campaign, asked)
@@ -58,6 +64,7 @@ def plan_measurement(
         "polygon": _list_points(polygon),
         "region_origin": origin,
         "products": list(asked.products),
+        **({"allow": list(asked.allow)} if asked.allow else {}),
     }
     if campaign.method == "luminance":
         return plan | _plan_luminance(session, frame, calibration, polygon, asked)
@@ -159,6 +166,7 @@ def _plan_reflectance(
     headers = [header]
     if asked.index is not None:
         other = captures.find(frame, reflectance.name_bands(asked.index)[1])
+        require_whole(other, read_proof(other), asked.allow)
         headers.append(decode_header(other.header or {}))
         here, there = reflectance.align_region(polygon, header, headers[1])
         plan |= {
@@ -200,6 +208,23 @@ def _require_read(frame: FrameRow, method: methods.Method) -> None:
             Code.EXPOSURE_MISSING,
             f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in.",
         )
+
+
+def read_proof(frame: FrameRow) -> Proof | None:
+    """What vouches for a frame's pixels; None of one that nobody has read as a whole."""
+    return decode(Proof, frame.proof) if frame.proof else None
+
+
+def require_whole(frame: FrameRow, proof: Proof | None, allowed: Sequence[str]) -> None:
+    """Refuse a frame with an empty part, unless somebody has asked for it by the flag's name."""
+    if proof is None or not proof.wholeness.empty or Flag.IMAGE_PART_EMPTY in allowed:
+        return
+    raise InputRejected(
+        Code.IMAGE_PART_EMPTY,
+        f"Frame {frame.filename}: {proof.describe_doubt(decode_header(frame.header or {}))}. Copy the file "
+        f"from the card again. To measure it as it is, ask with allow=[{Flag.IMAGE_PART_EMPTY}]: "
+        "the measurement then carries that flag.",
+    )
 
 
 def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: Asked) -> tuple[Polygon, str]:

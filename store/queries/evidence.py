@@ -8,7 +8,9 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.evidence import FrameEvidence
+from radiometry.evidence import Exclusion, FrameEvidence
+from radiometry.flags import Flag
+from radiometry.proof import Proof
 from radiometry.statistics import ChannelStatistics
 from store.codec import decode, decode_exposure, decode_header
 from store.queries.frames import extractions_of, extractor_of, region_ids, statistics_of
@@ -27,6 +29,8 @@ class Evidence:
     rois: dict[str, str]
     unread: list[str]
     """Frames of which nothing is known yet."""
+    doubtful: tuple[Exclusion, ...]
+    """Frames that no fit may use, with what is doubted in them."""
     references: dict[str, list[dict[str, Any]]]
     """What the readings were made with, as it is now: meters with their certificates, panels."""
 
@@ -67,8 +71,14 @@ def gather(session: Session, campaign: Campaign, *, applied: bool = False) -> Ev
         hashes={names[row.id]: row.sha256 for row in read},
         rois={names[row.id]: current[row.id].roi_id for row in read if row.id in current},
         unread=[names[row.id] for row in rows if not _is_read(row)],
+        doubtful=tuple(_doubt(row, names[row.id]) for row in read if Flag.IMAGE_PART_EMPTY in row.warnings),
         references=reference.sources,
     )
+
+
+def _doubt(row: FrameRow, name: str) -> Exclusion:
+    doubt = decode(Proof, row.proof).describe_doubt(decode_header(row.header or {}))
+    return Exclusion(frame=name, reason=doubt, by="stilb")
 
 
 def _is_read(row: FrameRow) -> bool:

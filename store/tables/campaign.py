@@ -92,7 +92,7 @@ class FrameRow(Audited, Base):
     """One uploaded file in one campaign."""
 
     __tablename__ = "frame"
-    __audit_without__: ClassVar[frozenset[str]] = frozenset({"header"})
+    __audit_without__: ClassVar[frozenset[str]] = frozenset({"header", "proof"})
     __table_args__ = (
         UniqueConstraint("campaign_id", "sha256"),
         CheckConstraint("role IN ('light', 'dark', 'flat', 'panel', 'chart', 'field')", "role_known"),
@@ -116,6 +116,8 @@ class FrameRow(Audited, Base):
     """Exposure values typed in with the frame, for what the file does not say."""
     state: Mapped[str] = mapped_column(default="received")
     header: Mapped[Json | None] = mapped_column(default=None)
+    proof: Mapped[Json | None] = mapped_column(default=None)
+    """What vouches for its pixels; None while nobody has read all of them."""
     exposure: Mapped[Json | None] = mapped_column(default=None)
     """The three values in use and the origin of each."""
     exposure_time_s: Mapped[float | None]

@@ -44,7 +44,7 @@ def counted(inner, asked):
 def calls(house, monkeypatch):
     """What the decoder is asked for."""
     asked = []
-    for name in ("read_header", "read_window", "render_preview"):
+    for name in ("read_header", "read_window", "inspect"):
         monkeypatch.setattr(house.worker.decoders, name, counted(getattr(house.worker.decoders, name), asked))
     return asked
 
@@ -241,7 +241,7 @@ def test_another_region_is_computed_and_the_older_statistics_stay(house, calls):
     assert after["state"] == "extracted"
     assert rows_of(after, first) == before
     assert {row["n"] for row in rows_of(after, second)} != {row["n"] for row in before}
-    assert calls == ["read_header", "read_window", "render_preview", "read_window"]
+    assert calls == ["read_header", "inspect", "read_window", "read_window"]
     set_roi(house, campaign, {"polygon": ROI})
     house.work()
     assert calls[4:] == []

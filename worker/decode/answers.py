@@ -11,11 +11,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from radiometry.errors import Code, InputRejected
 from radiometry.frame import Frame, FrameHeader
+from radiometry.proof import Proof
 from worker.decode import limits
 from worker.decode.messages import BrokenMessageError
 from worker.decode.refusals import Refusal
 
 _HEADER: Final = TypeAdapter(FrameHeader)
+_PROOF: Final = TypeAdapter(Proof)
 _SITES: Final = {"RGGB": 4, "GBRG": 4, "BGGR": 4, "GRBG": 4, "grey": 1, "rgb": 3}
 _MAX_MESSAGE: Final = 1000
 
@@ -93,6 +95,17 @@ def check_preview(body: bytearray) -> bytes:
     if not body.startswith(b"\x89PNG\r\n\x1a\n"):
         raise BrokenMessageError("a preview that is no PNG")
     return bytes(body)
+
+
+def check_proof(answer: dict[str, Any]) -> Proof:
+    try:
+        proof = _PROOF.validate_python(answer.get("proof"))
+    except ValidationError as error:
+        raise BrokenMessageError("a proof that is none") from error
+    shares = (*proof.wholeness.zero_share, *proof.wholeness.below_share)
+    if not all(0.0 <= share <= 1.0 for share in shares):
+        raise BrokenMessageError("a proof that cannot be")
+    return proof
 
 
 def _side(value: object) -> int:

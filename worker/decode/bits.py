@@ -1,6 +1,7 @@
 """Samples of 8 to 16 bits, packed without gaps from the most significant bit on, as TIFF and DNG lay them."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,10 @@ def unpack_rows(packed: NDArray[np.uint8], *, bits: int, first: int, count: int)
 
 def _sample(groups: NDArray[np.uint8], at_bit: int, bits: int) -> NDArray[np.uint16]:
     first_byte, last_byte = at_bit // 8, (at_bit + bits - 1) // 8
-    word: NDArray[np.uint32] = groups[:, :, first_byte].astype(np.uint32)
+    # the narrower the word, the quicker: only 11 bits and more may lie in three bytes
+    kind: type[np.uint16 | np.uint32] = np.uint16 if last_byte - first_byte <= 1 else np.uint32
+    word: NDArray[Any] = groups[:, :, first_byte].astype(kind)
     for byte in range(first_byte + 1, last_byte + 1):
-        word = (word << np.uint32(8)) | groups[:, :, byte].astype(np.uint32)
-    aligned = word >> np.uint32((last_byte + 1) * 8 - at_bit - bits)
-    return (aligned & np.uint32((1 << bits) - 1)).astype(np.uint16)
+        word = (word << 8) | groups[:, :, byte]
+    aligned = word >> ((last_byte + 1) * 8 - at_bit - bits)
+    return np.asarray(aligned & ((1 << bits) - 1), np.uint16)

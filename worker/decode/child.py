@@ -86,7 +86,8 @@ def _read(reader: Reader, request: dict[str, Any]) -> tuple[dict[str, Any], byte
             told = {name: value for name, value in vars(frame).items() if name != "samples_dn"}
             return {"frame": told}, frame.samples_dn.data
         case _:
-            return {"preview": True}, reader.render_preview(path, request["longest_side_px"])
+            preview, proof = reader.inspect(path, request["longest_side_px"])
+            return {"proof": asdict(proof)}, preview
 
 
 def _answer(reader: Reader, request: dict[str, Any]) -> tuple[dict[str, Any], bytes | memoryview]:

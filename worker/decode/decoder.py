@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from radiometry.frame import Frame, FrameHeader
+from radiometry.proof import Proof
 from worker.decode import answers, messages
 from worker.decode.settings import DecoderLimits
 
@@ -61,10 +62,10 @@ class Decoder:
         answer, body = self._ask(path, {"do": "read_window", "window": list(window)}, most)
         return self._checked("read_window", lambda: answers.check_frame(answer, body, window))
 
-    def render_preview(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> bytes:
-        request = {"do": "render_preview", "longest_side_px": longest_side_px}
-        _, body = self._ask(path, request, _PREVIEW_BYTES)
-        return self._checked("render_preview", lambda: answers.check_preview(body))
+    def inspect(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+        request = {"do": "inspect", "longest_side_px": longest_side_px}
+        answer, body = self._ask(path, request, _PREVIEW_BYTES)
+        return self._checked("inspect", lambda: (answers.check_preview(body), answers.check_proof(answer)))
 
     def close(self) -> None:
         """End the process; the next request starts a new one."""

@@ -1,13 +1,18 @@
 """DNG and TIFF files, of which only the parts that a window needs are read."""
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import FrameHeader
+from radiometry.proof import PieceRun, Voucher
 from worker.decode import ljpeg, tags
+from worker.decode.digests import DigestCheck, StatedDigest, read_digest
 from worker.decode.layout import Layout, read_layout
 from worker.decode.levels import BlackLevels, read_black_levels, read_linearization, read_white_levels
 from worker.decode.libraw import LibRawFile
@@ -16,9 +21,13 @@ from worker.decode.mosaic import Area, read_cfa, read_visible_area
 from worker.decode.multispectral import read_multispectral
 from worker.decode.opcodes import read_opcodes
 from worker.decode.refusals import Refusal, refuse
-from worker.decode.segments import COMPRESSIONS, read_samples
+from worker.decode.segments import COMPRESSIONS, VOUCHERS, read_samples
 from worker.decode.source import Source
 from worker.decode.tiff import Directory
+
+# Of uncompressed rows: few enough that they stay in the processor's cache while they are looked at.
+_BAND_ROWS: Final = 32
+_MOST_RUNS: Final = 1000
 
 
 @dataclass(frozen=True)
@@ -30,6 +39,7 @@ class ImageDescription:
     visible: Area
     black: BlackLevels
     table: NDArray[np.uint16] | None
+    digest: StatedDigest | None
 
 
 def describe_dng(raw: Directory, main: Directory, file_size: int) -> ImageDescription:
@@ -97,7 +107,8 @@ def _describe(
         first_band_rows=layout.band_rows - visible.top % layout.band_rows,
         **vars(read_metadata(main)),
     )
-    return ImageDescription(header, layout, visible, black, table)
+    digest = read_digest(image, main, bits=layout.bits) if dng else None
+    return ImageDescription(header, layout, visible, black, table, digest)
 
 
 def _refuse_lossy(raw: Directory) -> None:
@@ -120,6 +131,7 @@ class NativeFile:
         self._path = path
         self._image = description
         self._libraw: LibRawFile | None = None
+        self._consumed: dict[int, int] = {}
         self.header = description.header
 
     @property
@@ -137,8 +149,82 @@ class NativeFile:
         except ljpeg.NotDecodedHereError:
             self._hand_to_libraw()
             return self.read(row0, col0, height, width)
-        linear = samples if image.table is None else np.take(image.table, samples)
-        return linear[:, :, 0] if image.layout.samples == 1 else linear
+        return self._linearise(samples)
+
+    @property
+    def lowest_dn(self) -> float:
+        """What a sample of zero means."""
+        return 0.0 if self._image.table is None else float(self._image.table[0])
+
+    def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
+        """Every visible row from the top, in bands, each with the first row's number.
+
+        Where pieces are compressed or there is a digest, the masked borders are read too: what they hold is
+        part of what is proven.
+
+        Raises InputRejected after the last band if the samples are not those of the file's own digest
+        """
+        image, layout, visible = self._image, self._image.layout, self._image.visible
+        whole = image.digest is not None or layout.compression != tags.UNCOMPRESSED
+        area = Area(0, 0, layout.rows, layout.cols) if whole else visible
+        digest = DigestCheck(image.digest) if image.digest else None
+        piece = 1 if layout.compression == tags.UNCOMPRESSED else layout.segment_rows
+        step = piece * -(-_BAND_ROWS // piece)
+        top = area.top
+        while top < area.bottom:
+            bottom = min(area.bottom, (top // step + 1) * step)
+            try:
+                samples = self._read_band(area, top, bottom)
+            except ljpeg.NotDecodedHereError:
+                self._hand_to_libraw()
+            if self._libraw is not None:
+                rest = max(top, visible.top) - visible.top
+                if rest < visible.height:
+                    yield rest, self.read(rest, 0, visible.height - rest, visible.width)
+                return
+            if digest is not None:
+                digest.add(samples[:, :, 0])
+            first, last = max(top, visible.top), min(bottom, visible.bottom)
+            if first < last:
+                seen = samples[first - top : last - top, visible.left - area.left : visible.right - area.left]
+                yield first - visible.top, self._linearise(seen)
+            top = bottom
+        if digest is not None and not digest.matches():
+            raise refuse(
+                Refusal.INCOMPLETE_IMAGE, "The file's own digest of its raw image is not that of its pixels."
+            )
+
+    def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
+        """What vouches for the samples, after all bands have been read."""
+        layout = self._image.layout
+        if self._libraw is not None:
+            return "libraw", ()
+        stored = layout.byte_counts.tolist()
+        took = [self._consumed.get(index, stored[index]) for index in range(len(stored))]
+        across = layout.segment_cols * layout.samples
+        runs: list[PieceRun] = []
+        for (one, used, samples), group in itertools.groupby(
+            zip(
+                stored,
+                took,
+                (layout.rows_in(index // layout.across) * across for index in range(len(stored))),
+                strict=True,
+            )
+        ):
+            count = sum(1 for _ in group)
+            runs.append(PieceRun(pieces=count, stored_bytes=one, consumed_bytes=used, samples=samples))
+            if len(runs) == _MOST_RUNS:
+                break
+        return ("digest" if self._image.digest else VOUCHERS[layout.compression]), tuple(runs)
+
+    def _read_band(self, area: Area, top: int, bottom: int) -> NDArray[np.uint16]:
+        return read_samples(
+            self._source, self._image.layout, top, area.left, bottom - top, area.width, self._consumed
+        )
+
+    def _linearise(self, samples: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        linear = samples if self._image.table is None else np.take(self._image.table, samples)
+        return linear[:, :, 0] if self._image.layout.samples == 1 else linear
 
     def black_level(self, row0: int, col0: int, height: int, width: int) -> tuple[float, ...]:
         cell = 1 if self.header.cfa in ("grey", "rgb") else 2

@@ -1,5 +1,6 @@
 """From a path to an opened file: which kind it is, and whether it is one at all."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.errors import InputRejected
+from radiometry.proof import PieceRun, Voucher
 from worker.decode import tags
 from worker.decode.layout import read_layout
 from worker.decode.libraw import LibRawFile
@@ -40,6 +42,16 @@ class OtherRawFile:
     def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
         top, left = self._libraw.visible.top + row0, self._libraw.visible.left + col0
         return self._libraw.mosaic[top : top + height, left : left + width]
+
+    lowest_dn = 0.0
+
+    def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
+        """The visible rows, which LibRaw has decoded in one go."""
+        yield 0, self.read(0, 0, self.header.height_px, self.header.width_px)
+
+    def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
+        """LibRaw does not say how it read what it read."""
+        return "libraw", ()
 
     def black_level(self, *_window: int) -> tuple[float, ...]:
         return self.header.black_level_dn

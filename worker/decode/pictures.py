@@ -1,5 +1,6 @@
 """JPEG and PNG pictures: for charts only, where shapes are measured and not light."""
 
+from collections.abc import Iterator
 from typing import Final
 
 import imagecodecs
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.errors import InputRejected
 from radiometry.frame import FrameHeader
+from radiometry.proof import PieceRun, Voucher
 from worker.decode import jpeg, limits, png
 from worker.decode.metadata import Metadata, read_metadata
 from worker.decode.refusals import Refusal, refuse
@@ -46,6 +48,16 @@ class PictureFile:
     def read(self, row0: int, col0: int, height: int, width: int) -> NDArray[np.uint16]:
         window = self._decode()[row0 : row0 + height, col0 : col0 + width]
         return window.astype(np.uint16)
+
+    lowest_dn = 0.0
+
+    def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
+        """The picture's rows, which are decoded in one go."""
+        yield 0, self._decode().astype(np.uint16)
+
+    def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
+        """What vouches for the samples: a PNG has checksums, a JPEG only an end."""
+        return "end" if self._jpeg else "checksum", ()
 
     def black_level(self, *_window: int) -> tuple[float, ...]:
         return self.header.black_level_dn

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from radiometry.frame import Frame, FrameHeader
+from radiometry.proof import Proof
 from worker.decode.decoder import PREVIEW_SIDE_PX, Decoder, DecoderCrashed, DecoderUnavailable
 from worker.decode.settings import DecoderLimits
 
@@ -48,10 +49,13 @@ class DecoderPool:
         with self._borrowed(path) as decoder:
             return decoder.read_window(path, window)
 
-    def render_preview(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> bytes:
-        """A PNG; frame pixels per preview pixel are width_px / the preview's width."""
+    def inspect(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+        """Every row is read: a PNG, and what vouches for the pixels.
+
+        Frame pixels per preview pixel are width_px / the preview's width.
+        """
         with self._borrowed(path) as decoder:
-            return decoder.render_preview(path, longest_side_px)
+            return decoder.inspect(path, longest_side_px)
 
     def pids(self) -> list[int]:
         """Of the processes that have been started."""

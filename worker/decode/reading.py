@@ -1,4 +1,4 @@
-"""The three things that are asked of a file: its header, a window of its mosaic, a picture to draw on."""
+"""What is asked of a file: its header, a window of its mosaic, and its preview with its proof."""
 
 import os
 from collections import OrderedDict
@@ -9,8 +9,9 @@ import numpy as np
 
 from radiometry.errors import Code, InputRejected
 from radiometry.frame import Frame, FrameHeader
+from radiometry.proof import Proof
+from worker.decode.inspection import inspect
 from worker.decode.opening import OpenedFile, open_file
-from worker.decode.preview import render
 
 PREVIEW_SIDE_PX = 1600
 _KEPT_OPEN = 4
@@ -50,8 +51,9 @@ class Reader:
             white_level_dn=header.white_level_dn,
         )
 
-    def render_preview(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> bytes:
-        return render(self._open(path), longest_side_px)
+    def inspect(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+        """The frame's preview, and the proof of its pixels: every row is read."""
+        return inspect(self._open(path), longest_side_px)
 
     def _open(self, path: Path) -> OpenedFile:
         status = os.stat(path)  # noqa: PTH116  one call, and the path may be a str from the wire
@@ -83,4 +85,8 @@ def read_window(path: Path, row0: int, col0: int, height: int, width: int) -> Fr
 
 
 def render_preview(path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> bytes:
-    return Reader().render_preview(path, longest_side_px)
+    return Reader().inspect(path, longest_side_px)[0]
+
+
+def prove(path: Path) -> Proof:
+    return Reader().inspect(path)[1]

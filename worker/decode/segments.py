@@ -4,9 +4,12 @@ Each compressed piece is decoded to its own end and has to end there, whatever p
 format has to prove its samples with, a checksum or an end code, stands behind the last of them.
 """
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.proof import Voucher
 from worker.decode import expanding, ljpeg, tags
 from worker.decode.bits import unpack_rows
 from worker.decode.layout import Layout
@@ -19,6 +22,15 @@ COMPRESSIONS = {
     tags.DEFLATE_OLD: "deflate",
     tags.LZW: "lzw",
     tags.PACKBITS: "packbits",
+}
+
+VOUCHERS: Final[dict[int, Voucher]] = {
+    tags.UNCOMPRESSED: "length",
+    tags.JPEG: "end",
+    tags.DEFLATE: "checksum",
+    tags.DEFLATE_OLD: "checksum",
+    tags.LZW: "end",
+    tags.PACKBITS: "end",
 }
 
 

@@ -11,8 +11,10 @@ from radiometry.acceptance import Acceptance, Camera, SuppliedExposure, accept_f
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Region
 from radiometry.exposure import Exposure
+from radiometry.flags import Flag
 from radiometry.frame import FrameHeader
 from radiometry.methods.reflectance import FoundPanel
+from radiometry.proof import Proof
 from radiometry.roi import Polygon, bounding_window
 from store import tables
 from store.codec import decode, decode_header, encode, encode_statistics
@@ -60,6 +62,7 @@ class _Found:
     header: FrameHeader
     acceptance: Acceptance
     preview: Blob | None
+    proof: Proof
     extracted: _Extracted | None
     region_refused: InputRejected | None
     panel: FoundPanel | None
@@ -112,6 +115,8 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
         camera=subject.camera,
         manual_exposure=room.manual_exposure,
     )
+    preview, proof = _inspect(context, frame, path)
+    context.leases.report(claim, 0.5)
     extracted, region_refused = subject.equal, None
     panel = _find_panel(context, subject, header, path)
     drawn = subject.roi is not None or panel is not None
@@ -125,12 +130,11 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
             if not drawn or refusal.code not in (Code.ROI_OUTSIDE_FRAME, Code.ROI_EMPTY):
                 raise
             region_refused = refusal
-    context.leases.report(claim, 0.5)
-    preview = None if frame.preview_sha256 else _store_preview(context, path)
     return _Found(
         header=header,
         acceptance=acceptance,
         preview=preview,
+        proof=proof,
         extracted=extracted,
         region_refused=region_refused,
         panel=panel,
@@ -183,11 +187,15 @@ def _regions(roi: Roi | None, panel: FoundPanel | None, header: FrameHeader) -> 
     return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in roi.parts]
 
 
-def _store_preview(context: Context, path: Path) -> Blob:
+def _inspect(context: Context, frame: FrameRow, path: Path) -> tuple[Blob | None, Proof]:
+    """Read all of the frame once: what is found then holds for every later reading of a part."""
+    if frame.preview_sha256 and frame.proof:
+        return None, decode(Proof, frame.proof)
+    preview, proof = context.decoders.inspect(path)
     with context.blobs.writer() as writer:
-        writer.write(context.decoders.render_preview(path))
+        writer.write(preview)
         stored = writer.commit()
-    return Blob(sha256=stored.sha256, size_bytes=stored.size_bytes)
+    return Blob(sha256=stored.sha256, size_bytes=stored.size_bytes), proof
 
 
 def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]:
@@ -198,7 +206,7 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
         session.merge(found.preview)
         session.flush()
         frame.preview_sha256 = found.preview.sha256
-    frame.header = encode(found.header)
+    frame.header, frame.proof = encode(found.header), encode(found.proof)
     _store_acceptance(frame, found)
     roi = subject.roi
     if found.panel is not None:
@@ -239,6 +247,8 @@ def _store_acceptance(frame: FrameRow, found: _Found) -> None:
     # together: the row may be written before the rest is known, and must be whole then
     frame.state, frame.refusal_code, frame.refusal_detail = "read", None, None
     frame.warnings = list(found.acceptance.flags)
+    if found.proof.wholeness.empty:
+        frame.warnings.append(Flag.IMAGE_PART_EMPTY.value)
     if found.region_refused is not None:
         frame.warnings.append(str(found.region_refused.code))
     exposure = found.acceptance.exposure

@@ -6,7 +6,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from store.falloff import correct
-from store.fitting import read_params, write_version
+from store.fitting import leave_out_doubtful, read_params, write_version
 from store.jobs import Claim
 from store.queries.evidence import gather
 from store.tables import Campaign
@@ -19,7 +19,9 @@ def fit(context: Context, claim: Claim) -> Outcome:
     with context.database.reading() as session:
         campaign = session.get_one(Campaign, claim.subject_id)
         params = read_params(campaign, claim.parameters)
-        evidence = correct(session, campaign, gather(session, campaign), params)
+        gathered = gather(session, campaign)
+        params = leave_out_doubtful(params, gathered)
+        evidence = correct(session, campaign, gathered, params)
     fitted = methods.fit(campaign.method, evidence.frames, evidence.readings, params)
 
     def store(session: Session) -> dict[str, Any]:

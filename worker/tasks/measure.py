@@ -6,8 +6,10 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from radiometry.errors import InputRejected
-from store.codec import decode_header
+from radiometry.flags import Flag, Raised
+from store.codec import decode_header, encode
 from store.jobs import Claim
+from store.measuring.plan import read_proof, require_whole
 from store.measuring.record import Products, find_measurement, write_measurement
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context
@@ -28,7 +30,9 @@ def measure(context: Context, claim: Claim) -> Outcome:
         return Outcome(store=lambda _session: _links(found))
     try:
         with context.blobs.local_path(frame.sha256) as path:
+            doubts = _find_doubts(context, claim, frame, path)
             measured, products = _measure(_make_task(context, claim, frame, calibration, path))
+            measured["flags"] = [*measured["flags"], *doubts]
     except DecoderCrashed as crash:
         raise InputRejected(Refusal.DECODER_CRASHED, crash.message) from crash
 
@@ -40,6 +44,37 @@ def measure(context: Context, claim: Claim) -> Outcome:
         )
 
     return Outcome(store=store)
+
+
+def _find_doubts(context: Context, claim: Claim, frame: FrameRow, path: Path) -> list[dict[str, Any]]:
+    """What is doubted in the frame, and in an index's other one, and was asked for all the same.
+
+    A frame that was read before there were proofs is read as a whole here.
+
+    Raises InputRejected(incomplete_image | image_part_empty)
+    """
+    allowed = claim.parameters.get("allow", [])
+    proof = read_proof(frame) or context.decoders.inspect(path)[1]
+    require_whole(frame, proof, allowed)
+    proofs = [(frame, proof)]
+    if "other" in claim.parameters:
+        with context.database.reading() as session:
+            other = session.get_one(FrameRow, claim.parameters["other"]["frame_id"])
+        with context.blobs.local_path(other.sha256) as there:
+            proof = read_proof(other) or context.decoders.inspect(there)[1]
+        require_whole(other, proof, allowed)
+        proofs.append((other, proof))
+    return [
+        encode(
+            Raised(
+                flag=Flag.IMAGE_PART_EMPTY,
+                where=f"frame {each.filename}",
+                detail=f"In frame {each.filename} {found.describe_doubt(decode_header(each.header or {}))}.",
+            )
+        )
+        for each, found in proofs
+        if found.wholeness.empty
+    ]
 
 
 def _make_task(context: Context, claim: Claim, frame: FrameRow, calibration: Calibration, path: Path) -> Task:

@@ -32,7 +32,7 @@ def _read_all(path):
     with contextlib.suppress(InputRejected):
         header = reader.read_header(path)
         reader.read_window(path, reading.Window(0, 0, header.height_px, header.width_px))
-        reader.render_preview(path, 64)
+        reader.inspect(path, 64)
 
 
 def _damage(content, flips, kept):

@@ -152,7 +152,7 @@ def test_real_picture_comes_through_the_decoding_process(real_files):
     with DecoderPool(1) as pool:
         header = pool.read_header(path)
         frame = pool.read_window(path, (0, 0, 480, 640))
-        preview = pool.render_preview(path, 64)
+        preview, _ = pool.inspect(path, 64)
     assert (header.container, header.cfa, header.exposure_time_s) == ("jpeg", "grey", None)
     np.testing.assert_array_equal(frame.samples_dn, cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
     assert imagecodecs.png_decode(preview).shape == (48, 64)

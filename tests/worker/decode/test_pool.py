@@ -55,7 +55,7 @@ def test_answers_are_those_of_the_reader(pool, good):
     np.testing.assert_array_equal(frame.samples_dn, expected_samples(SAMPLES, VARIANT)[3:23, 5:35])
     assert frame.black_level_dn == reading.read_window(good, 3, 5, 20, 30).black_level_dn
     assert (frame.row0, frame.col0, frame.height_px, frame.width_px) == (3, 5, 60, 86)
-    assert pool.render_preview(good, 40) == reading.render_preview(good, 40)
+    assert pool.inspect(good, 40) == (reading.render_preview(good, 40), reading.prove(good))
 
 
 def test_refusals_come_through_and_cost_no_process(pool, good, save):

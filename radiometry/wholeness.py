@@ -1,0 +1,201 @@
+"""Whether a part of an image is missing: blocks of zeros, or of values that no noise explains."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Neighbours in a row that are looked at together. Noise around black leaves half of them above it: that all
+# of a span lie below half of black has a chance of less than 2^-64. A column of dead pixels fills none.
+SPAN_PX = 64
+# A black level this near to what a sample can hold at least may be clipped there by the camera.
+_CLIPPED_DN = 16.0
+# A sensor may have a dead row, and a driver leave the first rows unwritten.
+_DEAD_ROWS = 1
+_UNWRITTEN_ROWS = 8
+# What a camera clips at black ends gradually, what is missing at once: of the two rows beside it, one of
+# which may be cut, most spans are lit.
+_FEWEST_ROWS = 8
+_EDGE_ROWS = 2
+_LIT_SHARE = 0.75
+_MOST_GROUPS = 256
+_MOST_BLOCKS = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmptyBlock:
+    """Rows [row0, row0 + rows) and columns [col0, col0 + cols) of the visible area."""
+
+    row0: int
+    col0: int
+    rows: int
+    cols: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wholeness:
+    """What every row of an image showed.
+
+    Attributes
+    ----------
+    group_rows : int
+        Rows that each of the following shares is of, from the top; the last group may have fewer.
+    zero_share, below_share : tuple of float
+        Samples at the smallest value that a sample can hold, and below half of the black level.
+    empty : tuple of EmptyBlock
+        Where data is probably missing; empty for an image of which nothing is doubted.
+
+    """
+
+    group_rows: int
+    zero_share: tuple[float, ...]
+    below_share: tuple[float, ...]
+    empty: tuple[EmptyBlock, ...]
+
+
+def describe_empty(blocks: tuple[EmptyBlock, ...], *, height_px: int, width_px: int) -> str:
+    """Return where an image is empty, as a sentence without its end; "" where it is not."""
+    if not blocks:
+        return ""
+    share = sum(block.rows * block.cols for block in blocks) / (height_px * width_px)
+    top, bottom = blocks[0].row0, max(block.row0 + block.rows for block in blocks)
+    left, right = min(block.col0 for block in blocks), max(block.col0 + block.cols for block in blocks)
+    cols = "" if right - left >= width_px else f" in columns {left} to {right - 1}"
+    where = f"rows {top} to {bottom - 1}{cols}"
+    return f"the image is empty in {where}, {share:.2%} of it: zeros or below black, without a sensor's noise"
+
+
+class WholenessCheck:
+    """Looks at the rows of an image as they come, from the top.
+
+    Parameters
+    ----------
+    height_px, width_px : int
+        Of the visible area.
+    channels : int
+        Samples of a pixel: 1 of a mosaic, 3 of an RGB image.
+    black_dn : float
+        The smallest black level of any site.
+    lowest_dn : float
+        The smallest value that a sample can hold: 0, or the first of the linearization table.
+    rendered : bool
+        The image was made by a converter, which may have set it in black.
+    doubts_black : bool
+        False: nothing is said to be missing, whatever is black.
+
+    """
+
+    def __init__(
+        self,
+        *,
+        height_px: int,
+        width_px: int,
+        channels: int,
+        black_dn: float,
+        lowest_dn: float,
+        rendered: bool,
+        doubts_black: bool = True,
+    ) -> None:
+        self._height, self._channels = height_px, channels
+        self._rendered, self._doubts_black = rendered, doubts_black
+        self._lowest = math.floor(lowest_dn)
+        self._clipped = black_dn - lowest_dn < _CLIPPED_DN
+        half = math.ceil(black_dn / 2) - 1
+        self._limit = self._lowest if self._clipped else max(self._lowest, half)
+        self._below = max(0, half)
+        self._width = width_px * channels
+        self._starts = np.arange(0, max(1, self._width // SPAN_PX), dtype=np.intp) * SPAN_PX
+        self._empty = np.zeros((height_px, len(self._starts)), bool)
+        self._zeros = np.zeros(height_px, np.int64)
+        self._belows = np.zeros(height_px, np.int64)
+
+    def add(self, row0: int, samples: NDArray[np.uint16]) -> None:
+        """Look at the next rows: (row, col) or (row, col, channel)."""
+        flat = samples.reshape(len(samples), self._width)
+        # nearly every row of nearly every frame holds nothing that is looked for: that is told in one pass
+        low = np.flatnonzero(flat.min(axis=1) <= max(self._limit, self._below))
+        if not len(low):
+            return
+        rows = flat if len(low) == len(flat) else flat[low]
+        at = row0 + low
+        self._zeros[at] = np.count_nonzero(rows <= self._lowest, axis=1)
+        if self._below > self._lowest:
+            self._belows[at] = np.count_nonzero(rows <= self._below, axis=1)
+        self._empty[at] = np.maximum.reduceat(rows, self._starts, axis=1) <= self._limit
+
+    def conclude(self) -> Wholeness:
+        """Draw the conclusion when all rows have been seen."""
+        group = max(1, -(-self._height // _MOST_GROUPS))
+        return Wholeness(
+            group_rows=group,
+            zero_share=self._share(self._zeros, group),
+            below_share=self._share(self._belows, group),
+            empty=tuple(self._find_empty()) if self._doubts_black else (),
+        )
+
+    def _share(self, counts: NDArray[np.int64], group: int) -> tuple[float, ...]:
+        starts = np.arange(0, self._height, group)
+        rows = np.diff(starts, append=self._height)
+        shares = np.add.reduceat(counts, starts) / (rows * self._width)
+        return tuple(round(float(share), 6) for share in shares)
+
+    def _find_empty(self) -> Iterator[EmptyBlock]:
+        empty = self._empty
+        if self._clipped:
+            found = list(_find_cut_rows(empty, fewest=_FEWEST_ROWS, rendered=self._rendered))
+            if not self._rendered:
+                cut = _find_cut_rows(empty.T, fewest=1, rendered=False)
+                found += [(top, bottom, left, right) for left, right, top, bottom in cut]
+        else:
+            found = list(_find_rows(empty))
+        for row0, row_end, span0, span_end in found[:_MOST_BLOCKS]:
+            col0, col_end = int(self._starts[span0]), self._end(span_end)
+            yield EmptyBlock(
+                row0=row0,
+                col0=col0 // self._channels,
+                rows=row_end - row0,
+                cols=-(-col_end // self._channels) - col0 // self._channels,
+            )
+
+    def _end(self, span_end: int) -> int:
+        """The last span holds what is left of the row."""
+        return self._width if span_end == len(self._starts) else int(self._starts[span_end])
+
+
+_Box = tuple[int, int, int, int]
+"""First and past-the-last row, first and past-the-last span."""
+
+
+def _find_rows(empty: NDArray[np.bool_]) -> Iterator[_Box]:
+    """Find the rows with an empty span, but for what a sensor or its driver may leave."""
+    for row0, row_end in _find_runs(empty.any(axis=1)):
+        part = empty[row0:row_end]
+        whole = bool(part.all())
+        dead = row_end - row0 <= _DEAD_ROWS or (row0 == 0 and row_end <= _UNWRITTEN_ROWS)
+        # that all of an image lies below black is no dead row
+        if whole and dead and row_end - row0 < len(empty):
+            continue
+        spans = np.flatnonzero(part.any(axis=0))
+        yield row0, row_end, int(spans[0]), int(spans[-1]) + 1
+
+
+def _find_cut_rows(empty: NDArray[np.bool_], *, fewest: int, rendered: bool) -> Iterator[_Box]:
+    """Find the whole empty rows that begin or end beside light."""
+    height, across = empty.shape
+    runs = _find_runs(empty.all(axis=1))
+    for row0, row_end in runs:
+        if row_end - row0 < fewest:
+            continue
+        # a picture may have been set in black; that it ends in black below alone is another thing
+        if rendered and (row_end < height or runs[0][0] == 0):
+            continue
+        beside = (*empty[max(0, row0 - _EDGE_ROWS) : row0], *empty[row_end : row_end + _EDGE_ROWS])
+        if any(1.0 - row.mean() >= _LIT_SHARE for row in beside):
+            yield row0, row_end, 0, across
+
+
+def _find_runs(marked: NDArray[np.bool_] | np.bool_) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.asarray(marked).astype(np.int8), prepend=0, append=0))
+    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
