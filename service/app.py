@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import FastAPI, Request, Response
 from fastapi.middleware.cors import CORSMiddleware
 from fastapi.routing import APIRoute
-from sqlalchemy.exc import OperationalError, ProgrammingError, SQLAlchemyError
+from sqlalchemy.exc import InterfaceError, OperationalError, ProgrammingError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 from starlette.concurrency import run_in_threadpool
 
@@ -98,6 +98,7 @@ def _operation_id(route: APIRoute) -> str:
 def _install_database_problem(app: FastAPI) -> None:
     @app.exception_handler(OperationalError)
     @app.exception_handler(ProgrammingError)
+    @app.exception_handler(InterfaceError)
     @app.exception_handler(NoConnectionFree)
     @app.exception_handler(SchemaDiffers)
     async def unavailable(request: Request, error: SQLAlchemyError) -> Response:

@@ -178,6 +178,11 @@ def renew(session: Session, held: Claim, *, lease_s: float, progress: float) -> 
     _held(session, held, lease_until=utc_now() + timedelta(seconds=lease_s), progress=progress)
 
 
+def give_back(session: Session, held: Claim) -> None:
+    """Put a job back as if it had not been claimed: due at once, and for whoever comes first."""
+    _held(session, held, state="queued", attempt=held.attempt - 1, progress=0.0, lease_until=None)
+
+
 def succeed(session: Session, held: Claim, result: dict[str, Any]) -> None:
     """End a job, in the transaction that stores what it computed."""
     _held(

@@ -15,11 +15,9 @@ from worker.context import Context
 from worker.decode.pool import DecoderPool
 from worker.leases import Leases
 from worker.needs import Needs
+from worker.stopping import Stop
 from worker.threads import JobThreads
 from worker.watchdog import Watchdog
-
-_LAST_JOBS_S = 25.0
-"""How long a worker that is stopped waits for the jobs that run: less than Compose waits for the worker."""
 
 log = logging.getLogger("stilb.worker")
 
@@ -77,14 +75,15 @@ def main() -> int:
         return OTHER_SCHEMA_EXIT
     presence = Presence(context.database, "worker", threads=settings.worker_threads)
     threads = build_threads(settings, context, presence)
+    stop = Stop(threads, context.leases, presence, grace_s=settings.stop_grace_s)
+    stop.heed_signals()
     threads.start()
     try:
         build_listener(settings, threads).worker_main(
             ["worker", "--pool=solo", "--without-gossip", "--without-mingle", "--loglevel=WARNING"]
         )
     finally:
-        threads.stop(_LAST_JOBS_S)
-        presence.leave()
+        stop.run()
     return 0
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from sqlalchemy.exc import SQLAlchemyError
 
 from store import jobs
-from store.database import Database
+from store.database import Database, summarise
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +40,20 @@ class Leases:
         with self._lock:
             self._held[claim.job_id] = (claim, progress)
 
+    def give_back(self) -> None:
+        """Let others do at once what this process will not end."""
+        with self._lock:
+            held = list(self._held.values())
+        for claim, _ in held:
+            try:
+                with self._database.writing("worker") as session:
+                    jobs.give_back(session, claim)
+                log.info("%s is given back", claim.job_id)
+            except jobs.LeaseLost:
+                continue
+            except SQLAlchemyError as error:
+                log.warning("%s is left to its lease: %s", claim.job_id, summarise(error))
+
     @property
     def count(self) -> int:
         with self._lock:
@@ -58,11 +72,12 @@ class Leases:
                 # said once, not for each job and round: the sweeper gives the time back that nobody could use
                 if not away:
                     away = True
-                    log.warning("no lease can be renewed: %s", str(error).partition("\n")[0])
+                    log.warning("no lease can be renewed: %s", summarise(error))
 
     def _renew(self, claim: jobs.Claim, progress: float) -> None:
         try:
             with self._database.writing("worker") as session:
                 jobs.renew(session, claim, lease_s=self.lease_s, progress=progress)
         except jobs.LeaseLost:
-            log.warning("the lease of %s was lost", claim.job_id)
+            # It has ended this very moment, which is usual; or another holds it, and its end will say so.
+            return

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from radiometry.errors import InputRejected
 from store import jobs
 from store.jobs import Claim, Dependency, LeaseLost, Turn
+from store.schema import SchemaDiffers
 from worker.context import Context
 from worker.needs import DATABASE_AWAY, find_dependency
 from worker.tasks import Outcome, work
@@ -46,7 +47,7 @@ def run(context: Context, claim: Claim) -> None:
         try:
             try:
                 _end(context, claim, ending)
-            except (LeaseLost, *DATABASE_AWAY):
+            except (LeaseLost, SchemaDiffers, *DATABASE_AWAY):
                 raise
             except Exception:
                 log.exception("%s failed when it was stored", claim.job_id)

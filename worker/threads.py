@@ -1,12 +1,14 @@
 """The threads that do the jobs: each takes the next one until none is left, then sleeps until it is woken."""
 
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable, Mapping
 from datetime import datetime
 
 from store.jobs import Claim, Dependency, Turn
+from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from worker.context import Context
 from worker.needs import DATABASE_AWAY
 from worker.runner import claim_next, first_line, run
@@ -74,6 +76,9 @@ class JobThreads:
                     self.wake()
                     run(self._context, claim)
                     continue
+            except SchemaDiffers as error:
+                log.error("%s: this worker ends", error)  # noqa: TRY400  expected: no traceback
+                os._exit(OTHER_SCHEMA_EXIT)
             except Exception:
                 log.exception("a job was left to its lease, or none could be claimed")
             with self._changed:
