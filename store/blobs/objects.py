@@ -17,6 +17,9 @@ from store.blobs.spool import BlobWriter, StoredBlob, sweep
 from store.blobs.surface import CHUNK_BYTES, checked_name
 
 CACHE_BYTES = 8 << 30
+_CONNECT_WITHIN_S = 5.0
+_CHECK_WITHIN_S = 2.0
+_ONE_REQUEST = timedelta(hours=1)
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 
 
@@ -36,9 +39,12 @@ class ObjectBlobs:
         endpoint: str | None = None,
         cache_bytes: int = CACHE_BYTES,
         retry_for_s: float = 30.0,
+        silence_s: float = 15.0,
     ) -> None:
         self._url = url
-        self._store = _s3_store(url, endpoint, retry_for_s)
+        self._store = _s3_store(url, endpoint, retry_for_s=retry_for_s, silence_s=silence_s)
+        # Whoever only asks whether it serves waits for no second attempt.
+        self._asked = _s3_store(url, endpoint, retry_for_s=0.0, silence_s=min(silence_s, _CHECK_WITHIN_S))
         self._temporary = cache_folder / "tmp"
         self._cache = Cache(cache_folder, cache_bytes)
 
@@ -80,7 +86,7 @@ class ObjectBlobs:
 
     def check(self) -> None:
         with self._answers():
-            obstore.list_with_delimiter(self._store)
+            obstore.list_with_delimiter(self._asked)
 
     def _upload(self, spooled: Path, stored: StoredBlob) -> None:
         # What is there whole is left alone; S3 shows an object only once all of it has arrived.
@@ -130,7 +136,7 @@ def _key(sha256: str) -> str:
     return f"{sha256[:2]}/{sha256[2:4]}/{sha256}"
 
 
-def _s3_store(url: str, endpoint: str | None, retry_for_s: float) -> S3Store:
+def _s3_store(url: str, endpoint: str | None, *, retry_for_s: float, silence_s: float) -> S3Store:
     parts = urlsplit(url)
     if parts.scheme != "s3" or not parts.netloc or parts.query or parts.fragment:
         raise ValueError(f"the blob store's address must read s3://bucket/prefix, not {url!r}")
@@ -140,6 +146,15 @@ def _s3_store(url: str, endpoint: str | None, retry_for_s: float) -> S3Store:
         parts.netloc,
         prefix=parts.path.strip("/") or None,
         config={"endpoint": endpoint} if endpoint else {},
-        client_options={"allow_http": (endpoint or "").startswith("http://")},
-        retry_config={"retry_timeout": timedelta(seconds=retry_for_s)},
+        client_options={
+            "allow_http": (endpoint or "").startswith("http://"),
+            "connect_timeout": timedelta(seconds=min(_CONNECT_WITHIN_S, silence_s)),
+            # Of each read: a large file may take as long as it takes while its bytes keep coming.
+            "read_timeout": timedelta(seconds=silence_s),
+            "timeout": _ONE_REQUEST,
+        },
+        retry_config={
+            "retry_timeout": timedelta(seconds=retry_for_s),
+            **({} if retry_for_s else {"max_retries": 0}),
+        },
     )
