@@ -24,6 +24,7 @@ from store.blobs import blobs_from_url
 from store.broker import Hints
 from store.database import Database
 from store.parts import Presence
+from store.pulse import Pulse
 from store.queries.keys import ensure_operator
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
@@ -90,12 +91,14 @@ def main() -> int:
         grace_s=settings.stop_grace_s,
         notice_s=settings.stop_notice_s,
     )
-    asyncio.run(_serve(server, Presence(context.database, "service")))
+    presence = Presence(context.database, "service")
+    vitals = Vitals(presence, Pulse(settings.pulse), hang_s=settings.hang_s)
+    asyncio.run(_serve(server, vitals, presence))
     return 0
 
 
-async def _serve(server: Server, presence: Presence) -> None:
-    beating = asyncio.create_task(Vitals(presence).keep())
+async def _serve(server: Server, vitals: Vitals, presence: Presence) -> None:
+    beating = asyncio.create_task(vitals.keep())
     await server.serve()
     beating.cancel()
     with suppress(TimeoutError):

@@ -21,9 +21,9 @@ _TO_END_S = 5.0
 ROSTER = Roster(
     before=[[sys.executable, "-m", "store.migrate"]],
     parts=[
-        Part(name="service", command=[sys.executable, "-m", "service"], knows_key=True),
-        Part(name="worker", command=[sys.executable, "-m", "worker"]),
-        Part(name="sweeper", command=[sys.executable, "-m", "worker.sweeper"]),
+        Part(name="service", command=[sys.executable, "-m", "service"], knows_key=True, has_pulse=True),
+        Part(name="worker", command=[sys.executable, "-m", "worker"], has_pulse=True),
+        Part(name="sweeper", command=[sys.executable, "-m", "worker.sweeper"], has_pulse=True),
     ],
 )
 

@@ -1,4 +1,4 @@
-"""Whether the service can still work: its loop turns, a thread is free, the database takes a write."""
+"""Whether the service can still work: its loop turns, and a thread is free now and then."""
 
 import asyncio
 import time
@@ -6,24 +6,33 @@ import time
 from starlette.concurrency import run_in_threadpool
 
 from store.parts import Presence
+from store.pulse import Pulse
 
 _LOOK_EVERY_S = 5.0
+_THREADS_PATIENCE = 5
+"""All threads may be at slow uploads for longer than a loop may stand still."""
 
 
 class Vitals:
-    """Goes the way of a request, every few seconds: through the loop and a thread, to the database."""
+    """Goes the way of a request every few seconds, through loop and thread, and beats if it gets through."""
 
-    def __init__(self, presence: Presence) -> None:
+    def __init__(self, presence: Presence, pulse: Pulse, *, hang_s: float) -> None:
         self._presence = presence
-        self._worked = time.monotonic()
+        self._pulse = pulse
+        self._threads_within_s = _THREADS_PATIENCE * hang_s
+        self._free_at = time.monotonic()
 
     async def keep(self) -> None:
+        """Beat until cancelled."""
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._go_through_thread())
+            while True:
+                if time.monotonic() - self._free_at < self._threads_within_s:
+                    self._pulse.beat()
+                await asyncio.sleep(_LOOK_EVERY_S)
+
+    async def _go_through_thread(self) -> None:
         while True:
             await run_in_threadpool(self._presence.beat)
-            self._worked = time.monotonic()
+            self._free_at = time.monotonic()
             await asyncio.sleep(_LOOK_EVERY_S)
-
-    @property
-    def silent_s(self) -> float:
-        """How long ago a thread was last free to work [s]."""
-        return time.monotonic() - self._worked

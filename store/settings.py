@@ -5,6 +5,8 @@ from pathlib import Path
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from store.pulse import HANG_S
+
 
 class Settings(BaseSettings):
     """One field a setting: ``STILB_<FIELD>`` in the environment, its meaning in docs/settings.md.
@@ -32,6 +34,8 @@ class Settings(BaseSettings):
     lease_s: float = Field(default=30.0, gt=0)
     sweep_interval_s: float = Field(default=2.0, gt=0)
     stall_s: float = Field(default=60.0, gt=0)
+    hang_s: float = Field(default=HANG_S, gt=0)
+    pulse: str = ""
     decoder_memory_bytes: int = Field(default=3 * 1024**3, ge=256 * 1024**2)
     decoder_cpu_s: int = Field(default=60, ge=1)
     decoder_wall_s: float = Field(default=120.0, gt=0)

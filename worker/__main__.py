@@ -9,6 +9,7 @@ from store.blobs import blobs_from_url
 from store.broker import RUN_TASK, make_celery
 from store.database import Database
 from store.parts import Presence
+from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
 from worker.context import Context
@@ -43,7 +44,9 @@ def build_context(settings: Settings) -> Context:
 
 def build_threads(settings: Settings, context: Context, presence: Presence) -> JobThreads:
     """Make the threads that do the jobs, watched for whether they look for work."""
-    watchdog = Watchdog(context.database, context.leases, presence, settings.stall_s)
+    watchdog = Watchdog(
+        context.database, context.leases, presence, Pulse(settings.pulse), stall_s=settings.stall_s
+    )
     return JobThreads(
         context,
         count=settings.worker_threads,

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from sqlalchemy.exc import SQLAlchemyError
 
 from store import jobs
+from store.awake import AwakeClock
 from store.database import Database, summarise
 
 log = logging.getLogger(__name__)
@@ -16,13 +17,16 @@ log = logging.getLogger(__name__)
 class Leases:
     """One thread renews them all, three times a lease; with each it says how far the work has come.
 
-    A lease that could not be renewed is not pressed: the fence decides when the work is stored.
+    A lease that could not be renewed is not pressed: the fence decides when the work is stored. Nor is that
+    of a job that has come no further for a long time: it hangs, and another worker may fare better.
     """
 
-    def __init__(self, database: Database, lease_s: float) -> None:
+    def __init__(self, database: Database, lease_s: float, *, stuck_s: float = 900.0) -> None:
         self._database = database
         self.lease_s = lease_s
-        self._held: dict[str, tuple[jobs.Claim, float]] = {}
+        self._stuck_s = stuck_s
+        self._clock = AwakeClock(lease_s)
+        self._held: dict[str, tuple[jobs.Claim, float, float]] = {}
         self._lock = threading.Lock()
         threading.Thread(target=self._keep, name="leases", daemon=True).start()
 
@@ -38,13 +42,13 @@ class Leases:
     def report(self, claim: jobs.Claim, progress: float) -> None:
         """Note how far a job has come; it is written with the next renewal, so noting it costs nothing."""
         with self._lock:
-            self._held[claim.job_id] = (claim, progress)
+            self._held[claim.job_id] = (claim, progress, self._clock.now_s)
 
     def give_back(self) -> None:
         """Let others do at once what this process will not end."""
         with self._lock:
             held = list(self._held.values())
-        for claim, _ in held:
+        for claim, _, _ in held:
             try:
                 with self._database.writing("worker") as session:
                     jobs.give_back(session, claim)
@@ -56,16 +60,23 @@ class Leases:
 
     @property
     def count(self) -> int:
+        """Return how many jobs come further."""
+        return len(self._moving())
+
+    def _moving(self) -> list[tuple[jobs.Claim, float]]:
         with self._lock:
-            return len(self._held)
+            return [
+                (claim, progress)
+                for claim, progress, at_s in self._held.values()
+                if self._clock.now_s - at_s <= self._stuck_s
+            ]
 
     def _keep(self) -> None:
         pause, away = threading.Event(), False
         while not pause.wait(self.lease_s / 3):
-            with self._lock:
-                held = list(self._held.values())
+            self._clock.turn()
             try:
-                for claim, progress in held:
+                for claim, progress in self._moving():
                     self._renew(claim, progress)
                 away = False
             except SQLAlchemyError as error:

@@ -11,6 +11,7 @@ from store.blobs import Blobs, StorageUnavailable, blobs_from_url
 from store.clocks import ClockWatch, mend_times
 from store.database import Database, summarise
 from store.parts import Presence
+from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
 
@@ -50,6 +51,7 @@ def _sweep(settings: Settings, database: Database) -> int:
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
     clock = ClockWatch()
     presence = Presence(database, "sweeper")
+    pulse = Pulse(settings.pulse)
     floor_due = 0.0
     trouble, was_away = "", False
     while True:
@@ -71,6 +73,7 @@ def _sweep(settings: Settings, database: Database) -> int:
             if not trouble:
                 trouble = summarise(error)
                 log.warning("rounds fail until further notice: %s", trouble)
+        pulse.beat()
         time.sleep(settings.sweep_interval_s)
 
 

@@ -14,6 +14,7 @@ from store import jobs
 from store.awake import AwakeClock
 from store.database import Database
 from store.parts import Presence
+from store.pulse import Pulse
 from worker.leases import Leases
 
 log = logging.getLogger(__name__)
@@ -25,10 +26,13 @@ _LOOK_EVERY_S = 5.0
 class Watchdog:
     """Looks several times in each stall limit; the time in which it was stopped itself does not count."""
 
-    def __init__(self, database: Database, leases: Leases, presence: Presence, stall_s: float) -> None:
+    def __init__(
+        self, database: Database, leases: Leases, presence: Presence, pulse: Pulse, *, stall_s: float
+    ) -> None:
         self._database = database
         self._leases = leases
         self._presence = presence
+        self._pulse = pulse
         self._stall_s = stall_s
         self._every_s = min(stall_s / 4, _LOOK_EVERY_S)
         self._clock = AwakeClock(2 * self._every_s)
@@ -40,11 +44,14 @@ class Watchdog:
         self._worked_s = self._clock.now_s
 
     def _watch(self) -> None:
-        pause = threading.Event()
+        pause, beaten_s = threading.Event(), 0.0
         while not pause.wait(self._every_s):
             now_s = self._clock.turn()
             if self._leases.count:
                 self._worked_s = now_s
+            if self._worked_s > beaten_s:
+                self._pulse.beat()
+                beaten_s = self._worked_s
             self._presence.beat(worked_s_ago=now_s - self._worked_s)
             if now_s - self._worked_s > self._stall_s and self._somebody_waits():
                 log.error("jobs wait and no thread has looked for one for %g s: starting anew", self._stall_s)

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 
 from service.launch import valkey
 from service.launch.folder import claimed
@@ -15,6 +14,7 @@ from service.launch.key import bootstrap_key
 from service.launch.lifeline import die_with_parent
 from service.launch.port import free_port
 from service.launch.refusal import Exit, Refusal, say
+from service.launch.room import has_room
 from service.launch.signals import Signals
 from service.launch.supervisor import GaveUp, Part, Supervisor
 from store.settings import Settings
@@ -63,10 +63,13 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
     if not settings.broker_url:
         broker = stack.enter_context(valkey.socket_path(data))
         environment["STILB_BROKER_URL"] = f"redis+socket://{broker}"
-    supervisor = Supervisor(environment=environment, key=key, logs=data / "logs", lock=lock, say=say)
+    supervisor = Supervisor(
+        environment=environment, key=key, data=data, lock=lock, hang_s=settings.hang_s, say=say
+    )
     stack.callback(supervisor.stop, signals)
     if broker is not None:
-        supervisor.start(_valkey_part(data, broker))
+        serve_hints = valkey.valkey_command(valkey.valkey_binary(), data, broker)
+        supervisor.start(Part(name="valkey", command=serve_hints, serves_others=True))
     for command in roster.before:
         _run_to_its_end(command, environment, lock)
     if broker is not None:
@@ -81,21 +84,6 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
     while not signals.stops:
         signals.wait(supervisor.look_after())
     return Exit.STOPPED
-
-
-def _valkey_part(data: Path, sock: Path) -> Part:
-    (data / "valkey").mkdir(exist_ok=True)
-
-    def after_death(log: Path) -> None:
-        if valkey.set_aside_unreadable(data, log):
-            say("Valkey's file was unreadable and is set aside; no job is lost, the database has them")
-
-    return Part(
-        name="valkey",
-        command=valkey.valkey_command(valkey.valkey_binary(), data, sock),
-        serves_others=True,
-        after_death=after_death,
-    )
 
 
 def _run_to_its_end(command: Sequence[str], environment: dict[str, str], lock: int) -> None:
@@ -122,7 +110,7 @@ def _run_to_its_end(command: Sequence[str], environment: dict[str, str], lock: i
 def _wait(what: str, condition: Callable[[], bool], supervisor: Supervisor, signals: Signals) -> None:
     deadline = time.monotonic() + READY_WITHIN_S
     while not signals.stops and not condition():
-        if time.monotonic() > deadline:
+        if time.monotonic() > deadline and has_room(supervisor.data):
             raise GaveUp(
                 f"{what} was not ready within {READY_WITHIN_S:g} s: read the logs of this data folder"
             )

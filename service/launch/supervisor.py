@@ -1,4 +1,4 @@
-"""Keeps child processes alive: starts them again when they die, and takes all of them down in order."""
+"""Keeps child processes alive: starts again what dies or hangs, and takes all of them down in order."""
 
 import os
 import signal
@@ -9,14 +9,22 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
 
 from service.launch.lifeline import die_with_parent
+from service.launch.room import has_room
 from service.launch.signals import Signals
+from store.awake import AwakeClock
+from store.pulse import read_beat
 
 DEATHS_ALLOWED = 5
 WITHIN_S = 60.0
 FIRST_PAUSE_S = 0.1
 LONGEST_PAUSE_S = 8.0
+START_WITHIN_S = 120.0
+"""How long a part may take to its first beat: it loads much, perhaps from a slow disk."""
+_LONGEST_TURN_S = 3.0
+"""The launcher looks once a second; beyond this it was stopped itself, and the parts perhaps with it."""
 LOG_BYTES = 16 << 20
 
 
@@ -36,46 +44,68 @@ class Part:
     """It finds the bootstrap key in STILB_KEY; those that read strangers' bytes do not."""
     serves_others: bool = False
     """It is stopped only after the parts that need it."""
-    after_death: Callable[[Path], None] | None = None
-    """Called with the log's path before it is started again."""
+    has_pulse: bool = False
+    """It touches the file in STILB_PULSE while its work goes on, and is killed when it does not."""
 
 
 @dataclass
 class _Child:
     part: Part
     log: Path
+    pulse: Path
     process: subprocess.Popen[bytes] | None = None
     start_at: float = 0.0
     deaths: deque[float] = field(default_factory=deque)
+    beat: int | None = None
+    """The last beat that was seen."""
+    seen_at: float = 0.0
+    """When it was new, on the launcher's clock."""
+    patience_s: float = START_WITHIN_S
 
 
 class Supervisor:
     """Call every method from the main thread: the children's lives hang on the thread that starts them."""
 
     def __init__(
-        self, *, environment: Mapping[str, str], key: str, logs: Path, lock: int, say: Callable[[str], None]
+        self,
+        *,
+        environment: Mapping[str, str],
+        key: str,
+        data: Path,
+        lock: int,
+        hang_s: float,
+        say: Callable[[str], None],
     ) -> None:
         self._environment = dict(environment)
         self._key = key
-        self._logs = logs
+        self.data = data
         self._lock = lock
+        self._hang_s = hang_s
         self._say = say
         self._children: list[_Child] = []
+        self._clock = AwakeClock(_LONGEST_TURN_S)
+        self._was_full = False
 
     def start(self, part: Part) -> None:
-        child = _Child(part, self._logs / f"{part.name}.log")
+        child = _Child(
+            part, self.data / "logs" / f"{part.name}.log", self.data / "run" / f"{part.name}.pulse"
+        )
         _rotate(child.log)
+        child.pulse.parent.mkdir(exist_ok=True)
         self._children.append(child)
         self._spawn(child)
 
     def look_after(self) -> float:
-        """Start what died and is due again; return how long until the next is due [s]."""
+        """Start what died or hung and is due again; return how long until the next is due [s]."""
         now = time.monotonic()
+        self._clock.turn()
         for child in self._children:
+            if child.process is not None and child.process.poll() is None and child.part.has_pulse:
+                self._feel(child, child.process)
             if child.process is not None and child.process.poll() is not None:
                 self._bury(child, child.process, now)
             if child.process is None and child.start_at <= now:
-                self._spawn(child)
+                self._spawn_again(child, now)
         return min((child.start_at - now for child in self._children if child.process is None), default=1.0)
 
     def stop(self, signals: Signals) -> None:
@@ -101,24 +131,59 @@ class Supervisor:
                 process.wait()
 
     def _spawn(self, child: _Child) -> None:
-        key = {"STILB_KEY": self._key} if child.part.knows_key else {}
-        with child.log.open("ab") as log:
+        added = {"STILB_KEY": self._key} if child.part.knows_key else {}
+        if child.part.has_pulse:
+            added["STILB_PULSE"] = str(child.pulse)
+        # What its predecessor left there is not its own beat.
+        child.beat, child.seen_at, child.patience_s = (
+            read_beat(child.pulse),
+            self._clock.now_s,
+            START_WITHIN_S,
+        )
+        with _open_log(child.log) as log:
             child.process = subprocess.Popen(  # noqa: S603 (our own commands)
                 child.part.command,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                env=self._environment | key,
+                env=self._environment | added,
                 pass_fds=[self._lock],
                 # A group of its own: Ctrl-C reaches the launcher only, which then stops all in order.
                 process_group=0,
                 preexec_fn=die_with_parent(),  # noqa: PLW1509 (it takes no lock)
             )
 
+    def _spawn_again(self, child: _Child, now: float) -> None:
+        try:
+            self._spawn(child)
+        except OSError as error:
+            # No memory, no room, no process free: a passing fault of the machine.
+            child.start_at = now + LONGEST_PAUSE_S
+            self._say(f"{child.part.name} could not be started and is tried again: {error}")
+
+    def _feel(self, child: _Child, process: subprocess.Popen[bytes]) -> None:
+        """Kill a part whose pulse has not changed for too long while the launcher looked."""
+        beat = read_beat(child.pulse)
+        if beat != child.beat:
+            child.beat, child.seen_at, child.patience_s = beat, self._clock.now_s, self._hang_s
+        elif self._clock.now_s - child.seen_at > child.patience_s:
+            if not has_room(self.data):
+                # Perhaps it cannot even leave its beat.
+                child.seen_at = self._clock.now_s
+                return
+            self._say(f"{child.part.name} has done nothing for {child.patience_s:g} s and is killed")
+            _kill_group(process)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(1.0)
+
     def _bury(self, child: _Child, process: subprocess.Popen[bytes], now: float) -> None:
         # What it had started itself must not work on beside its successor.
         _kill_group(process)
         child.process = None
+        if not has_room(self.data):
+            self._wait_for_room(child, now)
+            return
+        self._was_full = False
         child.deaths.append(now)
         while child.deaths[0] < now - WITHIN_S:
             child.deaths.popleft()
@@ -130,8 +195,14 @@ class Supervisor:
         pause_s = min(FIRST_PAUSE_S * 2 ** (len(child.deaths) - 1), LONGEST_PAUSE_S)
         child.start_at = now + pause_s
         self._say(f"{child.part.name} {how} and is started again (log: {child.log})")
-        if child.part.after_death is not None:
-            child.part.after_death(child.log)
+
+    def _wait_for_room(self, child: _Child, now: float) -> None:
+        """Try again without counting: nothing that died on a full disk is broken for that."""
+        child.deaths.clear()
+        child.start_at = now + LONGEST_PAUSE_S
+        if not self._was_full:
+            self._say(f"the disk of {self.data} is full: what ends is started again until there is room")
+        self._was_full = True
 
 
 def _how_it_ended(code: int) -> str:
@@ -145,6 +216,14 @@ def _how_it_ended(code: int) -> str:
 def _kill_group(process: subprocess.Popen[bytes]) -> None:
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
+
+
+def _open_log(path: Path) -> BinaryIO:
+    """Open a log, or nothing where even an empty one finds no room: a part runs without its log too."""
+    try:
+        return path.open("ab")
+    except OSError:
+        return Path(os.devnull).open("ab")
 
 
 def _rotate(log: Path) -> None:

@@ -19,10 +19,6 @@ SOCKET = "valkey.sock"
 _SOCKET_PATH_BYTES = 103
 """A unix socket's path may have 107 bytes on Linux and 103 on macOS."""
 _PLAIN = re.compile(r"[\w./+-]*", re.ASCII)
-_UNREADABLE = (
-    "Bad file format reading the append only file",
-    "Unexpected end of file reading the append only",
-)
 
 
 def valkey_binary() -> Path:
@@ -40,16 +36,14 @@ def valkey_binary() -> Path:
 
 
 def valkey_command(binary: Path, data: Path, sock: Path) -> list[str]:
-    """Return the command; hints survive a crash, and a file cut off by one is no obstacle."""
+    """Return the command; it keeps nothing on the disk, which may fill up: the database has the jobs."""
     options = {
         "port": "0",
         "unixsocket": str(sock),
         "unixsocketperm": "700",
-        "dir": str(data / "valkey"),
+        "dir": str(data),
         "save": "",
-        "appendonly": "yes",
-        "appendfsync": "everysec",
-        "aof-load-truncated": "yes",
+        "appendonly": "no",
         "maxmemory-policy": "noeviction",
         "daemonize": "no",
         "loglevel": "notice",
@@ -90,20 +84,6 @@ def answers(sock: Path) -> bool:
             return client.recv(64).startswith(b"+PONG")
         except OSError:
             return False
-
-
-def set_aside_unreadable(data: Path, log: Path) -> bool:
-    """Rename a hint file that Valkey cannot read; the sweeper hints anew at the jobs in the database."""
-    file = data / "valkey" / "appendonlydir"
-    with log.open("rb") as lines:
-        lines.seek(max(0, log.stat().st_size - 4096))
-        tail = lines.read().decode("utf-8", "replace")
-    if not file.exists() or not any(complaint in tail for complaint in _UNREADABLE):
-        return False
-    aside = file.with_name("appendonlydir.unreadable")
-    shutil.rmtree(aside, ignore_errors=True)
-    file.rename(aside)
-    return True
 
 
 def _short_folder() -> Path:

@@ -14,6 +14,7 @@ import pytest
 import redis
 
 from service.up import ROSTER, give_grace
+from tests.support.disks import filled, small_disk
 from tests.support.launcher import launched, ready
 from tests.support.processes import alive, family, marked, wait_until
 
@@ -132,42 +133,10 @@ def test_a_signal_while_it_starts_stops_it(tmp_path):
 def test_what_a_killed_launcher_left_does_not_hinder_the_next(tmp_path):
     with launched(tmp_path) as process:
         ready(process)
-        hint(tmp_path / "valkey.sock").rpush("celery", "job")
-        hint(tmp_path / "valkey.sock").execute_command("WAITAOF", 1, 0, 5000)
         process.kill()
         with launched(tmp_path) as successor:
             ready(successor)
-            assert hint(tmp_path / "valkey.sock").lrange("celery", 0, -1) == [b"job"]
-
-
-def test_a_hint_file_cut_off_by_a_crash_is_read_as_far_as_it_goes(tmp_path):
-    with launched(tmp_path) as process:
-        ready(process)
-        for number in range(3):
-            hint(tmp_path / "valkey.sock").rpush("celery", f"job {number}")
-        process.terminate()
-        process.wait(90)
-    (file,) = (tmp_path / "valkey" / "appendonlydir").glob("*.incr.aof")
-    os.truncate(file, file.stat().st_size - 3)
-    with launched(tmp_path) as process:
-        ready(process)
-        assert hint(tmp_path / "valkey.sock").lrange("celery", 0, -1) == [b"job 0", b"job 1"]
-
-
-def test_an_unreadable_hint_file_is_set_aside(tmp_path):
-    with launched(tmp_path) as process:
-        ready(process)
-        hint(tmp_path / "valkey.sock").rpush("celery", "job")
-        process.terminate()
-        process.wait(90)
-    (file,) = (tmp_path / "valkey" / "appendonlydir").glob("*.incr.aof")
-    file.write_bytes(b"not a hint file")
-    with launched(tmp_path) as process:
-        ready(process)
-        assert hint(tmp_path / "valkey.sock").lrange("celery", 0, -1) == []
-        process.terminate()
-        assert "set aside" in process.communicate(timeout=90)[1]
-    assert (tmp_path / "valkey" / "appendonlydir.unreadable").is_dir()
+            assert hint(tmp_path / "valkey.sock").ping()
 
 
 @pytest.mark.parametrize("name", ["serve", "parent", "valkey-server"])
@@ -205,6 +174,48 @@ def test_a_child_that_does_not_stay_alive_ends_all_and_names_its_log(tmp_path):
         assert marked(process.mark) == set()
 
 
+def test_a_part_that_hangs_is_killed_and_started_again(tmp_path):
+    with launched(tmp_path, parts=("serve", "beat", "hang"), STILB_HANG_S="1") as process:
+        ready(process)
+        (hung,) = children_named(process, "hang")
+        (beating,) = children_named(process, "beat")
+        wait_until(lambda: children_named(process, "hang") not in ([hung], []), "another that hangs")
+        assert children_named(process, "beat") == [beating]
+        os.kill(beating, signal.SIGSTOP)
+        wait_until(lambda: children_named(process, "beat") not in ([beating], []), "another that beats")
+        process.terminate()
+        told = process.communicate(timeout=90)[1]
+    assert "hang has done nothing for 1 s and is killed" in told
+    assert "beat has done nothing for 1 s and is killed" in told
+
+
+def test_nobody_is_killed_for_the_time_in_which_everything_was_stopped(tmp_path):
+    hang_s = 5.0
+    with launched(tmp_path, parts=("serve", "beat"), STILB_HANG_S=str(hang_s)) as process:
+        ready(process)
+        (beating,) = children_named(process, "beat")
+        for sig, lasts_s in ((signal.SIGSTOP, hang_s + 2), (signal.SIGCONT, 2)):
+            for pid in (process.pid, beating):
+                os.kill(pid, sig)
+            time.sleep(lasts_s)
+        assert children_named(process, "beat") == [beating]
+        process.terminate()
+        assert process.communicate(timeout=90)[1] == ""
+
+
+def test_on_a_full_disk_it_waits_for_room_and_goes_on(tmp_path):
+    with small_disk(tmp_path) as disk, launched(disk / "data", parts=("serve", "write")) as process:
+        ready(process)
+        with filled(disk):
+            assert "is full: what ends is started again until there is room" in process.stderr.readline()
+            # Six deaths of a broken part take three seconds.
+            time.sleep(5)
+            assert process.poll() is None
+        wait_until(lambda: children_named(process, "write"), "the part that needs room", timeout_s=30)
+        time.sleep(0.5)
+        assert children_named(process, "write")
+
+
 def test_a_second_start_on_the_same_data_is_refused(tmp_path):
     with launched(tmp_path) as process:
         ready(process)
@@ -232,7 +243,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path):
         assert process.communicate() == ("", message)
 
 
-@pytest.mark.parametrize("name", ["logs", "valkey"])
+@pytest.mark.parametrize("name", ["logs", "run"])
 def test_something_in_the_way_within_the_folder_is_said_in_one_line(tmp_path, name):
     (tmp_path / "elsewhere").touch()
     (tmp_path / name).symlink_to(tmp_path / "elsewhere" / "nowhere")

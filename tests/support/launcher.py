@@ -10,6 +10,7 @@ import uuid
 from contextlib import contextmanager
 from pathlib import Path
 
+from store.pulse import Pulse
 from tests.support.processes import marked
 
 SELF = [sys.executable, "-m", "tests.support.launcher"]
@@ -57,7 +58,9 @@ def _launch(parts: str, before: str) -> int:
         Roster(
             before=[[*SELF, step] for step in before.split(",") if step],
             parts=[
-                Part(name=part, command=[*SELF, part], stop_within_s=1.0) for part in parts.split(",") if part
+                Part(name=part, command=[*SELF, part], stop_within_s=1.0, has_pulse=part in {"beat", "hang"})
+                for part in parts.split(",")
+                if part
             ],
         ),
     )
@@ -75,6 +78,27 @@ def _serve() -> None:
 
 def _wait() -> None:
     time.sleep(600)
+
+
+def _beat() -> None:
+    pulse = Pulse(os.environ["STILB_PULSE"])
+    while True:
+        pulse.beat()
+        time.sleep(0.1)
+
+
+def _hang() -> None:
+    Pulse(os.environ["STILB_PULSE"])
+    _wait()
+
+
+def _write() -> None:
+    """Ends when nothing can be written."""
+    while True:
+        written = Path(os.environ["STILB_DATA"], "written")
+        written.write_bytes(bytes(100_000))
+        written.unlink()
+        time.sleep(0.02)
 
 
 def _parent() -> None:

@@ -9,19 +9,24 @@ import time
 import pytest
 
 from store import jobs
+from store.pulse import read_beat
 from store.tables import Organisation
+from tests.support.processes import wait_until
+from worker.leases import Leases
 from worker.watchdog import STALLED_EXIT
 
 WATCHED = """
 import sys, time
 from store.database import Database
 from store.parts import Presence
+from store.pulse import Pulse
 from worker.leases import Leases
 from worker.watchdog import Watchdog
 
 database = Database(sys.argv[1])
 presence = Presence(database, "worker")
-watchdog = Watchdog(database, Leases(database, 30.0), presence, stall_s=float(sys.argv[4]))
+pulse = Pulse(sys.argv[5] if sys.argv[5:] else "")
+watchdog = Watchdog(database, Leases(database, 30.0), presence, pulse, stall_s=float(sys.argv[4]))
 print("up", flush=True)
 end = time.monotonic() + float(sys.argv[2])
 while time.monotonic() < end:
@@ -62,3 +67,29 @@ def test_the_time_in_which_the_worker_was_stopped_itself_does_not_count(database
             time.sleep(STALL_S / 4)
         assert process.poll() is None
         process.kill()
+
+
+def test_a_worker_whose_threads_stand_still_has_no_pulse(database_url, tmp_path):
+    """The watchdog's own thread lives on; that alone is no sign of work."""
+    for does, beats in (("idles", False), ("works", True)):
+        path = tmp_path / does
+        argv = [sys.executable, "-c", WATCHED, database_url, "60", does, "0.4", path]
+        with subprocess.Popen(argv, stdout=subprocess.PIPE) as process:
+            assert process.stdout.readline() == b"up\n"
+            time.sleep(0.5)
+            before = read_beat(path)
+            time.sleep(0.5)
+            assert (read_beat(path) != before) is beats
+            process.kill()
+
+
+def test_a_job_that_comes_no_further_is_not_held_for_ever(database):
+    enqueue(database)
+    leases = Leases(database, 0.3, stuck_s=0.5)
+    with database.writing("test") as session:
+        claim = jobs.claim_next(session, jobs.Turn(), lease_s=0.3)
+    with leases.hold(claim):
+        assert leases.count == 1
+        wait_until(lambda: leases.count == 0, "the end of patience")
+        leases.report(claim, 0.5)
+        assert leases.count == 1

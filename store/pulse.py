@@ -1,0 +1,80 @@
+"""The pulse of a process: a file that it touches while its work goes on. `python -m store.pulse` checks it.
+
+Whoever watches needs no clock of its own set right, no database and no room on the disk: the time of the last
+beat is the machine's steady clock, written as the file's time of change. It imports next to nothing, since a
+health check starts it again and again.
+"""
+
+import os
+import signal
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+HANG_S = 60.0
+UNHEALTHY_EXIT = 1
+_ANSWER_WITHIN_S = 4.0
+_LOOK_AGAIN_S = 6.0
+"""Longer than any part takes from one beat to the next."""
+
+
+class Pulse:
+    """Beats into a file, or nowhere; never fails, since a beat that cannot be written must end nobody."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        if path:
+            with suppress(OSError):
+                Path(path).write_text(f"{os.getpid()}\n", encoding="ascii")
+        self.beat()
+
+    def beat(self) -> None:
+        """Note that the work goes on; call it from the loop that does the work."""
+        if self._path:
+            now_ns = time.monotonic_ns()
+            with suppress(OSError):
+                os.utime(self._path, ns=(now_ns, now_ns))
+
+
+def read_beat(path: Path) -> int | None:
+    """Return when the pulse last beat, on the machine's steady clock [ns]; None where there is no file."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return None
+
+
+def end_hung(path: Path, *, hang_s: float, look_again_s: float = _LOOK_AGAIN_S) -> bool:
+    """Kill the process behind a pulse that has not beaten for too long; whether it was so.
+
+    It is given a moment to beat: a container or machine that was paused wakes this check first, perhaps.
+    """
+    before = read_beat(path)
+    if before is None or (time.monotonic_ns() - before) / 1e9 <= hang_s:
+        return False
+    time.sleep(look_again_s)
+    if read_beat(path) != before:
+        return False
+    with suppress(OSError, ValueError):
+        os.kill(int(path.read_text(encoding="ascii")), signal.SIGKILL)
+    return True
+
+
+def main() -> int:
+    """Check the process behind STILB_PULSE, and the address if one is given; one that hangs is killed."""
+    if end_hung(Path(os.environ["STILB_PULSE"]), hang_s=float(os.environ.get("STILB_HANG_S") or HANG_S)):
+        return UNHEALTHY_EXIT
+    if sys.argv[1:]:
+        from urllib.request import urlopen  # noqa: PLC0415  it takes longer than all the rest
+
+        try:
+            with urlopen(sys.argv[1], timeout=_ANSWER_WITHIN_S):  # noqa: S310  our own address
+                pass
+        except OSError:
+            return UNHEALTHY_EXIT
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
