@@ -6,16 +6,17 @@ chained at its end, when it holds every other lock that it needs: the chain's he
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import insert, inspect, select
+from sqlalchemy import Column, Float, insert, inspect, select
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
 from store.tables.audit import AuditEntry, AuditHead
-from store.tables.base import Audited, Base
+from store.tables.base import Audited, AuditedTogether, Base
 
 _COVERED = (
     *("seq", "organisation_id", "actor", "action", "subject_type", "subject_id", "before", "after"),
@@ -28,6 +29,7 @@ def record_changes(session: Session, _context: object) -> None:
     entries = [_entry(session, row, "create") for row in session.new if isinstance(row, Audited)]
     entries += [_entry(session, row, "change") for row in session.dirty if _is_changed(session, row)]
     entries += [_entry(session, row, "delete") for row in session.deleted if isinstance(row, Audited)]
+    entries += _entries_together(session, [row for row in session.new if isinstance(row, AuditedTogether)])
     session.info.setdefault("audit_entries", []).extend(entries)
 
 
@@ -63,8 +65,47 @@ def digest(entry: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(covered, sort_keys=True).encode()).hexdigest()
 
 
+def digest_value(value: Any) -> str:  # noqa: ANN401
+    """The hash of what a column holds, as it comes back from either database."""
+    return hashlib.sha256(json.dumps(_as_kept(value), sort_keys=True).encode()).hexdigest()
+
+
+def digest_row(row: Base, names: Iterable[str]) -> str:
+    """The hash of these columns of a row."""
+    columns = inspect(type(row)).columns
+    return digest_value({name: _as_column_keeps(columns[name], getattr(row, name)) for name in names})
+
+
+def name_part(row: Base) -> str:
+    """Which part of its whole a row is: its key without the whole's."""
+    return "/".join(map(str, inspect(row).mapper.primary_key_from_instance(row)[1:]))
+
+
+def _as_column_keeps(column: Column[Any], value: Any) -> Any:  # noqa: ANN401
+    # a whole number comes back from a column of floats as one, and a negative zero as zero
+    return float(value) + 0.0 if isinstance(column.type, Float) and value is not None else value
+
+
+def _as_kept(value: Any) -> Any:  # noqa: ANN401
+    return json.loads(json.dumps(_plain(value)))
+
+
 def _is_changed(session: Session, row: object) -> bool:
     return isinstance(row, Audited) and session.is_modified(row)
+
+
+def _entries_together(session: Session, rows: list[Any]) -> list[dict[str, Any]]:
+    parts: dict[tuple[type[Base], str], list[Base]] = defaultdict(list)
+    for row in rows:
+        parts[type(row), str(inspect(row).mapper.primary_key_from_instance(row)[0])].append(row)
+    return [_entry_together(session, of_one) for of_one in parts.values()]
+
+
+def _entry_together(session: Session, rows: list[Base]) -> dict[str, Any]:
+    # the columns are named, because a later version's table may have more
+    names = sorted(attribute.key for attribute in inspect(type(rows[0])).column_attrs)
+    hashes = {name_part(row): digest_row(row, names) for row in rows}
+    return _named(session, rows[0], "create", {}, {"columns": names, "rows": hashes})
 
 
 def _entry(session: Session, row: Audited, verb: str) -> dict[str, Any]:
@@ -92,12 +133,25 @@ def _difference(row: Audited, verb: str) -> tuple[dict[str, Any], dict[str, Any]
     state = inspect(row)
     names = [a.key for a in state.mapper.column_attrs if a.key not in row.__audit_without__]
     if verb == "create":
-        return {}, {name: _plain(getattr(row, name)) for name in names if getattr(row, name) is not None}
+        return {}, _said(row, {name: getattr(row, name) for name in names if getattr(row, name) is not None})
     if verb == "delete":
-        return {name: _plain(getattr(row, name)) for name in names}, {}
+        return _said(row, {name: getattr(row, name) for name in names}), {}
     changes = {name: state.attrs[name].history for name in names if state.attrs[name].history.has_changes()}
-    before = {name: _plain(history.deleted[0]) for name, history in changes.items() if history.deleted}
-    return before, {name: _plain(history.added[0]) for name, history in changes.items() if history.added}
+    before = {name: history.deleted[0] for name, history in changes.items() if history.deleted}
+    after = {name: history.added[0] for name, history in changes.items() if history.added}
+    keys = [state.mapper.get_property_by_column(column).key for column in state.mapper.primary_key]
+    # the entry is named after the first part of the key: which of several rows it is, the others say
+    which = {name: getattr(row, name) for name in keys[1:]}
+    return _said(row, which | before), _said(row, which | after)
+
+
+def _said(row: Audited, values: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        f"{name}_sha256" if name in row.__audit_digests__ else name: (
+            digest_value(value) if name in row.__audit_digests__ else _plain(value)
+        )
+        for name, value in values.items()
+    }
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401

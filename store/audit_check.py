@@ -1,4 +1,4 @@
-"""Is the audit trail whole? ``python -m store.audit_check [seq:hash]`` walks the chain, names what is wrong.
+"""Is the audit trail whole, and do the rows stand as it says? ``python -m store.audit_check [seq:hash]``.
 
 An entry that was edited, deleted, inserted or moved breaks the chain, a cut-off end does not match the head.
 Whoever can rewrite the database can compute every hash anew: only a head that was noted elsewhere tells that.
@@ -17,12 +17,14 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.audit import digest
+from store.audit_rows import RowsReport, check_rows
 from store.database import Database
 from store.settings import Settings
 from store.tables import AuditEntry, AuditHead
 
 _PAGE = 1000
 _FIRST = "0" * 64
+_MOST_LINES = 20
 _COLUMNS = tuple(AuditEntry.__table__.columns)
 
 
@@ -145,13 +147,22 @@ def main(arguments: list[str] | None = None) -> int:
         if database.is_sqlite and not Path(database.url.database or "").is_file():
             return _fail(f"there is no database {database.url.database}; STILB_DATA names its folder")
         last, fault = check_audit(database, noted)
+        rows = check_rows(database) if fault is None else RowsReport()
     except SQLAlchemyError as error:
         return _fail(f"the audit trail cannot be read: {error}")
     finally:
         database.dispose()
     if fault is not None:
         return _fail(f"the audit trail is broken at entry {fault.seq}: {fault.what}")
+    if rows.faults:
+        for line in rows.faults[:_MOST_LINES]:
+            _fail(line)
+        more = f", of which {_MOST_LINES} are named above" if len(rows.faults) > _MOST_LINES else ""
+        return _fail(f"{len(rows.faults)} rows or fields are not as the audit trail left them{more}")
     print(f"the audit trail is whole: {last.seq} entries")  # noqa: T201
+    print(f"the rows are as it left them: {rows.compared} compared")  # noqa: T201
+    if rows.unrecorded:
+        print(f"{rows.unrecorded} of them are older than what it records today, and known in part")  # noqa: T201
     print(f"head {last}\nNote the head elsewhere; `make audit HEAD=...` compares it later.")  # noqa: T201
     return 0
 

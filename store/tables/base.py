@@ -30,4 +30,10 @@ class Audited:
     """A table whose every insert, change and deletion leaves an audit entry (store/audit.py)."""
 
     __audit_without__: ClassVar[frozenset[str]] = frozenset()
-    """Columns that an audit entry leaves out: secrets, and bulk that the row itself keeps."""
+    """Columns that an audit entry leaves out: what nobody decides."""
+    __audit_digests__: ClassVar[frozenset[str]] = frozenset()
+    """Columns of which an entry holds the hash: secrets, and bulk that the row itself keeps."""
+
+
+class AuditedTogether:
+    """Rows that are parts of another and never change: one entry for all, with the hash of each."""

@@ -7,7 +7,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from radiometry.methods import Method
 from store.columns import UtcDateTime, new_id, utc_now
-from store.tables.base import Audited, Base, Json
+from store.tables.base import Audited, AuditedTogether, Base, Json
 
 
 class Calibration(Audited, Base):
@@ -19,7 +19,7 @@ class Calibration(Audited, Base):
         UniqueConstraint("campaign_id", "content_sha256"),
         CheckConstraint("version >= 1", "version_counts_from_1"),
     )
-    __audit_without__ = frozenset({"result", "inputs"})
+    __audit_digests__ = frozenset({"result", "inputs"})
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("cal"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
@@ -39,7 +39,7 @@ class Calibration(Audited, Base):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class CoefficientRow(Base):
+class CoefficientRow(AuditedTogether, Base):
     __tablename__ = "coefficient"
     __table_args__ = (CheckConstraint("standard_uncertainty >= 0", "uncertainty_not_negative"),)
 

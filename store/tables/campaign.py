@@ -8,7 +8,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from radiometry.methods import Method
 from store.columns import UtcDateTime, new_id, utc_now
-from store.tables.base import Audited, Base, Json
+from store.tables.base import Audited, AuditedTogether, Base, Json
 
 
 class Campaign(Audited, Base):
@@ -92,7 +92,7 @@ class FrameRow(Audited, Base):
     """One uploaded file in one campaign."""
 
     __tablename__ = "frame"
-    __audit_without__: ClassVar[frozenset[str]] = frozenset({"header", "proof"})
+    __audit_digests__: ClassVar[frozenset[str]] = frozenset({"header", "proof"})
     __table_args__ = (
         UniqueConstraint("campaign_id", "sha256"),
         CheckConstraint("role IN ('light', 'dark', 'flat', 'panel', 'chart', 'field')", "role_known"),
@@ -130,10 +130,11 @@ class FrameRow(Audited, Base):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class Extraction(Base):
+class Extraction(Audited, Base):
     """The statistics of one frame in one region by one version of the code: made once, never changed."""
 
     __tablename__ = "extraction"
+    __audit_digests__: ClassVar[frozenset[str]] = frozenset({"features"})
     __table_args__ = (UniqueConstraint("frame_id", "roi_id", "extractor"),)
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("ext"))
@@ -145,7 +146,7 @@ class Extraction(Base):
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class ChannelRow(Base):
+class ChannelRow(AuditedTogether, Base):
     """One channel's row of an extraction."""
 
     __tablename__ = "channel_statistics"

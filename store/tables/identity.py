@@ -26,7 +26,8 @@ class Organisation(Audited, Base):
 
 class ApiKey(Audited, Base):
     __tablename__ = "api_key"
-    __audit_without__: ClassVar[frozenset[str]] = frozenset({"sha256", "last_used_at"})
+    __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
+    __audit_digests__: ClassVar[frozenset[str]] = frozenset({"sha256"})
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("key"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)

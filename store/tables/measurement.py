@@ -13,7 +13,7 @@ class Measurement(Audited, Base):
     """One measurement, complete and immutable (triggers hold it)."""
 
     __tablename__ = "measurement"
-    __audit_without__ = frozenset({"result"})
+    __audit_digests__ = frozenset({"result"})
     __table_args__ = (
         UniqueConstraint("frame_id", "content_sha256"),
         Index("ix_measurement_calibration_id", "calibration_id"),
