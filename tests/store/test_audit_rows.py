@@ -20,7 +20,7 @@ NEW_COEFFICIENT = (
     "f_number, band, channel, model, flags FROM coefficient WHERE position = 0"
 )
 
-BULK = {"result_sha256", "inputs_sha256", "header_sha256"}
+BULK = {"result_sha256", "inputs_sha256", "header_sha256", "proof_sha256"}
 
 
 @pytest.fixture
