@@ -106,7 +106,7 @@ def map_ours(pool: DecoderPool, band: Band, path: Path) -> None:
         ).reflectance
 
     facts = MapFacts(header=header, exposure=band.exposure, software="stilb", description={"unit": "1"})
-    write_map(pool, Subject(path=path, header=header, compute=compute), facts, band.target("ours"))
+    write_map(pool, Subject(file=path, header=header, compute=compute), facts, band.target("ours"))
 
 
 def map_plainly(band: Band, path: Path) -> None:

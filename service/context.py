@@ -16,6 +16,7 @@ from service.waiting import JobWatch
 from store.blobs import Blobs
 from store.broker import Hints
 from store.database import Database
+from store.files import Files
 from store.settings import Settings
 
 
@@ -41,6 +42,10 @@ class Context:
     @cached_property
     def uses(self) -> Uses:
         return Uses(self.database)
+
+    @property
+    def files(self) -> Files:
+        return Files(self.database, self.blobs)
 
 
 def get_context(request: Request) -> Context:

@@ -13,6 +13,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from service.problems import HttpCode
 from store.blobs import Blobs, StorageFull, StorageUnavailable
 from store.database import Database
+from store.files import count_damaged
 from store.parts import Part, list_parts
 from store.schema import SchemaDiffers, require_own_schema
 from store.tables import PartRow
@@ -37,6 +38,7 @@ class Finding:
 class Report:
     findings: list[Finding]
     parts: list[Part]
+    damaged_files: int
 
     @property
     def unfit(self) -> Finding | None:
@@ -51,8 +53,10 @@ class Report:
             "worker": "no worker is at work: jobs wait",
             "sweeper": "no sweeper is at work: lost jobs wait",
         }
-        return [sentence for kind, sentence in idle.items() if kind not in at_work] + [
-            f"a {part.kind} hangs" for part in self.parts if part.state == "hung"
+        return [
+            *(sentence for kind, sentence in idle.items() if kind not in at_work),
+            *(f"a {part.kind} hangs" for part in self.parts if part.state == "hung"),
+            *([f"stored files damaged or missing: {self.damaged_files}"] if self.damaged_files else []),
         ]
 
 
@@ -135,12 +139,14 @@ class Health:
         looks = [look for check in self._checks if (look := check.begin(self._pool)) is not None]
         if looks:
             await asyncio.wait([asyncio.wrap_future(look) for look in looks], timeout=ANSWER_WITHIN_S)
-        return Report(findings=[check.finding() for check in self._checks], parts=self._read.found or [])
+        findings = [check.finding() for check in self._checks]
+        parts, damaged_files = self._read.found or ([], 0)
+        return Report(findings=findings, parts=parts, damaged_files=damaged_files)
 
-    def _look_at_rows(self) -> list[Part]:
+    def _look_at_rows(self) -> tuple[list[Part], int]:
         with self._database.reading() as session:
             require_own_schema(session)
-            return list_parts(session)
+            return list_parts(session), sum(count_damaged(session).values())
 
     def _try_a_write(self) -> None:
         """Go the way of a write up to the rows: a server that only reads, or a held lock, stops it."""

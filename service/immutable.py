@@ -3,7 +3,7 @@
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
-from store.blobs import Blobs
+from store.files import Files
 
 
 def immutable_headers(tag: str) -> dict[str, str]:
@@ -17,12 +17,20 @@ def standing_headers(tag: str) -> dict[str, str]:
 
 
 def send_blob(
-    request: Request, blobs: Blobs, sha256: str, media_type: str, headers: dict[str, str]
+    request: Request, files: Files, sha256: str, media_type: str, headers: dict[str, str]
 ) -> Response:
-    """The bytes under a hash, which is their tag."""
-    return not_modified(request, sha256) or StreamingResponse(
-        blobs.open(sha256),
-        headers={**immutable_headers(sha256), "Content-Length": str(blobs.size(sha256)), **headers},
+    """Send the bytes under a hash, which is their tag, each MiB after its proof.
+
+    Damage within the first is a problem. Later it breaks the connection before the Content-Length is reached,
+    so that no client takes what came for the file.
+    """
+    unchanged = not_modified(request, sha256)
+    if unchanged is not None:
+        return unchanged
+    size_bytes, pieces = files.open(sha256)
+    return StreamingResponse(
+        pieces,
+        headers={**immutable_headers(sha256), "Content-Length": str(size_bytes), **headers},
         media_type=media_type,
     )
 

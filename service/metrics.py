@@ -5,6 +5,7 @@ from typing import get_args
 
 from service.schemas.frames import State as FrameState
 from service.schemas.jobs import State as JobState
+from store.blobs import Damage
 from store.jobs import Dependency
 from store.queries.census import Census
 from store.software import CODE_VERSION
@@ -43,6 +44,16 @@ def _lines(census: Census) -> Iterator[str]:
     yield from _head("stilb_refusals", "Refused frames by the code of their refusal.")
     for code, count in census.refusals.items():
         yield f'stilb_refusals{{code="{code}"}} {count}'
+    yield from _by_state(
+        "stilb_damaged_files",
+        "Stored files that are not what was uploaded; the same upload heals one.",
+        census.damaged_files,
+        get_args(Damage),
+    )
+    yield from _head(
+        "stilb_scrub_age_seconds", "How long ago the stored file was proven whose proof is the oldest."
+    )
+    yield f"stilb_scrub_age_seconds {census.proof_age_s:.0f}"
     yield from _head("stilb_versions_published", "Calibration versions in force at some time.")
     yield f"stilb_versions_published {census.versions_published}"
 

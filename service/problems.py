@@ -12,7 +12,9 @@ from starlette.exceptions import HTTPException
 
 from radiometry.errors import InputRejected
 from service.wording import describe
+from store.blobs import BlobDamaged, StorageUnavailable
 from store.errors import Conflict
+from store.files import STORED_FILE_DAMAGED, describe_damage
 
 
 class HttpCode(StrEnum):
@@ -32,6 +34,7 @@ class HttpCode(StrEnum):
     DIGEST_MISMATCH = "digest_mismatch"
     STORAGE_FULL = "storage_full"
     STORAGE_UNAVAILABLE = "storage_unavailable"
+    STORED_FILE_DAMAGED = STORED_FILE_DAMAGED
     DATABASE_UNAVAILABLE = "database_unavailable"
     SCHEMA_MISMATCH = "schema_mismatch"
     SERVICE_STOPPING = "service_stopping"
@@ -108,6 +111,12 @@ def not_found(what: str) -> Problem:
     )
 
 
+def storage_unavailable() -> Problem:
+    return Problem(
+        503, HttpCode.STORAGE_UNAVAILABLE, "The file store does not answer. Try again.", retryable=True
+    )
+
+
 def install(app: FastAPI) -> None:
     """Turn every exception that can reach the top into a problem."""
 
@@ -122,6 +131,14 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Conflict)
     async def conflict(_request: Request, error: Conflict) -> JSONResponse:
         return _answer(problem_body(409, error.code, error.message))
+
+    @app.exception_handler(BlobDamaged)
+    async def damaged(_request: Request, error: BlobDamaged) -> JSONResponse:
+        return _answer(problem_body(500, HttpCode.STORED_FILE_DAMAGED, describe_damage(error)))
+
+    @app.exception_handler(StorageUnavailable)
+    async def unavailable(_request: Request, _error: StorageUnavailable) -> JSONResponse:
+        return answer(storage_unavailable())
 
     @app.exception_handler(RequestValidationError)
     async def wrong_field(_request: Request, error: RequestValidationError) -> JSONResponse:

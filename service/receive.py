@@ -12,7 +12,7 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
-from service.problems import HttpCode, Problem
+from service.problems import HttpCode, Problem, storage_unavailable
 from store.blobs import Blobs, BlobWriter, StorageFull, StorageUnavailable, StoredBlob
 
 _FLUSH_BYTES = 1 << 20
@@ -51,9 +51,7 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int) -> Received
             507, HttpCode.STORAGE_FULL, "The service has no room left for this file.", retryable=True
         ) from error
     except StorageUnavailable as error:
-        raise Problem(
-            503, HttpCode.STORAGE_UNAVAILABLE, "The file store does not answer. Try again.", retryable=True
-        ) from error
+        raise storage_unavailable() from error
     except ClientDisconnect as error:
         raise Problem(
             400,

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from store.blobs import Blobs
 from store.database import Database
+from store.files import Files
 from store.settings import Settings
 from worker.decode.pool import DecoderPool
 from worker.leases import Leases
@@ -18,3 +19,7 @@ class Context:
     decoders: DecoderPool
     leases: Leases
     needs: Needs
+
+    @property
+    def files(self) -> Files:
+        return Files(self.database, self.blobs)

@@ -12,6 +12,8 @@ from sqlalchemy.orm import Session
 
 from radiometry.errors import InputRejected
 from store import jobs
+from store.blobs import BlobDamaged
+from store.files import STORED_FILE_DAMAGED, describe_damage
 from store.jobs import Claim, Dependency, LeaseLost, Turn
 from store.schema import SchemaDiffers
 from worker.context import Context
@@ -73,6 +75,11 @@ def _work(context: Context, claim: Claim) -> Ending:
         outcome = work(context, claim)
     except InputRejected as refusal:
         outcome = Outcome(store=lambda _session: {}, rejection=refusal)
+    except BlobDamaged as damage:
+        context.needs.fail(None, damage)
+        log.warning("%s waits for an upload: %s", claim.job_id, damage)
+        found = problem(STORED_FILE_DAMAGED, describe_damage(damage)) | {"sha256": damage.sha256}
+        return lambda session: jobs.fail(session, claim, found)
     except Exception as fault:
         dependency = find_dependency(fault)
         context.needs.fail(dependency, fault)

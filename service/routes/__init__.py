@@ -14,6 +14,7 @@ _MEANINGS = {
     404: "There is no such thing for this key's organisation.",
     409: "It contradicts what is recorded.",
     413: "The body is too large.",
+    500: "The stored file is damaged or missing; the same upload heals it.",
     422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
     503: "A part of the service does not answer just now; try again.",
     507: "There is no room left.",
@@ -39,6 +40,11 @@ def sends_file(media_type: str) -> dict[int | str, dict[str, Any]]:
     """Document a route that sends a file with an ETag."""
     schema = {"type": "string"} if media_type.startswith("text/") else {"type": "string", "format": "binary"}
     return {200: {"content": {media_type: {"schema": schema}}}, **UNCHANGED, **problems(404)}
+
+
+def sends_stored_file(media_type: str) -> dict[int | str, dict[str, Any]]:
+    """Document a route that sends what the file store keeps, which a disk may have lost."""
+    return {**sends_file(media_type), **problems(404, 500)}
 
 
 def include_routes(app: FastAPI) -> None:

@@ -11,9 +11,9 @@ from service.certificate import build_certificate, draw_region, render_pdf
 from service.context import UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
-from service.routes import UNCHANGED, problems, sends_file
+from service.routes import UNCHANGED, problems, sends_stored_file
 from service.schemas.certificates import CertificateAnswer
-from store.blobs import Blobs
+from store.files import Files
 from store.queries.dossier import Dossier, gather_dossier
 from store.tables import Calibration
 
@@ -32,7 +32,7 @@ def get_certificate(calibration_id: Id, request: Request, caller: Reader, contex
     return _answer(request, content, "application/json")
 
 
-@router.get("/certificate.pdf", response_class=Response, responses=sends_file("application/pdf"))
+@router.get("/certificate.pdf", response_class=Response, responses=sends_stored_file("application/pdf"))
 def get_certificate_pdf(
     calibration_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
@@ -40,7 +40,7 @@ def get_certificate_pdf(
     with context.database.reading() as session:
         dossier = _gather(session, calibration_id, caller)
     certificate = build_certificate(dossier).dump()
-    pdf = render_pdf(certificate, _draw_preview(dossier, context.blobs))
+    pdf = render_pdf(certificate, _draw_preview(dossier, context.files))
     name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in certificate["number"])
     return _answer(request, pdf, "application/pdf", {"Content-Disposition": f'inline; filename="{name}.pdf"'})
 
@@ -49,7 +49,7 @@ def _gather(session: Session, calibration_id: str, caller: Caller) -> Dossier:
     return gather_dossier(session, owned(session, Calibration, calibration_id, caller))
 
 
-def _draw_preview(dossier: Dossier, blobs: Blobs) -> str:
+def _draw_preview(dossier: Dossier, files: Files) -> str:
     """The largest frame of something lit that has a preview, with the region in which it was measured."""
     inputs = dossier.calibration.inputs
     candidates = [
@@ -59,7 +59,8 @@ def _draw_preview(dossier: Dossier, blobs: Blobs) -> str:
     if not shown:
         return ""
     used, row, header = max(shown, key=lambda one: one[2]["width_px"] * one[2]["height_px"])
-    png = b"".join(blobs.open(row.preview_sha256 or ""))
+    _, pieces = files.open(row.preview_sha256 or "")
+    png = b"".join(pieces)
     key = used["roi_sha256"]
     parts = inputs.get("roi_parts", {}).get(key) or [{"points": inputs["rois"][key]}]
     return draw_region(png, header["width_px"], header["height_px"], [part["points"] for part in parts])

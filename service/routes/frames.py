@@ -20,7 +20,7 @@ from service.paging import Cursor, Limit, Page
 from service.paging import page as page_of
 from service.problems import HttpCode, Problem, invalid, located
 from service.receive import receive
-from service.routes import problems, sends_file
+from service.routes import problems, sends_stored_file
 from service.routes.campaigns import read_roi
 from service.schemas.base import Form, LongText, PositiveText, Text
 from service.schemas.campaigns import NewRoi, RoiAnswer, Role
@@ -106,14 +106,15 @@ async def upload_frame(
     region = _read_region(upload.roi) if upload.roi is not None else None
     await run_in_threadpool(_check_campaign, context, campaign_id, caller)
     received = await receive(request, context.blobs, max_bytes=context.settings.max_upload_bytes)
+    # before a replayed answer is found: also that upload has brought the bytes again
+    await run_in_threadpool(context.files.heal, received.blob)
     filename = upload.filename or received.filename or f"{received.blob.sha256[:12]}.bin"
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
         roi = find_or_add_roi(session, caller.organisation_id, read_roi(region)) if region else None
         new = NewFrame(
-            sha256=received.blob.sha256,
-            size_bytes=received.blob.size_bytes,
+            blob=received.blob,
             filename=_plain_name(filename),
             role=upload.role,
             scene=upload.scene,
@@ -211,7 +212,9 @@ def get_frame_roi(frame_id: Id, caller: Reader, context: UsesContext) -> Respons
 
 
 @router.get(
-    "/frames/{frame_id}/content", response_class=Response, responses=sends_file("application/octet-stream")
+    "/frames/{frame_id}/content",
+    response_class=Response,
+    responses=sends_stored_file("application/octet-stream"),
 )
 def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """The very bytes that were uploaded."""
@@ -221,10 +224,12 @@ def get_frame_content(frame_id: Id, request: Request, caller: Reader, context: U
         "Content-Disposition": f"attachment; filename*=UTF-8''{quote(frame.filename, safe='')}",
         "X-Content-Type-Options": "nosniff",
     }
-    return send_blob(request, context.blobs, frame.sha256, "application/octet-stream", headers)
+    return send_blob(request, context.files, frame.sha256, "application/octet-stream", headers)
 
 
-@router.get("/frames/{frame_id}/preview.png", response_class=Response, responses=sends_file("image/png"))
+@router.get(
+    "/frames/{frame_id}/preview.png", response_class=Response, responses=sends_stored_file("image/png")
+)
 def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """A picture to draw the region on; its width against `width_px` is the scale."""
     with context.database.reading() as session:
@@ -236,7 +241,7 @@ def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: U
             "This frame has no preview: it has not been read yet, or it was refused.",
             retryable=frame.state == "received",
         )
-    return send_blob(request, context.blobs, frame.preview_sha256, "image/png", {})
+    return send_blob(request, context.files, frame.preview_sha256, "image/png", {})
 
 
 def _check_campaign(context: Context, campaign_id: str, caller: Caller) -> None:
@@ -281,12 +286,12 @@ def _answers(session: Session, frames: list[FrameRow], verdicts: Mapping[str, Ve
     """Frames with their statistics, in three queries however many they are."""
     extractions = extractions_of(session, [frame.id for frame in frames])
     rows = statistics_of(session, [e.id for found in extractions.values() for e in found])
-    blobs = session.scalars(select(Blob).where(Blob.sha256.in_({frame.sha256 for frame in frames})))
-    sizes = {blob.sha256: blob.size_bytes for blob in blobs}
+    stored = session.scalars(select(Blob).where(Blob.sha256.in_({frame.sha256 for frame in frames})))
+    blobs = {blob.sha256: blob for blob in stored}
     return [
         FrameAnswer.of(
             frame,
-            size_bytes=sizes[frame.sha256],
+            blob=blobs[frame.sha256],
             statistics=[
                 StatisticsRow.of(extraction, row)
                 for extraction in extractions[frame.id]

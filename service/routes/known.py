@@ -8,7 +8,7 @@ from service.lookup import Id, owned
 from service.routes import problems
 from service.schemas.known import HashesAsked, KnownAnswer
 from service.writing import IdempotencyKey
-from store.queries.known import find_known
+from store.queries.known import find_known, read_sizes
 from store.tables import Campaign
 
 router = APIRouter(prefix="/v1/campaigns/{campaign_id}/frames/known", tags=["frames"])
@@ -28,4 +28,8 @@ def ask_known_frames(
     """
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
-        return KnownAnswer.of(body.sha256, find_known(session, campaign, body.sha256)).respond()
+        found = find_known(session, campaign, body.sha256)
+        sizes = read_sizes(session, found)
+    absent = context.files.find_absent(sizes)
+    known = {sha256: frame for sha256, frame in found.items() if sha256 not in absent}
+    return KnownAnswer.of(body.sha256, known).respond()

@@ -12,6 +12,7 @@ from service.map_values import MOST_VALUES, Layout, Window, read_layout, read_va
 from service.problems import HttpCode, Problem, invalid
 from service.routes import UNCHANGED, problems
 from service.schemas.maps import MapValuesAnswer, MapWindow
+from store.blobs import prove_file
 from store.tables import Measurement
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
@@ -20,7 +21,7 @@ router = APIRouter(prefix="/v1", tags=["measurements"])
 @router.get(
     "/measurements/{measurement_id}/map.json",
     response_model=MapValuesAnswer,
-    responses={**UNCHANGED, **problems(404)},
+    responses={**UNCHANGED, **problems(404, 500)},
 )
 def get_measurement_map_values(
     measurement_id: Id,
@@ -42,10 +43,11 @@ def get_measurement_map_values(
     unchanged = not_modified(request, tag)
     if unchanged is not None:
         return unchanged
-    with context.blobs.local_path(row.map_tif_sha256) as path:
-        layout = read_layout(path)
+    with context.files.local(row.map_tif_sha256) as file:
+        prove_file(file)
+        layout = read_layout(file.path)
         window = _cut(layout, asked)
-        values = read_values(path, layout, window, step=asked.step)
+        values = read_values(file.path, layout, window, step=asked.step)
     answer = MapValuesAnswer.of(row, layout, window, values, step=asked.step)
     return answer.respond(immutable_headers(tag))
 

@@ -15,7 +15,7 @@ from service.lookup import Id, owned
 from service.measurements import OfCalibration, answer_measurements
 from service.paging import Cursor, Limit, Page, page
 from service.problems import HttpCode, Problem
-from service.routes import UNCHANGED, problems, sends_file
+from service.routes import UNCHANGED, problems, sends_stored_file
 from service.routes.campaigns import read_roi
 from service.schemas.base import Text
 from service.schemas.jobs import JobAnswer
@@ -147,7 +147,7 @@ def get_measurement(measurement_id: Id, request: Request, caller: Reader, contex
 @router.get(
     "/measurements/{measurement_id}/map.tif",
     response_class=Response,
-    responses=sends_file("image/tiff"),
+    responses=sends_stored_file("image/tiff"),
 )
 def get_measurement_map(
     measurement_id: Id, request: Request, caller: Reader, context: UsesContext
@@ -164,7 +164,7 @@ def get_measurement_map(
 @router.get(
     "/measurements/{measurement_id}/map.png",
     response_class=Response,
-    responses=sends_file("image/png"),
+    responses=sends_stored_file("image/png"),
 )
 def get_measurement_picture(
     measurement_id: Id, request: Request, caller: Reader, context: UsesContext
@@ -238,4 +238,4 @@ def _blob(request: Request, context: Context, sha256: str | None, media_type: st
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
         raise Problem(404, HttpCode.NOT_FOUND, detail)
     headers = {"Content-Disposition": f'inline; filename="{filename}"'}
-    return send_blob(request, context.blobs, sha256, media_type, headers)
+    return send_blob(request, context.files, sha256, media_type, headers)

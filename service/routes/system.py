@@ -52,6 +52,7 @@ class Readiness(Answer):
                 {
                     "status": "degraded",
                     "warnings": ["no worker is at work: jobs wait"],
+                    "damaged_files": 0,
                     "parts": [
                         {"kind": "sweeper", "state": "working", "silent_s": 3.2, "idle_s": 3.2, "details": {}}
                     ],
@@ -62,6 +63,7 @@ class Readiness(Answer):
 
     status: Literal["ok", "degraded"]
     warnings: list[str] = Field(description="What waits, and why. Requests are served all the same.")
+    damaged_files: int = Field(description="Damaged or missing ones; the same upload heals each.")
     parts: list[PartAnswer]
 
 
@@ -87,7 +89,9 @@ async def get_readyz(context: UsesContext) -> Response:
         raise Problem(503, unfit.code, detail, retryable=True, headers={"Retry-After": "2"}, checks=found)
     parts = [PartAnswer.of(part) for part in report.parts]
     status: Literal["ok", "degraded"] = "degraded" if report.warnings else "ok"
-    return Readiness(status=status, warnings=report.warnings, parts=parts).respond()
+    return Readiness(
+        status=status, warnings=report.warnings, damaged_files=report.damaged_files, parts=parts
+    ).respond()
 
 
 @router.get(

@@ -10,8 +10,9 @@ from radiometry.statistics import ChannelStatistics
 from radiometry.verdicts import Outcome, ReasonCode, Verdict
 from service.schemas.base import Answer, Form, Instant, Positive, Text
 from service.schemas.campaigns import Role
+from store.blobs import Damage
 from store.codec import decode_header
-from store.tables import Extraction, FrameRow
+from store.tables import Blob, Extraction, FrameRow
 
 State = Literal["received", "read", "extracted", "refused"]
 
@@ -140,6 +141,9 @@ class FrameAnswer(Answer):
     campaign_id: str
     sha256: str
     size_bytes: int | None = None
+    stored_file: Damage | None = Field(
+        default=None, description="What the disk did to the file: upload it again, which heals it."
+    )
     filename: str
     role: Role
     scene: str | None = None
@@ -188,7 +192,7 @@ class FrameAnswer(Answer):
         cls,
         row: FrameRow,
         *,
-        size_bytes: int | None = None,
+        blob: Blob,
         statistics: list[StatisticsRow] | None = None,
         verdict: Verdict | None = None,
         job_id: str | None = None,
@@ -202,7 +206,8 @@ class FrameAnswer(Answer):
             **_from_band(row.header),
             **_from_found(row),
             supplied=row.supplied or None,
-            size_bytes=size_bytes,
+            size_bytes=blob.size_bytes,
+            stored_file=blob.damage,
             refusal=refusal,
             statistics=statistics or [],
             verdict=VerdictAnswer.model_validate(verdict) if verdict else None,

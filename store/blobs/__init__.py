@@ -1,10 +1,11 @@
 """Raw files under the name of their own SHA-256: written once, never changed, the same bytes only once."""
 
-from store.blobs.errors import BlobDamaged, BlobMissing, StorageFull, StorageUnavailable
+from store.blobs.errors import BlobDamaged, BlobMissing, Damage, StorageFull, StorageUnavailable
 from store.blobs.factory import blobs_from_url
 from store.blobs.local import LocalBlobs
 from store.blobs.objects import ObjectBlobs
-from store.blobs.spool import BlobWriter, StoredBlob
+from store.blobs.proof import StoredBlob, StoredFile, prove_file
+from store.blobs.spool import BlobWriter
 from store.blobs.surface import Blobs
 
 __all__ = [
@@ -12,10 +13,13 @@ __all__ = [
     "BlobMissing",
     "BlobWriter",
     "Blobs",
+    "Damage",
     "LocalBlobs",
     "ObjectBlobs",
     "StorageFull",
     "StorageUnavailable",
     "StoredBlob",
+    "StoredFile",
     "blobs_from_url",
+    "prove_file",
 ]

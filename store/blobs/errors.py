@@ -1,20 +1,24 @@
 """The ways in which a blob store can refuse."""
 
+from typing import Literal
 
-class BlobMissing(LookupError):  # noqa: N818 (named by the state that it reports)
-    """No blob of this name is stored."""
-
-    def __init__(self, sha256: str) -> None:
-        super().__init__(f"no blob {sha256} is stored")
-        self.sha256 = sha256
+Damage = Literal["damaged", "missing"]
 
 
 class BlobDamaged(Exception):  # noqa: N818 (named by the state that it reports)
-    """The stored bytes no longer hash to their name."""
+    """The stored bytes are not those that were uploaded, or cannot be read any more."""
+
+    damage: Damage = "damaged"
 
     def __init__(self, sha256: str) -> None:
-        super().__init__(f"the stored blob {sha256} no longer hashes to its name")
+        super().__init__(f"the stored file {sha256} is {self.damage}")
         self.sha256 = sha256
+
+
+class BlobMissing(BlobDamaged):
+    """No bytes are stored under this name."""
+
+    damage = "missing"
 
 
 class StorageFull(Exception):  # noqa: N818 (named by the state that it reports)

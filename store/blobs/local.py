@@ -1,12 +1,19 @@
 """Blobs in a folder of this machine: `ab/cd/<sha256>`."""
 
-from collections.abc import Iterator
+import errno
+import os
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from store.blobs.errors import BlobMissing, StorageUnavailable
-from store.blobs.spool import BlobWriter, StoredBlob, hashes_to, sweep, sync_folder
-from store.blobs.surface import CHUNK_BYTES, checked_name
+from store.blobs.errors import BlobDamaged, BlobMissing, StorageUnavailable
+from store.blobs.proof import StoredBlob, StoredFile, prove_pieces, prove_whole
+from store.blobs.spool import BlobWriter, hashes_to, sweep, sync_folder
+from store.blobs.surface import checked_name
+from store.digests import PIECE_BYTES
+
+# What a disk answers, and a filesystem with checksums, for what it cannot read back.
+_UNREADABLE = {errno.EIO, errno.EBADMSG, errno.EUCLEAN}
 
 
 class LocalBlobs:
@@ -20,19 +27,21 @@ class LocalBlobs:
     def writer(self) -> BlobWriter:
         return BlobWriter(self._temporary, self._place)
 
-    def open(self, sha256: str) -> Iterator[bytes]:
-        # Blobs are never removed, so one that is found now is there when the first piece is asked for.
-        return _pieces(self._found(sha256))
+    def open(self, blob: StoredBlob) -> Iterator[bytes]:
+        self._size(blob.sha256)
+        return prove_pieces(blob, self._pieces(blob.sha256))
 
     @contextmanager
-    def local_path(self, sha256: str) -> Iterator[Path]:
-        yield self._found(sha256)
+    def local_file(self, blob: StoredBlob) -> Iterator[StoredFile]:
+        if self._size(blob.sha256) != blob.size_bytes:
+            raise BlobDamaged(blob.sha256)
+        yield StoredFile(self._path(blob.sha256), blob)
 
-    def exists(self, sha256: str) -> bool:
-        return self._path(sha256).is_file()
+    def prove(self, sha256: str, pace: Callable[[int], None]) -> StoredBlob:
+        return prove_whole(sha256, self._pieces(sha256, pace=pace))
 
-    def size(self, sha256: str) -> int:
-        return self._found(sha256).stat().st_size
+    def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
+        return {sha256 for sha256, size in sizes.items() if not self._holds(sha256, size)}
 
     def sweep_temporary(self, older_than_s: float) -> int:
         return sweep(self._temporary, older_than_s)
@@ -50,11 +59,41 @@ class LocalBlobs:
         checked_name(sha256)
         return self._folder / sha256[:2] / sha256[2:4] / sha256
 
-    def _found(self, sha256: str) -> Path:
-        path = self._path(sha256)
-        if not path.is_file():
-            raise BlobMissing(sha256)
-        return path
+    def _size(self, sha256: str) -> int:
+        with self._read_errors_named(sha256):
+            return self._path(sha256).stat().st_size
+
+    def _holds(self, sha256: str, size: int) -> bool:
+        try:
+            return self._size(sha256) == size
+        except BlobDamaged:
+            return False
+
+    def _pieces(self, sha256: str, *, pace: Callable[[int], None] | None = None) -> Iterator[bytes]:
+        """Read a blob from its start; with a pace from the disk itself, not from what memory holds of it."""
+        with self._read_errors_named(sha256), self._path(sha256).open("rb", buffering=0) as file:
+            if pace is not None:
+                os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+            while piece := file.read(PIECE_BYTES):
+                if pace is not None:
+                    pace(len(piece))
+                yield piece
+
+    @contextmanager
+    def _read_errors_named(self, sha256: str) -> Iterator[None]:
+        try:
+            yield
+        except FileNotFoundError as error:
+            # a folder that is gone as a whole is a disk that is not mounted, and no loss of this blob
+            if not self._folder.is_dir():
+                raise StorageUnavailable(f"the blobs' folder {self._folder} is not there") from error
+            raise BlobMissing(sha256) from error
+        except OSError as error:
+            if error.errno in _UNREADABLE:
+                raise BlobDamaged(sha256) from error
+            raise StorageUnavailable(
+                f"blobs cannot be read below {self._folder}: {error.strerror}"
+            ) from error
 
     def _place(self, temporary: Path, stored: StoredBlob) -> None:
         final = self._path(stored.sha256)
@@ -66,9 +105,3 @@ class LocalBlobs:
         # Also when another writer was first: it may not have come as far as syncing the names yet.
         for folder in (final.parent, final.parent.parent, self._folder):
             sync_folder(folder)
-
-
-def _pieces(path: Path) -> Iterator[bytes]:
-    with path.open("rb") as file:
-        while piece := file.read(CHUNK_BYTES):
-            yield piece

@@ -1,8 +1,9 @@
 """Blobs in an S3 bucket; whatever speaks S3 will do."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -13,13 +14,16 @@ from obstore.store import S3Store
 
 from store.blobs.cache import Cache
 from store.blobs.errors import BlobDamaged, BlobMissing, StorageUnavailable
-from store.blobs.spool import BlobWriter, StoredBlob, sweep
-from store.blobs.surface import CHUNK_BYTES, checked_name
+from store.blobs.proof import StoredBlob, StoredFile, prove_pieces, prove_whole
+from store.blobs.spool import BlobWriter, sweep
+from store.blobs.surface import checked_name
+from store.digests import PIECE_BYTES
 
 CACHE_BYTES = 8 << 30
 _CONNECT_WITHIN_S = 5.0
 _CHECK_WITHIN_S = 2.0
 _ONE_REQUEST = timedelta(hours=1)
+_ASKED_AT_ONCE = 16
 _ENDPOINTS = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 
 
@@ -51,35 +55,31 @@ class ObjectBlobs:
     def writer(self) -> BlobWriter:
         return BlobWriter(self._temporary, self._upload)
 
-    def open(self, sha256: str) -> Iterator[bytes]:
-        with self._found(sha256):
-            stream = obstore.get(self._store, _key(sha256)).stream(min_chunk_size=CHUNK_BYTES)
-        return self._pieces(sha256, iter(stream))
+    def open(self, blob: StoredBlob) -> Iterator[bytes]:
+        return prove_pieces(blob, self._stream(blob.sha256))
 
     @contextmanager
-    def local_path(self, sha256: str) -> Iterator[Path]:
+    def local_file(self, blob: StoredBlob) -> Iterator[StoredFile]:
         fetched = False
         while True:
-            with self._cache.held(checked_name(sha256)) as path:
+            with self._cache.held(checked_name(blob.sha256)) as path:
                 if path is not None:
                     # Only now: while it is held, the newcomer is not itself evicted from too small a cache.
                     if fetched:
                         self._cache.evict()
-                    yield path
+                    with self._copy_doubted(path, blob.sha256):
+                        yield StoredFile(path, blob)
                     return
-            self._fetch(sha256)
+            self._fetch(blob.sha256)
             fetched = True
 
-    def exists(self, sha256: str) -> bool:
-        try:
-            self.size(sha256)
-        except BlobMissing:
-            return False
-        return True
+    def prove(self, sha256: str, pace: Callable[[int], None]) -> StoredBlob:
+        return prove_whole(sha256, self._stream(sha256, pace=pace))
 
-    def size(self, sha256: str) -> int:
-        with self._found(sha256):
-            return int(obstore.head(self._store, _key(sha256))["size"])
+    def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
+        with ThreadPoolExecutor(_ASKED_AT_ONCE, thread_name_prefix="heads") as pool:
+            held = pool.map(self._holds, sizes.keys(), sizes.values())
+            return {sha256 for sha256, there in zip(sizes, held, strict=True) if not there}
 
     def sweep_temporary(self, older_than_s: float) -> int:
         return sweep(self._temporary, older_than_s)
@@ -89,10 +89,8 @@ class ObjectBlobs:
             obstore.list_with_delimiter(self._asked)
 
     def _upload(self, spooled: Path, stored: StoredBlob) -> None:
-        # What is there whole is left alone; S3 shows an object only once all of it has arrived.
-        with suppress(BlobMissing):
-            if self.size(stored.sha256) == stored.size_bytes:
-                return
+        # Also over what is there: whether that is still whole could be told only by fetching all of it. S3
+        # shows an object only once all of it has arrived: who reads meanwhile reads one or the other.
         with self._answers():
             obstore.put(self._store, _key(stored.sha256), spooled)
 
@@ -103,14 +101,43 @@ class ObjectBlobs:
             self._cache.add(sha256, fetched)
 
         with BlobWriter(self._temporary, place) as writer:
-            for piece in self.open(sha256):
-                writer.write(piece)
+            for chunk in self._stream(sha256):
+                writer.write(chunk)
             writer.commit()
 
-    def _pieces(self, sha256: str, stream: Iterator[bytes]) -> Iterator[bytes]:
+    def _stream(self, sha256: str, *, pace: Callable[[int], None] | None = None) -> Iterator[bytes]:
         with self._found(sha256):
-            for piece in stream:
-                yield bytes(piece)
+            stream = obstore.get(self._store, _key(sha256)).stream(min_chunk_size=PIECE_BYTES)
+        return self._chunks(sha256, iter(stream), pace)
+
+    def _chunks(
+        self, sha256: str, stream: Iterator[bytes], pace: Callable[[int], None] | None
+    ) -> Iterator[bytes]:
+        with self._found(sha256):
+            for chunk in stream:
+                if pace is not None:
+                    pace(len(chunk))
+                yield bytes(chunk)
+
+    def _holds(self, sha256: str, size: int) -> bool:
+        try:
+            with self._found(sha256):
+                return bool(obstore.head(self._store, _key(sha256))["size"] == size)
+        except BlobMissing:
+            return False
+
+    @contextmanager
+    def _copy_doubted(self, path: Path, sha256: str) -> Iterator[None]:
+        """Remove a copy that its reader found damaged: of the bucket it says nothing, and is fetched anew."""
+        try:
+            yield
+        except BlobDamaged as damage:
+            if damage.sha256 != sha256:
+                raise
+            path.unlink(missing_ok=True)
+            raise StorageUnavailable(
+                f"the local copy of {sha256} was damaged and is fetched anew"
+            ) from damage
 
     @contextmanager
     def _found(self, sha256: str) -> Iterator[None]:

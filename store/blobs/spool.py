@@ -7,25 +7,18 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from store.blobs.errors import StorageFull
+from store.blobs.proof import StoredBlob
+from store.digests import PieceDigester
 
 PREFIX = "blob-"
 
 # EFBIG is what a file size limit (ulimit -f) answers; to the caller it is the same: there is no room.
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-
-
-@dataclass(frozen=True)
-class StoredBlob:
-    """A blob's name and its size."""
-
-    sha256: str
-    size_bytes: int
 
 
 Place = Callable[[Path, StoredBlob], None]
@@ -39,6 +32,7 @@ class BlobWriter:
         self._folder = folder
         self._place = place
         self._hash = hashlib.sha256()
+        self._digester = PieceDigester()
         self._size_bytes = 0
         self._fd = -1
         self._path = folder
@@ -53,6 +47,7 @@ class BlobWriter:
     def write(self, chunk: bytes | memoryview) -> None:
         rest = memoryview(chunk)
         self._hash.update(rest)
+        self._digester.update(rest)
         self._size_bytes += rest.nbytes
         with full_disk_named(self._folder):
             # A nearly full disk takes a part of the bytes before it refuses, so the count must be heeded.
@@ -66,7 +61,7 @@ class BlobWriter:
 
     def commit(self) -> StoredBlob:
         """Make the bytes durable under their name; nobody may be told that they are kept before."""
-        stored = StoredBlob(self._hash.hexdigest(), self._size_bytes)
+        stored = StoredBlob(self.sha256, self._size_bytes, self._digester.digests())
         with full_disk_named(self._folder):
             os.fchmod(self._fd, 0o440)
             os.fsync(self._fd)
@@ -116,6 +111,9 @@ def sync_folder(folder: Path) -> None:
 
 
 def hashes_to(path: Path, sha256: str) -> bool:
-    """Say whether a file still holds the bytes of its name."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+    """Return whether a file still holds the bytes of its name; what cannot be read does not."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest() == sha256
+    except OSError:
+        return False

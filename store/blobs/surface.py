@@ -1,15 +1,12 @@
 """What every blob store offers, whichever place the bytes lie in."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import Protocol
 
+from store.blobs.proof import StoredBlob, StoredFile
 from store.blobs.spool import BlobWriter
-
-CHUNK_BYTES = 1 << 20
-"""Size of the pieces in which blobs are read."""
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
@@ -20,16 +17,23 @@ class Blobs(Protocol):
     def writer(self) -> BlobWriter:
         """Start a blob: use as a context manager; leaving it without `commit` leaves nothing behind."""
 
-    def open(self, sha256: str) -> Iterator[bytes]:
-        """Yield the bytes in pieces; raises BlobMissing at once, not at the first piece."""
+    def open(self, blob: StoredBlob) -> Iterator[bytes]:
+        """Yield the bytes MiB by MiB, each proven.
 
-    def local_path(self, sha256: str) -> AbstractContextManager[Path]:
-        """Give a real file with these bytes, to be mapped and never written, while the context lasts."""
+        Raises BlobMissing at once, and BlobDamaged in place of the first wrong piece.
+        """
 
-    def exists(self, sha256: str) -> bool: ...
+    def local_file(self, blob: StoredBlob) -> AbstractContextManager[StoredFile]:
+        """Lend a real file; whoever reads it proves what it reads, and raises BlobDamaged in the context."""
 
-    def size(self, sha256: str) -> int:
-        """Return the size [bytes]."""
+    def prove(self, sha256: str, pace: Callable[[int], None]) -> StoredBlob:
+        """Read all of a blob where it is kept, past every cache, and return what it is known by.
+
+        `pace` is told of every piece's size, and may wait. Raises BlobDamaged or BlobMissing.
+        """
+
+    def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
+        """Return which of these names are not stored, or not in their size; nothing is read."""
 
     def sweep_temporary(self, older_than_s: float) -> int:
         """Remove what killed processes left half written for that long; return how many files."""

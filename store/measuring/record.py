@@ -13,8 +13,10 @@ from sqlalchemy.orm import Session
 from radiometry.luminance.results import Coefficient
 from radiometry.methods import geometry, reflectance
 from radiometry.roi import Polygon
+from store.blobs import StoredBlob
 from store.codec import decode
 from store.columns import new_id
+from store.files import keep_blob
 from store.software import CODE_VERSION, MEASURER
 from store.tables import Blob, Calibration, Campaign, FrameRow, Measurement
 
@@ -28,8 +30,8 @@ _BAND_COEFFICIENTS = TypeAdapter(tuple[reflectance.Coefficient, ...])
 class Products:
     """The map's two blobs."""
 
-    tif: Blob
-    png: Blob
+    tif: StoredBlob
+    png: StoredBlob
 
 
 def read_coefficients(calibration: Calibration) -> tuple[Coefficient, ...]:
@@ -71,6 +73,13 @@ def hash_content(frame: FrameRow, calibration: Calibration, parameters: dict[str
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
+def has_lost_products(session: Session, measurement: Measurement) -> bool:
+    """Return whether the stored map or its picture is known to be damaged."""
+    names = (measurement.map_tif_sha256, measurement.map_png_sha256)
+    blobs = [session.get_one(Blob, name) for name in names if name is not None]
+    return any(blob.damage is not None for blob in blobs)
+
+
 def write_measurement(
     session: Session,
     frame: FrameRow,
@@ -82,13 +91,11 @@ def write_measurement(
     by: str,
 ) -> Measurement:
     """Write it once; the same content again is the measurement that exists."""
+    for blob in (products.tif, products.png) if products else ():
+        keep_blob(session, blob)
     found = find_measurement(session, frame, calibration, parameters)
     if found is not None:
         return found
-    for blob in (products.tif, products.png) if products else ():
-        if session.get(Blob, blob.sha256) is None:
-            session.add(Blob(sha256=blob.sha256, size_bytes=blob.size_bytes))
-    session.flush()
     campaign = session.get_one(Campaign, frame.campaign_id)
     measurement = Measurement(
         id=new_id("msr"),

@@ -7,6 +7,7 @@ from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from store.columns import utc_now
+from store.files import count_damaged, find_proof_age_s
 from store.jobs import GIVEN_UP, oldest_wait_s
 from store.parts import list_parts
 from store.tables import FrameRow, Job, Publication
@@ -28,6 +29,10 @@ class Census:
     refusals: dict[str, int]
     """Refused frames by the code of their refusal."""
     versions_published: int
+    damaged_files: dict[str, int]
+    """Stored files that are not what was uploaded, by what is wrong."""
+    proof_age_s: float
+    """How long ago the stored file was last proven that has waited longest for it; 0 without one."""
 
 
 def take_census(session: Session) -> Census:
@@ -51,6 +56,8 @@ def take_census(session: Session) -> Census:
         frames=_count_by(session, FrameRow.state),
         refusals=_count_by(session, FrameRow.refusal_code),
         versions_published=session.scalar(in_force) or 0,
+        damaged_files=count_damaged(session),
+        proof_age_s=find_proof_age_s(session),
     )
 
 

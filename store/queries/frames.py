@@ -14,9 +14,11 @@ from radiometry import methods
 from radiometry.roi import Polygon
 from radiometry.statistics import ChannelStatistics
 from store import jobs
+from store.blobs import StoredBlob
 from store.columns import new_id
+from store.files import keep_blob
 from store.software import EXTRACTOR
-from store.tables import Blob, Campaign, ChannelRow, Extraction, FrameRow, Roi
+from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Roi
 from store.tables.base import Json
 
 _STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
@@ -26,8 +28,7 @@ _STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
 class NewFrame:
     """A frame as it was uploaded: what the field team says of it."""
 
-    sha256: str
-    size_bytes: int
+    blob: StoredBlob
     filename: str
     role: str
     scene: str | None
@@ -41,17 +42,15 @@ def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tu
     The same bytes again change nothing, except that a refused frame gets another chance, and one whose
     reading was given up is read again.
     """
-    if session.get(Blob, new.sha256) is None:
-        session.add(Blob(sha256=new.sha256, size_bytes=new.size_bytes))
-        session.flush()
+    keep_blob(session, new.blob)
     found = session.scalar(
-        select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.sha256 == new.sha256)
+        select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.sha256 == new.blob.sha256)
     )
     if found is None:
         found = FrameRow(
             id=new_id("frm"),
             campaign_id=campaign.id,
-            sha256=new.sha256,
+            sha256=new.blob.sha256,
             filename=new.filename,
             role=new.role,
             scene=new.scene,

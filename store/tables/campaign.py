@@ -3,10 +3,11 @@
 from datetime import datetime
 from typing import Any, ClassVar
 
-from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, UniqueConstraint
+from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from radiometry.methods import Method
+from store.blobs.errors import Damage
 from store.columns import UtcDateTime, new_id, utc_now
 from store.tables.base import Audited, AuditedTogether, Base, Json
 
@@ -81,10 +82,26 @@ class Blob(Base):
     """Bytes that the blob store keeps under their hash."""
 
     __tablename__ = "blob"
-    __table_args__ = (CheckConstraint("size_bytes >= 0", "size_not_negative"),)
+    __table_args__ = (
+        CheckConstraint("size_bytes >= 0", "size_not_negative"),
+        CheckConstraint("damage IN ('damaged', 'missing')", "damage_known"),
+        Index("ix_blob_proven_at", "proven_at"),
+        Index(
+            "ix_blob_damage",
+            "damage",
+            sqlite_where=text("damage IS NOT NULL"),
+            postgresql_where=text("damage IS NOT NULL"),
+        ),
+    )
 
     sha256: Mapped[str] = mapped_column(String(64), primary_key=True)
     size_bytes: Mapped[int] = mapped_column(BigInteger)
+    digests: Mapped[bytes | None] = mapped_column(default=None, deferred=True)
+    """One per MiB, joined (store/digests.py); None until a blob of an older stilb has been proven once."""
+    proven_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    """When all of it was last found to hash to its name."""
+    damage: Mapped[Damage | None] = mapped_column(String, default=None)
+    """Since it was found other than it was stored; the same upload ends that."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 

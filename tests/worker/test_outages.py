@@ -37,12 +37,12 @@ class Store:
             raise StorageUnavailable("the store is away")
 
     @contextmanager
-    def local_path(self, sha256):
+    def local_file(self, blob):
         self.asked += 1
-        if self.away or sha256 == self.lacking:
+        if self.away or blob.sha256 == self.lacking:
             raise StorageUnavailable("the store is away")
-        with self.blobs.local_path(sha256) as path:
-            yield path
+        with self.blobs.local_file(blob) as file:
+            yield file
 
     def __getattr__(self, name):
         return getattr(self.blobs, name)

@@ -15,6 +15,7 @@ from radiometry.errors import InputRejected
 from worker.decode import messages
 from worker.decode.libraw import check_version
 from worker.decode.reading import Reader, Window
+from worker.decode.source import SourceDamagedError
 
 _OPEN_FILES: Final = 32
 _LOOK_FOR_PARENT_S: Final = 0.5
@@ -78,15 +79,16 @@ def _limit_cpu(seconds: int) -> None:
 
 def _read(reader: Reader, request: dict[str, Any]) -> tuple[dict[str, Any], bytes | memoryview]:
     path = Path(request["path"])
+    digests = bytes.fromhex(request["digests"]) if "digests" in request else None
     match request["do"]:
         case "read_header":
-            return {"header": asdict(reader.read_header(path))}, b""
+            return {"header": asdict(reader.read_header(path, digests))}, b""
         case "read_window":
-            frame = reader.read_window(path, Window(*request["window"]))
+            frame = reader.read_window(path, Window(*request["window"]), digests)
             told = {name: value for name, value in vars(frame).items() if name != "samples_dn"}
             return {"frame": told}, frame.samples_dn.data
         case _:
-            preview, proof = reader.inspect(path, request["longest_side_px"])
+            preview, proof = reader.inspect(path, request["longest_side_px"], digests)
             return {"proof": asdict(proof)}, preview
 
 
@@ -97,6 +99,8 @@ def _answer(reader: Reader, request: dict[str, Any]) -> tuple[dict[str, Any], by
         return {"refused": {"code": str(refusal.code), "message": refusal.message}}, b""
     except FileNotFoundError:
         return {"missing": True}, b""
+    except SourceDamagedError:
+        return {"damaged": True}, b""
     except Exception as error:  # noqa: BLE001  the last line before a hostile file becomes our failure
         if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
             return {"failed": "it needs more memory than is allowed"}, b""

@@ -12,6 +12,7 @@ from typing import Any, Final, TypeVar
 
 from radiometry.frame import Frame, FrameHeader
 from radiometry.proof import Proof
+from store.blobs import BlobDamaged, StoredFile
 from worker.decode import answers, messages
 from worker.decode.settings import DecoderLimits
 
@@ -23,6 +24,9 @@ PREVIEW_SIDE_PX: Final = 1600
 _PIPE_BYTES: Final = 1 << 20
 
 _T = TypeVar("_T")
+
+Readable = Path | StoredFile
+"""A file to decode: a stored one is proven where it is read, any other is taken as it is."""
 
 
 class DecoderCrashed(Exception):  # noqa: N818  it says what happened
@@ -52,19 +56,19 @@ class Decoder:
     def pid(self) -> int | None:
         return self._process.pid if self._process else None
 
-    def read_header(self, path: Path) -> FrameHeader:
-        answer, _ = self._ask(path, {"do": "read_header"}, 0)
+    def read_header(self, file: Readable) -> FrameHeader:
+        answer, _ = self._ask(file, {"do": "read_header"}, 0)
         return self._checked("read_header", lambda: answers.check_header(answer))
 
-    def read_window(self, path: Path, window: tuple[int, int, int, int]) -> Frame:
+    def read_window(self, file: Readable, window: tuple[int, int, int, int]) -> Frame:
         _, _, height, width = window
         most = min(max(0, height) * max(0, width) * 6, messages.MAX_BODY_BYTES)
-        answer, body = self._ask(path, {"do": "read_window", "window": list(window)}, most)
+        answer, body = self._ask(file, {"do": "read_window", "window": list(window)}, most)
         return self._checked("read_window", lambda: answers.check_frame(answer, body, window))
 
-    def inspect(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+    def inspect(self, file: Readable, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
         request = {"do": "inspect", "longest_side_px": longest_side_px}
-        answer, body = self._ask(path, request, _PREVIEW_BYTES)
+        answer, body = self._ask(file, request, _PREVIEW_BYTES)
         return self._checked("inspect", lambda: (answers.check_preview(body), answers.check_proof(answer)))
 
     def close(self) -> None:
@@ -84,10 +88,13 @@ class Decoder:
         self._process = None
 
     def _ask(
-        self, path: Path, request: dict[str, Any], max_body_bytes: int
+        self, file: Readable, request: dict[str, Any], max_body_bytes: int
     ) -> tuple[dict[str, Any], bytearray]:
         stage = str(request["do"])
+        path = path_of(file)
         request = {**request, "path": str(path.absolute())}
+        if isinstance(file, StoredFile):
+            request["digests"] = file.blob.digests.hex()
         process = self._deliver(request)
         deadline = time.monotonic() + self._limits.wall_seconds
         try:
@@ -99,14 +106,16 @@ class Decoder:
         except messages.BrokenMessageError as error:
             raise DecoderCrashed(stage, self._autopsy(str(error))) from error
         self.last_path = path
-        return self._sorted(answer, stage, path), body
+        return self._sorted(answer, stage, file), body
 
-    def _sorted(self, answer: dict[str, Any], stage: str, path: Path) -> dict[str, Any]:
+    def _sorted(self, answer: dict[str, Any], stage: str, file: Readable) -> dict[str, Any]:
         """The answer if it is one; a refusal or a failure is raised."""
         if "refused" in answer:
             raise self._checked(stage, lambda: answers.check_refusal(answer))
         if "missing" in answer:
-            raise FileNotFoundError(path)
+            raise FileNotFoundError(path_of(file))
+        if "damaged" in answer and isinstance(file, StoredFile):
+            raise BlobDamaged(file.blob.sha256)
         if "failed" in answer:
             self.close()
             raise DecoderCrashed(stage, str(answer["failed"])[:200])
@@ -179,6 +188,10 @@ class Decoder:
             status = 0
         self.close()
         return f"ended by {signal.Signals(-status).name}" if status < 0 else fallback
+
+
+def path_of(file: Readable) -> Path:
+    return file.path if isinstance(file, StoredFile) else file
 
 
 def _environment() -> dict[str, str]:

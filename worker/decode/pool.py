@@ -7,23 +7,30 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from radiometry.frame import Frame, FrameHeader
 from radiometry.proof import Proof
-from worker.decode.decoder import PREVIEW_SIDE_PX, Decoder, DecoderCrashed, DecoderUnavailable
+from worker.decode.decoder import (
+    PREVIEW_SIDE_PX,
+    Decoder,
+    DecoderCrashed,
+    DecoderUnavailable,
+    Readable,
+    path_of,
+)
 from worker.decode.settings import DecoderLimits
 
-__all__ = ["Decoder", "DecoderCrashed", "DecoderLimits", "DecoderPool", "DecoderUnavailable"]
+__all__ = ["Decoder", "DecoderCrashed", "DecoderLimits", "DecoderPool", "DecoderUnavailable", "Readable"]
 
 
 class DecoderPool:
     """Thread-safe. A caller waits while all processes are busy.
 
-    Every method raises InputRejected for a file that cannot be used, FileNotFoundError for one that is not
-    there, and DecoderCrashed for one that ended its process; the next call gets a new process.
+    Every method raises InputRejected for a file that cannot be used, BlobDamaged for a stored one that is not
+    what was uploaded, FileNotFoundError for one that is not there, and DecoderCrashed for one that ended its
+    process; the next call gets a new process.
     """
 
     def __init__(
@@ -40,22 +47,22 @@ class DecoderPool:
         )
         self._make_decoders()
 
-    def read_header(self, path: Path) -> FrameHeader:
-        with self._borrowed(path) as decoder:
-            return decoder.read_header(path)
+    def read_header(self, file: Readable) -> FrameHeader:
+        with self._borrowed(file) as decoder:
+            return decoder.read_header(file)
 
-    def read_window(self, path: Path, window: tuple[int, int, int, int]) -> Frame:
+    def read_window(self, file: Readable, window: tuple[int, int, int, int]) -> Frame:
         """``window`` : (row0, col0, height, width) in the visible area."""
-        with self._borrowed(path) as decoder:
-            return decoder.read_window(path, window)
+        with self._borrowed(file) as decoder:
+            return decoder.read_window(file, window)
 
-    def inspect(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+    def inspect(self, file: Readable, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
         """Every row is read: a PNG, and what vouches for the pixels.
 
         Frame pixels per preview pixel are width_px / the preview's width.
         """
-        with self._borrowed(path) as decoder:
-            return decoder.inspect(path, longest_side_px)
+        with self._borrowed(file) as decoder:
+            return decoder.inspect(file, longest_side_px)
 
     def pids(self) -> list[int]:
         """Of the processes that have been started."""
@@ -81,7 +88,7 @@ class DecoderPool:
         self._returned = threading.Condition()
 
     @contextmanager
-    def _borrowed(self, path: Path) -> Iterator[Decoder]:
+    def _borrowed(self, file: Readable) -> Iterator[Decoder]:
         if os.getpid() != self._owner:
             # After a fork the pipes lead to the parent's processes, whose answers would be mixed up.
             for decoder in self._decoders:
@@ -89,7 +96,7 @@ class DecoderPool:
             self._make_decoders()
         with self._returned:
             self._returned.wait_for(lambda: self._idle)
-            decoder = self._choose(path)
+            decoder = self._choose(file)
         try:
             yield decoder
         finally:
@@ -97,8 +104,8 @@ class DecoderPool:
                 self._idle.append(decoder)
                 self._returned.notify()
 
-    def _choose(self, path: Path) -> Decoder:
+    def _choose(self, file: Readable) -> Decoder:
         """The process that read this file last has it open; one that runs is better than a new one."""
-        best = max(self._idle, key=lambda each: (each.last_path == path, each.pid is not None))
+        best = max(self._idle, key=lambda each: (each.last_path == path_of(file), each.pid is not None))
         self._idle.remove(best)
         return best

@@ -32,11 +32,11 @@ class Reader:
     def __init__(self) -> None:
         self._opened: OrderedDict[tuple[str, int, int, int], OpenedFile] = OrderedDict()
 
-    def read_header(self, path: Path) -> FrameHeader:
-        return self._open(path).header
+    def read_header(self, path: Path, digests: bytes | None = None) -> FrameHeader:
+        return self._open(path, digests).header
 
-    def read_window(self, path: Path, window: Window) -> Frame:
-        opened = self._open(path)
+    def read_window(self, path: Path, window: Window, digests: bytes | None = None) -> Frame:
+        opened = self._open(path, digests)
         header = opened.header
         _check_inside(window, header)
         samples = opened.read(*window)
@@ -51,14 +51,16 @@ class Reader:
             white_level_dn=header.white_level_dn,
         )
 
-    def inspect(self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+    def inspect(
+        self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX, digests: bytes | None = None
+    ) -> tuple[bytes, Proof]:
         """The frame's preview, and the proof of its pixels: every row is read."""
-        return inspect(self._open(path), longest_side_px)
+        return inspect(self._open(path, digests), longest_side_px)
 
-    def _open(self, path: Path) -> OpenedFile:
+    def _open(self, path: Path, digests: bytes | None) -> OpenedFile:
         status = os.stat(path)  # noqa: PTH116  one call, and the path may be a str from the wire
         key = (str(path), status.st_mtime_ns, status.st_size, status.st_ino)
-        opened = self._opened.pop(key, None) or open_file(path)
+        opened = self._opened.pop(key, None) or open_file(path, digests)
         self._opened[key] = opened
         while len(self._opened) > _KEPT_OPEN:
             self._opened.popitem(last=False)

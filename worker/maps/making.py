@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from radiometry.frame import Frame, FrameHeader
-from worker.decode.pool import DecoderPool
+from worker.decode.pool import DecoderPool, Readable
 from worker.maps.picture import Part, Reduction, Style, draw_picture
 from worker.maps.strips import StripReader, cut_bands
 from worker.maps.tiff import TILE_PX, MapFacts, Plane, encode_band, write_tiff
@@ -23,7 +23,7 @@ class Subject:
     ``rim_px`` : how far beyond a window ``compute`` must see; ``report`` : is told the share that is done
     """
 
-    path: Path
+    file: Readable
     header: FrameHeader
     compute: Callable[[Frame], Plane]
     rim_px: int = 0
@@ -58,7 +58,7 @@ def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: 
     header = subject.header
     reduction = Reduction(header.height_px, header.width_px)
     with (
-        StripReader(decoders, subject.path, header) as reader,
+        StripReader(decoders, subject.file, header) as reader,
         ThreadPoolExecutor(_THREADS, thread_name_prefix="bands") as threads,
     ):
         write_tiff(target, _make_tiles(reader, subject, reduction, threads), facts)

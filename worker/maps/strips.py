@@ -5,14 +5,13 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 
 from radiometry.frame import Frame, FrameHeader
-from worker.decode.pool import DecoderPool
+from worker.decode.pool import DecoderPool, Readable
 
 _STRIP_PX = 1 << 21
 _AHEAD = 2
@@ -36,9 +35,9 @@ class StripReader:
     The next two strips are read meanwhile, by two processes where the pool has them.
     """
 
-    def __init__(self, decoders: DecoderPool, path: Path, header: FrameHeader) -> None:
+    def __init__(self, decoders: DecoderPool, file: Readable, header: FrameHeader) -> None:
         self._decoders = decoders
-        self._path = path
+        self._file = file
         self._width = header.width_px
         self._ahead = ThreadPoolExecutor(_AHEAD, thread_name_prefix="strips")
         self._left = iter(cut_strips(header))
@@ -77,7 +76,7 @@ class StripReader:
         strip = next(self._left, None)
         if strip is not None:
             window = (strip[0], 0, strip[1], self._width)
-            self._coming.append(self._ahead.submit(self._decoders.read_window, self._path, window))
+            self._coming.append(self._ahead.submit(self._decoders.read_window, self._file, window))
 
 
 def _end(frame: Frame) -> int:

@@ -69,7 +69,7 @@ def measure(task: Task) -> tuple[dict[str, Any], Products]:
 def _read(task: Task) -> Frame:
     """The whole frame, strip by strip: a decoder is asked for no more at once."""
     frames = [
-        task.context.decoders.read_window(task.path, (top, 0, height, task.header.width_px))
+        task.context.decoders.read_window(task.file, (top, 0, height, task.header.width_px))
         for top, height in cut_strips(task.header)
     ]
     first = frames[0]

@@ -13,6 +13,7 @@ from store.falloff import read_lens
 from store.measuring.plan import read_request
 from store.measuring.record import Products, read_coefficients, read_regions
 from store.software import CODE_VERSION
+from worker.decode.pool import Readable
 from worker.maps.making import Subject, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import LUMINANCE
@@ -26,16 +27,16 @@ def measure(task: Task) -> tuple[dict[str, Any], Products | None]:
     return measured, _map(task) if task.wants_map else None
 
 
-def make_subject(path: Path, header: FrameHeader, scale: MapScale) -> Subject:
+def make_subject(file: Readable, header: FrameHeader, scale: MapScale) -> Subject:
     """A frame whose map is its luminance."""
-    return Subject(path=path, header=header, compute=lambda frame: compute_map(frame, scale), rim_px=RIM_PX)
+    return Subject(file=file, header=header, compute=lambda frame: compute_map(frame, scale), rim_px=RIM_PX)
 
 
 def _measure(task: Task) -> Measured:
     request, header = read_request(task.parameters), task.header
     window = measurement.find_window(request, height_px=header.height_px, width_px=header.width_px)
     pixels = task.context.decoders.read_window(
-        task.path, (window.row0, window.col0, window.height, window.width)
+        task.file, (window.row0, window.col0, window.height, window.width)
     )
     lens, falloff = read_lens(task.calibration, task.exposure), task.parameters.get("vignetting")
     return measurement.measure(
@@ -71,7 +72,7 @@ def _map(task: Task) -> Products:
         target = Path(folder) / "map.tif"
         made = make_map(
             task.context.decoders,
-            make_subject(task.path, task.header, scale),
+            make_subject(task.file, task.header, scale),
             facts,
             target,
             style=LUMINANCE,

@@ -62,7 +62,7 @@ def _read_region(task: Task) -> Frame:
     header = task.header
     window = bounding_window(_region(task), height_px=header.height_px, width_px=header.width_px)
     return task.context.decoders.read_window(
-        task.path, (window.row0, window.col0, window.height, window.width)
+        task.file, (window.row0, window.col0, window.height, window.width)
     )
 
 
@@ -76,7 +76,7 @@ def _map_band(task: Task) -> tuple[Made, Products]:
         return reflectance.compute_map(frame, header=header, exposure=exposure, scale=scale).reflectance
 
     subject = Subject(
-        path=task.path,
+        file=task.file,
         header=header,
         compute=compute,
         report=lambda share: task.report(0.1 + 0.9 * share),
@@ -135,12 +135,12 @@ def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
         other_row = session.get_one(FrameRow, task.parameters["other"]["frame_id"])
     index = task.parameters["index"]
     with ExitStack() as stack:
-        path = stack.enter_context(task.context.blobs.local_path(other_row.sha256))
+        file = stack.enter_context(task.context.files.local(other_row.sha256))
         other = replace(
             task,
             frame=other_row,
             header=decode_header(other_row.header or {}),
-            path=path,
+            file=file,
             parameters=task.parameters | {"polygon": task.parameters["other"]["polygon"]},
         )
         result: dict[str, Any] = encode(measure_index(index, _apply(task), _apply(other)))
@@ -153,7 +153,7 @@ def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
     task.report(0.6)
     values = found.values
     subject = Subject(
-        path=task.path,
+        file=task.file,
         header=task.header,
         compute=lambda frame: values[frame.row0 : frame.row0 + frame.samples_dn.shape[0]],
         report=lambda share: task.report(0.6 + 0.4 * share),
@@ -187,7 +187,7 @@ def _whole(task: Task) -> BandMap:
     )
     plane = np.empty((header.height_px, header.width_px), np.float32)
     for top, height in cut_strips(header):
-        frame = task.context.decoders.read_window(task.path, (top, 0, height, header.width_px))
+        frame = task.context.decoders.read_window(task.file, (top, 0, height, header.width_px))
         computed = reflectance.compute_map(frame, header=header, exposure=exposure, scale=scale)
         plane[top : top + height] = computed.reflectance
     return BandMap(header=header, reflectance=plane)

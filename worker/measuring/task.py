@@ -7,10 +7,10 @@ from typing import Any
 
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
-from store.blobs.surface import Blobs
+from store.blobs import Blobs, StoredBlob, StoredFile
 from store.codec import decode_exposure
 from store.software import CODE_VERSION, MEASURER
-from store.tables import Blob, Calibration, FrameRow
+from store.tables import Calibration, FrameRow
 from worker.context import Context
 
 _COPY_BYTES = 1 << 20
@@ -23,7 +23,7 @@ class Task:
     context: Context
     frame: FrameRow
     header: FrameHeader
-    path: Path
+    file: StoredFile
     calibration: Calibration
     parameters: dict[str, Any]
     report: Callable[[float], None]
@@ -54,16 +54,14 @@ class Task:
         }
 
 
-def keep_file(blobs: Blobs, path: Path) -> Blob:
+def keep_file(blobs: Blobs, path: Path) -> StoredBlob:
     with blobs.writer() as writer, path.open("rb") as file:
         while piece := file.read(_COPY_BYTES):
             writer.write(piece)
-        stored = writer.commit()
-    return Blob(sha256=stored.sha256, size_bytes=stored.size_bytes)
+        return writer.commit()
 
 
-def keep(blobs: Blobs, content: bytes) -> Blob:
+def keep(blobs: Blobs, content: bytes) -> StoredBlob:
     with blobs.writer() as writer:
         writer.write(content)
-        stored = writer.commit()
-    return Blob(sha256=stored.sha256, size_bytes=stored.size_bytes)
+        return writer.commit()

@@ -1,7 +1,6 @@
 """A frame's metadata, refusal or warnings, its preview, and the statistics of its region."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -17,7 +16,9 @@ from radiometry.methods.reflectance import FoundPanel
 from radiometry.proof import Proof
 from radiometry.roi import Polygon, bounding_window
 from store import tables
+from store.blobs import StoredBlob, StoredFile
 from store.codec import decode, decode_header, encode, encode_statistics
+from store.files import keep_blob
 from store.jobs import Claim
 from store.queries.campaigns import Drawing, find_or_add_roi
 from store.queries.frames import (
@@ -47,6 +48,8 @@ class _Subject:
     """The region that holds; None where nobody has drawn one and none has been computed."""
     done: bool
     """Whether it has been computed."""
+    has_preview: bool
+    """Whether a preview is stored, and not known to be damaged."""
     equal: "_Extracted | None"
     """What was computed of the same bytes in the same region for another campaign."""
 
@@ -61,7 +64,7 @@ class _Extracted:
 class _Found:
     header: FrameHeader
     acceptance: Acceptance
-    preview: Blob | None
+    preview: StoredBlob | None
     proof: Proof
     extracted: _Extracted | None
     region_refused: InputRejected | None
@@ -74,8 +77,8 @@ def extract(context: Context, claim: Claim) -> Outcome:
     with context.database.reading() as session:
         subject = _load(session, claim.subject_id)
     try:
-        with context.blobs.local_path(subject.frame.sha256) as path:
-            found = _read(context, claim, subject, path)
+        with context.files.local(subject.frame.sha256) as file:
+            found = _read(context, claim, subject, file)
     except InputRejected as refusal:
         return _refuse(subject.frame.id, refusal)
     except DecoderCrashed as crash:
@@ -90,12 +93,14 @@ def _load(session: Session, frame_id: str) -> _Subject:
     extractor, roi = extractor_of(campaign), current_roi(session, frame, campaign)
     done = roi is not None and find_extraction(session, frame, roi, extractor) is not None
     equal = find_equal_extraction(session, frame, roi, extractor) if roi and not done else None
+    preview = session.get(Blob, frame.preview_sha256) if frame.preview_sha256 else None
     return _Subject(
         frame=frame,
         campaign=campaign,
         camera=Camera(make=camera.make, model=camera.model, serial=camera.serial),
         roi=roi,
         done=done,
+        has_preview=preview is not None and preview.damage is None,
         equal=_copy(session, equal) if equal else None,
     )
 
@@ -105,9 +110,9 @@ def _copy(session: Session, extraction: Extraction) -> _Extracted:
     return _Extracted(rows=[encode_statistics(row) for row in statistics], features=extraction.features)
 
 
-def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Found:
+def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -> _Found:
     frame, room = subject.frame, methods.describe(subject.campaign.method)
-    header = decode_header(frame.header) if frame.header else context.decoders.read_header(path)
+    header = decode_header(frame.header) if frame.header else context.decoders.read_header(file)
     acceptance = accept_frame(
         header,
         role=frame.role,
@@ -115,16 +120,16 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
         camera=subject.camera,
         manual_exposure=room.manual_exposure,
     )
-    preview, proof = _inspect(context, frame, path)
+    preview, proof = _inspect(context, subject, file)
     context.leases.report(claim, 0.5)
     extracted, region_refused = subject.equal, None
-    panel = _find_panel(context, subject, header, path)
+    panel = _find_panel(context, subject, header, file)
     drawn = subject.roi is not None or panel is not None
     wanted = is_told(subject.campaign) and (drawn or (room.whole_frame and frame.role in room.roles))
     if wanted and not subject.done and extracted is None:
         try:
             regions = _regions(subject.roi, panel, header)
-            extracted = _measure(context, subject, regions, header, acceptance.exposure, path)
+            extracted = _measure(context, subject, regions, header, acceptance.exposure, file)
         except InputRejected as refusal:
             # the region is wrong for this frame, not the frame for its campaign; the whole frame is no region
             if not drawn or refusal.code not in (Code.ROI_OUTSIDE_FRAME, Code.ROI_EMPTY):
@@ -141,12 +146,14 @@ def _read(context: Context, claim: Claim, subject: _Subject, path: Path) -> _Fou
     )
 
 
-def _find_panel(context: Context, subject: _Subject, header: FrameHeader, path: Path) -> FoundPanel | None:
+def _find_panel(
+    context: Context, subject: _Subject, header: FrameHeader, file: StoredFile
+) -> FoundPanel | None:
     frame, method = subject.frame, subject.campaign.method
     room = methods.describe(method)
     if subject.roi is not None or not room.finds_region or frame.role not in room.roles:
         return None
-    whole = context.decoders.read_window(path, (0, 0, header.height_px, header.width_px))
+    whole = context.decoders.read_window(file, (0, 0, header.height_px, header.width_px))
     return methods.find_region(method, whole, header=header)
 
 
@@ -156,12 +163,12 @@ def _measure(
     regions: list[Region],
     header: FrameHeader,
     exposure: Exposure | None,
-    path: Path,
+    file: StoredFile,
 ) -> _Extracted:
     room = methods.describe(subject.campaign.method)
     around = Polygon.from_points(subject.roi.points) if subject.roi else regions[0].polygon
     window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
-    pixels = context.decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
+    pixels = context.decoders.read_window(file, (window.row0, window.col0, window.height, window.width))
     target = subject.campaign.target
     extracted = methods.extract(
         subject.campaign.method,
@@ -187,15 +194,14 @@ def _regions(roi: Roi | None, panel: FoundPanel | None, header: FrameHeader) -> 
     return [Region(name=part["name"], polygon=Polygon.from_points(part["points"])) for part in roi.parts]
 
 
-def _inspect(context: Context, frame: FrameRow, path: Path) -> tuple[Blob | None, Proof]:
+def _inspect(context: Context, subject: _Subject, file: StoredFile) -> tuple[StoredBlob | None, Proof]:
     """Read all of the frame once: what is found then holds for every later reading of a part."""
-    if frame.preview_sha256 and frame.proof:
-        return None, decode(Proof, frame.proof)
-    preview, proof = context.decoders.inspect(path)
+    if subject.has_preview and subject.frame.proof:
+        return None, decode(Proof, subject.frame.proof)
+    preview, proof = context.decoders.inspect(file)
     with context.blobs.writer() as writer:
         writer.write(preview)
-        stored = writer.commit()
-    return Blob(sha256=stored.sha256, size_bytes=stored.size_bytes), proof
+        return writer.commit(), proof
 
 
 def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]:
@@ -203,8 +209,7 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     frame = session.get_one(FrameRow, subject.frame.id, with_for_update=True)
     campaign = session.get_one(Campaign, frame.campaign_id)
     if found.preview is not None:
-        session.merge(found.preview)
-        session.flush()
+        keep_blob(session, found.preview)
         frame.preview_sha256 = found.preview.sha256
     frame.header, frame.proof = encode(found.header), encode(found.proof)
     _store_acceptance(frame, found)

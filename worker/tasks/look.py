@@ -25,9 +25,9 @@ def look(context: Context, claim: Claim) -> Outcome:
     polygon = Polygon.from_points(claim.parameters["polygon"])
     window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     try:
-        with context.blobs.local_path(frame.sha256) as path:
+        with context.files.local(frame.sha256) as file:
             pixels = context.decoders.read_window(
-                path, (window.row0, window.col0, window.height, window.width)
+                file, (window.row0, window.col0, window.height, window.width)
             )
     except DecoderCrashed as crash:
         raise InputRejected(Refusal.DECODER_CRASHED, crash.message) from crash

@@ -1,16 +1,16 @@
 """A frame measured with a version: its region, its figures, its map."""
 
-from pathlib import Path
 from typing import Any
 
 from sqlalchemy.orm import Session
 
 from radiometry.errors import InputRejected
 from radiometry.flags import Flag, Raised
+from store.blobs import StoredFile
 from store.codec import decode_header, encode
 from store.jobs import Claim
 from store.measuring.plan import read_proof, require_whole
-from store.measuring.record import Products, find_measurement, write_measurement
+from store.measuring.record import Products, find_measurement, has_lost_products, write_measurement
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
@@ -21,17 +21,18 @@ from worker.tasks.outcome import Outcome
 
 
 def measure(context: Context, claim: Claim) -> Outcome:
-    """Measure as the plan says; what was measured before is not computed again."""
+    """Measure as the plan says; what was measured before is computed again only where its map was lost."""
     with context.database.reading() as session:
         frame = session.get_one(FrameRow, claim.subject_id)
         calibration = session.get_one(Calibration, claim.parameters["calibration_id"])
         found = find_measurement(session, frame, calibration, claim.parameters)
-    if found is not None:
+        lost = found is not None and has_lost_products(session, found)
+    if found is not None and not lost:
         return Outcome(store=lambda _session: _links(found))
     try:
-        with context.blobs.local_path(frame.sha256) as path:
-            doubts = _find_doubts(context, claim, frame, path)
-            measured, products = _measure(_make_task(context, claim, frame, calibration, path))
+        with context.files.local(frame.sha256) as file:
+            doubts = _find_doubts(context, claim, frame, file)
+            measured, products = _measure(_make_task(context, claim, frame, calibration, file))
             measured["flags"] = [*measured["flags"], *doubts]
     except DecoderCrashed as crash:
         raise InputRejected(Refusal.DECODER_CRASHED, crash.message) from crash
@@ -46,7 +47,7 @@ def measure(context: Context, claim: Claim) -> Outcome:
     return Outcome(store=store)
 
 
-def _find_doubts(context: Context, claim: Claim, frame: FrameRow, path: Path) -> list[dict[str, Any]]:
+def _find_doubts(context: Context, claim: Claim, frame: FrameRow, file: StoredFile) -> list[dict[str, Any]]:
     """What is doubted in the frame, and in an index's other one, and was asked for all the same.
 
     A frame that was read before there were proofs is read as a whole here.
@@ -54,13 +55,13 @@ def _find_doubts(context: Context, claim: Claim, frame: FrameRow, path: Path) ->
     Raises InputRejected(incomplete_image | image_part_empty)
     """
     allowed = claim.parameters.get("allow", [])
-    proof = read_proof(frame) or context.decoders.inspect(path)[1]
+    proof = read_proof(frame) or context.decoders.inspect(file)[1]
     require_whole(frame, proof, allowed)
     proofs = [(frame, proof)]
     if "other" in claim.parameters:
         with context.database.reading() as session:
             other = session.get_one(FrameRow, claim.parameters["other"]["frame_id"])
-        with context.blobs.local_path(other.sha256) as there:
+        with context.files.local(other.sha256) as there:
             proof = read_proof(other) or context.decoders.inspect(there)[1]
         require_whole(other, proof, allowed)
         proofs.append((other, proof))
@@ -77,12 +78,14 @@ def _find_doubts(context: Context, claim: Claim, frame: FrameRow, path: Path) ->
     ]
 
 
-def _make_task(context: Context, claim: Claim, frame: FrameRow, calibration: Calibration, path: Path) -> Task:
+def _make_task(
+    context: Context, claim: Claim, frame: FrameRow, calibration: Calibration, file: StoredFile
+) -> Task:
     return Task(
         context=context,
         frame=frame,
         header=decode_header(frame.header or {}),
-        path=path,
+        file=file,
         calibration=calibration,
         parameters=claim.parameters,
         report=lambda share: context.leases.report(claim, min(share, 0.99)),

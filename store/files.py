@@ -1,0 +1,163 @@
+"""Stored files as the database knows them: read only through their proof, marked where it fails, healed.
+
+A damaged file is a state of its own. Nothing reads it until the same upload, or a scrub that finds it whole
+again, ends that; the jobs that failed for it then go on by themselves.
+"""
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from itertools import chain
+from typing import Final
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from store import jobs
+from store.audit import record_act
+from store.blobs import BlobDamaged, BlobMissing, Blobs, Damage, StoredBlob, StoredFile
+from store.columns import utc_now
+from store.database import Database
+from store.tables import Blob, Job
+
+log = logging.getLogger(__name__)
+
+STORED_FILE_DAMAGED: Final = "stored_file_damaged"
+_ACTOR: Final = "files"
+
+
+class Files:
+    """The blobs of one service; every method may be called from any thread."""
+
+    def __init__(self, database: Database, blobs: Blobs) -> None:
+        self._database = database
+        self._blobs = blobs
+
+    def open(self, sha256: str) -> tuple[int, Iterator[bytes]]:
+        """Return a file's size and its proven bytes; the first MiB is proven before this returns."""
+        blob = self._find(sha256)
+        pieces = self._marked(blob)
+        first = next(pieces, b"")
+        return blob.size_bytes, chain([first], pieces)
+
+    @contextmanager
+    def local(self, sha256: str) -> Iterator[StoredFile]:
+        """Lend a real file; BlobDamaged that its reader raises within marks it."""
+        blob = self._find(sha256)
+        with self._marking(), self._blobs.local_file(blob) as file:
+            yield file
+
+    def prove(self, sha256: str, pace: Callable[[int], None] = lambda _size: None) -> StoredBlob:
+        """Read all of a file where it is kept: mark it if it is damaged, heal it if it is whole."""
+        with self._marking():
+            blob = self._blobs.prove(sha256, pace)
+        self._keep(blob)
+        return blob
+
+    def heal(self, blob: StoredBlob) -> None:
+        """End the damage of a file whose bytes have just been stored again, if it was damaged."""
+        with self._database.reading() as session:
+            row = session.get(Blob, blob.sha256)
+        if row is not None and row.damage is not None:
+            self._keep(blob)
+
+    def _keep(self, blob: StoredBlob) -> None:
+        with self._database.writing(_ACTOR) as session:
+            row = session.get_one(Blob, blob.sha256, with_for_update=True)
+            _keep_whole(session, row, blob)
+
+    def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
+        """Return which files are damaged or not there, and mark those that are found missing."""
+        damaged = set(self._read_damage(sizes))
+        absent = self._blobs.find_absent({name: size for name, size in sizes.items() if name not in damaged})
+        for sha256 in absent:
+            self._mark(sha256, "missing")
+        return damaged | absent
+
+    def _find(self, sha256: str) -> StoredBlob:
+        columns = select(Blob.size_bytes, Blob.digests, Blob.damage).where(Blob.sha256 == sha256)
+        with self._database.reading() as session:
+            size_bytes, digests, damage = session.execute(columns).one()
+        if damage is not None:
+            raise _error(sha256, damage)
+        if digests is None:
+            return self.prove(sha256)
+        return StoredBlob(sha256, size_bytes, digests)
+
+    def _marked(self, blob: StoredBlob) -> Iterator[bytes]:
+        with self._marking():
+            yield from self._blobs.open(blob)
+
+    @contextmanager
+    def _marking(self) -> Iterator[None]:
+        try:
+            yield
+        except BlobDamaged as found:
+            self._mark(found.sha256, found.damage)
+            raise
+
+    def _mark(self, sha256: str, damage: Damage) -> None:
+        with self._database.writing(_ACTOR) as session:
+            row = session.get(Blob, sha256, with_for_update=True)
+            if row is None or row.damage == damage:
+                return
+            log.error("the stored file %s is %s", sha256, damage)
+            _change_damage(session, row, damage)
+
+    def _read_damage(self, names: Mapping[str, int]) -> dict[str, Damage]:
+        rows = select(Blob.sha256, Blob.damage).where(Blob.sha256.in_(names), Blob.damage.is_not(None))
+        with self._database.reading() as session:
+            return {row[0]: row[1] for row in session.execute(rows) if row[1] is not None}
+
+
+def keep_blob(session: Session, blob: StoredBlob) -> None:
+    """Add the row of a file that has just been stored; one that was there before is whole again."""
+    row = session.get(Blob, blob.sha256, with_for_update=True)
+    if row is None:
+        session.add(Blob(sha256=blob.sha256, size_bytes=blob.size_bytes, digests=blob.digests))
+        session.flush()
+    elif row.damage is not None:
+        _keep_whole(session, row, blob)
+
+
+def describe_damage(damage: BlobDamaged) -> str:
+    """Return the sentence for whoever asked for the file."""
+    return (
+        f"The stored file {damage.sha256} is {damage.damage}: the service's disk lost what was uploaded, and "
+        "nothing of it is handed out. Upload the same file again: what waits for it then goes on by itself."
+    )
+
+
+def count_damaged(session: Session) -> dict[str, int]:
+    """Return how many files are known to be damaged, by what is wrong."""
+    counts = select(Blob.damage, func.count()).where(Blob.damage.is_not(None)).group_by(Blob.damage)
+    return {str(row[0]): row[1] for row in session.execute(counts)}
+
+
+def find_proof_age_s(session: Session) -> float:
+    """Return how long ago the file was proven that has waited longest since [s]; 0 without files."""
+    oldest = session.scalar(select(Blob.proven_at).order_by(Blob.proven_at).limit(1))
+    return (utc_now() - oldest).total_seconds() if oldest else 0.0
+
+
+def _error(sha256: str, damage: Damage) -> BlobDamaged:
+    return BlobMissing(sha256) if damage == "missing" else BlobDamaged(sha256)
+
+
+def _keep_whole(session: Session, row: Blob, blob: StoredBlob) -> None:
+    """Note that all of a file has just been proven; whatever failed for its damage goes on."""
+    row.digests, row.proven_at = blob.digests, utc_now()
+    if row.damage is not None:
+        _change_damage(session, row, None)
+        _retry_jobs(session, blob.sha256)
+
+
+def _change_damage(session: Session, row: Blob, damage: Damage | None) -> None:
+    before, row.damage = row.damage, damage
+    record_act(session, "damage" if damage else "heal", row, {"damage": before}, {"damage": damage})
+
+
+def _retry_jobs(session: Session, sha256: str) -> None:
+    """Queue what failed because of this file; a job names the file that it lacked in its error."""
+    for_its_damage = Job.error["code"].as_string() == STORED_FILE_DAMAGED
+    jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == sha256))
