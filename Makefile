@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test chromium audit export verify lint format bench pictures lock clean
+.PHONY: help demo up test faults chromium audit export verify lint format bench pictures lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -19,6 +19,10 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 test: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL
 	@pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal
+
+faults: export OPENBLAS_NUM_THREADS = 1
+faults: $(VENV)/dev  ## drill every fault on both deployments and write docs/faults.md, in an hour (SEED=1, ARGS="--only disk")
+	@python -m tests.faults --seed $(or $(SEED),1) $(or $(ARGS),--write)
 
 # Debian's, for the tests of the pages, where it may be installed; where not, they say so and skip.
 chromium:

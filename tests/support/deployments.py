@@ -261,6 +261,8 @@ class Composed(Deployment):
                 [sys.executable, "-m", "tests.support.s3_server"],
                 {"PATH": os.environ["PATH"], "BUCKET": "stilb"},
                 stdout=subprocess.PIPE,
+                # a line for each request
+                stderr=subprocess.DEVNULL,
                 text=True,
             )
         )

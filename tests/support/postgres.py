@@ -96,7 +96,7 @@ class PostgresServer:
         return self._process.pid
 
     def _start(self) -> subprocess.Popen:
-        binaries = runnable_binaries(self._folder)
+        self.binaries = binaries = runnable_binaries(self._folder)
         data = self._folder / "data"
         make = ["initdb", "-D", data, "-U", "stilb", "-A", "trust", "--no-sync", "--no-locale", "-E", "UTF8"]
         made = subprocess.run(

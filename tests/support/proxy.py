@@ -109,8 +109,12 @@ class Proxy:
             back, ahead = await self._connect()
             self._writers.add(ahead)
             ahead.write(first)
-            await asyncio.gather(self._pass(reader, ahead), self._pass(back, writer))
-        except OSError:
+            ways = [asyncio.create_task(self._pass(*way)) for way in ((reader, ahead), (back, writer))]
+            _, others = await asyncio.wait(ways, return_when=asyncio.FIRST_EXCEPTION)
+            for other in others:
+                other.cancel()
+            await asyncio.gather(*ways, return_exceptions=True)
+        except (OSError, asyncio.CancelledError):
             pass
         finally:
             for each in filter(None, (writer, ahead)):

@@ -1,0 +1,92 @@
+"""The matrix as people read it: printed while it is drilled, and written to docs/faults.md."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from tests.faults.drill import Row
+from tests.faults.machine import described
+
+PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
+HEAD = ("fault", "on", "frames", "lost", "twice", "wrong", "errors", "goes on [s]", "all done [s]", "told")
+
+TEXT = """# Faults
+
+What stilb does on bad days of its machine and of its neighbours. `make faults` drills each row on really
+started processes and writes this page. On "embedded", which is `make up` on SQLite, a folder and the
+bundled Valkey; on "composed", which is what `docker-compose.yml` runs, on PostgreSQL, Valkey and an S3
+store, started without containers. The database and the S3 store are reached through a proxy on loopback
+that can fall silent, slow down, fail or go away.
+
+Each row works with {per_row} small frames of an organisation of its own. Half of them are read and fitted
+in peace. Under the fault the other half is sent, the first half is measured and fitted once more. The fault
+begins at a moment that the seed chooses. What fails with an error is asked again, as a user would. When all
+is answered and no job is left, everything is compared with a run without a fault, to the last bit.
+
+| column | meaning |
+|---|---|
+| lost | frames, measurements or fits that were asked for and are not there, not read or not readable |
+| twice | frames, extractions, jobs, measurements, versions or audit entries that exist more than once |
+| wrong | files, statistics, previews, K, measurements that differ; a broken audit trail; seen by a stranger |
+| errors | exceptions that users of `stilb.Client` saw; all were retryable |
+| goes on | from the end of the fault until another job has ended |
+| all done | from the end of the fault until the last answer |
+| told | from 3 s on: did `/readyz` and `/livez` say how it was, within 2 s? empty: not asked |
+
+A part that hangs is stopped by a signal and left so: the fault ends when it has been replaced. The clock is
+set for all processes but PostgreSQL's by a library that is loaded before theirs; their monotonic clocks run
+on, as they do on a machine. Leases, sweeps and stall limits are those that stilb is delivered with.
+
+"""
+
+
+def line(row: Row) -> str:
+    """One row of the table."""
+    if row.skipped:
+        return f"| {row.fault} | {row.kind} | 0 | skipped: {row.skipped} |||||||"
+    found = row.verdict
+    counts = [len(found.lost), len(found.twice), len(found.wrong), row.errors]
+    times = ["" if value is None else f"{value:.1f}" for value in (row.goes_on_s, row.all_done_s)]
+    cells = [row.fault, row.kind, row.frames, *counts, *times, row.told]
+    return "| " + " | ".join(map(str, cells)) + " |"
+
+
+def head() -> str:
+    return f"| {' | '.join(HEAD)} |\n|{'---|' * len(HEAD)}"
+
+
+def summary(rows: Sequence[Row]) -> str:
+    """The sums, in a sentence."""
+    run = [row for row in rows if not row.skipped]
+    sums = [sum(len(getattr(row.verdict, name)) for row in run) for name in ("lost", "twice", "wrong")]
+    held = sum(row.holds for row in run)
+    return (
+        f"{len(run)} rows with {sum(row.frames for row in run)} frames: "
+        f"{sums[0]} lost, {sums[1]} twice, {sums[2]} wrong; "
+        f"{held} rows hold, {len(run) - held} do not, {len(rows) - len(run)} were skipped."
+    )
+
+
+def complaints(row: Row) -> list[str]:
+    found = row.verdict
+    named = (("lost", found.lost), ("twice", found.twice), ("wrong", found.wrong), ("", row.complaints))
+    return [f"{kind}: {text}" if kind else text for kind, texts in named for text in texts]
+
+
+def page(rows: Sequence[Row], *, seed: int, took_s: float, per_row: int, command: str) -> str:
+    """The whole page."""
+    parts = [
+        TEXT.format(per_row=per_row),
+        "## The last run\n\n",
+        f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, `{command}`, seed {seed}, {took_s / 60:.0f} minutes, ",
+        f"on {described()}.\n\n",
+        f"{summary(rows)}\n\n",
+        head() + "\n" + "\n".join(map(line, rows)) + "\n",
+    ]
+    failed = [row for row in rows if not row.holds]
+    if failed:
+        parts.append("\n## What does not hold\n\n")
+        for row in failed:
+            texts = [text.splitlines()[0][:300] for text in complaints(row)]
+            parts.append(f"- {row.fault}, {row.kind}: {'; '.join(texts[:5])}\n")
+    return "".join(parts)

@@ -1,0 +1,280 @@
+"""What is done to a deployment, each as a context in which it lasts. Each fails where it did not strike."""
+
+import hashlib
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+
+import stilb
+from store.broker import RUN_TASK, make_celery
+from tests.faults.drill import Drill
+from tests.faults.grounds import OURS
+from tests.faults.machine import filled
+from tests.support.processes import alive
+from tests.support.proxy import Mode
+
+Strike = Callable[[Drill], AbstractContextManager[object]]
+_QUEUE = "celery"
+_HUNG_WITHIN_S = 240.0
+
+
+def killed(part: str, times: int = 1) -> Strike:
+    """Kill a part, each time while work is going on."""
+
+    @contextmanager
+    def strike(drill: Drill) -> Iterator[None]:
+        for number in range(times):
+            if number:
+                drill.pause(drill.rng.uniform(0.5, 1.5))
+            if part == "worker":
+                drill.wait_until_at_work()
+            drill.ground.kill(part)
+        yield
+
+    return strike
+
+
+@contextmanager
+def decoders_killed(drill: Drill) -> Iterator[None]:
+    """Kill processes that read files, a few times, each as soon as it is seen."""
+    killed: set[int] = set()
+
+    def one_more() -> bool:
+        found = [pid for pid in drill.ground.cells() - killed if alive([pid])]
+        if found and drill.jobs("running"):
+            victim = drill.rng.choice(sorted(found))
+            with suppress(ProcessLookupError):
+                os.kill(victim, signal.SIGKILL)
+                killed.add(victim)
+                return True
+        return False
+
+    for number in range(4):
+        drill.ground.wait_until(one_more, f"a decoding process to kill, number {number + 1}", timeout_s=30)
+    yield
+
+
+@contextmanager
+def broker_flushed(drill: Drill) -> Iterator[None]:
+    """Forget every message, some of which are known to lie there."""
+    with drill.ground.stopped("worker"):
+        waiting = drill.ground.broker.llen
+        drill.ground.wait_until(lambda: waiting(_QUEUE), "a message in the broker")
+        drill.ground.broker.flushall()
+        assert not waiting(_QUEUE)
+    yield
+
+
+@contextmanager
+def sweeper_hangs_and_broker_is_flushed(drill: Drill) -> Iterator[None]:
+    """Nobody is left who would hint again, until somebody notices."""
+    with hung("sweeper")(drill), broker_flushed(drill):
+        yield
+
+
+@contextmanager
+def frozen_valkey(drill: Drill) -> Iterator[None]:
+    with drill.ground.stopped("valkey"):
+        yield
+
+
+@contextmanager
+def messages_three_times(drill: Drill) -> Iterator[None]:
+    """Deliver two copies of each message beside the message, and another one after the job's end."""
+    with make_celery(drill.ground.broker_url) as celery:
+        with drill.ground.stopped("worker"):
+            drill.ground.wait_until(lambda: drill.jobs("queued"), "a job that waits")
+            jobs = drill.jobs("queued", "running")
+            for job in jobs:
+                for _ in range(2):
+                    celery.send_task(RUN_TASK, args=[job.id])
+        ended = {job.id for job in jobs}
+        drill.ground.wait_until(
+            lambda: not ended & {job.id for job in drill.jobs("queued", "running")}, "the end of these jobs"
+        )
+        for job in jobs:
+            celery.send_task(RUN_TASK, args=[job.id])
+        drill.ground.wait_until(lambda: not drill.ground.broker.llen(_QUEUE), "an empty broker")
+    yield
+
+
+def frozen_past_its_lease(lease_s: float) -> Strike:
+    """Stop a worker at work for longer than its leases last, then let it go on."""
+
+    @contextmanager
+    def strike(drill: Drill) -> Iterator[None]:
+        drill.wait_until_at_work()
+        pid = drill.ground.pid("worker")
+        os.kill(pid, signal.SIGSTOP)
+        drill.pause(1.5 * lease_s)
+        # It may have been replaced meanwhile.
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
+        yield
+
+    return strike
+
+
+def hung(part: str) -> Strike:
+    """Stop a part for good: it is to be noticed and replaced."""
+
+    @contextmanager
+    def strike(drill: Drill) -> Iterator[None]:
+        if part == "worker":
+            drill.wait_until_at_work()
+        pid = drill.ground.pid(part)
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            yield
+            drill.ground.wait_until_gone(part, pid, _HUNG_WITHIN_S)
+        finally:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+
+    return strike
+
+
+@contextmanager
+def tree_killed_twice(drill: Drill) -> Iterator[None]:
+    for _ in range(2):
+        drill.ground.kill_all()
+        assert not drill.ground.serves()
+        drill.ground.start_all()
+        drill.pause(drill.rng.uniform(0.2, 1.0))
+    yield
+
+
+@contextmanager
+def database_locked(drill: Drill) -> Iterator[None]:
+    with drill.ground.locked():
+        done = len(drill.jobs("succeeded")) if drill.ground.kind == "embedded" else 0
+        yield
+        if drill.ground.kind == "embedded":
+            assert len(drill.jobs("succeeded")) == done, "work went on: the lock did not hold"
+
+
+@contextmanager
+def disk_full(drill: Drill) -> Iterator[None]:
+    assert drill.ground.disk is not None
+    with filled(drill.ground.disk):
+        with drill.load.team.http() as http:
+            path = f"/v1/campaigns/{drill.load.campaign.id}/frames?role=light"
+            answer = http.post(path, content=os.urandom(1 << 20))
+        assert answer.status_code == 507, f"an upload to a full disk answers {answer.status_code}"
+        assert answer.json()["retryable"] is True
+        yield
+
+
+def clock_set(by_s: int) -> Strike:
+    """Set the clock of all processes by so much, while a worker dies at work."""
+
+    @contextmanager
+    def strike(drill: Drill) -> Iterator[None]:
+        clock = drill.ground.clock
+        assert clock is not None
+        drill.wait_until_at_work()
+        clock.set(clock.shift_s + by_s)
+        drill.ground.kill("worker")
+        yield
+
+    return strike
+
+
+@contextmanager
+def bit_rot(drill: Drill) -> Iterator[None]:
+    """Zero a part of one stored file, flip a bit of another and remove a third; then send them again."""
+    ground, load = drill.ground, drill.load
+    names = drill.rng.sample(sorted(load.base.frames), 3)
+    ways: list[Callable[[bytes], bytes | None]] = [_zeroed, _flipped, lambda _: None]
+    for name, way in zip(names, ways, strict=True):
+        frame = load.base.frames[name]
+        good = ground.stored(frame.sha256)
+        assert good is not None
+        assert hashlib.sha256(good).hexdigest() == frame.sha256
+        ground.overwrite(frame.sha256, way(good))
+        assert ground.stored(frame.sha256) != good, "the file is as it was"
+        _check_refused(drill, frame)
+        (drill.folder / name).write_bytes(good)
+        load.team.client.push(load.base.campaign.id, drill.folder / name, role=frame.role, scene=frame.scene)
+        with load.team.http() as http:
+            healed = http.get(f"/v1/frames/{frame.id}/content")
+        assert (healed.status_code, healed.content) == (200, good), "sending it again did not heal it"
+        assert ground.stored(frame.sha256) == good
+    yield
+
+
+def _check_refused(drill: Drill, frame: stilb.Frame) -> None:
+    with drill.load.team.http() as http:
+        # A service may have noticed before the first byte, or only in the middle; it says so the next time.
+        for _ in range(2):
+            with suppress(stilb.Problem, Exception):
+                http.get(f"/v1/frames/{frame.id}/content")
+        answer = http.get(f"/v1/frames/{frame.id}/content")
+        assert answer.status_code != 200, "damaged bytes are served"
+        assert answer.json()["code"] == "stored_file_damaged", answer.text
+        known = http.post(
+            f"/v1/campaigns/{drill.load.base.campaign.id}/frames/known", json={"sha256": [frame.sha256]}
+        )
+        assert known.json()["known"] == [], "a damaged file is called known"
+
+
+def _zeroed(content: bytes) -> bytes:
+    middle = len(content) // 2
+    return content[:middle] + bytes(2000) + content[middle + 2000 :]
+
+
+def _flipped(content: bytes) -> bytes:
+    middle = len(content) // 3
+    return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+
+
+@contextmanager
+def restored(drill: Drill) -> Iterator[None]:
+    """Back up at work, go on for a while, lose the machine, and begin anew from the backup."""
+    backup = drill.folder / "backup"
+    backup.mkdir()
+    drill.ground.back_up(backup)
+    drill.pause(2.0)
+    drill.ground.kill_all()
+    drill.ground.restore(backup)
+    drill.ground.start_all()
+    yield
+
+
+@contextmanager
+def restarted_politely(drill: Drill) -> Iterator[None]:
+    drill.ground.stop_all()
+    drill.ground.start_all()
+    yield
+
+
+@contextmanager
+def restarted_in_turn(drill: Drill) -> Iterator[None]:
+    """Two rounds of asking one part after the other to end."""
+    for _ in range(2):
+        for name in OURS:
+            before = drill.ground.terminate(name)
+            drill.ground.wait_until(
+                lambda name=name, before=before: drill.ground.pid(name) != before, f"another {name}"
+            )
+            drill.ground.wait_until(drill.ground.serves, "readiness of the service")
+            drill.pause(1.0)
+    yield
+
+
+def peer(name: str, mode: Mode) -> Strike:
+    """Let the database or the file store be so."""
+
+    @contextmanager
+    def strike(drill: Drill) -> Iterator[None]:
+        proxy = drill.ground.proxies[name]
+        struck = proxy.struck
+        with proxy.being(mode):
+            started = time.monotonic()
+            yield
+            missing = mode != "away" and proxy.struck == struck
+            assert not missing, f"nobody asked {name} within {time.monotonic() - started:.0f} s"
+
+    return strike

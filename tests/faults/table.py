@@ -1,0 +1,89 @@
+"""The matrix: every fault that is drilled, and what must hold beside nothing lost, doubled or wrong."""
+
+from store.settings import Settings
+from tests.faults import strikes
+from tests.faults.drill import BOTH, Fault
+
+LEASE_S: float = Settings.model_fields["lease_s"].default
+_EMBEDDED, _COMPOSED = (("embedded",), ("composed",))
+_LONG_S = 600.0
+HASTEN = 4.0
+"""By how much shorter faults last in the tests."""
+
+
+def _peers() -> list[Fault]:
+    """What lies elsewhere, in the composed deployment."""
+    faults = []
+    for peer, name in (("database", "the database"), ("s3", "S3")):
+        faults += [
+            Fault(
+                name=f"{name} is silent",
+                strike=strikes.peer(peer, "silent"),
+                on=_COMPOSED,
+                lasts_s=30.0,
+                readyz=503,
+                livez=True,
+            ),
+            Fault(
+                name=f"{name} is slow",
+                strike=strikes.peer(peer, "slow"),
+                on=_COMPOSED,
+                lasts_s=20.0,
+                livez=True,
+            ),
+            Fault(
+                name=f"{name} fails",
+                strike=strikes.peer(peer, "failing"),
+                on=_COMPOSED,
+                lasts_s=20.0,
+                readyz=503,
+                livez=True,
+                in_tests=_COMPOSED,
+            ),
+            Fault(
+                name=f"{name} is away for ten minutes",
+                strike=strikes.peer(peer, "away"),
+                on=_COMPOSED,
+                lasts_s=_LONG_S,
+                readyz=503,
+                livez=True,
+            ),
+        ]
+    return faults
+
+
+QUIET = Fault(name="nothing")
+
+FAULTS: tuple[Fault, ...] = (
+    QUIET,
+    Fault(name="the worker is killed twice", strike=strikes.killed("worker", 2), in_tests=BOTH),
+    Fault(name="the service is killed", strike=strikes.killed("service")),
+    Fault(name="the sweeper is killed", strike=strikes.killed("sweeper")),
+    Fault(name="Valkey is killed", strike=strikes.killed("valkey"), goes_on_within_s=10.0, in_tests=BOTH),
+    Fault(name="decoders are killed", strike=strikes.decoders_killed, in_tests=_EMBEDDED),
+    Fault(name="the broker is flushed", strike=strikes.broker_flushed, in_tests=_COMPOSED),
+    Fault(name="the broker is stopped", strike=strikes.frozen_valkey, lasts_s=20.0, livez=True),
+    Fault(name="every message comes three times", strike=strikes.messages_three_times, in_tests=BOTH),
+    Fault(name="the worker is frozen past its lease", strike=strikes.frozen_past_its_lease(LEASE_S)),
+    Fault(name="all processes are killed twice", strike=strikes.tree_killed_twice, in_tests=_EMBEDDED),
+    Fault(name="the database is locked", strike=strikes.database_locked, lasts_s=40.0, livez=True),
+    Fault(name="the disk is full", strike=strikes.disk_full, lasts_s=60.0, needs="disk", livez=True),
+    Fault(name="the clock goes back by an hour", strike=strikes.clock_set(-3600), needs="clock"),
+    Fault(name="the clock goes forward by an hour", strike=strikes.clock_set(3600), needs="clock"),
+    Fault(name="stored files rot", strike=strikes.bit_rot),
+    Fault(name="the service hangs", strike=strikes.hung("service")),
+    Fault(name="the worker hangs", strike=strikes.hung("worker")),
+    Fault(
+        name="the sweeper hangs and the broker is flushed", strike=strikes.sweeper_hangs_and_broker_is_flushed
+    ),
+    Fault(name="a backup is restored", strike=strikes.restored, sends_again=True, in_tests=_EMBEDDED),
+    Fault(
+        name="all is restarted politely",
+        strike=strikes.restarted_politely,
+        no_errors=True,
+        slow=True,
+        in_tests=_COMPOSED,
+    ),
+    Fault(name="each part is restarted in turn", strike=strikes.restarted_in_turn, no_errors=True, slow=True),
+    *_peers(),
+)

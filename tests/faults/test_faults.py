@@ -1,0 +1,37 @@
+"""A quarter of the matrix, with quick leases and short faults; `make faults` drills all of it."""
+
+import pytest
+
+from tests.faults import report
+from tests.faults.drill import BOTH
+from tests.faults.matrix import Matrix
+from tests.faults.table import FAULTS, HASTEN, QUIET
+from tests.support.deployments import QUICK
+from tests.support.fieldwork import write_campaign
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("kind", BOTH)
+def test_nothing_is_lost_doubled_or_wrong(kind, tmp_path):
+    (tmp_path / "shots").mkdir()
+    matrix = Matrix(
+        shots=write_campaign(tmp_path / "shots"),
+        folder=tmp_path / "rows",
+        seed=1,
+        settings=QUICK,
+        hasten=HASTEN,
+    )
+    matrix.run([QUIET, *(fault for fault in FAULTS if kind in fault.in_tests)], [kind])
+    complaints = [f"{row.fault}: {complaint}" for row in matrix.rows for complaint in report.complaints(row)]
+    assert not complaints, "\n".join(complaints)
+    assert not [row.skipped for row in matrix.rows if row.skipped]
+
+
+def test_a_quarter_of_the_matrix_is_drilled_here():
+    rows = sum(len(fault.on) for fault in FAULTS)
+    assert sum(len(fault.in_tests) for fault in FAULTS) >= rows / 4
+
+
+def test_every_fault_has_a_name_of_its_own_and_its_deployments():
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS) >= 16
+    assert all(set(fault.in_tests) <= set(fault.on) <= set(BOTH) for fault in FAULTS)

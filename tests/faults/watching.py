@@ -1,0 +1,81 @@
+"""What is seen from outside during a drill: what the health routes say, and when jobs end."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import httpx
+from sqlalchemy import func, select
+from sqlalchemy.exc import SQLAlchemyError
+
+from store.database import Database
+from store.jobs import FINAL_STATES
+from store.tables import Job
+
+_EVERY_S = 0.25
+_WITHIN_S = 8.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """One look at a health route; ``status`` is 0 where nothing answered."""
+
+    at: float
+    status: int
+    took_s: float
+
+
+class Watch:
+    """Looks at /readyz and /livez four times a second, and counts the jobs that have ended."""
+
+    def __init__(self, url: str, database: Callable[[], Database], since: frozenset[str]):
+        self._url = url
+        self._database = database
+        self._since = since
+        self.probes: dict[str, list[Probe]] = {"readyz": [], "livez": []}
+        self.ends: list[tuple[float, int]] = []
+        self._ended = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._probe, args=("readyz",), daemon=True),
+            threading.Thread(target=self._probe, args=("livez",), daemon=True),
+            threading.Thread(target=self._count, daemon=True),
+        ]
+
+    def __enter__(self):
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ended.set()
+        for thread in self._threads:
+            thread.join(2 * _WITHIN_S)
+
+    def first_end_after(self, moment: float) -> float | None:
+        """How long after the moment another job had ended [s]."""
+        before = max((count for at, count in self.ends if at <= moment), default=0)
+        return next((at - moment for at, count in self.ends if at > moment and count > before), None)
+
+    def seen(self, route: str, start: float, end: float) -> list[Probe]:
+        return [probe for probe in self.probes[route] if start <= probe.at < end]
+
+    def _probe(self, route: str) -> None:
+        while not self._ended.wait(_EVERY_S):
+            at = time.monotonic()
+            try:
+                status = httpx.get(f"{self._url}/{route}", timeout=_WITHIN_S).status_code
+            except httpx.TransportError:
+                status = 0
+            self.probes[route].append(Probe(at=at, status=status, took_s=time.monotonic() - at))
+
+    def _count(self) -> None:
+        ended = select(func.count()).where(Job.state.in_(FINAL_STATES), Job.organisation_id.in_(self._since))
+        while not self._ended.wait(0.05):
+            try:
+                with self._database().reading() as session:
+                    count = session.scalar(ended)
+            except SQLAlchemyError:
+                continue
+            if count is not None and (not self.ends or count != self.ends[-1][1]):
+                self.ends.append((time.monotonic(), count))
