@@ -19,6 +19,7 @@ from sqlalchemy.orm import Session
 from store.audit import digest
 from store.audit_rows import RowsReport, check_rows
 from store.database import Database
+from store.files import count_damaged
 from store.settings import Settings
 from store.tables import AuditEntry, AuditHead
 
@@ -148,6 +149,8 @@ def main(arguments: list[str] | None = None) -> int:
             return _fail(f"there is no database {database.url.database}; STILB_DATA names its folder")
         last, fault = check_audit(database, noted)
         rows = check_rows(database) if fault is None else RowsReport()
+        with database.reading() as session:
+            damaged = count_damaged(session)
     except SQLAlchemyError as error:
         return _fail(f"the audit trail cannot be read: {error}")
     finally:
@@ -159,6 +162,10 @@ def main(arguments: list[str] | None = None) -> int:
             _fail(line)
         more = f", of which {_MOST_LINES} are named above" if len(rows.faults) > _MOST_LINES else ""
         return _fail(f"{len(rows.faults)} rows or fields are not as the audit trail left them{more}")
+    for damage, count in damaged.items():
+        _fail(f"stored files that are {damage}: {count}; the same upload heals each")
+    if damaged:
+        return 1
     print(f"the audit trail is whole: {last.seq} entries")  # noqa: T201
     print(f"the rows are as it left them: {rows.compared} compared")  # noqa: T201
     if rows.unrecorded:

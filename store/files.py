@@ -47,7 +47,7 @@ class Files:
         with self._marking(), self._blobs.local_file(blob) as file:
             yield file
 
-    def prove(self, sha256: str, pace: Callable[[int], None] = lambda _size: None) -> StoredBlob:
+    def prove(self, sha256: str, pace: Callable[[int], object] = lambda _size: None) -> StoredBlob:
         """Read all of a file where it is kept: mark it if it is damaged, heal it if it is whole."""
         with self._marking():
             blob = self._blobs.prove(sha256, pace)
@@ -135,8 +135,9 @@ def count_damaged(session: Session) -> dict[str, int]:
 
 
 def find_proof_age_s(session: Session) -> float:
-    """Return how long ago the file was proven that has waited longest since [s]; 0 without files."""
-    oldest = session.scalar(select(Blob.proven_at).order_by(Blob.proven_at).limit(1))
+    """Return how long ago the file was proven that has waited longest since [s]; 0 without whole files."""
+    whole = select(Blob.proven_at).where(Blob.damage.is_(None))
+    oldest = session.scalar(whole.order_by(Blob.proven_at).limit(1))
     return (utc_now() - oldest).total_seconds() if oldest else 0.0
 
 

@@ -33,6 +33,7 @@ class Settings(BaseSettings):
     worker_threads: int = Field(default=2, ge=1, le=64)
     lease_s: float = Field(default=30.0, gt=0)
     sweep_interval_s: float = Field(default=2.0, gt=0)
+    scrub_days: float = Field(default=30.0, ge=0)
     stall_s: float = Field(default=60.0, gt=0)
     hang_s: float = Field(default=HANG_S, gt=0)
     pulse: str = ""

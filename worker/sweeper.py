@@ -1,4 +1,4 @@
-"""``python -m worker.sweeper``: takes back what dead workers held, sweeps the floor."""
+"""``python -m worker.sweeper``: takes back what dead workers held, sweeps the floor, proves stored files."""
 
 import logging
 import sys
@@ -10,10 +10,12 @@ from store import jobs
 from store.blobs import Blobs, StorageUnavailable, blobs_from_url
 from store.clocks import ClockWatch, mend_times
 from store.database import Database, summarise
+from store.files import Files
 from store.parts import Presence
 from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
+from worker.scrub import Scrub
 
 log = logging.getLogger(__name__)
 
@@ -50,6 +52,7 @@ def main() -> int:
 def _sweep(settings: Settings, database: Database) -> int:
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
     clock = ClockWatch()
+    Scrub(database, Files(database, blobs), days=settings.scrub_days).start()
     presence = Presence(database, "sweeper")
     pulse = Pulse(settings.pulse)
     floor_due = 0.0

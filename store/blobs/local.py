@@ -37,7 +37,7 @@ class LocalBlobs:
             raise BlobDamaged(blob.sha256)
         yield StoredFile(self._path(blob.sha256), blob)
 
-    def prove(self, sha256: str, pace: Callable[[int], None]) -> StoredBlob:
+    def prove(self, sha256: str, pace: Callable[[int], object]) -> StoredBlob:
         return prove_whole(sha256, self._pieces(sha256, pace=pace))
 
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
@@ -69,7 +69,7 @@ class LocalBlobs:
         except BlobDamaged:
             return False
 
-    def _pieces(self, sha256: str, *, pace: Callable[[int], None] | None = None) -> Iterator[bytes]:
+    def _pieces(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
         """Read a blob from its start; with a pace from the disk itself, not from what memory holds of it."""
         with self._read_errors_named(sha256), self._path(sha256).open("rb", buffering=0) as file:
             if pace is not None:

@@ -73,7 +73,7 @@ class ObjectBlobs:
             self._fetch(blob.sha256)
             fetched = True
 
-    def prove(self, sha256: str, pace: Callable[[int], None]) -> StoredBlob:
+    def prove(self, sha256: str, pace: Callable[[int], object]) -> StoredBlob:
         return prove_whole(sha256, self._stream(sha256, pace=pace))
 
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
@@ -105,13 +105,13 @@ class ObjectBlobs:
                 writer.write(chunk)
             writer.commit()
 
-    def _stream(self, sha256: str, *, pace: Callable[[int], None] | None = None) -> Iterator[bytes]:
+    def _stream(self, sha256: str, *, pace: Callable[[int], object] | None = None) -> Iterator[bytes]:
         with self._found(sha256):
             stream = obstore.get(self._store, _key(sha256)).stream(min_chunk_size=PIECE_BYTES)
         return self._chunks(sha256, iter(stream), pace)
 
     def _chunks(
-        self, sha256: str, stream: Iterator[bytes], pace: Callable[[int], None] | None
+        self, sha256: str, stream: Iterator[bytes], pace: Callable[[int], object] | None
     ) -> Iterator[bytes]:
         with self._found(sha256):
             for chunk in stream:

@@ -26,7 +26,7 @@ class Blobs(Protocol):
     def local_file(self, blob: StoredBlob) -> AbstractContextManager[StoredFile]:
         """Lend a real file; whoever reads it proves what it reads, and raises BlobDamaged in the context."""
 
-    def prove(self, sha256: str, pace: Callable[[int], None]) -> StoredBlob:
+    def prove(self, sha256: str, pace: Callable[[int], object]) -> StoredBlob:
         """Read all of a blob where it is kept, past every cache, and return what it is known by.
 
         `pace` is told of every piece's size, and may wait. Raises BlobDamaged or BlobMissing.
