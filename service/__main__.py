@@ -11,6 +11,7 @@ import uvicorn
 
 from service.app import build_app
 from service.auth import SCOPES
+from service.connections import Connections, guarding, raise_file_limit
 from service.context import Context
 from service.health import Health
 from service.launch.folder import close_to_others
@@ -74,8 +75,14 @@ def main() -> int:
     # What is loaded by now stays: collecting garbage need not walk through it in the middle of answers.
     gc.collect()
     gc.freeze()
+    connections = Connections(
+        files=raise_file_limit(),
+        per_peer=settings.connections_per_peer,
+        headers_within_s=settings.headers_within_s,
+    )
     config = uvicorn.Config(
         app,
+        http=guarding(connections),
         host=settings.host,
         port=settings.port,
         log_config=None,

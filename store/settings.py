@@ -28,6 +28,8 @@ class Settings(BaseSettings):
     broker_url: str = ""
     blobs_url: str = ""
     max_upload_bytes: int = Field(default=2 * 1024**3, gt=0)
+    headers_within_s: float = Field(default=15.0, gt=0)
+    connections_per_peer: int = Field(default=512, ge=0)
     stop_grace_s: float = Field(default=15.0, ge=0)
     stop_notice_s: float = Field(default=0.0, ge=0)
     worker_threads: int = Field(default=2, ge=1, le=64)

@@ -1,0 +1,117 @@
+"""Connections that say nothing must not take the place of those that do.
+
+uvicorn waits for the end of a request's headers as long as the peer likes, and takes connections until the
+process may open no more files: then nobody is answered. Here headers must arrive in time, and one peer has so
+many connections and no more. A body may take its time: some upload over a bad line.
+"""
+
+import asyncio
+import resource
+from collections import Counter
+from contextlib import suppress
+
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+
+_HEADER_BYTES = 64 * 1024
+_KEPT_FILES = 256
+"""For the database, uploads and everything else that is not a connection of a peer."""
+_MANY_FILES = 65536
+
+
+def raise_file_limit() -> int:
+    """Let this process open as many files as it may; how many those are."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _MANY_FILES if hard == resource.RLIM_INFINITY else hard
+    with suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+        soft = wanted
+    return soft
+
+
+class Connections:
+    """The open connections, by the address of their peer: those of one, and all together, are limited."""
+
+    def __init__(self, *, files: int, per_peer: int, headers_within_s: float) -> None:
+        """``per_peer`` 0: no limit but that of all, as behind a proxy, whose address all of them have."""
+        self._most = max(files - _KEPT_FILES, files // 2)
+        self._per_peer = per_peer or self._most
+        self.headers_within_s = headers_within_s
+        self._open: Counter[str] = Counter()
+
+    def admit(self, peer: str) -> bool:
+        """Count one more of this peer; False when it has enough, or when all have."""
+        if self._open[peer] >= self._per_peer or self._open.total() >= self._most:
+            return False
+        self._open[peer] += 1
+        return True
+
+    def release(self, peer: str) -> None:
+        """Count one less."""
+        self._open[peer] -= 1
+        if not self._open[peer]:
+            del self._open[peer]
+
+
+class _Guarded(HttpToolsProtocol):
+    _guard: Connections
+    _peer: str | None = None
+    _due: asyncio.TimerHandle | None = None
+    _header_bytes = 0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        peer = str((transport.get_extra_info("peername") or ("",))[0])
+        if not self._guard.admit(peer):
+            transport.abort()
+            return
+        self._peer = peer
+        self._expect_headers()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._expect_nothing()
+        if self._peer is not None:
+            self._guard.release(self._peer)
+            self._peer = None
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self._due is not None:
+            self._header_bytes += len(data)
+            if self._header_bytes > _HEADER_BYTES:
+                self.transport.abort()
+
+    def on_message_begin(self) -> None:
+        super().on_message_begin()
+        self._expect_headers()
+
+    def on_headers_complete(self) -> None:
+        self._expect_nothing()
+        super().on_headers_complete()
+
+    def _expect_headers(self) -> None:
+        if self._due is None:
+            self._header_bytes = 0
+            self._due = self.loop.call_later(self._guard.headers_within_s, self._end_unless_busy)
+
+    def _expect_nothing(self) -> None:
+        if self._due is not None:
+            self._due.cancel()
+            self._due = None
+
+    def _end_unless_busy(self) -> None:
+        self._due = None
+        if self.cycle is not None and not self.cycle.response_complete:
+            # The next request came before the answer to the last, which goes first.
+            self._expect_headers()
+            return
+        self.transport.abort()
+
+
+def guarding(connections: Connections) -> type[HttpToolsProtocol]:
+    """Return uvicorn's protocol with these limits."""
+
+    class Guarded(_Guarded):
+        _guard = connections
+
+    return Guarded
