@@ -78,7 +78,9 @@ class Leases:
             try:
                 for claim, progress in self._moving():
                     self._renew(claim, progress)
-                away = False
+                if away and held:
+                    away = False
+                    log.warning("leases are renewed again")
             except SQLAlchemyError as error:
                 # said once, not for each job and round: the sweeper gives the time back that nobody could use
                 if not away:

@@ -68,7 +68,9 @@ def _sweep(settings: Settings, database: Database) -> int:
             if time.monotonic() >= floor_due:
                 sweep_floor(blobs)
                 floor_due = time.monotonic() + _FLOOR_EVERY_S
-            trouble = ""
+            if trouble:
+                trouble = ""
+                log.warning("rounds succeed again")
         except SchemaDiffers:
             raise
         except (SQLAlchemyError, StorageUnavailable, OSError) as error:
