@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test faults chromium audit export verify lint format bench pictures lock clean
+.PHONY: help demo up test faults chromium audit export verify lint format fuzz bench pictures lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
@@ -44,6 +44,9 @@ lint: $(VENV)/dev  ## style, types and who may import whom
 
 format: $(VENV)/dev  ## put the code in its style
 	@ruff format . && ruff check --fix .
+
+fuzz: $(VENV)/dev  ## damaged files through the decoder, for SECONDS=60: nothing wrong may be accepted unseen
+	@python -m tests.worker.decode.fuzzing --seconds "$(or $(SECONDS),60)"
 
 bench: $(VENV)/dev  ## side by side with what people use today and with the limit
 	@python -m bench

@@ -106,7 +106,9 @@ class WholenessCheck:
         self._limit = self._lowest if self._clipped else max(self._lowest, half)
         self._below = max(0, half)
         self._width = width_px * channels
-        self._starts = np.arange(0, max(1, self._width // SPAN_PX), dtype=np.intp) * SPAN_PX
+        # what is left of a row is a span of its own, or part of the last one
+        spans = max(1, (self._width + SPAN_PX // 2) // SPAN_PX)
+        self._starts = np.arange(0, spans, dtype=np.intp) * SPAN_PX
         self._empty = np.zeros((height_px, len(self._starts)), bool)
         self._zeros = np.zeros(height_px, np.int64)
         self._belows = np.zeros(height_px, np.int64)

@@ -23,6 +23,8 @@ _OTHER_FRAMES = frozenset(range(0xC0, 0xD0)) - {_SOF3, _DHT, 0xC8, 0xCC}
 _MAX_COMPONENTS = 4
 # Some writers fill the scan's last words; more than this left over means the scan was misread.
 _SPARE_BITS = 64
+# What a decoder reads that misses the end is always the same, and none of this process's memory.
+_BEYOND = bytes(64)
 
 
 class NotDecodedHereError(Exception):
@@ -101,7 +103,7 @@ def rebuild(stream: Stream) -> bytes:
         struct.pack(">BBH", 0xFF, marker, len(body) + 2) + body
         for marker, body in ((_SOF3, frame), (_DHT, huffman), (_SOS, scan))
     )
-    return b"\xff\xd8" + header + stream.scan + b"\xff\xd9"
+    return b"\xff\xd8" + header + stream.scan + b"\xff\xd9" + _BEYOND
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, bytes, int]]:
@@ -202,8 +204,15 @@ def _check_length(stream: Stream, planes: NDArray[np.uint16]) -> None:
             needed += _count_bits(differences[:, :, component], table)
     if needed > available:
         raise refuse(Refusal.TRUNCATED, "A piece of the compressed image ends early.")
-    if available - needed >= _SPARE_BITS:
+    spare = available - needed
+    if spare >= _SPARE_BITS or not _is_filler(stream.scan, spare // 8):
         raise refuse(Refusal.SIZE_MISMATCH, "A piece of the compressed image does not add up.")
+
+
+def _is_filler(scan: bytes, count: int) -> bool:
+    """Whether the scan's last bytes hold nothing; else codes that are in no table were read as something."""
+    plain = scan[-2 * (count + 1) :].replace(b"\xff\0", b"\xff")
+    return count == 0 or set(plain[-count:]) in ({0}, {0xFF})
 
 
 def _count_bits(differences: NDArray[np.uint16], table: bytes) -> int:

@@ -175,7 +175,12 @@ class NativeFile:
             bottom = min(area.bottom, (top // step + 1) * step)
             try:
                 samples = self._read_band(area, top, bottom)
-            except ljpeg.NotDecodedHereError:
+            except ljpeg.NotDecodedHereError as error:
+                if self._consumed:
+                    # no writer changes its way from piece to piece
+                    raise refuse(
+                        Refusal.INCOMPLETE_IMAGE, "A piece of the image is coded unlike the others."
+                    ) from error
                 self._hand_to_libraw()
             if self._libraw is not None:
                 rest = max(top, visible.top) - visible.top

@@ -7,8 +7,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radiometry.errors import InputRejected
+from radiometry.wholeness import WholenessCheck
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
+from tests.worker.decode.fuzz_seeds import make_seeds
+from tests.worker.decode.fuzzing import Fuzzer
 from worker.decode import reading
+from worker.decode.digests import DigestCheck
+from worker.decode.pool import DecoderPool
 
 VARIANTS = {
     "packed": Variant(bits=12, active_area=(2, 4, 38, 44), extra=black_level([4, 5, 6, 7], (2, 2))),
@@ -91,3 +96,37 @@ def test_damaged_head_of_a_real_file_is_read_or_refused(real_files, save, flips)
     for place, value in flips:
         damaged[place] = value
     _read_all(save(bytes(damaged)))
+
+
+def test_damaged_files_prove_themselves_or_say_so(tmp_path):
+    """A fixed part of `make fuzz`, each kind of change and of file in it."""
+    seeds = make_seeds()
+    with DecoderPool(1) as pool:
+        fuzzer = Fuzzer(pool, tmp_path, seeds, [])
+        for number in range(250):
+            fuzzer.try_one(number)
+    assert fuzzer.findings == []
+    outcomes = {outcome for _, outcome in fuzzer.counts}
+    assert outcomes >= {"refused", "same", "flagged", "not provable"}
+    assert {name for name, _ in fuzzer.counts} == {seed.name for seed in seeds}
+
+
+def test_fuzzing_finds_what_it_looks_for(tmp_path, monkeypatch):
+    """A decoder that takes a damaged image for a whole one is found out."""
+    monkeypatch.setattr(WholenessCheck, "_find_empty", lambda _check: iter(()))
+    monkeypatch.setattr(DigestCheck, "matches", lambda _check: True)
+    found = [
+        fuzzer.try_one(number)
+        for fuzzer in [Fuzzer(InProcess(), tmp_path, make_seeds(), [])]
+        for number in range(120)
+    ]
+    assert "FINDING" in found
+
+
+class InProcess:
+    """A pool's answers without its processes."""
+
+    def __getattr__(self, name):
+        return lambda path, *rest: getattr(reading.Reader(), name)(
+            path, *(reading.Window(*each) if isinstance(each, tuple) else each for each in rest)
+        )
