@@ -76,9 +76,10 @@ class Leases:
         while not pause.wait(self.lease_s / 3):
             self._clock.turn()
             try:
-                for claim, progress in self._moving():
+                moving = self._moving()
+                for claim, progress in moving:
                     self._renew(claim, progress)
-                if away and held:
+                if away and moving:
                     away = False
                     log.warning("leases are renewed again")
             except SQLAlchemyError as error:
