@@ -5,10 +5,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test faults chromium audit export verify lint format fuzz bench pictures lock clean
+.PHONY: help demo up test faults chromium audit export verify verify-backup lint format fuzz bench pictures lock clean
 
 help:  ## what can be made
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 10
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
 
 demo: $(VENV)/run  ## a whole simulated calibration through the HTTP API, in a minute (KEEP=1 keeps serving)
 	@python -m demo
@@ -38,6 +38,9 @@ export: $(VENV)/run  ## what a version rests on, into a folder: CAL=<id> URL=<se
 
 verify: $(VENV)/run  ## compute a certificate anew: CERT=<file or address> DATA=<folder or service> [KEY=<key>]
 	@STILB_KEY="$(KEY)" python -m verify "$(CERT)" --data "$(DATA)"
+
+verify-backup: $(VENV)/run  ## can a backup be restored? FROM=<folder> [DATABASE=<restored PostgreSQL>] [BLOBS=<s3://...>]
+	@python -m store.backup_check "$(FROM)" --database "$(DATABASE)" --blobs "$(BLOBS)"
 
 lint: $(VENV)/dev  ## style, types and who may import whom
 	@ruff check . && ruff format --check . && mypy && lint-imports

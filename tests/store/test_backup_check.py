@@ -1,0 +1,98 @@
+"""A backup is proven before it is needed: a cut database, missing and flipped files are all found."""
+
+import shutil
+import sqlite3
+
+import pytest
+
+from store.backup_check import main
+from store.blobs import ObjectBlobs
+from tests.support.blobs import files, put, spoil, zero
+
+
+@pytest.fixture
+def backup(house, tmp_path):
+    """Copied as docs/operations.md says; of PostgreSQL the files alone: its address names the database."""
+    campaign = house.campaign()
+    frames = [house.upload(campaign, house.frame_bytes(seed=seed), role="dark") for seed in (1, 2, 3)]
+    house.work()
+    folder = tmp_path / "backup"
+    shutil.copytree(house.folder / "blobs", folder / "blobs")
+    url = house.database.url
+    options = []
+    if house.database.is_sqlite:
+        with sqlite3.connect(url.database) as source, sqlite3.connect(folder / "stilb.sqlite") as target:
+            source.backup(target)
+    else:
+        options = ["--database", url.render_as_string(hide_password=False)]
+    return folder, frames, options
+
+
+def test_a_whole_backup(backup, capsys):
+    folder, _, options = backup
+    before = files(folder)
+    assert main([str(folder), *options]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[0].startswith("proven: 6 files, ")
+    assert out[1] == "this backup is whole"
+    assert files(folder) == before, "nothing is written into a backup"
+
+
+def test_every_lost_file_is_named(house, backup, capsys):
+    folder, frames, options = backup
+    spoil(house.blobs, folder / "blobs", frames[0]["sha256"], None)
+    zero(folder / "blobs", frames[2]["sha256"], first=4000, count=9)
+    assert main([str(folder), *options]) == 1
+    told = capsys.readouterr()
+    assert set(told.err.splitlines()) == {
+        f"stilb: the file {frames[0]['sha256']} is missing",
+        f"stilb: the file {frames[2]['sha256']} is damaged",
+    }
+    assert told.out.splitlines()[-1] == "this backup is NOT whole"
+
+
+@pytest.fixture
+def copied(migrated_sqlite, tmp_path):
+    folder = tmp_path / "copied"
+    (folder / "blobs").mkdir(parents=True)
+    shutil.copyfile(migrated_sqlite, folder / "stilb.sqlite")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: data[: len(data) // 2], "the database"),
+        (lambda data: data[:-4096], "the database"),
+        (lambda _data: b"", "it is empty, or none of stilb's"),
+        (lambda data: data[:100] + bytes(8000) + data[8100:], "the database"),
+        (lambda _data: b"no database" * 1000, "file is not a database"),
+    ],
+)
+def test_a_cut_or_damaged_database_is_found(copied, change, said, capsys):
+    path = copied / "stilb.sqlite"
+    assert main([str(copied)]) == 0
+    path.write_bytes(change(path.read_bytes()))
+    assert main([str(copied)]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_what_is_no_backup_is_said(tmp_path, capsys):
+    assert main([str(tmp_path)]) == 1
+    assert main([str(tmp_path / "absent")]) == 1
+    told = capsys.readouterr().err
+    assert "there is no" in told
+    assert "DATABASE=" in told
+
+
+@pytest.mark.usefixtures("s3_bucket")
+def test_the_files_may_be_in_a_bucket(copied, capsys):
+    stored = put(ObjectBlobs("s3://raw/copy", copied / "cache"), b"a map")
+    with sqlite3.connect(copied / "stilb.sqlite") as database:
+        database.execute(
+            "INSERT INTO blob (sha256, size_bytes, created_at) VALUES (?, 5, '2026-05-01 00:00:00')",
+            (stored.sha256,),
+        )
+    assert main([str(copied), "--blobs", "s3://raw/copy"]) == 0
+    assert main([str(copied)]) == 1
+    assert f"the file {stored.sha256} is missing" in capsys.readouterr().err
