@@ -1,10 +1,12 @@
 """A stored file that the disk spoilt or lost: never wrong bytes, never known, healed by the same upload."""
 
+from dataclasses import replace
+
 import httpx
 import pytest
 from sqlalchemy import select
 
-from store.blobs import StoredBlob
+from store.blobs import ObjectBlobs, StoredBlob
 from store.digests import PIECE_BYTES
 from store.files import Files
 from store.tables import AuditEntry, Blob
@@ -174,3 +176,27 @@ def test_digests_in_the_database_that_are_wrong_are_put_right_by_a_proof(house, 
     files = Files(house.database, house.blobs)
     assert files.prove(frame["sha256"]) == StoredBlob(frame["sha256"], frame["size_bytes"], digests)
     assert content(house, frame).status_code == 200
+
+
+@pytest.mark.usefixtures("s3_bucket")
+def test_a_bucket_that_lost_bytes_is_found_and_healed(house, campaign, tmp_path):
+    """Through the local copy too: a spoilt copy is fetched anew, spoilt bytes in the bucket are damage."""
+    blobs = ObjectBlobs("s3://raw/frames", tmp_path / "cache", retry_for_s=1)
+    house.app.state.context = replace(house.app.state.context, blobs=blobs)
+    house.worker = replace(house.worker, blobs=blobs)
+    frame = house.upload(campaign, house.frame_bytes(), role="light", scene="l", filename="a.dng")
+    house.work()
+    copy = tmp_path / "cache" / frame["sha256"]
+    zero(tmp_path / "cache", frame["sha256"], first=900, count=5000)
+    house.http.put(f"/v1/frames/{frame['id']}/roi", json={"polygon": REGION})
+    house.work()
+    assert not copy.exists(), "the copy was damaged, and nothing is said of the file"
+    assert house.get(f"/v1/frames/{frame['id']}")["state"] == "read"
+    wrong = bytearray(house.frame_bytes())
+    wrong[900:5900] = bytes(5000)
+    spoil(blobs, tmp_path, frame["sha256"], bytes(wrong))
+    assert problem(content(house, frame)) == (500, "stored_file_damaged", False)
+    send_again(house, campaign)
+    assert content(house, frame).content == house.frame_bytes()
+    spoil(blobs, tmp_path, frame["sha256"], None)
+    assert known(house, campaign, frame)["known"] == []
