@@ -29,6 +29,7 @@ from store.pulse import Pulse
 from store.queries.keys import ensure_operator
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
+from store.usage import recount_all
 
 log = logging.getLogger("stilb.service")
 
@@ -71,6 +72,8 @@ def main() -> int:
     if secret:
         with context.database.writing("service") as session:
             ensure_operator(session, secret, list(SCOPES))
+    with context.database.writing("service") as session:
+        recount_all(session)
     app = build_app(context)
     # What is loaded by now stays: collecting garbage need not walk through it in the middle of answers.
     gc.collect()

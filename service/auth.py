@@ -60,12 +60,14 @@ def get_caller(
             raise _unauthenticated(describe_refusal(ended))
         context.attempts.trust(credentials.credentials)
         context.uses.note(found[0])
+        context.rates.take(found[1].id)
         return Caller.holding(*found)
     caller = None if "authorization" in request.headers else find_session(request, context)
     if caller is None:
         raise _unauthenticated("Send a key: Authorization: Bearer <key>.")
     if request.method not in _SAFE_METHODS:
         require_csrf_token(request, context, request.headers.get(CSRF_HEADER, ""))
+    context.rates.take(caller.organisation_id)
     return caller
 
 

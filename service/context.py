@@ -9,6 +9,7 @@ from fastapi import Depends, Request
 from service.attempts import Attempts
 from service.health import Health
 from service.hosts import Hosts
+from service.rates import Rates
 from service.sessions import Sessions
 from service.stopping import Traffic
 from service.uses import Uses
@@ -18,6 +19,7 @@ from store.broker import Hints
 from store.database import Database
 from store.files import Files
 from store.settings import Settings
+from store.usage import Quotas
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +40,14 @@ class Context:
     @cached_property
     def attempts(self) -> Attempts:
         return Attempts()
+
+    @cached_property
+    def quotas(self) -> Quotas:
+        return Quotas.of(self.settings)
+
+    @cached_property
+    def rates(self) -> Rates:
+        return Rates(self.settings.quota_requests_per_minute)
 
     @cached_property
     def uses(self) -> Uses:

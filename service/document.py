@@ -18,6 +18,7 @@ _EXAMPLE_CODES = {
     413: HttpCode.UPLOAD_TOO_LARGE,
     422: HttpCode.VALIDATION_FAILED,
     500: HttpCode.STORED_FILE_DAMAGED,
+    429: HttpCode.TOO_MANY_REQUESTS,
     503: HttpCode.DATABASE_UNAVAILABLE,
     507: HttpCode.STORAGE_FULL,
 }
@@ -71,7 +72,9 @@ def _show_problems(operation: Node) -> None:
     for status, answer in operation["responses"].items():
         if _PROBLEM in answer.get("content", {}):
             code = _EXAMPLE_CODES[int(status)]
-            example = problem_body(int(status), code, answer["description"], retryable=int(status) > 500)
+            example = problem_body(
+                int(status), code, answer["description"], retryable=int(status) == 429 or int(status) > 500
+            )
             schema = {"$ref": "#/components/schemas/ProblemAnswer"}
             answer["content"] = {_PROBLEM: {"schema": schema, "example": example}}
 

@@ -54,6 +54,11 @@ def _lines(census: Census) -> Iterator[str]:
         "stilb_scrub_age_seconds", "How long ago the stored file was proven whose proof is the oldest."
     )
     yield f"stilb_scrub_age_seconds {census.proof_age_s:.0f}"
+    yield from _head("stilb_stored_bytes", "Size of the files of all frames.")
+    yield f"stilb_stored_bytes {census.stored_bytes}"
+    yield from _head("stilb_largest_organisation", "The most that any one organisation uses of a quota.")
+    for quota, used in census.largest_organisation.items():
+        yield f'stilb_largest_organisation{{quota="{quota}"}} {used}'
     yield from _head("stilb_versions_published", "Calibration versions in force at some time.")
     yield f"stilb_versions_published {census.versions_published}"
 

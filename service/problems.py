@@ -15,6 +15,7 @@ from service.wording import describe
 from store.blobs import BlobDamaged, StorageUnavailable
 from store.errors import Conflict
 from store.files import STORED_FILE_DAMAGED, describe_damage
+from store.usage import QuotaExceeded
 
 
 class HttpCode(StrEnum):
@@ -48,6 +49,8 @@ class HttpCode(StrEnum):
     NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"
     PREVIEW_NOT_READY = "preview_not_ready"
     METHOD_MISMATCH = "method_mismatch"
+    QUOTA_EXCEEDED = "quota_exceeded"
+    TOO_MANY_REQUESTS = "too_many_requests"
     TOO_MANY_ATTEMPTS = "too_many_attempts"
     HOST_NOT_ALLOWED = "host_not_allowed"
     INTERNAL_ERROR = "internal_error"
@@ -140,6 +143,10 @@ def install(app: FastAPI) -> None:
     async def unavailable(_request: Request, _error: StorageUnavailable) -> JSONResponse:
         return answer(storage_unavailable())
 
+    @app.exception_handler(QuotaExceeded)
+    async def quota(_request: Request, error: QuotaExceeded) -> JSONResponse:
+        return answer(over_quota(error))
+
     @app.exception_handler(RequestValidationError)
     async def wrong_field(_request: Request, error: RequestValidationError) -> JSONResponse:
         return answer(invalid(error.errors()))
@@ -170,6 +177,23 @@ def _of_the_framework(request: Request, error: HTTPException) -> Problem:
                 "The body cannot be read: send JSON in UTF-8, without endless nesting or endless numbers."
             )
             return Problem(error.status_code, HttpCode.BAD_REQUEST, detail, headers=headers)
+
+
+def over_quota(error: QuotaExceeded) -> Problem:
+    """Say which quota, and the number: jobs that wait get fewer by themselves, files do not."""
+    passes = error.quota == "jobs_waiting"
+    what = error.quota.replace("_", " ")
+    advice = "Wait until some are done." if passes else "Ask the operator of the service for more room."
+    return Problem(
+        429 if passes else 507,
+        HttpCode.QUOTA_EXCEEDED,
+        f"Your organisation may have {error.limit} {what} and has {error.used}; this is more. {advice}",
+        retryable=True,
+        headers={"Retry-After": "10" if passes else "60"},
+        quota=error.quota,
+        limit=error.limit,
+        used=error.used,
+    )
 
 
 def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:

@@ -26,15 +26,22 @@ class Received:
     """Of the multipart part, where it was one."""
 
 
-async def receive(request: Request, blobs: Blobs, *, max_bytes: int) -> Received:
+Admit = Callable[[str, int], None]
+"""Raises where a file with this hash, of this size, may not be kept."""
+
+
+async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admit) -> Received:
     """Store the request's body, raw or the part ``file`` of a form; memory stays flat.
 
-    Whatever goes wrong on the way leaves nothing behind: the writer removes what was not committed.
+    Whatever goes wrong on the way leaves nothing behind: the writer removes what was not committed. ``admit``
+    is asked before the body is read, where its hash is announced, and again when it is there.
     """
     expected = _announced_sha256(request)
     announced = request.headers.get("content-length", "")
     if announced.isdecimal() and int(announced) > max_bytes:
         raise _too_large(max_bytes)
+    if expected is not None:
+        await run_in_threadpool(admit, expected, int(announced) if announced.isdecimal() else 0)
     try:
         with blobs.writer() as writer:
             filename = await _copy(request, writer, max_bytes)
@@ -45,6 +52,7 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int) -> Received
                     f"The file arrived as SHA-256 {writer.sha256}, announced was {expected}. Send it again.",
                     retryable=True,
                 )
+            await run_in_threadpool(admit, writer.sha256, writer.size_bytes)
             return Received(blob=await run_in_threadpool(writer.commit), filename=filename)
     except StorageFull as error:
         raise Problem(

@@ -18,6 +18,7 @@ from service.context import Context, get_context
 from service.problems import HttpCode, Problem
 from service.schemas.base import Answer, Text
 from store.tables import IdempotentAnswer, Job
+from store.usage import refuse_long_queue
 
 _ATTEMPTS = 3
 
@@ -62,6 +63,8 @@ class Writing:
                     earlier.body, earlier.status, {**earlier.headers, "Idempotent-Replayed": "true"}
                 )
             reply = change(session)
+            if reply.jobs:
+                refuse_long_queue(session, caller.organisation_id, self._context.quotas)
             body = reply.body.dump()
             if self._key is not None:
                 session.add(

@@ -16,6 +16,9 @@ from stilb import problem
 
 _REPEATABLE = frozenset({"GET", "HEAD", "PUT", "DELETE"})
 _LONGEST_PAUSE_S = 60.0
+_PATIENCE_S = 600.0
+_FULL = frozenset({429, 507})
+"""Too much at once, or no room left: the service says when to come back."""
 _KEY = "Idempotency-Key"
 _CHUNK_BYTES = 1 << 20
 
@@ -112,19 +115,24 @@ class Transport:
     def _repeat(self, call: Call, once: Callable[[Call, Mapping[str, str]], Answer]) -> Answer:
         headers = call.sent_headers()
         repeatable = call.method in _REPEATABLE or _KEY in headers
-        attempt = 0
+        attempt, waited_s = 0, 0.0
         while True:
             try:
                 return once(call, headers)
             except problem.Problem as found:
-                if attempt >= self._retries or not (repeatable and found.retryable):
+                if not (self._retries and repeatable and found.retryable):
                     raise
                 pause_s = self._pause_s(attempt, found.retry_after_s)
+                # Who is told to wait has not failed: it is one of the tries only when the time is up.
+                told_to_wait = found.status in _FULL and found.retry_after_s is not None
+                waited_s += pause_s if told_to_wait else 0.0
+                if attempt >= self._retries or waited_s > _PATIENCE_S:
+                    raise
                 if self._on_retry is not None:
                     self._on_retry(found, pause_s)
                 if self._halted.wait(pause_s):
                     raise
-                attempt += 1
+                attempt += not told_to_wait
 
     def json(self, call: Call) -> dict[str, Any]:
         """Send a call whose answer is one JSON object."""

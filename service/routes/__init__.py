@@ -16,6 +16,7 @@ _MEANINGS = {
     413: "The body is too large.",
     500: "The stored file is damaged or missing; the same upload heals it.",
     422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
+    429: "Too much at once, or more than your organisation may have; wait as `Retry-After` says.",
     503: "A part of the service does not answer just now; try again.",
     507: "There is no room left.",
 }
@@ -29,7 +30,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
             "description": _MEANINGS[status],
             "content": {"application/problem+json": {}},
         }
-        for status in sorted({401, 403, 422, 503, *statuses})
+        for status in sorted({401, 403, 422, 429, 503, *statuses})
     }
 
 

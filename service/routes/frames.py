@@ -36,7 +36,9 @@ from store.queries.frames import (
     find_or_add_frame,
     statistics_of,
 )
+from store.queries.known import find_known
 from store.tables import Blob, Campaign, FrameRow, Job
+from store.usage import QuotaExceeded, charge, check_room, recount_if_old
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 
@@ -87,7 +89,7 @@ class Upload(Form):
     response_model=FrameAnswer,
     responses={
         200: {"model": FrameAnswer, "description": "The campaign has these bytes already."},
-        **problems(400, 404, 413, 507),
+        **problems(400, 404, 413, 429, 507),
     },
     openapi_extra=_UPLOAD,
 )
@@ -105,7 +107,12 @@ async def upload_frame(
     """
     region = _read_region(upload.roi) if upload.roi is not None else None
     await run_in_threadpool(_check_campaign, context, campaign_id, caller)
-    received = await receive(request, context.blobs, max_bytes=context.settings.max_upload_bytes)
+    received = await receive(
+        request,
+        context.blobs,
+        max_bytes=context.settings.max_upload_bytes,
+        admit=lambda sha256, size_bytes: _admit(context, campaign_id, caller, sha256, size_bytes),
+    )
     # before a replayed answer is found: also that upload has brought the bytes again
     await run_in_threadpool(context.files.heal, received.blob)
     filename = upload.filename or received.filename or f"{received.blob.sha256[:12]}.bin"
@@ -122,6 +129,8 @@ async def upload_frame(
             supplied=upload.supplied(),
         )
         frame, is_new, to_read = find_or_add_frame(session, campaign, new)
+        if is_new:
+            charge(session, caller.organisation_id, received.blob.size_bytes, context.quotas)
         jobs = (
             [enqueue_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if to_read else []
         )
@@ -248,6 +257,22 @@ def _check_campaign(context: Context, campaign_id: str, caller: Caller) -> None:
     """Before a long upload, not after it."""
     with context.database.reading() as session:
         owned(session, Campaign, campaign_id, caller)
+
+
+def _admit(context: Context, campaign_id: str, caller: Caller, sha256: str, size_bytes: int) -> None:
+    """Refuse a file for which there is no room, unless the campaign has it already."""
+
+    def check() -> None:
+        with context.database.reading() as session:
+            if not find_known(session, session.get_one(Campaign, campaign_id), [sha256]):
+                check_room(session, caller.organisation_id, size_bytes, context.quotas)
+
+    try:
+        check()
+    except QuotaExceeded:
+        with context.database.writing("service") as session:
+            recount_if_old(session, caller.organisation_id)
+        check()
 
 
 def _read_region(text: str) -> NewRoi:

@@ -8,19 +8,22 @@ from sqlalchemy.orm import Session
 from service.auth import Admin, Reader
 from service.context import UsesContext
 from service.routes import problems
-from service.schemas.organisation import OrganisationChange, OwnOrganisationAnswer
+from service.schemas.organisation import OrganisationChange, OwnOrganisationAnswer, UsageAnswer
 from service.writing import Reply, Writes
 from store.tables import Organisation
+from store.usage import read_usage
 
 router = APIRouter(prefix="/v1/organisation", tags=["keys"])
 
 
 @router.get("", response_model=OwnOrganisationAnswer, responses=problems())
 def get_organisation(caller: Reader, context: UsesContext) -> Any:  # noqa: ANN401
-    """The organisation that your key belongs to."""
+    """The organisation that your key belongs to, and what it uses of what it may."""
     with context.database.reading() as session:
         row = session.get_one(Organisation, caller.organisation_id)
-    return OwnOrganisationAnswer.model_validate(row).respond()
+        used = read_usage(session, row.id)
+    usage = UsageAnswer.of(used, context.quotas, context.rates.used(row.id), context.settings)
+    return OwnOrganisationAnswer.of(row, usage).respond()
 
 
 @router.patch("", response_model=OwnOrganisationAnswer, responses=problems())

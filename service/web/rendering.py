@@ -79,6 +79,7 @@ def _signed_in(request: Request, context: UsesContext) -> Page:
     if caller is None:
         query = f"?{request.url.query}" if request.url.query else ""
         raise SignInNeeded(f"{request.url.path}{query}" if request.method == "GET" else "/")
+    context.rates.take(caller.organisation_id)
     return Page(request=request, caller=caller)
 
 

@@ -59,6 +59,10 @@ class BlobWriter:
         """The name that these bytes would get, to be compared with what the sender says before `commit`."""
         return self._hash.hexdigest()
 
+    @property
+    def size_bytes(self) -> int:
+        return self._size_bytes
+
     def commit(self) -> StoredBlob:
         """Make the bytes durable under their name; nobody may be told that they are kept before."""
         stored = StoredBlob(self.sha256, self._size_bytes, self._digester.digests())

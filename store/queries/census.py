@@ -10,7 +10,7 @@ from store.columns import utc_now
 from store.files import count_damaged, find_proof_age_s
 from store.jobs import GIVEN_UP, oldest_wait_s
 from store.parts import list_parts
-from store.tables import FrameRow, Job, Publication
+from store.tables import FrameRow, Job, Publication, Usage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +33,9 @@ class Census:
     """Stored files that are not what was uploaded, by what is wrong."""
     proof_age_s: float
     """How long ago the stored file was last proven that has waited longest for it; 0 without one."""
+    stored_bytes: int
+    largest_organisation: dict[str, int]
+    """The most that any one organisation uses, to be held against the quotas; not which."""
 
 
 def take_census(session: Session) -> Census:
@@ -41,6 +44,13 @@ def take_census(session: Session) -> Census:
         Publication.known_to.is_(None), Publication.superseded_by.is_(None)
     )
     due_later = select(func.count()).select_from(Job).where(Job.state == "queued", Job.due_at > utc_now())
+    stored_bytes, most_bytes, most_frames = session.execute(
+        select(
+            func.coalesce(func.sum(Usage.stored_bytes), 0),
+            func.coalesce(func.max(Usage.stored_bytes), 0),
+            func.coalesce(func.max(Usage.frames), 0),
+        )
+    ).one()
     return Census(
         jobs=_count_by(session, Job.state),
         oldest_queued_s=oldest_wait_s(session),
@@ -58,6 +68,8 @@ def take_census(session: Session) -> Census:
         versions_published=session.scalar(in_force) or 0,
         damaged_files=count_damaged(session),
         proof_age_s=find_proof_age_s(session),
+        stored_bytes=int(stored_bytes),
+        largest_organisation={"stored_bytes": most_bytes, "frames": most_frames},
     )
 
 

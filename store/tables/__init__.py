@@ -5,7 +5,7 @@ from store.tables.base import Audited, Base
 from store.tables.calibration import Calibration, CoefficientRow, Publication, Revocation, Slot
 from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameRow, Reading, Roi
 from store.tables.equipment import Camera, Meter, Panel
-from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, WebSession
+from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage, WebSession
 from store.tables.job import Job
 from store.tables.measurement import Measurement
 from store.tables.part import PartRow
@@ -40,5 +40,6 @@ __all__ = [
     "Revocation",
     "Roi",
     "Slot",
+    "Usage",
     "WebSession",
 ]

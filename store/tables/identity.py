@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import ClassVar
 
-from sqlalchemy import ForeignKey, String
+from sqlalchemy import BigInteger, ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.columns import UtcDateTime, new_id, utc_now
@@ -57,6 +57,19 @@ class WebSession(Audited, Base):
     last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
     ended_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)
     """Signed out, ended by somebody who may, or its key revoked."""
+
+
+class Usage(Base):
+    """What an organisation stores, counted as it arrives (store/usage.py)."""
+
+    __tablename__ = "usage"
+
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), primary_key=True)
+    frames: Mapped[int]
+    stored_bytes: Mapped[int] = mapped_column(BigInteger)
+    """Of the files of its frames, in each campaign that has them."""
+    counted_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    """When it was last counted by adding up."""
 
 
 class IdempotentAnswer(Base):

@@ -96,6 +96,18 @@ def test_retry_after_is_respected(service, client):
     assert time.monotonic() - began >= 1.0
 
 
+@pytest.mark.parametrize("status", [429, 507])
+def test_who_is_told_to_wait_goes_on_however_often(service, client, monkeypatch, status):
+    for _ in range(12):
+        service.will_refuse(status, "quota_exceeded", retryable=True, headers={"Retry-After": "0"})
+    service.will_answer(CAMERA)
+    assert client.camera("cam-1").serial == "S1"
+    monkeypatch.setattr("stilb.transport._PATIENCE_S", 0.0)
+    service.will_refuse(status, "quota_exceeded", retryable=True, headers={"Retry-After": "0"})
+    with pytest.raises(stilb.Problem, match="quota_exceeded"):
+        client.camera("cam-1")
+
+
 def test_retry_after_may_be_a_date():
     later = format_datetime(datetime.now(UTC) + timedelta(seconds=30), usegmt=True)
     problem = from_response(httpx.Response(503, headers={"Retry-After": later}))

@@ -1,0 +1,74 @@
+"""How many requests an organisation may send: those of the last minute count.
+
+It is kept in memory, per process of the service: what it bounds is this process's time.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Lock
+from typing import Final
+
+from service.problems import HttpCode, Problem
+
+_MINUTE_S: Final = 60.0
+
+
+@dataclass
+class _Counts:
+    minute: int
+    before: int = 0
+    now: int = 0
+
+
+class Rates:
+    """Counts the requests of each organisation."""
+
+    def __init__(self, per_minute: int, clock: Callable[[], float] = time.monotonic) -> None:
+        self._per_minute = per_minute
+        self._clock = clock
+        self._lock = Lock()
+        self._counts: dict[str, _Counts] = {}
+
+    def take(self, organisation_id: str) -> None:
+        """Count a request in, or refuse it with the time after which there is room for it."""
+        with self._lock:
+            counts, share = self._look(organisation_id)
+            used = counts.before * share + counts.now
+            if not self._per_minute or used + 1 <= self._per_minute:
+                counts.now += 1
+                return
+            wait_s = max(1, math.ceil(self._wait_s(counts, share)))
+        raise Problem(
+            429,
+            HttpCode.TOO_MANY_REQUESTS,
+            f"You may send {self._per_minute} requests a minute, and has sent {math.ceil(used)}: "
+            f"send this one again in {wait_s} s.",
+            retryable=True,
+            headers={"Retry-After": str(wait_s)},
+            quota="requests_per_minute",
+            limit=self._per_minute,
+            used=math.ceil(used),
+        )
+
+    def used(self, organisation_id: str) -> int:
+        """Return how many requests of the last minute there were."""
+        with self._lock:
+            counts, share = self._look(organisation_id)
+            return math.ceil(counts.before * share + counts.now)
+
+    def _look(self, organisation_id: str) -> tuple[_Counts, float]:
+        """The counts as they stand, and the share of the minute before that lies in the last minute."""
+        minute, passed_s = divmod(self._clock(), _MINUTE_S)
+        counts = self._counts.setdefault(organisation_id, _Counts(int(minute)))
+        if counts.minute != minute:
+            before = counts.now if minute == counts.minute + 1 else 0
+            counts.minute, counts.before, counts.now = int(minute), before, 0
+        return counts, 1 - passed_s / _MINUTE_S
+
+    def _wait_s(self, counts: _Counts, share: float) -> float:
+        room = self._per_minute - 1
+        if counts.now <= room:
+            return (share - (room - counts.now) / counts.before) * _MINUTE_S
+        return (share + 1 - room / counts.now) * _MINUTE_S

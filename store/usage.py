@@ -1,0 +1,149 @@
+"""What each organisation uses of what it may: counted where it grows, so that no upload has to add it all up.
+
+The counts of an organisation lie in one row, which whoever adds to them locks until the commit: two that come
+at once are counted one after the other. Before anybody is refused they are counted anew.
+"""
+
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final, Literal
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from store.columns import utc_now
+from store.settings import Settings
+from store.tables import Blob, Campaign, FrameRow, Job, Organisation, Usage
+
+Quota = Literal["stored_bytes", "frames", "jobs_waiting"]
+
+_RECOUNT_AFTER: Final = timedelta(minutes=1)
+
+
+class QuotaExceeded(Exception):  # noqa: N818  it says what was found
+    """More would be used than an organisation may; ``used`` is what it uses without it."""
+
+    def __init__(self, quota: Quota, *, limit: int, used: int) -> None:
+        super().__init__(f"{quota}: {used} of {limit}")
+        self.quota: Quota = quota
+        self.limit = limit
+        self.used = used
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quotas:
+    """The most that an organisation may use; 0 is no limit."""
+
+    stored_bytes: int
+    frames: int
+    jobs_waiting: int
+
+    @classmethod
+    def of(cls, settings: Settings) -> "Quotas":
+        return cls(
+            stored_bytes=settings.quota_bytes,
+            frames=settings.quota_frames,
+            jobs_waiting=settings.quota_jobs_waiting,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Used:
+    """What an organisation uses."""
+
+    stored_bytes: int
+    frames: int
+    jobs_waiting: int
+
+
+def read_usage(session: Session, organisation_id: str) -> Used:
+    """Return what an organisation uses now; for showing, and for refusing before a body is sent."""
+    row = session.get(Usage, organisation_id) or _count(session, organisation_id)
+    return Used(
+        stored_bytes=row.stored_bytes,
+        frames=row.frames,
+        jobs_waiting=_count_waiting(session, organisation_id),
+    )
+
+
+def check_room(session: Session, organisation_id: str, size_bytes: int, quotas: Quotas) -> None:
+    """Raise QuotaExceeded when one more frame is too much as it looks now: before its bytes are sent."""
+    used = read_usage(session, organisation_id)
+    _refuse_over(used.frames + 1, used.stored_bytes + size_bytes, size_bytes, quotas)
+    if quotas.jobs_waiting and used.jobs_waiting >= quotas.jobs_waiting:
+        raise QuotaExceeded("jobs_waiting", limit=quotas.jobs_waiting, used=used.jobs_waiting)
+
+
+def charge(session: Session, organisation_id: str, size_bytes: int, quotas: Quotas) -> None:
+    """Count a frame that was just added, or raise QuotaExceeded."""
+    row = session.get(Usage, organisation_id, with_for_update=True, populate_existing=True)
+    if row is None:
+        row = _lock(session, organisation_id)
+    else:
+        row.frames += 1
+        row.stored_bytes += size_bytes
+    _refuse_over(row.frames, row.stored_bytes, size_bytes, quotas)
+    session.flush()
+
+
+def recount_if_old(session: Session, organisation_id: str) -> None:
+    """Count anew what an organisation stores, unless that was just done: before it is refused for it."""
+    row = _lock(session, organisation_id)
+    if utc_now() - row.counted_at >= _RECOUNT_AFTER:
+        _recount(session, row)
+
+
+def refuse_long_queue(session: Session, organisation_id: str, quotas: Quotas) -> None:
+    """Raise QuotaExceeded when more jobs wait than may, those of this transaction counted in."""
+    if not quotas.jobs_waiting:
+        return
+    _lock(session, organisation_id)
+    waiting = _count_waiting(session, organisation_id, most=quotas.jobs_waiting + 1)
+    if waiting > quotas.jobs_waiting:
+        raise QuotaExceeded("jobs_waiting", limit=quotas.jobs_waiting, used=quotas.jobs_waiting)
+
+
+def recount_all(session: Session) -> None:
+    """Count anew what every organisation stores, whatever was done to the counts."""
+    for organisation_id in session.scalars(select(Organisation.id).order_by(Organisation.id)):
+        _recount(session, _lock(session, organisation_id))
+
+
+def _refuse_over(frames: int, stored_bytes: int, size_bytes: int, quotas: Quotas) -> None:
+    if quotas.frames and frames > quotas.frames:
+        raise QuotaExceeded("frames", limit=quotas.frames, used=frames - 1)
+    if quotas.stored_bytes and stored_bytes > quotas.stored_bytes:
+        raise QuotaExceeded("stored_bytes", limit=quotas.stored_bytes, used=stored_bytes - size_bytes)
+
+
+def _lock(session: Session, organisation_id: str) -> Usage:
+    found = session.get(Usage, organisation_id, with_for_update=True, populate_existing=True)
+    if found is None:
+        # founded after the counts were made; two that come at once meet in the primary key, and try again
+        found = Usage(organisation_id=organisation_id, frames=0, stored_bytes=0, counted_at=utc_now())
+        session.add(found)
+        session.flush()
+        _recount(session, found)
+    return found
+
+
+def _recount(session: Session, row: Usage) -> None:
+    counted = _count(session, row.organisation_id)
+    row.frames, row.stored_bytes, row.counted_at = counted.frames, counted.stored_bytes, utc_now()
+    session.flush()
+
+
+def _count(session: Session, organisation_id: str) -> Usage:
+    frames, stored_bytes = session.execute(
+        select(func.count(FrameRow.id), func.coalesce(func.sum(Blob.size_bytes), 0))
+        .select_from(FrameRow)
+        .join(Campaign, Campaign.id == FrameRow.campaign_id)
+        .join(Blob, Blob.sha256 == FrameRow.sha256)
+        .where(Campaign.organisation_id == organisation_id)
+    ).one()
+    return Usage(organisation_id=organisation_id, frames=frames, stored_bytes=int(stored_bytes))
+
+
+def _count_waiting(session: Session, organisation_id: str, most: int | None = None) -> int:
+    waiting = select(Job.id).where(Job.state == "queued", Job.organisation_id == organisation_id).limit(most)
+    return session.scalar(select(func.count()).select_from(waiting.subquery())) or 0
