@@ -26,7 +26,7 @@ from service.web.assets import Assets
 from service.web.headers import SecurityHeaders
 from service.web.pages import include_pages
 from service.web.rendering import build_environment
-from store.database import Database, summarise
+from store.database import Database, is_full, summarise
 from store.schema import SchemaDiffers, is_about_missing_parts, require_own_schema
 
 API_VERSION = "1"
@@ -109,6 +109,11 @@ def _install_database_problem(app: FastAPI) -> None:
                 raise error
             error = differs
         log.warning("the database cannot be used: %s", summarise(error))
+        if is_full(error):
+            detail = "The service has no room left to keep this. Try again later."
+            return problems.answer(
+                Problem(507, HttpCode.STORAGE_FULL, detail, retryable=True, headers={"Retry-After": "10"})
+            )
         if isinstance(error, SchemaDiffers):
             code, detail = (
                 HttpCode.SCHEMA_MISMATCH,

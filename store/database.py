@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from psycopg.errors import DiskFull
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import SQLAlchemyError
@@ -99,6 +100,12 @@ def summarise(error: Exception) -> str:
     """Return what a driver says in one line, without the statement and the addresses of manuals."""
     words = str(getattr(error, "orig", None) or error).split()
     return " ".join(words)[:300]
+
+
+def is_full(error: Exception) -> bool:
+    """Return whether the database has no room left on its disk, or in its quota."""
+    cause = getattr(error, "orig", None)
+    return getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL or isinstance(cause, DiskFull)
 
 
 def _sqlite_engine(url: str, *, begin: str, wait_s: float) -> Engine:
