@@ -24,6 +24,7 @@ from service.waiting import JobWatch
 from store.blobs import blobs_from_url
 from store.broker import Hints
 from store.database import Database
+from store.logs import configure_logging
 from store.parts import Presence
 from store.pulse import Pulse
 from store.queries.keys import ensure_operator
@@ -53,7 +54,7 @@ def build_context(settings: Settings) -> Context:
 
 
 def main() -> int:
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    configure_logging()
     settings = Settings()
     secret = settings.key.get_secret_value()
     try:

@@ -13,6 +13,6 @@ class Client(Coefficients, Campaigns, Frames, Calibrations, Measurements, System
 
     ``timeout`` is how long one silence of the service may last [s]. What is safe to send twice is sent again
     after a lost connection or a passing refusal, up to ``retries`` times, first after about ``backoff_s``,
-    then after twice as long each time: by default for half a minute at least, which outlasts a restart of the
-    service. ``on_retry`` is told each time, from whichever thread sends.
+    then after twice as long each time: by default for a minute and a half at least, which outlasts a restart
+    of the service on a slow machine. ``on_retry`` is told each time, from whichever thread sends.
     """

@@ -11,8 +11,8 @@ class Connection:
 
     ``timeout`` is how long one silence of the service may last [s]. What is safe to send twice is sent again
     after a lost connection or a passing refusal, up to ``retries`` times, first after about ``backoff_s``,
-    then after twice as long each time: by default for half a minute at least, which outlasts a restart of the
-    service. ``on_retry`` is told each time, from whichever thread sends.
+    then after twice as long each time: by default for a minute and a half at least, which outlasts a restart
+    of the service on a slow machine. ``on_retry`` is told each time, from whichever thread sends.
     """
 
     def __init__(
@@ -21,7 +21,7 @@ class Connection:
         key: str,
         *,
         timeout: float = 60.0,
-        retries: int = 8,
+        retries: int = 10,
         backoff_s: float = 0.25,
         on_retry: OnRetry | None = None,
     ) -> None:

@@ -8,6 +8,7 @@ from celery import Celery
 from store.blobs import blobs_from_url
 from store.broker import RUN_TASK, make_celery
 from store.database import Database
+from store.logs import configure_logging
 from store.parts import Presence
 from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
@@ -68,7 +69,7 @@ def build_listener(settings: Settings, threads: JobThreads) -> Celery:
 
 
 def main() -> int:
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    configure_logging()
     settings = Settings()
     context = build_context(settings)
     try:

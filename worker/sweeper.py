@@ -11,6 +11,7 @@ from store.blobs import Blobs, StorageUnavailable, blobs_from_url
 from store.clocks import ClockWatch, mend_times
 from store.database import Database, summarise
 from store.files import Files
+from store.logs import configure_logging
 from store.parts import Presence
 from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
@@ -38,7 +39,7 @@ def sweep_floor(blobs: Blobs) -> None:
 
 
 def main() -> int:
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    configure_logging()
     settings = Settings()
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
     try:

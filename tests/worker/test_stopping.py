@@ -7,8 +7,11 @@ import sys
 from contextlib import contextmanager
 
 import pytest
+import redis
 from sqlalchemy import select, text
 
+from service.launch.port import free_port
+from service.launch.valkey import valkey_binary
 from store import jobs
 from store.columns import utc_now
 from store.database import Database
@@ -32,7 +35,7 @@ def house(migrated_sqlite, tmp_path):
 
 
 @contextmanager
-def working(house, **settings):
+def working(house, *, answers=False, **settings):
     """`python -m worker` on the house's database; with a broker that takes connections and never answers."""
     log = house.folder / "worker.log"
     with Proxy(("127.0.0.1", 1)) as silent:
@@ -47,7 +50,8 @@ def working(house, **settings):
                 [sys.executable, "-m", "worker"], environment | settings, stdout=file, stderr=file
             )
         try:
-            wait_for(lambda: silent.struck, "the worker asks the broker")
+            if not answers:
+                wait_for(lambda: silent.struck, "the worker asks the broker")
             yield process, log
         finally:
             process.kill()
@@ -121,6 +125,23 @@ def test_a_worker_ends_when_the_schema_is_changed_under_it(house):
         assert process.wait(20) == OTHER_SCHEMA_EXIT
     assert "schema 9999" in log.read_text()
     assert "Traceback" not in log.read_text()
+
+
+def test_a_broker_that_goes_away_leaves_no_traceback(house):
+    port = free_port("127.0.0.1", 0)
+    command = [str(valkey_binary()), "--port", str(port), "--bind", "127.0.0.1", "--save", ""]
+    with spawn(command, dict(os.environ), stdout=subprocess.DEVNULL) as valkey:
+        address = f"redis://127.0.0.1:{port}/0"
+        with working(house, STILB_BROKER_URL=address, answers=True) as (_, log):
+            broker = redis.Redis(port=port)
+            wait_for(
+                lambda: any("brpop" in client["cmd"] for client in broker.client_list()), "the worker listens"
+            )
+            broker.close()
+            valkey.kill()
+            wait_for(lambda: "Connection to broker lost" in log.read_text(), "the worker notices")
+            wait_for(lambda: "Cannot connect" in log.read_text(), "the worker tries again")
+        assert "Traceback" not in log.read_text()
 
 
 def test_a_sweeper_ends_at_once(house):

@@ -1,0 +1,66 @@
+"""Who waits for a job is told of its end soon, also when the database was away meanwhile."""
+
+import asyncio
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from sqlalchemy import update
+
+from service.waiting import JobWatch
+from store.columns import utc_now
+from store.database import Database
+from store.tables import Job
+from tests.support.house import House
+from tests.support.proxy import Proxy
+
+
+@pytest.fixture
+def url(postgres, migrated_postgres):
+    url = postgres.new_database(like=migrated_postgres)
+    yield url
+    postgres.drop_database(url)
+
+
+@pytest.mark.parametrize("mode", ["away", "silent"])
+def test_a_database_that_was_away_delays_nobody_who_waits(mode, url, tmp_path):
+    direct = Database(url)
+    folder, name = Path(url.partition("?host=")[2]), url.partition("?")[0].rpartition("/")[2]
+    with House(direct, tmp_path) as house, Proxy(folder / ".s.PGSQL.5432") as proxy:
+        job_id = house.upload(house.campaign(), house.frame_bytes(), role="dark")["job_id"]
+        through = Database(f"postgresql+psycopg://stilb@{proxy.address}/{name}", answer_within_s=0.5)
+        back_at = []
+
+        def outage():
+            time.sleep(0.5)
+            proxy.become(mode)
+            time.sleep(1.5)
+            with direct.writing("test") as session:
+                ended = update(Job).where(Job.id == job_id)
+                session.execute(ended.values(state="failed", error={}, finished_at=utc_now()))
+            proxy.become("open")
+            back_at.append(time.monotonic())
+
+        thread = threading.Thread(target=outage)
+        thread.start()
+        asyncio.run(JobWatch(through).wait(job_id, 60.0))
+        told_at = time.monotonic()
+        thread.join()
+        assert told_at - back_at[0] < 10
+        through.dispose()
+    direct.dispose()
+
+
+def test_who_is_let_go_does_not_wait_and_nobody_does_after(database):
+    async def wait_and_release():
+        watch = JobWatch(database)
+        waiting = asyncio.create_task(watch.wait("job_of_nobody", 60.0))
+        await asyncio.sleep(0.05)
+        watch.release()
+        await waiting
+        await watch.wait("job_of_nobody", 60.0)
+
+    began = time.monotonic()
+    asyncio.run(wait_and_release())
+    assert time.monotonic() - began < 10
