@@ -234,7 +234,6 @@ def _differences(planes: NDArray[np.uint16], stream: Stream) -> NDArray[np.uint1
 def _predict(
     predictor: int, left: NDArray[np.uint16], above: NDArray[np.uint16], corner: NDArray[np.uint16]
 ) -> NDArray[np.uint16]:
-    wide = np.int32
     predicted = left
     match predictor:
         case 2:
@@ -244,12 +243,23 @@ def _predict(
         case 4:
             predicted = left + above - corner
         case 5:
-            predicted = (left + ((above.astype(wide) - corner) >> 1)).astype(np.uint16)
+            predicted = left + _halve_difference(above, corner)
         case 6:
-            predicted = (above + ((left.astype(wide) - corner) >> 1)).astype(np.uint16)
+            predicted = above + _halve_difference(left, corner)
         case 7:
-            predicted = ((left.astype(wide) + above) >> 1).astype(np.uint16)
+            predicted = (left >> 1) + (above >> 1) + (left & above & 1)
     return predicted
+
+
+def _halve_difference(first: NDArray[np.uint16], second: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """(first - second) / 2 rounded down, modulo 2^16: without a wider type, which takes five times as long."""
+    odd = ~first
+    odd &= second
+    odd &= 1
+    halved = first >> 1
+    halved -= second >> 1
+    halved -= odd
+    return halved
 
 
 @functools.lru_cache(maxsize=64)
