@@ -82,6 +82,7 @@ def test_a_key_tells_whose_it_is_and_what_it_may(house):
     with house.with_key(made["secret"]) as client:
         own = client.get("/v1/keys/own").json()
     organisation = house.get("/v1/organisation")
+    assert own.pop("last_used_at") >= made["created_at"]
     assert own == {
         "id": made["id"],
         "name": "card reader",

@@ -10,6 +10,7 @@ import tifffile
 from PIL import Image
 
 from store.tables import FrameRow
+from tests.support.blobs import zero
 from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
 from tests.support.frames import forget_time, place_frame, write_frame
 
@@ -144,6 +145,20 @@ def test_a_map_holds_every_pixel_and_names_what_made_it(house, version):
 
 
 @pytest.mark.usefixtures("version")
+def test_a_map_that_the_disk_lost_is_made_again_by_measuring_the_same_again(house):
+    frame = field_frame(house, field_campaign(house))
+    found = measure(house, frame, products=["map"])
+    address = found["links"]["map_tif"]
+    before = house.http.get(address)
+    sha256 = before.headers["ETag"].strip('"')
+    zero(house.folder, sha256, first=500, count=900)
+    for lost in (address, f"/v1/measurements/{found['id']}/map.json"):
+        answer = house.http.get(lost)
+        assert (answer.status_code, answer.json()["code"]) == (500, "stored_file_damaged")
+    assert measure(house, frame, products=["map"])["id"] == found["id"]
+    assert house.http.get(address).content == before.content
+
+
 def test_without_a_map_its_address_says_how_to_get_one(house):
     found = measure(house, field_frame(house, field_campaign(house)))
     assert "map_tif" not in found["links"]
