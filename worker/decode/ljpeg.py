@@ -234,7 +234,7 @@ def _differences(planes: NDArray[np.uint16], stream: Stream) -> NDArray[np.uint1
 def _predict(
     predictor: int, left: NDArray[np.uint16], above: NDArray[np.uint16], corner: NDArray[np.uint16]
 ) -> NDArray[np.uint16]:
-    predicted = left
+    predicted: NDArray[np.uint16] = left
     match predictor:
         case 2:
             predicted = above
@@ -247,7 +247,7 @@ def _predict(
         case 6:
             predicted = above + _halve_difference(left, corner)
         case 7:
-            predicted = (left >> 1) + (above >> 1) + (left & above & 1)
+            predicted = np.asarray((left >> 1) + (above >> 1) + (left & above & 1), np.uint16)
     return predicted
 
 
@@ -256,7 +256,7 @@ def _halve_difference(first: NDArray[np.uint16], second: NDArray[np.uint16]) -> 
     odd = ~first
     odd &= second
     odd &= 1
-    halved = first >> 1
+    halved = np.asarray(first >> 1, np.uint16)
     halved -= second >> 1
     halved -= odd
     return halved
