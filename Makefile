@@ -30,7 +30,7 @@ chromium:
 	|| timeout 600 sh -c 'export DEBIAN_FRONTEND=noninteractive; apt-get -qq -o Acquire::http::Timeout=20 update \
 	&& apt-get -qq -o Acquire::http::Timeout=20 install -y --no-install-recommends chromium' >/dev/null 2>&1 || true
 
-audit: $(VENV)/run  ## is the audit trail whole? (HEAD=seq:hash compares a head noted before)
+audit: $(VENV)/run  ## is the audit trail whole, and every row as it says? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)
 
 export: $(VENV)/run  ## what a version rests on, into a folder: CAL=<id> URL=<service> KEY=<key> TO=<folder>
