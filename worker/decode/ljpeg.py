@@ -252,7 +252,7 @@ def _predict(
 
 
 def _halve_difference(first: NDArray[np.uint16], second: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """(first - second) / 2 rounded down, modulo 2^16: without a wider type, which takes five times as long."""
+    """(first - second) / 2 rounded down, modulo 2^16; a wider type would take five times as long."""
     odd = ~first
     odd &= second
     odd &= 1
