@@ -1,12 +1,15 @@
 """The text that Prometheus reads."""
 
 from collections.abc import Iterator, Mapping
+from itertools import product
 from typing import get_args
 
 from service.schemas.frames import State as FrameState
 from service.schemas.jobs import State as JobState
 from store.blobs import Damage
 from store.jobs import Dependency
+from store.parts import Kind
+from store.parts import State as PartState
 from store.queries.census import Census
 from store.software import CODE_VERSION
 
@@ -31,6 +34,9 @@ def _lines(census: Census) -> Iterator[str]:
     yield f"stilb_oldest_queued_job_age_seconds {census.oldest_queued_s:.3f}"
     yield from _head("stilb_jobs_due_later", "Queued jobs whose time to be tried again has not come.")
     yield f"stilb_jobs_due_later {census.due_later}"
+    yield from _head("stilb_parts", "Processes by kind and by whether their work goes on.")
+    for kind, state in product(get_args(Kind), get_args(PartState)):
+        yield f'stilb_parts{{kind="{kind}",state="{state}"}} {census.parts.get((kind, state), 0)}'
     yield from _head("stilb_jobs_failed", "Jobs that failed or were quarantined, by the code of their error.")
     for code, count in census.failures.items():
         yield f'stilb_jobs_failed{{code="{code}"}} {count}'

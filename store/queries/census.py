@@ -25,6 +25,8 @@ class Census:
     """Queued jobs whose last attempt found something away, by what that was."""
     workers_without: dict[str, int]
     """Workers that begin no job which needs a dependency, as it does not serve, by the dependency."""
+    parts: dict[tuple[str, str], int]
+    """Processes by kind and state."""
     frames: dict[str, int]
     refusals: dict[str, int]
     """Refused frames by the code of their refusal."""
@@ -55,6 +57,7 @@ def take_census(session: Session) -> Census:
         jobs=_count_by(session, Job.state),
         oldest_queued_s=oldest_wait_s(session),
         due_later=session.scalar(due_later) or 0,
+        parts=Counter((part.kind, part.state) for part in list_parts(session)),
         failures=_count_by(session, Job.error["code"].as_string(), Job.state.in_(GIVEN_UP)),
         waiting_for=_count_by(session, Job.waits_for, Job.state == "queued"),
         workers_without=Counter(

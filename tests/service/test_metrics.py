@@ -47,6 +47,15 @@ def test_metrics_count_what_the_database_holds(house):
     assert "stilb_versions_published 0" in lines
 
 
+def test_metrics_tell_who_works_and_who_hangs(house):
+    Presence(house.database, "worker").beat()
+    Presence(house.database, "worker").beat(worked_s_ago=60.0)
+    lines = house.http.get("/metrics").text.splitlines()
+    assert 'stilb_parts{kind="worker",state="working"} 1' in lines
+    assert 'stilb_parts{kind="worker",state="hung"} 1' in lines
+    assert 'stilb_parts{kind="sweeper",state="working"} 0' in lines
+
+
 def test_metrics_tell_the_version_and_the_room_on_the_disk(house):
     lines = house.http.get("/metrics").text.splitlines()
     assert f'stilb_info{{version="{CODE_VERSION}"}} 1' in lines

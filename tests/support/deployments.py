@@ -10,7 +10,7 @@ import sys
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import httpx
@@ -72,10 +72,16 @@ class Deployment(ABC):
         """A part that is there and does nothing, until the block ends or what it is given is called."""
         pid = self.pid(name)
         os.kill(pid, signal.SIGSTOP)
+
+        def resume() -> None:
+            # On a slow machine the launcher has started another in its place.
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+
         try:
-            yield lambda: os.kill(pid, signal.SIGCONT)
+            yield resume
         finally:
-            os.kill(pid, signal.SIGCONT)
+            resume()
 
     def wait_until(
         self,
