@@ -9,6 +9,7 @@ from sqlalchemy import func, select
 from store.blobs import StorageUnavailable
 from store.jobs import Turn
 from store.tables import ChannelRow, Extraction, FrameRow, Job
+from tests.support.blobs import zero
 from tests.support.campaigns import ROI
 from worker.decode.pool import DecoderCrashed
 from worker.runner import claim_next, run
@@ -62,6 +63,14 @@ def test_a_file_that_ends_the_decoder_is_refused_and_the_next_is_not_disturbed(h
     again = house.upload({"id": uploaded["campaign_id"]}, house.frame_bytes(seed=2), role="dark")
     work(house.worker)
     assert house.get(f"/v1/frames/{again['id']}")["state"] == "extracted"
+
+
+def test_a_decoder_that_ends_over_a_file_which_the_disk_spoilt_blames_the_disk(house, uploaded):
+    """A mapped page that cannot be read ends a process by SIGBUS, as a hostile file may."""
+    zero(house.folder, uploaded["sha256"], first=900, count=2000)
+    work(replace(house.worker, decoders=Decoders(DecoderCrashed("reading a window", "signal 7"))))
+    assert job(house, uploaded)["error"]["code"] == "stored_file_damaged"
+    assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
 
 
 def test_a_passing_fault_is_tried_again(house, uploaded):

@@ -82,6 +82,8 @@ def extract(context: Context, claim: Claim) -> Outcome:
     except InputRejected as refusal:
         return _refuse(subject.frame.id, refusal)
     except DecoderCrashed as crash:
+        # a file that cannot be read back ends a decoder too: only a whole one is blamed
+        context.files.prove(subject.frame.sha256)
         return _refuse(subject.frame.id, InputRejected(Refusal.DECODER_CRASHED, crash.message))
     return Outcome(store=lambda session: _store(session, subject, found), rejection=found.region_refused)
 

@@ -30,6 +30,8 @@ def look(context: Context, claim: Claim) -> Outcome:
                 file, (window.row0, window.col0, window.height, window.width)
             )
     except DecoderCrashed as crash:
+        # as in extract: only a whole file is blamed
+        context.files.prove(frame.sha256)
         raise InputRejected(Refusal.DECODER_CRASHED, crash.message) from crash
     result = {
         "frame_id": frame.id,

@@ -35,6 +35,8 @@ def measure(context: Context, claim: Claim) -> Outcome:
             measured, products = _measure(_make_task(context, claim, frame, calibration, file))
             measured["flags"] = [*measured["flags"], *doubts]
     except DecoderCrashed as crash:
+        # as in extract: only a whole file is blamed
+        context.files.prove(frame.sha256)
         raise InputRejected(Refusal.DECODER_CRASHED, crash.message) from crash
 
     def store(session: Session) -> dict[str, Any]:
