@@ -15,6 +15,7 @@ from tests.support.campaigns import ROI
 from tests.support.processes import wait_until
 from worker import breaker, runner
 from worker.breaker import Breaker
+from worker.leases import Leases
 from worker.needs import Needs
 from worker.runner import claim_next, run
 from worker.threads import JobThreads
@@ -189,12 +190,15 @@ class Away:
 def test_what_was_computed_is_stored_when_the_database_is_back(house, frames, caplog):
     caplog.set_level(logging.WARNING)
     database = Away(house.database)
-    context = replace(house.worker, database=database)
+    leases = Leases(house.database, lease_s=0.3, stuck_s=0.2)
+    context = replace(house.worker, database=database, leases=leases)
     claim = claim_next(context, Turn())
     database.away = True
-    worker = threading.Thread(target=run, args=(context, claim))
+    worker = threading.Thread(target=run, args=(context, claim), daemon=True)
     worker.start()
-    wait_until(lambda: database.refused > 5, what="the result to be kept for a while")
+    wait_until(lambda: database.refused > 40, what="the result to be kept for a while")
+    # what waits for the database does not hang, so that nobody ends the worker for it
+    assert leases.count == 1
     assert house.get(f"/v1/jobs/{claim.job_id}")["state"] == "running"
     database.away = False
     worker.join(10)
@@ -209,7 +213,7 @@ def test_what_another_worker_did_meanwhile_is_not_stored_twice(house, frames):
     context = replace(house.worker, database=database)
     claim = claim_next(context, Turn())
     database.away = True
-    worker = threading.Thread(target=run, args=(context, claim))
+    worker = threading.Thread(target=run, args=(context, claim), daemon=True)
     worker.start()
     wait_until(lambda: database.refused > 2, what="the result to be kept for a while")
     with house.database.writing("test") as session:
