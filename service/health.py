@@ -81,7 +81,7 @@ class _Check:
         self._take()
         if self._under_way is None and time.monotonic() - self._ended >= _FRESH_S:
             self._begun = time.monotonic()
-            self._under_way = pool.submit(self._look)
+            self._under_way = pool.submit(self._try)
         return self._under_way
 
     def finding(self) -> Finding:
@@ -93,17 +93,25 @@ class _Check:
             )
         return self._finding
 
+    def _try(self) -> Any:  # noqa: ANN401
+        """Return what is found; an expected error too, since nobody may be left who would hear of it."""
+        try:
+            return self._look()
+        except (SQLAlchemyError, StorageFull, StorageUnavailable, OSError) as error:
+            return error
+
     def _take(self) -> None:
         if self._under_way is None or not self._under_way.done():
             return
-        try:
-            self.found = self._under_way.result()
-            self._finding = Finding(name=self.name)
-        except SchemaDiffers as found:
+        found = self._under_way.result()
+        if isinstance(found, SchemaDiffers):
             detail = f"{str(found).capitalize()}."
             self._finding = Finding(name=self.name, code=HttpCode.SCHEMA_MISMATCH, detail=detail)
-        except (SQLAlchemyError, StorageFull, StorageUnavailable, OSError):
+        elif isinstance(found, Exception):
             self._finding = Finding(name=self.name, code=self._code, detail=self._detail)
+        else:
+            self.found = found
+            self._finding = Finding(name=self.name)
         self._under_way = None
         self._ended = time.monotonic()
 

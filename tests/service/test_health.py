@@ -1,5 +1,6 @@
 """/livez and /readyz: quick whatever hangs, and true."""
 
+import gc
 import os
 import sqlite3
 import subprocess
@@ -106,7 +107,7 @@ def test_a_file_store_that_hangs_costs_one_thread_however_many_ask(house):
     wait_until(lambda: house.http.get("/readyz").status_code == 200)
 
 
-def test_a_schema_of_another_stilb(house):
+def test_a_schema_of_another_stilb(house, caplog):
     house.database.guard_schema()
     with house.database.reading() as session:
         session.execute(text("UPDATE alembic_version SET version_num = '9999'"))
@@ -123,6 +124,8 @@ def test_a_schema_of_another_stilb(house):
         session.commit()
     answer = house.http.get("/v1/cameras")
     assert (answer.status_code, answer.json()["code"]) == (503, "schema_mismatch")
+    gc.collect()
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_a_database_that_only_reads(postgres, migrated_postgres, house):
