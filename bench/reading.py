@@ -82,9 +82,10 @@ def _measure(
 
 def extract_ours(pool: DecoderPool, path: Path, polygon: Polygon) -> Rows:
     """What the worker does for one frame: header, window, statistics."""
-    header = pool.read_header(path)
-    window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
-    frame = pool.read_window(path, (window.row0, window.col0, window.height, window.width))
+    with pool.hold(path):
+        header = pool.read_header(path)
+        window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
+        frame = pool.read_window(path, (window.row0, window.col0, window.height, window.width))
     return luminance.extract(frame, polygon)
 
 

@@ -1,6 +1,7 @@
 """The settings that every process of stilb reads once, in its main, from the environment."""
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -46,6 +47,7 @@ class Settings(BaseSettings):
     decoder_memory_bytes: int = Field(default=3 * 1024**3, ge=256 * 1024**2)
     decoder_cpu_s: int = Field(default=60, ge=1)
     decoder_wall_s: float = Field(default=120.0, gt=0)
+    decoder_sandbox: Literal["auto", "require"] = "auto"
 
     @property
     def effective_database_url(self) -> str:

@@ -14,7 +14,7 @@ from verify.checks import check
 from verify.data import Unusable, is_address, open_data, read_certificate, split_address
 from verify.recompute import recompute
 from verify.report import conclude, tabulate
-from worker.decode.pool import DecoderPool, DecoderUnavailable
+from worker.decode.pool import DecoderKilled, DecoderPool, DecoderUnavailable
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
     console = Console(highlight=False)
     try:
         return _verify(asked.certificate, asked.data, asked.key, console)
-    except (Unusable, stilb.Problem, DecoderUnavailable) as error:
+    except (Unusable, stilb.Problem, DecoderKilled, DecoderUnavailable) as error:
         console.print(f"verify: {error}", markup=False, soft_wrap=True)
         return 2
     except (KeyError, TypeError, ValueError) as error:

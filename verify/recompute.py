@@ -93,11 +93,12 @@ def _read(
         trouble = "its region is not among the data's"
         return FoundFrame(stated=stated, sha256=sha256, trouble=trouble, signal={})
     try:
-        header = decoders.read_header(path)
-        exposure = _expose(stated, header, certificate)
-        around = Polygon.from_points(region["points"])
-        window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
-        pixels = decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
+        with decoders.hold(path):
+            header = decoders.read_header(path)
+            exposure = _expose(stated, header, certificate)
+            around = Polygon.from_points(region["points"])
+            window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
+            pixels = decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
         extracted = methods.extract(
             certificate["method"],
             pixels,

@@ -2,6 +2,7 @@
 
 import logging
 import sys
+from typing import Any
 
 from celery import Celery
 
@@ -14,12 +15,14 @@ from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings
 from worker.context import Context
-from worker.decode.pool import DecoderPool
+from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.leases import Leases
 from worker.needs import Needs
 from worker.stopping import Stop
 from worker.threads import JobThreads
 from worker.watchdog import Watchdog
+
+NO_DECODER_EXIT = 71
 
 log = logging.getLogger("stilb.worker")
 
@@ -41,6 +44,19 @@ def build_context(settings: Settings) -> Context:
         leases=Leases(database, settings.lease_s),
         needs=Needs(blobs),
     )
+
+
+def start_decoders(decoders: DecoderPool, *, require: bool) -> dict[str, Any]:
+    """Start the decoders' zygote and tell how far its cells are shut in: the level, and part by part."""
+    sandbox = decoders.start()
+    held = ", ".join(name for name, holds in sandbox.parts.items() if holds) or "no part"
+    log.info("decoder sandbox: %s (%s)", sandbox.level, held)
+    if sandbox.lacks:
+        lacks = f"this kernel gives the decoders no {', no '.join(sandbox.lacks)}"
+        if require:
+            raise DecoderUnavailable(f"STILB_DECODER_SANDBOX=require, and {lacks}.")
+        log.warning("%s: a hostile file that takes a decoder over is held back by less", lacks)
+    return {"level": sandbox.level, **sandbox.parts}
 
 
 def build_threads(settings: Settings, context: Context, presence: Presence) -> JobThreads:
@@ -77,7 +93,12 @@ def main() -> int:
     except SchemaDiffers as error:
         log.error("%s: no job is done", error)  # noqa: TRY400  expected: no traceback
         return OTHER_SCHEMA_EXIT
-    presence = Presence(context.database, "worker", threads=settings.worker_threads)
+    try:
+        sandbox = start_decoders(context.decoders, require=settings.decoder_sandbox == "require")
+    except DecoderUnavailable as error:
+        log.error("%s No job is done", error)  # noqa: TRY400  expected: no traceback
+        return NO_DECODER_EXIT
+    presence = Presence(context.database, "worker", threads=settings.worker_threads, decoder_sandbox=sandbox)
     threads = build_threads(settings, context, presence)
     stop = Stop(threads, context.leases, presence, grace_s=settings.stop_grace_s)
     stop.heed_signals()

@@ -17,6 +17,8 @@ from store.files import STORED_FILE_DAMAGED, describe_damage
 from store.jobs import Claim, Dependency, LeaseLost, Turn
 from store.schema import SchemaDiffers
 from worker.context import Context
+from worker.decode.pool import DecoderKilled
+from worker.decode.refusals import Refusal
 from worker.needs import DATABASE_AWAY, find_dependency
 from worker.tasks import Outcome, work
 
@@ -26,6 +28,7 @@ Ending = Callable[[Session], None]
 """Ends a job in the transaction that also stores what it computed; it may be called twice."""
 
 _STORE_ATTEMPTS = 5
+_KILLED_ATTEMPTS = 5
 _PATIENCE_S = 3600.0
 """How long a result is kept for a database that does not answer."""
 _PAUSE_S = 0.5
@@ -80,6 +83,9 @@ def _work(context: Context, claim: Claim) -> Ending:
         log.warning("%s waits for an upload: %s", claim.job_id, damage)
         found = problem(STORED_FILE_DAMAGED, describe_damage(damage)) | {"sha256": damage.sha256}
         return lambda session: jobs.fail(session, claim, found)
+    except DecoderKilled as killed:
+        context.needs.fail(None, killed)
+        return _after_kill(claim, killed)
     except Exception as fault:
         dependency = find_dependency(fault)
         context.needs.fail(dependency, fault)
@@ -102,6 +108,15 @@ def _store(claim: Claim, outcome: Outcome, *, back: Sequence[Dependency]) -> End
             jobs.resume(session, dependency)
 
     return end
+
+
+def _after_kill(claim: Claim, killed: DecoderKilled) -> Ending:
+    """Try again some times what says nothing about the file, which is never refused for it."""
+    if claim.attempt < _KILLED_ATTEMPTS:
+        log.warning("%s is tried again later: %s", claim.job_id, killed)
+        return lambda session: jobs.retry_later(session, claim, waits_for=Dependency.DECODER)
+    error = problem(Refusal.DECODER_CRASHED, killed.message) | {"retryable": True}
+    return lambda session: jobs.fail(session, claim, error)
 
 
 def _fail_as_ours(claim: Claim, trace: str) -> Ending:

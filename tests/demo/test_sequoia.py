@@ -40,7 +40,7 @@ def test_the_header_is_the_simulated_one(shots, band, tmp_path):
 def test_the_pixels_are_the_simulated_ones(shots, tmp_path):
     path = tmp_path / "band.tif"
     write_sequoia(path, shots["nir"])
-    found = reading.Reader().read_window(path, reading.Window(0, 0, 72, 101))
+    found = reading.read_window(path, 0, 0, 72, 101)
     np.testing.assert_array_equal(found.samples_dn, shots["nir"].frame.samples_dn)
     assert found.black_level_dn == shots["nir"].frame.black_level_dn
 

@@ -1,5 +1,5 @@
-"""``python -m worker.decode``: the process that reads hostile bytes."""
+"""``python -m worker.decode``: the process from which those are forked that read hostile bytes."""
 
-from worker.decode.child import main
+from worker.decode.zygote import main
 
 main()

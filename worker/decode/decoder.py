@@ -1,10 +1,8 @@
-"""One decoding process, started anew whenever it has died; for one caller at a time."""
+"""One file and its cell, as their parent sees them; nothing of an answer is believed before it is checked."""
 
-import contextlib
 import os
 import signal
-import subprocess
-import sys
+import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,16 +12,24 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.proof import Proof
 from store.blobs import BlobDamaged, StoredFile
 from worker.decode import answers, messages
-from worker.decode.settings import DecoderLimits
+from worker.decode.nursery import Cell, DecoderUnavailable, Nursery
+from worker.decode.refusals import Refusal, refuse
+from worker.decode.settings import NOT_SHUT_IN, DecoderLimits
 
-_ROOT: Final = Path(__file__).resolve().parents[2]
-_START_SECONDS: Final = 60.0
 _PREVIEW_BYTES: Final = 64 << 20
 PREVIEW_SIDE_PX: Final = 1600
-# Linux's limit for a pipe without privileges: fewer changes of process on the way.
-_PIPE_BYTES: Final = 1 << 20
+# What only the process itself, or a limit that it ran into, brings about.
+_OWN_SIGNALS: Final = frozenset(
+    {
+        *(signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT),
+        *(signal.SIGSYS, signal.SIGTRAP, signal.SIGXCPU, signal.SIGXFSZ),
+    }
+)
+# A process that used less of its time than this stood still for reasons that are not its file's.
+_BUSY_SHARE: Final = 0.25
 
 _T = TypeVar("_T")
+_Identity = tuple[int, int, int, int]
 
 Readable = Path | StoredFile
 """A file to decode: a stored one is proven where it is read, any other is taken as it is."""
@@ -40,82 +46,106 @@ class DecoderCrashed(Exception):  # noqa: N818  it says what happened
         self.message = message
 
 
-class DecoderUnavailable(Exception):  # noqa: N818  it says what happened
-    """The decoding process does not start: an installation at fault, not a file."""
+class DecoderKilled(Exception):  # noqa: N818  it says what happened
+    """Somebody else ended the decoding process, perhaps the kernel, short of memory: no word on the file."""
+
+    def __init__(self, stage: str, reason: str) -> None:
+        message = (
+            f"The decoder was ended from outside while it read this file ({stage}: {reason}). "
+            "That says nothing about the file: try again."
+        )
+        super().__init__(message)
+        self.message = message
 
 
 class Decoder:
-    """Not thread-safe: the pool lends each to one caller at a time."""
+    """One file. Not thread-safe: the pool lends each to one caller at a time."""
 
-    def __init__(self, decoder_limits: DecoderLimits) -> None:
-        self._limits = decoder_limits
-        self._process: subprocess.Popen[bytes] | None = None
-        self.last_path: Path | None = None
+    def __init__(self, nursery: Nursery, bounds: DecoderLimits, file: Readable) -> None:
+        self._nursery = nursery
+        self._bounds = bounds
+        self._file = file
+        self._cell: Cell | None = None
+        self._wall_s = bounds.wall_seconds
+        self._identity: _Identity | None = None
 
     @property
     def pid(self) -> int | None:
-        return self._process.pid if self._process else None
+        return self._cell.pid if self._cell else None
 
-    def read_header(self, file: Readable) -> FrameHeader:
-        answer, _ = self._ask(file, {"do": "read_header"}, 0)
+    def read_header(self) -> FrameHeader:
+        answer, _ = self._ask({"do": "read_header"}, 0)
         return self._checked("read_header", lambda: answers.check_header(answer))
 
-    def read_window(self, file: Readable, window: tuple[int, int, int, int]) -> Frame:
+    def read_window(self, window: tuple[int, int, int, int]) -> Frame:
         _, _, height, width = window
         most = min(max(0, height) * max(0, width) * 6, messages.MAX_BODY_BYTES)
-        answer, body = self._ask(file, {"do": "read_window", "window": list(window)}, most)
+        answer, body = self._ask({"do": "read_window", "window": list(window)}, most)
         return self._checked("read_window", lambda: answers.check_frame(answer, body, window))
 
-    def inspect(self, file: Readable, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
+    def inspect(self, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
         request = {"do": "inspect", "longest_side_px": longest_side_px}
-        answer, body = self._ask(file, request, _PREVIEW_BYTES)
+        answer, body = self._ask(request, _PREVIEW_BYTES)
         return self._checked("inspect", lambda: (answers.check_preview(body), answers.check_proof(answer)))
 
+    def has_open(self, file: Readable) -> bool:
+        """Whether the cell reads this very file: the same proof of it, and the same bytes under its path."""
+        return self._file == file and self._identity == _identify(path_of(file).stat())
+
     def close(self) -> None:
-        """End the process; the next request starts a new one."""
-        process, self._process, self.last_path = self._process, None, None
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None:
-                with contextlib.suppress(OSError):
-                    pipe.close()
+        """Let the cell end, and all that it holds with it."""
+        cell, self._cell = self._cell, None
+        if cell is not None:
+            cell.close()
 
     def abandon(self) -> None:
-        """Forget a process that belongs to the parent of this one: after a fork it is not ours to end."""
-        self._process = None
+        """Forget a cell that belongs to the parent of this process."""
+        self._cell = None
 
-    def _ask(
-        self, file: Readable, request: dict[str, Any], max_body_bytes: int
-    ) -> tuple[dict[str, Any], bytearray]:
-        stage = str(request["do"])
-        path = path_of(file)
-        request = {**request, "path": str(path.absolute())}
-        if isinstance(file, StoredFile):
-            request["digests"] = file.blob.digests.hex()
-        process = self._deliver(request)
-        deadline = time.monotonic() + self._limits.wall_seconds
+    def _ask(self, request: dict[str, Any], max_body_bytes: int) -> tuple[dict[str, Any], bytearray]:
+        """The answer; a file is not blamed before a second cell has met the same end."""
         try:
-            answer, body = messages.receive(_out(process), deadline=deadline, max_body_bytes=max_body_bytes)
-        except TimeoutError:
-            self.close()
-            seconds = self._limits.wall_seconds
-            raise DecoderCrashed(stage, f"it took longer than {seconds:g} s") from None
-        except messages.BrokenMessageError as error:
-            raise DecoderCrashed(stage, self._autopsy(str(error))) from error
-        self.last_path = path
-        return self._sorted(answer, stage, file), body
+            return self._ask_once(request, max_body_bytes)
+        except DecoderKilled:
+            return self._ask_once(request, max_body_bytes)
 
-    def _sorted(self, answer: dict[str, Any], stage: str, file: Readable) -> dict[str, Any]:
+    def _ask_once(self, request: dict[str, Any], max_body_bytes: int) -> tuple[dict[str, Any], bytearray]:
+        stage = str(request["do"])
+        try:
+            cell = self._deliver(request)
+            deadline = time.monotonic() + self._wall_s
+            answer, body = messages.receive(cell.answers, deadline=deadline, max_body_bytes=max_body_bytes)
+        except TimeoutError:
+            raise self._end_late(stage) from None
+        except (messages.BrokenMessageError, OSError) as error:
+            if self._cell is None:
+                raise
+            raise self._autopsy(stage, str(error)) from error
+        return self._sorted(answer, stage), body
+
+    def _deliver(self, request: dict[str, Any]) -> Cell:
+        if self._cell is not None:
+            messages.send(self._cell.requests.fileno(), request)
+            return self._cell
+        descriptor, status = open_file(path_of(self._file))
+        try:
+            self._cell = self._nursery.take()
+            self._cell.give(descriptor)
+        finally:
+            os.close(descriptor)
+        self._identity = _identify(status)
+        self._wall_s = self._bounds.wall_seconds_of(status.st_size)
+        digests = self._file.blob.digests.hex() if isinstance(self._file, StoredFile) else None
+        messages.send(self._cell.requests.fileno(), {**request, "digests": digests})
+        self._nursery.prepare()
+        return self._cell
+
+    def _sorted(self, answer: dict[str, Any], stage: str) -> dict[str, Any]:
         """The answer if it is one; a refusal or a failure is raised."""
         if "refused" in answer:
             raise self._checked(stage, lambda: answers.check_refusal(answer))
-        if "missing" in answer:
-            raise FileNotFoundError(path_of(file))
-        if "damaged" in answer and isinstance(file, StoredFile):
-            raise BlobDamaged(file.blob.sha256)
+        if "damaged" in answer and isinstance(self._file, StoredFile):
+            raise BlobDamaged(self._file.blob.sha256)
         if "failed" in answer:
             self.close()
             raise DecoderCrashed(stage, str(answer["failed"])[:200])
@@ -126,91 +156,63 @@ class Decoder:
         try:
             return check()
         except messages.BrokenMessageError as error:
-            self.close()
+            self._kill()
             raise DecoderCrashed(stage, str(error)) from error
 
-    def _deliver(self, request: dict[str, Any]) -> "subprocess.Popen[bytes]":
-        """A process may have died while it was idle; that is no fault of this request."""
-        process = self._running()
-        try:
-            messages.send(_into(process), request)
-        except BrokenPipeError:
-            self.close()
-            process = self._running()
-            messages.send(_into(process), request)
-        return process
+    def _end_late(self, stage: str) -> DecoderCrashed | DecoderKilled:
+        """End a process that took too long, and find whose fault that was."""
+        busy_s = _read_cpu_s(self.pid)
+        self._kill()
+        if busy_s < _BUSY_SHARE * self._wall_s:
+            return DecoderKilled(stage, f"it stood still for {self._wall_s:g} s")
+        return DecoderCrashed(stage, f"it took longer than {self._wall_s:g} s")
 
-    def _running(self) -> "subprocess.Popen[bytes]":
-        if self._process is not None and self._process.poll() is None:
-            return self._process
-        self.close()
-        self._process = self._start()
-        return self._process
-
-    def _start(self) -> "subprocess.Popen[bytes]":
-        bounds = self._limits
-        process = subprocess.Popen(  # noqa: S603  our own interpreter, our own module
-            [
-                *(sys.executable, "-s", "-P", "-m", "worker.decode"),
-                *("--parent", str(os.getpid())),
-                *("--memory-bytes", str(bounds.memory_bytes)),
-                *("--cpu-seconds", str(bounds.cpu_seconds)),
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            bufsize=0,
-            pipesize=_PIPE_BYTES,
-            env=_environment(),
-            start_new_session=True,  # Ctrl-C in a terminal is for the parent alone
-        )
-        try:
-            ready, _ = messages.receive(_out(process), deadline=time.monotonic() + _START_SECONDS)
-        except (TimeoutError, messages.BrokenMessageError) as error:
-            self._process = process
-            raise DecoderUnavailable(
-                f"The decoding process does not start: {self._autopsy(str(error))}."
-            ) from error
-        if ready.get("ready") is not True:
-            self._process = process
-            self.close()
-            raise DecoderUnavailable("The decoding process does not keep to the protocol.")
-        return process
-
-    def _autopsy(self, fallback: str) -> str:
+    def _autopsy(self, stage: str, fallback: str) -> DecoderCrashed | DecoderKilled | DecoderUnavailable:
         """How the process ended, once its pipe is closed."""
-        process = self._process
-        if process is None:
-            return fallback
-        try:
-            status = process.wait(timeout=1.0)
-        except subprocess.TimeoutExpired:
-            status = 0
-        self.close()
-        return f"ended by {signal.Signals(-status).name}" if status < 0 else fallback
+        cell, self._cell = self._cell, None
+        assert cell is not None  # noqa: S101  it has just been asked
+        code = cell.hear_end()
+        cell.kill()
+        if code is None:
+            return DecoderKilled(stage, "its zygote is gone")
+        if code == NOT_SHUT_IN:
+            return DecoderUnavailable("A decoding process could not shut itself in as the first one did.")
+        if code < 0:
+            ended = signal.Signals(-code)
+            return (DecoderCrashed if ended in _OWN_SIGNALS else DecoderKilled)(
+                stage, f"ended by {ended.name}"
+            )
+        return DecoderCrashed(stage, fallback)
+
+    def _kill(self) -> None:
+        cell, self._cell = self._cell, None
+        if cell is not None:
+            cell.kill()
 
 
 def path_of(file: Readable) -> Path:
     return file.path if isinstance(file, StoredFile) else file
 
 
-def _environment() -> dict[str, str]:
-    """Nothing that the service knows: no settings, no credentials. One thread per library."""
-    kept = {name: os.environ[name] for name in ("PATH", "LANG") if name in os.environ}
-    return {
-        **kept,
-        "PYTHONPATH": str(_ROOT),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-    }
+def open_file(path: Path) -> tuple[int, os.stat_result]:
+    """Open a regular file for reading only; anything else is refused, and nothing can make this wait."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        os.close(descriptor)
+        raise refuse(Refusal.NOT_A_RAW_FILE, "This is no file of its own.")
+    return descriptor, status
 
 
-def _into(process: "subprocess.Popen[bytes]") -> int:
-    assert process.stdin is not None  # noqa: S101  it was started with a pipe
-    return process.stdin.fileno()
+def _identify(status: os.stat_result) -> _Identity:
+    """Return what changes when a path leads to other bytes."""
+    return (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns)
 
 
-def _out(process: "subprocess.Popen[bytes]") -> int:
-    assert process.stdout is not None  # noqa: S101  it was started with a pipe
-    return process.stdout.fileno()
+def _read_cpu_s(pid: int | None) -> float:
+    """The processor's time that a process has used; its zygote has not let go of its pid yet."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return float("inf")

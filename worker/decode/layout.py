@@ -1,6 +1,7 @@
 """Where the samples of an image lie in its file, checked against the file's size before anything is read."""
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,17 @@ from worker.decode.refusals import Refusal, refuse
 from worker.decode.tiff import Directory
 
 _PACKABLE_BITS = range(8, 17)
+# What a format can make of one byte at most: samples of lossless JPEG, of which none takes less than a bit,
+# and bytes of the others (deflate: 258 of two bits; LZW: 3,800, its longest string, of twelve; PackBits: 128
+# of two bytes).
+_MOST_SAMPLES_PER_BYTE: Final = 8
+_MOST_EXPANSION: Final = {
+    tags.UNCOMPRESSED: 1,
+    tags.DEFLATE: 1032,
+    tags.DEFLATE_OLD: 1032,
+    tags.LZW: 2600,
+    tags.PACKBITS: 64,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +157,22 @@ def _checked(layout: Layout, file_size: int) -> Layout:
             raise refuse(Refusal.TRUNCATED, "A piece of the image has no data.")
     if np.any(layout.offsets < 8) or np.any(layout.offsets + needed > file_size):
         raise refuse(Refusal.TRUNCATED, "The file ends before its image data does: it was cut short.")
+    _check_claims(layout, needed, file_size)
     return replace(layout, byte_counts=needed)
+
+
+def _check_claims(layout: Layout, held: NDArray[np.int64], file_size: int) -> None:
+    """Each segment by what it holds, and all together by the whole file: many may lie in the same place."""
+    down = len(layout.offsets) // layout.across
+    rows = np.repeat(np.array([layout.rows_in(row) for row in range(down)], np.int64), layout.across)
+    if layout.compression == tags.JPEG:
+        claimed, most = rows * layout.segment_cols * layout.samples, _MOST_SAMPLES_PER_BYTE
+    elif layout.compression in _MOST_EXPANSION:
+        claimed, most = rows * layout.row_bytes, _MOST_EXPANSION[layout.compression]
+    else:
+        return  # not read here: who reads it has a bound of its own
+    limits.check_backed(float(np.max(claimed / (most * held))), 1.0)
+    limits.check_backed(float(claimed.sum()), float(most * file_size))
 
 
 def _merge_strips(layout: Layout) -> Layout:

@@ -1,9 +1,12 @@
 """What only LibRaw can decode: other makers' raw files, and the DNG features that are not read natively."""
 
+import ctypes
 import importlib.metadata
+import io
 import math
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Final
 
 import numpy as np
 import rawpy
@@ -11,12 +14,18 @@ from numpy.typing import NDArray
 
 from radiometry.frame import FrameHeader
 from worker.decode import limits
+from worker.decode.budget import Allow
 from worker.decode.metadata import Metadata
 from worker.decode.mosaic import BAYER, Area
 from worker.decode.refusals import Refusal, refuse
+from worker.decode.source import Source
 
 # Before 0.28.0 rawpy carried a LibRaw with known heap overflows in DNG decoding.
 _OLDEST_RAWPY = (0, 28)
+# Canon's and Fuji's lossy ways stay above this; half a bit per sample is no picture of a sensor's noise.
+_MOST_SAMPLES_PER_BYTE = 16
+_M_PERTURB = -6  # of glibc's mallopt: what is allocated is filled with the byte's complement
+_FILLS: Final = (0x5A, 0xC3)
 
 
 def check_version() -> str:
@@ -29,18 +38,23 @@ def check_version() -> str:
 class LibRawFile:
     """A file decoded as a whole: LibRaw knows no less, and even its colour pattern only afterwards.
 
+    LibRaw reports success also where it decoded nothing, and its memory then holds what was there before. So
+    the memory is filled with a pattern first, and what still has the pattern afterwards was never written.
+
     ``mosaic`` : (row, col) uint16, masked borders included
+    ``area`` : what will be read of it; LibRaw's visible area where nothing else is said
     """
 
-    def __init__(self, path: Path) -> None:
-        try:
-            self._raw: Any = rawpy.imread(str(path))
-        except (rawpy.LibRawError, OSError, ValueError) as error:
-            raise refuse(Refusal.NOT_A_RAW_FILE, "The file is no raw image that can be read.") from error
+    def __init__(self, source: Source, allow: Allow, area: Area | None = None) -> None:
+        content = source[:]
+        self._raw: Any = _open(content)
         sizes = self._raw.sizes
         limits.check_frame_size(sizes.raw_height, sizes.raw_width)
         limits.check_frame_size(sizes.height, sizes.width)
-        self.mosaic = self._decode()
+        samples = sizes.raw_height * sizes.raw_width
+        limits.check_backed(samples, len(content) * _MOST_SAMPLES_PER_BYTE)
+        allow(samples)
+        self.mosaic = self._decode(content, area or self.visible)
 
     @property
     def visible(self) -> Area:
@@ -53,18 +67,21 @@ class LibRawFile:
             sizes.left_margin + sizes.width,
         )
 
-    def _decode(self) -> NDArray[np.uint16]:
-        try:
-            mosaic: NDArray[np.uint16] | None = self._raw.raw_image
-        except (rawpy.LibRawError, OSError, ValueError, RuntimeError) as error:
-            raise refuse(Refusal.TRUNCATED, "The image cannot be decoded to its end.") from error
-        bottom, right = self.visible.bottom, self.visible.right
-        flat = mosaic is not None and mosaic.ndim == 2 and mosaic.dtype == np.uint16
-        if mosaic is None or not flat or mosaic.shape[0] < bottom or mosaic.shape[1] < right:
+    def _decode(self, content: bytes, area: Area) -> NDArray[np.uint16]:
+        mosaic = _unpack(self._raw, _FILLS[0])
+        if mosaic.shape[0] < area.bottom or mosaic.shape[1] < area.right:
             raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file holds no single mosaic of samples.")
-        # LibRaw leaves zeros where data is missing; a sensor's last lines are never all zero.
-        if not mosaic[bottom - 2 : bottom].any():
-            raise refuse(Refusal.TRUNCATED, "The last lines of the image are missing.")
+        seen = (slice(area.top, area.bottom), slice(area.left, area.right))
+        untouched = mosaic[seen] == _pattern(_FILLS[0])
+        if untouched.any():
+            # The pattern may be a sample's true value: one that was decoded is the same over another pattern.
+            again = _unpack(_open(content), _FILLS[1])[seen]
+            if np.any(untouched & (again == _pattern(_FILLS[1]))):
+                raise refuse(Refusal.TRUNCATED, "The decoder found no data for a part of the image.")
+        # LibRaw leaves zeros where data is missing; two lines of a sensor are never all zero.
+        lit = np.max(mosaic[seen], axis=1) > 0
+        if not np.all(lit[1:] | lit[:-1]):
+            raise refuse(Refusal.TRUNCATED, "Lines of the image are missing.")
         return mosaic
 
     def header(self, metadata: Metadata | None) -> FrameHeader:
@@ -118,6 +135,41 @@ class LibRawFile:
             "lens_model": lens.model,
         }
         return {name: _known(value) for name, value in known.items()}
+
+
+def _open(content: bytes) -> Any:  # noqa: ANN401  rawpy's class is no type
+    try:
+        return rawpy.imread(io.BytesIO(content))
+    except (rawpy.LibRawError, OSError, ValueError) as error:
+        raise refuse(Refusal.NOT_A_RAW_FILE, "The file is no raw image that can be read.") from error
+
+
+def _unpack(raw: Any, fill: int) -> NDArray[np.uint16]:  # noqa: ANN401  rawpy's class is no type
+    """All samples; those that LibRaw does not write have the fill's pattern."""
+    try:
+        with _filled_memory(fill):
+            mosaic: NDArray[np.uint16] | None = raw.raw_image
+    except (rawpy.LibRawError, OSError, ValueError, RuntimeError) as error:
+        raise refuse(Refusal.TRUNCATED, "The image cannot be decoded to its end.") from error
+    if mosaic is None or mosaic.ndim != 2 or mosaic.dtype != np.uint16:
+        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file holds no single mosaic of samples.")
+    return mosaic
+
+
+@contextmanager
+def _filled_memory(fill: int) -> Iterator[None]:
+    """Have the C library fill all memory that it gives out; without that, nothing is decoded here."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is None or not mallopt(_M_PERTURB, fill ^ 0xFF):
+        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "This system cannot prove what LibRaw decodes.")
+    try:
+        yield
+    finally:
+        mallopt(_M_PERTURB, 0)
+
+
+def _pattern(fill: int) -> np.uint16:
+    return np.uint16(fill << 8 | fill)
 
 
 def _known(value: float | str | None) -> float | str | None:

@@ -27,6 +27,12 @@ def check_frame_size(rows: int, cols: int) -> None:
         )
 
 
+def check_backed(claimed: float, held: float) -> None:
+    """Refuse a claim that what the file holds cannot back, however well it was compressed."""
+    if claimed > held:
+        raise refuse(Refusal.SIZE_MISMATCH, "The file claims an image far larger than its data can hold.")
+
+
 def check_segment_size(segment_px: int, frame_px: int) -> None:
     if segment_px > max(4 * frame_px, _SMALL_SEGMENT_PX):
         raise refuse(Refusal.FRAME_TOO_LARGE, "The file claims tiles that are far larger than its image.")

@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from radiometry.frame import FrameHeader
 from radiometry.proof import PieceRun, Voucher
 from worker.decode import ljpeg, tags
+from worker.decode.budget import Allow
 from worker.decode.digests import DigestCheck, StatedDigest, read_digest
 from worker.decode.layout import Layout, read_layout
 from worker.decode.levels import BlackLevels, read_black_levels, read_linearization, read_white_levels
@@ -126,9 +126,9 @@ def _refuse_lossy(raw: Directory) -> None:
 class NativeFile:
     """An opened DNG or TIFF."""
 
-    def __init__(self, source: Source, path: Path, description: ImageDescription) -> None:
+    def __init__(self, source: Source, description: ImageDescription, allow: Allow) -> None:
         self._source = source
-        self._path = path
+        self._allow = allow
         self._image = description
         self._libraw: LibRawFile | None = None
         self._consumed: dict[int, int] = {}
@@ -237,8 +237,7 @@ class NativeFile:
 
     def _hand_to_libraw(self) -> None:
         """Only the decoding changes hands: levels and metadata are still the file's own."""
-        self._source.prove_all()
-        libraw = LibRawFile(self._path)
+        libraw = LibRawFile(self._source, self._allow, self._image.visible)
         if libraw.mosaic.shape != (self._image.layout.rows, self._image.layout.cols):
             raise refuse(Refusal.UNSUPPORTED_LAYOUT, "LibRaw sees an image of another size in this file.")
         self._libraw = libraw

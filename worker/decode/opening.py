@@ -1,8 +1,7 @@
-"""From a path to an opened file: which kind it is, and whether it is one at all."""
+"""From bytes to an opened file: which kind it is, and whether it is one at all."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from radiometry.errors import InputRejected
 from radiometry.proof import PieceRun, Voucher
 from worker.decode import tags
+from worker.decode.budget import Allow
 from worker.decode.layout import read_layout
 from worker.decode.libraw import LibRawFile
 from worker.decode.metadata import Metadata, read_metadata
@@ -60,36 +60,43 @@ class OtherRawFile:
 OpenedFile = NativeFile | OtherRawFile | PictureFile
 
 
-def open_file(path: Path, digests: bytes | None = None) -> OpenedFile:
-    with path.open("rb") as file:
-        source = Source.map(file.fileno(), digests)
+def open_source(source: Source, allow: Allow) -> OpenedFile:
+    """``allow`` : is told of a frame's size before anything of that size is allocated."""
     if not len(source):
         raise refuse(Refusal.EMPTY_FILE, "The file is empty.")
     head = source[:16]
     if is_tiff(head):
-        return _open_tiff(source, path)
+        return _open_tiff(source, allow)
     if is_picture(head):
-        return PictureFile(source)
+        return _allowed(PictureFile(source), allow)
     if head.startswith(_RAW_MAGIC) or head[4:12] == b"ftypcrx ":
-        source.prove_all()
-        return OtherRawFile(LibRawFile(path), None)
+        return OtherRawFile(LibRawFile(source, allow), None)
     known = next((name for magic, name in _KNOWN_OTHERS if head.startswith(magic)), "no raw image")
     raise refuse(Refusal.NOT_A_RAW_FILE, f"The file is {known}, whatever its name says.")
 
 
-def _open_tiff(source: Source, path: Path) -> OpenedFile:
+def _open_tiff(source: Source, allow: Allow) -> OpenedFile:
     directories = read_directories(source)
     main = directories[0]
     if tags.DNG_VERSION in main:
         raw = _find_raw(directories)
-        return NativeFile(source, path, describe_dng(raw, main, len(source)))
+        return _allowed(NativeFile(source, describe_dng(raw, main, len(source)), allow), allow)
     is_cfa = any(_photometric(each) == tags.PHOTOMETRIC_CFA for each in directories)
     canon = source[8:10] == b"CR"
     if not is_cfa and not canon and _is_picture(main):
-        return NativeFile(source, path, describe_tiff(main, len(source)))
+        return _allowed(NativeFile(source, describe_tiff(main, len(source)), allow), allow)
     _refuse_cut_mosaics(directories, len(source))
-    source.prove_all()
-    return OtherRawFile(LibRawFile(path), read_metadata(main))
+    return OtherRawFile(LibRawFile(source, allow), read_metadata(main))
+
+
+_Opened = TypeVar("_Opened", NativeFile, PictureFile)
+
+
+def _allowed(opened: _Opened, allow: Allow) -> _Opened:
+    """The file, of which only the header has been read yet."""
+    header = opened.header
+    allow(header.height_px * header.width_px * (3 if header.cfa == "rgb" else 1))
+    return opened
 
 
 def _photometric(directory: Directory) -> int:

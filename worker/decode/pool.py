@@ -1,12 +1,11 @@
-"""A few decoding processes shared by the threads of this process.
-
-Each is started with exec when it is first needed: rawpy deadlocks in processes that were only forked.
-"""
+"""Files of hostile bytes, read by cells for the threads of this process."""
 
 import os
 import threading
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -16,21 +15,31 @@ from worker.decode.decoder import (
     PREVIEW_SIDE_PX,
     Decoder,
     DecoderCrashed,
-    DecoderUnavailable,
+    DecoderKilled,
     Readable,
     path_of,
 )
+from worker.decode.nursery import DecoderUnavailable, Nursery
+from worker.decode.sandbox import Sandbox
 from worker.decode.settings import DecoderLimits
 
-__all__ = ["Decoder", "DecoderCrashed", "DecoderLimits", "DecoderPool", "DecoderUnavailable", "Readable"]
+__all__ = [
+    "DecoderCrashed",
+    "DecoderKilled",
+    "DecoderLimits",
+    "DecoderPool",
+    "DecoderUnavailable",
+    "Readable",
+    "Sandbox",
+]
 
 
 class DecoderPool:
-    """Thread-safe. A caller waits while all processes are busy.
+    """Thread-safe. A caller waits while as many cells are busy as the pool has room for.
 
     Every method raises InputRejected for a file that cannot be used, BlobDamaged for a stored one that is not
-    what was uploaded, FileNotFoundError for one that is not there, and DecoderCrashed for one that ended its
-    process; the next call gets a new process.
+    what was uploaded, FileNotFoundError for one that is not there, DecoderCrashed for one that ended its cell,
+    and DecoderKilled where somebody else did so twice.
     """
 
     def __init__(
@@ -45,16 +54,38 @@ class DecoderPool:
         self._limits = DecoderLimits(
             memory_bytes=memory_bytes, cpu_seconds=cpu_seconds, wall_seconds=wall_seconds
         )
-        self._make_decoders()
+        self._begin()
+
+    def start(self) -> Sandbox:
+        """Start the zygote before the first file comes; what holds in its cells."""
+        self._look_for_fork()
+        return self._nursery.start()
+
+    @contextmanager
+    def hold(self, file: Readable) -> Iterator[None]:
+        """Keep a file's cells between its reads; without that each read has a cell of its own."""
+        self._look_for_fork()
+        path = path_of(file)
+        with self._lock:
+            self._holds[path] += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._holds[path] -= 1
+                left = self._idle.pop(path, []) if self._holds[path] <= 0 else []
+                self._holds += Counter()  # forgets those that have come to nothing
+            for decoder in left:
+                decoder.close()
 
     def read_header(self, file: Readable) -> FrameHeader:
         with self._borrowed(file) as decoder:
-            return decoder.read_header(file)
+            return decoder.read_header()
 
     def read_window(self, file: Readable, window: tuple[int, int, int, int]) -> Frame:
         """``window`` : (row0, col0, height, width) in the visible area."""
         with self._borrowed(file) as decoder:
-            return decoder.read_window(file, window)
+            return decoder.read_window(window)
 
     def inspect(self, file: Readable, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
         """Every row is read: a PNG, and what vouches for the pixels.
@@ -62,16 +93,23 @@ class DecoderPool:
         Frame pixels per preview pixel are width_px / the preview's width.
         """
         with self._borrowed(file) as decoder:
-            return decoder.inspect(file, longest_side_px)
+            return decoder.inspect(longest_side_px)
 
     def pids(self) -> list[int]:
-        """Of the processes that have been started."""
-        return [decoder.pid for decoder in self._decoders if decoder.pid is not None]
+        """Of the zygote and of the cells that live, as far as they are known."""
+        with self._lock:
+            idle = [decoder.pid for decoders in self._idle.values() for decoder in decoders]
+            found = [self._nursery.pid, *(decoder.pid for decoder in self._busy), *idle]
+        return [pid for pid in found if pid is not None]
 
     def close(self) -> None:
         if os.getpid() == self._owner:
-            for decoder in self._decoders:
+            with self._lock:
+                left = [decoder for decoders in self._idle.values() for decoder in decoders]
+                self._idle.clear()
+            for decoder in left:
                 decoder.close()
+            self._nursery.close()
 
     def __enter__(self) -> Self:
         return self
@@ -81,31 +119,51 @@ class DecoderPool:
     ) -> None:
         self.close()
 
-    def _make_decoders(self) -> None:
+    def _begin(self) -> None:
         self._owner = os.getpid()
-        self._decoders = [Decoder(self._limits) for _ in range(self._size)]
-        self._idle = list(self._decoders)
-        self._returned = threading.Condition()
+        self._lock = threading.Lock()
+        self._room = threading.Semaphore(self._size)
+        self._nursery = Nursery(self._limits)
+        self._holds: Counter[Path] = Counter()
+        self._idle: defaultdict[Path, list[Decoder]] = defaultdict(list)
+        self._busy: list[Decoder] = []
+
+    def _look_for_fork(self) -> None:
+        """After a fork the pipes lead to the parent's cells, whose answers would be mixed up."""
+        if os.getpid() != self._owner:
+            self._nursery.abandon()
+            for decoder in (*self._busy, *(each for idle in self._idle.values() for each in idle)):
+                decoder.abandon()
+            self._begin()
 
     @contextmanager
     def _borrowed(self, file: Readable) -> Iterator[Decoder]:
-        if os.getpid() != self._owner:
-            # After a fork the pipes lead to the parent's processes, whose answers would be mixed up.
-            for decoder in self._decoders:
-                decoder.abandon()
-            self._make_decoders()
-        with self._returned:
-            self._returned.wait_for(lambda: self._idle)
-            decoder = self._choose(file)
-        try:
-            yield decoder
-        finally:
-            with self._returned:
-                self._idle.append(decoder)
-                self._returned.notify()
+        self._look_for_fork()
+        with self._room:
+            decoder = self._take(file)
+            try:
+                yield decoder
+            finally:
+                self._give_back(path_of(file), decoder)
 
-    def _choose(self, file: Readable) -> Decoder:
-        """The process that read this file last has it open; one that runs is better than a new one."""
-        best = max(self._idle, key=lambda each: (each.last_path == path_of(file), each.pid is not None))
-        self._idle.remove(best)
-        return best
+    def _take(self, file: Readable) -> Decoder:
+        """One that has this very file open already, or a new one."""
+        path = path_of(file)
+        with self._lock:
+            kept = self._idle[path].pop() if self._idle.get(path) else None
+        if kept is not None and not kept.has_open(file):
+            kept.close()
+            kept = None
+        decoder = kept or Decoder(self._nursery, self._limits, file)
+        with self._lock:
+            self._busy.append(decoder)
+        return decoder
+
+    def _give_back(self, path: Path, decoder: Decoder) -> None:
+        with self._lock:
+            self._busy.remove(decoder)
+            keep = self._holds[path] > 0 and decoder.pid is not None
+            if keep:
+                self._idle[path].append(decoder)
+        if not keep:
+            decoder.close()

@@ -1,20 +1,19 @@
-"""What is asked of a file: its header, a window of its mosaic, and its preview with its proof."""
+"""The three things that are asked of a file: its header, a window of its mosaic, a picture to draw on."""
 
-import os
-from collections import OrderedDict
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from radiometry.errors import Code, InputRejected
 from radiometry.frame import Frame, FrameHeader
 from radiometry.proof import Proof
+from worker.decode.budget import Allow, allow_all
 from worker.decode.inspection import inspect
-from worker.decode.opening import OpenedFile, open_file
+from worker.decode.opening import OpenedFile, open_source
+from worker.decode.source import Source
 
 PREVIEW_SIDE_PX = 1600
-_KEPT_OPEN = 4
 
 
 class Window(NamedTuple):
@@ -27,16 +26,24 @@ class Window(NamedTuple):
 
 
 class Reader:
-    """Keeps the last few files open, parsed: a header is mostly followed by a window of the same file."""
+    """Reads one file, which is opened and parsed when it is first asked for."""
 
-    def __init__(self) -> None:
-        self._opened: OrderedDict[tuple[str, int, int, int], OpenedFile] = OrderedDict()
+    def __init__(self, source: Source, allow: Allow = allow_all) -> None:
+        self._source = source
+        self._allow = allow
+        self._opened: OpenedFile | None = None
 
-    def read_header(self, path: Path, digests: bytes | None = None) -> FrameHeader:
-        return self._open(path, digests).header
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """Read a file in this process: for files that one trusts."""
+        with path.open("rb") as file:
+            return cls(Source.map(file.fileno()))
 
-    def read_window(self, path: Path, window: Window, digests: bytes | None = None) -> Frame:
-        opened = self._open(path, digests)
+    def read_header(self) -> FrameHeader:
+        return self._open().header
+
+    def read_window(self, window: Window) -> Frame:
+        opened = self._open()
         header = opened.header
         _check_inside(window, header)
         samples = opened.read(*window)
@@ -51,20 +58,14 @@ class Reader:
             white_level_dn=header.white_level_dn,
         )
 
-    def inspect(
-        self, path: Path, longest_side_px: int = PREVIEW_SIDE_PX, digests: bytes | None = None
-    ) -> tuple[bytes, Proof]:
+    def inspect(self, longest_side_px: int = PREVIEW_SIDE_PX) -> tuple[bytes, Proof]:
         """The frame's preview, and the proof of its pixels: every row is read."""
-        return inspect(self._open(path, digests), longest_side_px)
+        return inspect(self._open(), longest_side_px)
 
-    def _open(self, path: Path, digests: bytes | None) -> OpenedFile:
-        status = os.stat(path)  # noqa: PTH116  one call, and the path may be a str from the wire
-        key = (str(path), status.st_mtime_ns, status.st_size, status.st_ino)
-        opened = self._opened.pop(key, None) or open_file(path, digests)
-        self._opened[key] = opened
-        while len(self._opened) > _KEPT_OPEN:
-            self._opened.popitem(last=False)
-        return opened
+    def _open(self) -> OpenedFile:
+        if self._opened is None:
+            self._opened = open_source(self._source, self._allow)
+        return self._opened
 
 
 def _check_inside(window: Window, header: FrameHeader) -> None:
@@ -79,16 +80,16 @@ def _check_inside(window: Window, header: FrameHeader) -> None:
 
 
 def read_header(path: Path) -> FrameHeader:
-    return Reader().read_header(path)
+    return Reader.of(path).read_header()
 
 
 def read_window(path: Path, row0: int, col0: int, height: int, width: int) -> Frame:
-    return Reader().read_window(path, Window(row0, col0, height, width))
+    return Reader.of(path).read_window(Window(row0, col0, height, width))
 
 
 def render_preview(path: Path, longest_side_px: int = PREVIEW_SIDE_PX) -> bytes:
-    return Reader().inspect(path, longest_side_px)[0]
+    return Reader.of(path).inspect(longest_side_px)[0]
 
 
 def prove(path: Path) -> Proof:
-    return Reader().inspect(path)[1]
+    return Reader.of(path).inspect()[1]

@@ -58,6 +58,7 @@ def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: 
     header = subject.header
     reduction = Reduction(header.height_px, header.width_px)
     with (
+        decoders.hold(subject.file),
         StripReader(decoders, subject.file, header) as reader,
         ThreadPoolExecutor(_THREADS, thread_name_prefix="bands") as threads,
     ):

@@ -136,6 +136,7 @@ def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
     index = task.parameters["index"]
     with ExitStack() as stack:
         file = stack.enter_context(task.context.files.local(other_row.sha256))
+        stack.enter_context(task.context.decoders.hold(file))
         other = replace(
             task,
             frame=other_row,

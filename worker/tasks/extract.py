@@ -77,7 +77,7 @@ def extract(context: Context, claim: Claim) -> Outcome:
     with context.database.reading() as session:
         subject = _load(session, claim.subject_id)
     try:
-        with context.files.local(subject.frame.sha256) as file:
+        with context.files.local(subject.frame.sha256) as file, context.decoders.hold(file):
             found = _read(context, claim, subject, file)
     except InputRejected as refusal:
         return _refuse(subject.frame.id, refusal)

@@ -30,7 +30,7 @@ def measure(context: Context, claim: Claim) -> Outcome:
     if found is not None and not lost:
         return Outcome(store=lambda _session: _links(found))
     try:
-        with context.files.local(frame.sha256) as file:
+        with context.files.local(frame.sha256) as file, context.decoders.hold(file):
             doubts = _find_doubts(context, claim, frame, file)
             measured, products = _measure(_make_task(context, claim, frame, calibration, file))
             measured["flags"] = [*measured["flags"], *doubts]

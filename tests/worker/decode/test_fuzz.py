@@ -7,13 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radiometry.errors import InputRejected
-from radiometry.wholeness import WholenessCheck
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
-from tests.worker.decode.fuzz_seeds import make_seeds
-from tests.worker.decode.fuzzing import Fuzzer
 from worker.decode import reading
-from worker.decode.digests import DigestCheck
-from worker.decode.pool import DecoderPool
 
 VARIANTS = {
     "packed": Variant(bits=12, active_area=(2, 4, 38, 44), extra=black_level([4, 5, 6, 7], (2, 2))),
@@ -33,11 +28,11 @@ FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255
 
 
 def _read_all(path):
-    reader = reading.Reader()
+    reader = reading.Reader.of(path)
     with contextlib.suppress(InputRejected):
-        header = reader.read_header(path)
-        reader.read_window(path, reading.Window(0, 0, header.height_px, header.width_px))
-        reader.inspect(path, 64)
+        header = reader.read_header()
+        reader.read_window(reading.Window(0, 0, header.height_px, header.width_px))
+        reader.inspect(64)
 
 
 def _damage(content, flips, kept):
@@ -96,37 +91,3 @@ def test_damaged_head_of_a_real_file_is_read_or_refused(real_files, save, flips)
     for place, value in flips:
         damaged[place] = value
     _read_all(save(bytes(damaged)))
-
-
-def test_damaged_files_prove_themselves_or_say_so(tmp_path):
-    """A fixed part of `make fuzz`, each kind of change and of file in it."""
-    seeds = make_seeds()
-    with DecoderPool(1) as pool:
-        fuzzer = Fuzzer(pool, tmp_path, seeds, [])
-        for number in range(250):
-            fuzzer.try_one(number)
-    assert fuzzer.findings == []
-    outcomes = {outcome for _, outcome in fuzzer.counts}
-    assert outcomes >= {"refused", "same", "flagged", "not provable"}
-    assert {name for name, _ in fuzzer.counts} == {seed.name for seed in seeds}
-
-
-def test_fuzzing_finds_what_it_looks_for(tmp_path, monkeypatch):
-    """A decoder that takes a damaged image for a whole one is found out."""
-    monkeypatch.setattr(WholenessCheck, "_find_empty", lambda _check: iter(()))
-    monkeypatch.setattr(DigestCheck, "matches", lambda _check: True)
-    found = [
-        fuzzer.try_one(number)
-        for fuzzer in [Fuzzer(InProcess(), tmp_path, make_seeds(), [])]
-        for number in range(120)
-    ]
-    assert "FINDING" in found
-
-
-class InProcess:
-    """A pool's answers without its processes."""
-
-    def __getattr__(self, name):
-        return lambda path, *rest: getattr(reading.Reader(), name)(
-            path, *(reading.Window(*each) if isinstance(each, tuple) else each for each in rest)
-        )

@@ -82,10 +82,10 @@ def test_windows_are_parts_of_the_frame(name, save):
     samples = make_samples(ROWS, COLS, variant.bits)
     whole = expected_samples(samples, variant)
     path = save(make_dng(samples, variant))
-    reader = reading.Reader()
+    reader = reading.Reader.of(path)
     for window in WINDOWS:
         row0, col0, height, width = window
-        frame = reader.read_window(path, reading.Window(*window))
+        frame = reader.read_window(reading.Window(*window))
         np.testing.assert_array_equal(frame.samples_dn, whole[row0 : row0 + height, col0 : col0 + width])
         assert (frame.row0, frame.col0) == (row0, col0)
         assert (frame.height_px, frame.width_px) == whole.shape
@@ -118,11 +118,11 @@ def test_feature_that_is_not_read_natively_goes_to_libraw(save):
     jpeg = restarting + content[start + 2 :]
     variant = Variant(compression="ljpeg", bits=12, extra={273: (LONG, moved), 279: (LONG, len(jpeg))})
     path = save(make_dng(samples, variant).ljust(moved, b"\0") + jpeg)
-    reader = reading.Reader()
-    frame = reader.read_window(path, reading.Window(3, 5, 20, 30))
+    reader = reading.Reader.of(path)
+    frame = reader.read_window(reading.Window(3, 5, 20, 30))
     with rawpy.imread(str(path)) as raw:
         np.testing.assert_array_equal(frame.samples_dn, raw.raw_image_visible[3:23, 5:35])
-    assert reader.read_header(path).decoder == "libraw"
+    assert reader.read_header().decoder == "libraw"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from store.digests import PIECE_BYTES, PieceDigester
-from worker.decode.opening import open_file
+from worker.decode.budget import allow_all
+from worker.decode.opening import open_source
 from worker.decode.source import Source, SourceDamagedError
 
 SIZE = 2 * PIECE_BYTES + 5
@@ -59,5 +60,7 @@ def test_another_size_is_damage(damaged: bytes) -> None:
 def test_a_damaged_header_is_no_refusal_of_the_frame(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(bytes(SIZE))
+    with path.open("rb") as file:
+        source = Source.map(file.fileno(), digest(CONTENT))
     with pytest.raises(SourceDamagedError):
-        open_file(path, digest(CONTENT))
+        open_source(source, allow_all)

@@ -1,0 +1,260 @@
+"""A cell: what it may not do, that it sees one file only, and what its end means for the file."""
+
+import json
+import os
+import platform
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from radiometry.errors import InputRejected
+from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
+from worker.decode import nursery, reading, warming
+from worker.decode.calls import build_filter
+from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderPool
+from worker.decode.refusals import Refusal
+from worker.decode.sandbox import Restrictions, Sandbox
+
+SAMPLES = make_samples(64, 96, 14)
+linux = pytest.mark.skipif(
+    sys.platform != "linux" or platform.machine() not in {"x86_64", "aarch64"}, reason="Linux's own"
+)
+
+
+@pytest.fixture
+def good(save):
+    return save(make_dng(SAMPLES, Variant(bits=14)), "good.dng")
+
+
+@pytest.fixture
+def hostile(monkeypatch):
+    """A pool whose cells obey their files."""
+    command = [sys.executable, "-s", "-P", "-m", "tests.worker.decode.probing"]
+    monkeypatch.setattr(nursery, "_command", lambda: command)
+    with DecoderPool(1, wall_seconds=1.5) as pool:
+        yield pool
+
+
+@pytest.fixture
+def world(tmp_path, monkeypatch):
+    """What a hostile file would like to reach."""
+    monkeypatch.setenv("STILB_KEY", "a secret")
+    for name in ("key", "database", "stored"):
+        (tmp_path / name).write_bytes(b"a secret")
+    with socket.socket() as tcp, socket.socket(socket.AF_UNIX) as unix:
+        tcp.bind(("127.0.0.1", 0))
+        tcp.listen()
+        unix.bind(str(tmp_path / "unix"))
+        unix.listen()
+        found = {name: str(tmp_path / name) for name in ("key", "database", "stored", "unix")}
+        yield found | {"tcp": tcp.getsockname()[1], "worker": os.getpid()}
+
+
+@linux
+def test_a_cell_that_was_taken_over_reaches_nothing(hostile, world):
+    if hostile.start().level != "full":
+        pytest.skip("this kernel has no full sandbox")
+    stored = Path(world["stored"])
+    stored.write_bytes(b"PROBE" + json.dumps(world).encode())
+    before = stored.read_bytes()
+    with pytest.raises(InputRejected) as caught:
+        hostile.read_header(stored)
+    assert json.loads(caught.value.message) == []
+    assert stored.read_bytes() == before
+    assert not Path(world["stored"] + ".new").exists()
+
+
+@linux
+def test_the_same_probe_outside_a_cell_reaches_the_world(world):
+    code = "import json, sys; from tests.worker.decode import probing as at\n"
+    code += "print(json.dumps(at.probe(json.loads(sys.argv[1]))))"
+    done = subprocess.run(
+        [sys.executable, "-c", code, json.dumps(world)], capture_output=True, check=True, timeout=60
+    )
+    found = set(json.loads(done.stdout))
+    usual = {
+        "reads the key",
+        "reads the database",
+        "looks at the database",
+        "has a secret",
+        "connects by TCP",
+    }
+    usual |= {"connects by a path", "runs a shell", "forks", "starts a thread", "writes the stored file"}
+    assert found >= usual | {"signals the worker", "has itself signalled", "makes memory executable"}
+
+
+@linux
+def test_both_architectures_know_the_same_calls():
+    one, other = (build_filter(machine) for machine in ("x86_64", "aarch64"))
+    assert len(one) - len(other) == 4  # x32, and poll, which newer systems do without
+    assert build_filter("riscv64") == []
+
+
+def test_levels_say_what_lacks():
+    full = Sandbox(no_new_privs=True, landlock=7, seccomp=True)
+    assert (full.level, full.lacks, all(full.parts.values())) == ("full", (), True)
+    old = Sandbox(no_new_privs=True, landlock=1, seccomp=True)
+    assert (old.level, old.lacks, old.parts["landlock_network"]) == ("full", (), False)
+    bare = Sandbox(no_new_privs=True, landlock=0, seccomp=True)
+    assert (bare.level, bare.lacks) == ("seccomp only", ("landlock_files",))
+    assert Sandbox(no_new_privs=False, landlock=0, seccomp=False).level == "none"
+    assert Sandbox(no_new_privs=True, landlock=3, seccomp=False).level == "landlock only"
+
+
+def test_without_linux_nothing_is_lost_and_nothing_breaks(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert Restrictions().shut_in() == Sandbox(no_new_privs=False, landlock=0, seccomp=False)
+
+
+def test_each_file_has_a_process_of_its_own(good, save):
+    other = save(make_dng(SAMPLES[::-1].copy(), Variant(bits=14)), "other.dng")
+    with DecoderPool(1) as pool:
+        seen = []
+        for path in (good, other, good):
+            with pool.hold(path):
+                pool.read_header(path)
+                first = pool.pids()
+                pool.read_window(path, (0, 0, 16, 16))
+                pool.render_preview(path, 40)
+                assert pool.pids() == first
+                seen.append(first[-1])
+            assert pool.pids() == first[:1]
+        assert len(set(seen)) == 3
+
+
+def test_two_files_held_at_once_do_not_wait_for_each_other(good, save):
+    other = save(make_dng(SAMPLES, Variant(bits=14)), "other.dng")
+    with DecoderPool(1) as pool, pool.hold(good), pool.hold(other):
+        for _ in range(2):
+            pool.read_header(good)
+            pool.read_header(other)
+        assert len(pool.pids()) == 3
+
+
+def test_nothing_is_imported_after_the_fork(good, real_files):
+    """A cell cannot open a module's file any more."""
+    code = """
+import sys
+from pathlib import Path
+from worker.decode import reading, zygote
+from radiometry.errors import InputRejected
+zygote.load_late_imports()
+class Spy:
+    def find_spec(self, name, path=None, target=None):
+        print("late:", name)
+sys.meta_path.insert(0, Spy())
+for path in map(Path, sys.argv[1:]):
+    reader = reading.Reader.of(path)
+    header = reader.read_header()
+    reader.read_window(reading.Window(0, 0, header.height_px, header.width_px))
+    reader.render_preview()
+"""
+    paths = [good, real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng"]
+    paths += [real_files / "checkerboard" / "left01.jpg"]
+    paths += [real_files / "sequoia" / "IMG_180413_080658_0000_NIR.TIF", real_files / "p4m" / "DJI_0011.TIF"]
+    paths += [real_files / "rededge" / "0000SET_000_IMG_0000_1.tif"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, paths)],
+        capture_output=True,
+        check=True,
+        timeout=120,
+        text=True,
+    )
+    assert done.stdout == ""
+
+
+def test_the_first_file_is_one():
+    content = warming.make_smallest_dng()
+    warming.warm_up(content)
+    assert len(content) < 1000
+
+
+def _kill_when_busy(pool, number, times=1):
+    """End the cells that come after the zygote, as somebody from outside would."""
+
+    def work():
+        killed = set()
+        while len(killed) < times:
+            for pid in pool.pids()[1:]:
+                if pid not in killed:
+                    time.sleep(0.1)
+                    os.kill(pid, number)
+                    killed.add(pid)
+            time.sleep(0.01)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    return thread
+
+
+def test_a_cell_killed_from_outside_is_replaced_once(hostile, save):
+    spins = save(b"SPIN" + bytes(100), "spins")
+    killer = _kill_when_busy(hostile, signal.SIGKILL)
+    with pytest.raises(DecoderCrashed, match=r"longer than 1\.5 s"):
+        hostile.read_header(spins)
+    killer.join()
+
+
+def test_a_cell_killed_twice_says_nothing_about_its_file(hostile, save):
+    spins = save(b"SPIN" + bytes(100), "spins")
+    killer = _kill_when_busy(hostile, signal.SIGTERM, times=2)
+    with pytest.raises(DecoderKilled, match="SIGTERM"):
+        hostile.read_header(spins)
+    killer.join()
+
+
+def test_a_cell_that_ends_by_its_own_fault_is_not_replaced(hostile, save):
+    spins = save(b"SPIN" + bytes(100), "spins")
+    killer = _kill_when_busy(hostile, signal.SIGSEGV)
+    with pytest.raises(DecoderCrashed, match="SIGSEGV"):
+        hostile.read_header(spins)
+    killer.join()
+
+
+def test_a_cell_that_stands_still_is_not_its_files_fault(hostile, save):
+    waits = save(b"WAIT" + bytes(100), "waits")
+    with pytest.raises(DecoderKilled, match="stood still"):
+        hostile.read_header(waits)
+
+
+def test_the_zygotes_death_is_nobodys_fault(good):
+    with DecoderPool(1) as pool, pool.hold(good):
+        pool.read_header(good)
+        before = pool.pids()
+        os.kill(before[0], signal.SIGKILL)
+        assert pool.read_window(good, (0, 0, 16, 16)).samples_dn.shape == (16, 16)
+        assert not set(before) & set(pool.pids())
+
+
+def _without_dng_version(content):
+    """The tag that makes it a DNG becomes another, so that LibRaw takes it for some other camera's file."""
+    tag = bytes.fromhex("c612 0001 0000 0004")
+    assert content.count(tag) == 1
+    return content.replace(tag, bytes.fromhex("c611 0001 0000 0004"))
+
+
+def test_a_dirty_process_gives_nothing_of_another_file(real_files, save):
+    folder = real_files / "dng"
+    undecoded = save(_without_dng_version((folder / "blackmagic_bigendian_ljpeg_tiled.dng").read_bytes()))
+    for _ in range(3):
+        # in this very process, whose memory then holds other frames' samples
+        for name in ("blackmagic_bigendian_ljpeg_tiled.dng", "canon_14bit_packed_activearea_zero_exif.dng"):
+            whole = reading.read_header(folder / name)
+            held = reading.read_window(folder / name, 0, 0, whole.height_px, whole.width_px).samples_dn.copy()
+            del held
+        with pytest.raises(InputRejected) as caught:
+            reading.read_header(undecoded)
+        assert caught.value.code is Refusal.TRUNCATED
+
+
+def test_a_clean_cell_refuses_the_same_file(real_files, save):
+    content = (real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng").read_bytes()
+    with DecoderPool(1) as pool, pytest.raises(InputRejected) as caught:
+        pool.render_preview(save(_without_dng_version(content)))
+    assert caught.value.code is Refusal.TRUNCATED

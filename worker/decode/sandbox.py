@@ -1,0 +1,143 @@
+"""What the kernel takes from a cell before it reads a file: other files, network, processes, signals.
+
+Landlock and seccomp need no rights, so this works as any user and in plain containers. Both are asked by way
+of ctypes: three system calls and a short program, where libraries bring more than is used.
+"""
+
+import ctypes
+import os
+import platform
+import signal
+import sys
+from dataclasses import dataclass
+from typing import Final
+
+from worker.decode.calls import OWN_PID, build_filter
+
+_PR_SET_PDEATHSIG, _PR_SET_SECCOMP, _PR_SET_NO_NEW_PRIVS = 1, 22, 38
+_SECCOMP_MODE_FILTER = 2
+_LANDLOCK_CREATE_RULESET, _LANDLOCK_RESTRICT_SELF = 444, 446
+_LANDLOCK_VERSION = 1
+# Rights over files that each version of Landlock knows of: 13 at first, then refer, truncate and ioctl.
+_FILE_RIGHTS: Final = ((5, (1 << 16) - 1), (3, (1 << 15) - 1), (2, (1 << 14) - 1), (1, (1 << 13) - 1))
+_NETWORK_SINCE, _SCOPES_SINCE = 4, 6
+_TCP_RIGHTS = 0b11  # bind and connect
+_SCOPES = 0b11  # abstract sockets and signals
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sandbox:
+    """What holds in a cell. ``landlock`` : the version in use, 0 for none."""
+
+    no_new_privs: bool
+    landlock: int
+    seccomp: bool
+
+    @property
+    def level(self) -> str:
+        """`full`, `seccomp only`, `landlock only` or `none`."""
+        match bool(self.landlock), self.seccomp:
+            case True, True:
+                return "full"
+            case False, True:
+                return "seccomp only"
+            case True, False:
+                return "landlock only"
+            case _:
+                return "none"
+
+    @property
+    def parts(self) -> dict[str, bool]:
+        """Each part by the name that the operator reads."""
+        return {
+            "no_new_privs": self.no_new_privs,
+            "landlock_files": self.landlock >= 1,
+            "landlock_network": self.landlock >= _NETWORK_SINCE,
+            "landlock_signals": self.landlock >= _SCOPES_SINCE,
+            "seccomp": self.seccomp,
+        }
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """What a full sandbox needs and this kernel refuses; seccomp alone takes network and signals, too."""
+        needed = ("no_new_privs", "landlock_files", "seccomp")
+        return tuple(name for name in needed if not self.parts[name])
+
+
+class _RulesetAttributes(ctypes.Structure):
+    _fields_ = (
+        ("handled_access_fs", ctypes.c_uint64),
+        ("handled_access_net", ctypes.c_uint64),
+        ("scoped", ctypes.c_uint64),
+    )
+
+
+class _Instruction(ctypes.Structure):
+    _fields_ = (
+        ("code", ctypes.c_uint16),
+        ("if_true", ctypes.c_uint8),
+        ("if_false", ctypes.c_uint8),
+        ("value", ctypes.c_uint32),
+    )
+
+
+class _Program(ctypes.Structure):
+    _fields_ = (("length", ctypes.c_uint16), ("instructions", ctypes.c_void_p))
+
+
+class Restrictions:
+    """Prepared before the fork, so that a cell spends little time on them."""
+
+    def __init__(self) -> None:
+        self._linux = sys.platform == "linux"
+        self._libc = ctypes.CDLL(None, use_errno=True)
+        self._landlock = self._ask_landlock() if self._linux else 0
+        self._filter = build_filter(platform.machine()) if self._linux else []
+
+    def die_with_parent(self) -> None:
+        """Only sound where the parent has one thread: the signal comes when the starting thread ends."""
+        if self._linux:
+            self._libc.prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+
+    def shut_in(self) -> Sandbox:
+        """Lose new privileges, every path, the network, and all system calls but those of computing."""
+        if not self._linux:
+            return Sandbox(no_new_privs=False, landlock=0, seccomp=False)
+        no_new_privs = self._libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0
+        landlock = self._landlock if self._restrict_files() else 0
+        return Sandbox(no_new_privs=no_new_privs, landlock=landlock, seccomp=self._restrict_calls())
+
+    def _restrict_calls(self) -> bool:
+        if not self._filter:
+            return False
+        pid = os.getpid()
+        array = (_Instruction * len(self._filter))(
+            *(_Instruction(*each[:3], pid if each[3] == OWN_PID else each[3]) for each in self._filter)
+        )
+        program = _Program(len(array), ctypes.addressof(array))
+        done: int = self._libc.prctl(_PR_SET_SECCOMP, _SECCOMP_MODE_FILTER, ctypes.byref(program), 0, 0)
+        return done == 0
+
+    def _ask_landlock(self) -> int:
+        version: int = self._libc.syscall(_LANDLOCK_CREATE_RULESET, None, 0, _LANDLOCK_VERSION)
+        return max(0, version)
+
+    def _restrict_files(self) -> bool:
+        version = self._landlock
+        if not version:
+            return False
+        rights = next(each for since, each in _FILE_RIGHTS if version >= since)
+        wanted = _RulesetAttributes(
+            handled_access_fs=rights,
+            handled_access_net=_TCP_RIGHTS if version >= _NETWORK_SINCE else 0,
+            scoped=_SCOPES if version >= _SCOPES_SINCE else 0,
+        )
+        # an older kernel refuses a structure with fields that it does not know
+        size = 24 if version >= _SCOPES_SINCE else 16 if version >= _NETWORK_SINCE else 8
+        ruleset: int = self._libc.syscall(_LANDLOCK_CREATE_RULESET, ctypes.byref(wanted), size, 0)
+        if ruleset < 0:
+            return False
+        try:
+            return bool(self._libc.syscall(_LANDLOCK_RESTRICT_SELF, ruleset, 0) == 0)
+        finally:
+            os.close(ruleset)
