@@ -44,6 +44,9 @@ def _lines(census: Census) -> Iterator[str]:
     yield from _by_dependency("stilb_jobs_waiting_for", census.waiting_for)
     yield from _head("stilb_workers_without", "Workers that hold jobs back, as this does not serve.")
     yield from _by_dependency("stilb_workers_without", census.workers_without)
+    yield from _head("stilb_worker_sandbox", "Workers by the level of their decoders' sandbox.")
+    for level, count in census.sandboxes.items():
+        yield f'stilb_worker_sandbox{{level="{level}"}} {count}'
     yield from _by_state("stilb_frames", "Frames by state.", census.frames, get_args(FrameState))
     yield from _head("stilb_uploads", "Files that were ever received.")
     yield f"stilb_uploads {sum(census.frames.values())}"

@@ -27,6 +27,8 @@ class Census:
     """Workers that begin no job which needs a dependency, as it does not serve, by the dependency."""
     parts: dict[tuple[str, str], int]
     """Processes by kind and state."""
+    sandboxes: dict[str, int]
+    """Workers at work, by the level of their decoders' sandbox."""
     frames: dict[str, int]
     refusals: dict[str, int]
     """Refused frames by the code of their refusal."""
@@ -65,6 +67,11 @@ def take_census(session: Session) -> Census:
             for part in list_parts(session)
             if part.state == "working"
             for each in part.details.get("away", {})
+        ),
+        sandboxes=Counter(
+            part.details["decoder_sandbox"]["level"]
+            for part in list_parts(session)
+            if part.state == "working" and "decoder_sandbox" in part.details
         ),
         frames=_count_by(session, FrameRow.state),
         refusals=_count_by(session, FrameRow.refusal_code),

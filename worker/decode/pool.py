@@ -38,8 +38,8 @@ class DecoderPool:
     """Thread-safe. A caller waits while as many cells are busy as the pool has room for.
 
     Every method raises InputRejected for a file that cannot be used, BlobDamaged for a stored one that is not
-    what was uploaded, FileNotFoundError for one that is not there, DecoderCrashed for one that ended its cell,
-    and DecoderKilled where somebody else did so twice.
+    what was uploaded, FileNotFoundError for one that is not there, DecoderCrashed for one that ended its
+    cell, and DecoderKilled where somebody else did so twice.
     """
 
     def __init__(

@@ -121,7 +121,7 @@ def test_each_file_has_a_process_of_its_own(good, save):
                 pool.read_header(path)
                 first = pool.pids()
                 pool.read_window(path, (0, 0, 16, 16))
-                pool.render_preview(path, 40)
+                pool.inspect(path, 40)
                 assert pool.pids() == first
                 seen.append(first[-1])
             assert pool.pids() == first[:1]
@@ -153,7 +153,7 @@ for path in map(Path, sys.argv[1:]):
     reader = reading.Reader.of(path)
     header = reader.read_header()
     reader.read_window(reading.Window(0, 0, header.height_px, header.width_px))
-    reader.render_preview()
+    reader.inspect()
 """
     paths = [good, real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng"]
     paths += [real_files / "checkerboard" / "left01.jpg"]
@@ -223,11 +223,23 @@ def test_a_cell_that_stands_still_is_not_its_files_fault(hostile, save):
         hostile.read_header(waits)
 
 
+def _wait_until(condition):
+    end = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < end, "the cell outlives its zygote"
+        time.sleep(0.02)
+
+
+def _is_zombie(pid):
+    return "\nState:\tZ" in Path(f"/proc/{pid}/status").read_text()
+
+
 def test_the_zygotes_death_is_nobodys_fault(good):
     with DecoderPool(1) as pool, pool.hold(good):
         pool.read_header(good)
         before = pool.pids()
         os.kill(before[0], signal.SIGKILL)
+        _wait_until(lambda: not Path(f"/proc/{before[1]}").exists() or _is_zombie(before[1]))
         assert pool.read_window(good, (0, 0, 16, 16)).samples_dn.shape == (16, 16)
         assert not set(before) & set(pool.pids())
 
@@ -256,5 +268,5 @@ def test_a_dirty_process_gives_nothing_of_another_file(real_files, save):
 def test_a_clean_cell_refuses_the_same_file(real_files, save):
     content = (real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng").read_bytes()
     with DecoderPool(1) as pool, pytest.raises(InputRejected) as caught:
-        pool.render_preview(save(_without_dng_version(content)))
+        pool.inspect(save(_without_dng_version(content)))
     assert caught.value.code is Refusal.TRUNCATED
