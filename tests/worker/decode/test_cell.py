@@ -196,7 +196,8 @@ def _kill_when_busy(pool, number, times=1):
 def test_a_cell_killed_from_outside_is_replaced_once(hostile, save):
     spins = save(b"SPIN" + bytes(100), "spins")
     killer = _kill_when_busy(hostile, signal.SIGKILL)
-    with pytest.raises(DecoderCrashed, match=r"longer than 1\.5 s"):
+    # the second one spins for its whole time; on a busy machine it may not get a processor for that
+    with pytest.raises((DecoderCrashed, DecoderKilled), match=r"(longer than|stood still for) 1\.5 s"):
         hostile.read_header(spins)
     killer.join()
 
