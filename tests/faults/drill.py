@@ -48,6 +48,8 @@ class Fault:
     """Whether a user of the client must not see any."""
     slow: bool = False
     """Whether files are large and sent slowly."""
+    refuses: frozenset[str] = frozenset()
+    """Codes of lasting refusals that are right while the fault lasts."""
     sends_again: bool = False
     """Whether everything is asked for again afterwards, as after a restored backup."""
     in_tests: tuple[Kind, ...] = ()
@@ -140,10 +142,7 @@ def run_row(
         row.complaints += [
             f"a passing fault was called lasting: {trouble.code} ({trouble.asked})"
             for trouble in load.troubles
-            if not trouble.retryable
-            and trouble not in load.refused
-            # What was asked for after the backup is no longer there.
-            and not (fault.sends_again and trouble.code == "not_found")
+            if not trouble.retryable and trouble not in load.refused and trouble.code not in fault.refuses
         ]
         truth = truth or take_truth(load, card)
         row.verdict = judge(load, card, truth, database=ground.database, stranger=stranger)

@@ -5,6 +5,8 @@ import shutil
 import signal
 import sqlite3
 import subprocess
+import sys
+import time
 from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
@@ -18,7 +20,8 @@ from service.launch.port import free_port
 from store.database import Database
 from store.settings import Settings
 from tests.faults.machine import Clock
-from tests.support.deployments import GIVEN, Composed, Deployment, Embedded
+from tests.support.compose import compose
+from tests.support.deployments import GIVEN, Composed, Deployment, Embedded, spawn
 from tests.support.postgres import PostgresServer
 from tests.support.processes import alive, family
 from tests.support.proxy import Proxy
@@ -164,6 +167,7 @@ class ComposedGround(Ground, Composed):
         super().__init__(folder, url, **{"STILB_DATABASE_URL": through} | settings)
         self.proxies = {"database": database}
         self.held_down: set[str] = set()
+        self._checks: dict[str, tuple[float, subprocess.Popen | None]] = {}
 
     def _start_s3(self, stack: ExitStack) -> str:
         self._s3_url = super()._start_s3(stack)
@@ -172,9 +176,30 @@ class ComposedGround(Ground, Composed):
         return f"http://{self.proxies['s3'].address}"
 
     def look_after(self) -> None:
+        """Start again what died, and check the health of ours, both as Compose does."""
+        for name in OURS:
+            self._check_health(name)
         for name, process in list(self._running.items()):
             if process.poll() is not None and name not in self.held_down:
                 self.start(name)
+
+    def _check_health(self, name: str) -> None:
+        check = compose()["services"][name]["healthcheck"]
+        now = time.monotonic()
+        began, running = self._checks.get(name, (now, None))
+        if running is not None and running.poll() is None and now - began > _seconds(check["timeout"]):
+            running.kill()
+        if name in self._running and now - began >= _seconds(check["interval"]):
+            words = [
+                self.url + word[word.index("/readyz") :] if "/readyz" in word else word
+                for word in check["test"][1:]
+            ]
+            command = [sys.executable, *words[1:]]
+            running = spawn(
+                command, self._described(name)[1], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+            began = now
+        self._checks[name] = (began, running)
 
     def _described(self, name: str) -> tuple[list[str], dict[str, str]]:
         command, environment = super()._described(name)
@@ -262,3 +287,8 @@ class ComposedGround(Ground, Composed):
 
     def _key(self, sha256: str) -> str:
         return f"raw/{sha256[:2]}/{sha256[2:4]}/{sha256}"
+
+
+def _seconds(text: str) -> float:
+    assert text.endswith("s"), text
+    return float(text.removesuffix("s"))

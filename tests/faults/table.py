@@ -70,13 +70,19 @@ FAULTS: tuple[Fault, ...] = (
     Fault(name="the disk is full", strike=strikes.disk_full, lasts_s=60.0, needs="disk", livez=True),
     Fault(name="the clock goes back by an hour", strike=strikes.clock_set(-3600), needs="clock"),
     Fault(name="the clock goes forward by an hour", strike=strikes.clock_set(3600), needs="clock"),
-    Fault(name="stored files rot", strike=strikes.bit_rot),
+    Fault(name="stored files rot", strike=strikes.bit_rot, refuses=frozenset({"stored_file_damaged"})),
     Fault(name="the service hangs", strike=strikes.hung("service")),
     Fault(name="the worker hangs", strike=strikes.hung("worker")),
     Fault(
         name="the sweeper hangs and the broker is flushed", strike=strikes.sweeper_hangs_and_broker_is_flushed
     ),
-    Fault(name="a backup is restored", strike=strikes.restored, sends_again=True, in_tests=_EMBEDDED),
+    Fault(
+        name="a backup is restored",
+        strike=strikes.restored,
+        refuses=frozenset({"not_found"}),
+        sends_again=True,
+        in_tests=_EMBEDDED,
+    ),
     Fault(
         name="all is restarted politely",
         strike=strikes.restarted_politely,

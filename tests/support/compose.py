@@ -3,6 +3,7 @@
 import re
 import sys
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ OURS = ("migrate", "service", "worker", "sweeper")
 _VARIABLE = re.compile(r"\$\{(?P<name>\w+)(?::(?P<kind>[-?])(?P<text>[^}]*))?\}")
 
 
+@cache
 def compose() -> dict[str, Any]:
     """The whole file, its anchors resolved."""
     return yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))

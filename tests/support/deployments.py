@@ -258,7 +258,9 @@ class Composed(Deployment):
             where = ["--port", str(self._broker_port), "--bind", "127.0.0.1", "--dir", str(self.folder)]
             return [str(valkey_binary()), *words[1:], *where], path
         named = environment_of(name, GIVEN)
-        here = {key: value for key, value in self._addresses.items() if key in named}
+        # each container has a /tmp of its own
+        addresses = self._addresses | {"STILB_PULSE": str(self.folder / f"pulse-{name}")}
+        here = {key: value for key, value in addresses.items() if key in named}
         return command_of(name), path | named | here | QUICK | self._settings
 
     def _start_s3(self, stack: ExitStack) -> str:
