@@ -21,7 +21,8 @@ that can fall silent, slow down, fail or go away.
 Each row works with {per_row} small frames of an organisation of its own. Half of them are read and fitted
 in peace. Under the fault the other half is sent, the first half is measured and fitted once more. The fault
 begins at a moment that the seed chooses. What fails with an error is asked again, as a user would. When all
-is answered and no job is left, everything is compared with a run without a fault, to the last bit.
+is answered and no job is left, everything is compared with
+the deployment's own run without a fault, to the last bit.
 
 | column | meaning |
 |---|---|
@@ -35,7 +36,8 @@ is answered and no job is left, everything is compared with a run without a faul
 
 A part that hangs is stopped by a signal and left so: the fault ends when it has been replaced. The clock is
 set for all processes but PostgreSQL's by a library that is loaded before theirs; their monotonic clocks run
-on, as they do on a machine. Leases, sweeps and stall limits are those that stilb is delivered with.
+on, as they do on a machine. Leases, sweeps and stall limits are those that stilb is
+delivered with, except with `--quick`, as in the tests.
 
 """
 

@@ -38,7 +38,7 @@ def _peers() -> list[Fault]:
                 lasts_s=20.0,
                 readyz=503,
                 livez=True,
-                in_tests=_COMPOSED,
+                in_tests=_COMPOSED if peer == "s3" else (),
             ),
             Fault(
                 name=f"{name} is away for ten minutes",
@@ -70,7 +70,12 @@ FAULTS: tuple[Fault, ...] = (
     Fault(name="the disk is full", strike=strikes.disk_full, lasts_s=60.0, needs="disk", livez=True),
     Fault(name="the clock goes back by an hour", strike=strikes.clock_set(-3600), needs="clock"),
     Fault(name="the clock goes forward by an hour", strike=strikes.clock_set(3600), needs="clock"),
-    Fault(name="stored files rot", strike=strikes.bit_rot, refuses=frozenset({"stored_file_damaged"})),
+    Fault(
+        name="stored files rot",
+        strike=strikes.bit_rot,
+        refuses=frozenset({"stored_file_damaged"}),
+        in_tests=_EMBEDDED,
+    ),
     Fault(name="the service hangs", strike=strikes.hung("service")),
     Fault(name="the worker hangs", strike=strikes.hung("worker")),
     Fault(
