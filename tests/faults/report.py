@@ -29,7 +29,7 @@ the deployment's own run without a fault, to the last bit.
 | lost | frames, measurements or fits that were asked for and are not there, not read or not readable |
 | twice | frames, extractions, jobs, measurements, versions or audit entries that exist more than once |
 | wrong | files, statistics, previews, K, measurements that differ; a broken audit trail; seen by a stranger |
-| errors | exceptions that users of `stilb.Client` saw; all were retryable |
+| errors | exceptions that users of `stilb.Client` saw, and after which they asked again |
 | goes on | from the end of the fault until another job has ended |
 | all done | from the end of the fault until the last answer |
 | told | from 3 s on: did `/readyz` and `/livez` say how it was, within 2 s? empty: not asked |
