@@ -12,7 +12,7 @@ from store.jobs import Turn
 from store.tables import ChannelRow, Extraction, FrameRow, Job
 from tests.support.blobs import zero
 from tests.support.campaigns import ROI
-from worker.decode.pool import DecoderCrashed
+from worker.decode.pool import DecoderCrashed, DecoderKilled
 from worker.runner import claim_next, run
 
 
@@ -74,6 +74,24 @@ def test_a_decoder_that_ends_over_a_file_which_the_disk_spoilt_blames_the_disk(h
     zero(house.folder, uploaded["sha256"], first=900, count=2000)
     work(replace(house.worker, decoders=Decoders(DecoderCrashed("reading a window", "signal 7"))))
     assert job(house, uploaded)["error"]["code"] == "stored_file_damaged"
+    assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
+
+
+def test_a_frame_whose_decoder_was_killed_is_never_refused(house, uploaded):
+    killed = replace(house.worker, decoders=Decoders(DecoderKilled("read_header", "ended by SIGKILL")))
+    claim = claim_next(killed, Turn())
+    run(killed, claim)
+    assert (job(house, uploaded)["state"], job(house, uploaded)["error"]["retryable"]) == ("queued", True)
+    with house.database.writing("test") as session:
+        session.get_one(Job, claim.job_id).attempt = 4
+        session.get_one(Job, claim.job_id).due_at = session.get_one(Job, claim.job_id).created_at
+    work(killed)
+    found = job(house, uploaded)
+    assert (found["state"], found["error"]["code"], found["error"]["retryable"]) == (
+        "failed",
+        "decoder_crashed",
+        True,
+    )
     assert house.get(f"/v1/frames/{uploaded['id']}")["state"] == "received"
 
 

@@ -15,6 +15,7 @@ import pytest
 
 from radiometry.errors import InputRejected
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
+from tests.worker.decode.tiff_writer import LONG
 from worker.decode import nursery, reading, warming
 from worker.decode.calls import build_filter
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderPool
@@ -271,3 +272,16 @@ def test_a_clean_cell_refuses_the_same_file(real_files, save):
     with DecoderPool(1) as pool, pytest.raises(InputRejected) as caught:
         pool.inspect(save(_without_dng_version(content)))
     assert caught.value.code is Refusal.TRUNCATED
+
+
+@pytest.mark.parametrize("compression", [7, 8, 5, 32773])
+def test_a_claim_that_the_file_cannot_back_is_refused_before_anything_is_allocated(save, compression):
+    claims = {256: (LONG, 15_000), 257: (LONG, 16_000), 278: (LONG, 16_000)}
+    claims |= {259: (LONG, compression), 279: (LONG, 64)}
+    path = save(make_dng(SAMPLES[:16, :16], Variant(extra=claims)))
+    with DecoderPool(1) as pool:
+        began = time.process_time()
+        with pytest.raises(InputRejected, match="far larger than its data can hold") as caught:
+            pool.read_header(path)
+        assert time.process_time() - began < 5
+    assert caught.value.code is Refusal.SIZE_MISMATCH
