@@ -17,9 +17,9 @@ SAMPLES = make_samples(64, 96, 16)
 def tiff_ep(save):
     """A mosaic without DNG's own tags, as older cameras write it."""
 
-    def write(**extra):
+    def write(samples=SAMPLES, **extra):
         exif = {33434: (RATIONAL, (1, 60))}
-        content = make_dng(SAMPLES, Variant(exif=exif, **extra))
+        content = make_dng(samples, Variant(exif=exif, **extra))
         version = b"\x12\xc6\x01\x00\x04\x00\x00\x00"
         assert content.count(version) == 1
         return save(content.replace(version, b"\xfe\xff\x01\x00\x04\x00\x00\x00"), "camera.nef")
@@ -45,6 +45,21 @@ def test_missing_samples_are_noticed_before_libraw_makes_them_up(tiff_ep):
     with pytest.raises(InputRejected) as caught:
         reading.read_header(path)
     assert caught.value.code is Refusal.TRUNCATED
+
+
+def test_zero_lines_among_lit_ones_are_missing_data(tiff_ep):
+    cut = SAMPLES.copy()
+    cut[40:44] = 0
+    for samples in (cut, np.zeros_like(SAMPLES)):
+        with pytest.raises(InputRejected) as caught:
+            reading.read_header(tiff_ep(samples))
+        assert caught.value.code is Refusal.TRUNCATED
+
+
+def test_a_dark_frame_that_its_camera_clips_at_zero_is_read(tiff_ep):
+    dark = np.zeros_like(SAMPLES)
+    dark[::7, ::5] = 3
+    assert reading.read_header(tiff_ep(dark)).decoder == "libraw"
 
 
 def test_an_unsafe_version_is_not_used(monkeypatch):
