@@ -35,7 +35,7 @@ def ground(
 
 
 class Matrix:
-    """Drills faults one after the other; all must end as the deployment's first, quiet run."""
+    """Drills faults one after the other; all must end as the first run, in which nothing happens."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class Matrix:
         self._folder = folder
         self._seed = seed
         self._show = show
-        self._truths: dict[str, Truth] = {}
+        self._truth: Truth | None = None
 
     def run(self, faults: Sequence[Fault], kinds: Sequence[Kind]) -> None:
         with ExitStack() as stack:
@@ -83,15 +83,14 @@ class Matrix:
     def _drill(self, fault: Fault, made: Ground) -> bool:
         folder = self._folder / f"{len(self.rows)}-{made.kind}"
         try:
-            row, truth = run_row(
+            row, self._truth = run_row(
                 replace(fault, lasts_s=fault.lasts_s / self._hasten),
                 made,
                 shots=self._shots,
                 folder=folder,
                 seed=self._seed,
-                truth=self._truths.get(made.kind),
+                truth=self._truth,
             )
-            self._truths[made.kind] = truth
         except Exception as error:  # noqa: BLE001 (a drill that breaks is a row that does not hold)
             last = "".join(traceback.format_exception(error, limit=-4))
             row = Row(fault=fault.name, kind=made.kind, complaints=[f"{error!r:.500}", last])

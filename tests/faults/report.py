@@ -21,8 +21,7 @@ that can fall silent, slow down, fail or go away.
 Each row works with {per_row} small frames of an organisation of its own. Half of them are read and fitted
 in peace. Under the fault the other half is sent, the first half is measured and fitted once more. The fault
 begins at a moment that the seed chooses. What fails with an error is asked again, as a user would. When all
-is answered and no job is left, everything is compared with
-the deployment's own run without a fault, to the last bit.
+is answered and no job is left, everything is compared with a run without a fault, to the last bit.
 
 | column | meaning |
 |---|---|

@@ -252,7 +252,7 @@ class Composed(Deployment):
         self._stack.close()
 
     def _described(self, name: str) -> tuple[list[str], dict[str, str]]:
-        path = {"PATH": os.environ["PATH"]}
+        path = {"PATH": os.environ["PATH"]} | _choice_of_kernels()
         if name == "valkey":
             words = compose()["services"]["redis"]["command"]
             where = ["--port", str(self._broker_port), "--bind", "127.0.0.1", "--dir", str(self.folder)]
@@ -288,6 +288,11 @@ class Composed(Deployment):
             process.kill()
         for process in self._running.values():
             process.wait()
+
+
+def _choice_of_kernels() -> dict[str, str]:
+    """Which of its kernels OpenBLAS is told to take here: another one changes a result's last bit."""
+    return {name: value for name, value in os.environ.items() if name.startswith("OPENBLAS_")}
 
 
 def spawn(command: list[str], environment: dict[str, str], **pipes) -> subprocess.Popen:
