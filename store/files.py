@@ -7,6 +7,7 @@ again, ends that; the jobs that failed for it then go on by themselves.
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import datetime
 from itertools import chain
 from typing import Final
 
@@ -15,7 +16,15 @@ from sqlalchemy.orm import Session
 
 from store import jobs
 from store.audit import record_act
-from store.blobs import BlobDamaged, BlobMissing, Blobs, Damage, StoredBlob, StoredFile
+from store.blobs import (
+    BlobDamaged,
+    BlobMissing,
+    Blobs,
+    Damage,
+    StorageUnavailable,
+    StoredBlob,
+    StoredFile,
+)
 from store.columns import utc_now
 from store.database import Database
 from store.tables import Blob, Job
@@ -69,9 +78,10 @@ class Files:
     def find_absent(self, sizes: Mapping[str, int]) -> set[str]:
         """Return which files are damaged or not there, and mark those that are found missing."""
         damaged = set(self._read_damage(sizes))
+        began = utc_now()
         absent = self._blobs.find_absent({name: size for name, size in sizes.items() if name not in damaged})
         for sha256 in absent:
-            self._mark(sha256, "missing")
+            self._mark(sha256, "missing", since=began)
         return damaged | absent
 
     def _find(self, sha256: str) -> StoredBlob:
@@ -90,19 +100,24 @@ class Files:
 
     @contextmanager
     def _marking(self) -> Iterator[None]:
+        began = utc_now()
         try:
             yield
         except BlobDamaged as found:
-            self._mark(found.sha256, found.damage)
+            if not self._mark(found.sha256, found.damage, since=began):
+                raise StorageUnavailable(f"the stored file {found.sha256} was replaced meanwhile") from found
             raise
 
-    def _mark(self, sha256: str, damage: Damage) -> None:
+    def _mark(self, sha256: str, damage: Damage, *, since: datetime) -> bool:
+        """Mark a file, unless it was stored again since it was read; whether what was found still holds."""
         with self._database.writing(_ACTOR) as session:
             row = session.get(Blob, sha256, with_for_update=True)
-            if row is None or row.damage == damage:
-                return
-            log.error("the stored file %s is %s", sha256, damage)
-            _change_damage(session, row, damage)
+            if row is not None and row.damage is None and since <= row.proven_at <= utc_now():
+                return False
+            if row is not None and row.damage != damage:
+                log.error("the stored file %s is %s", sha256, damage)
+                _change_damage(session, row, damage)
+        return True
 
     def _read_damage(self, names: Mapping[str, int]) -> dict[str, Damage]:
         rows = select(Blob.sha256, Blob.damage).where(Blob.sha256.in_(names), Blob.damage.is_not(None))
@@ -116,7 +131,7 @@ def keep_blob(session: Session, blob: StoredBlob) -> None:
     if row is None:
         session.add(Blob(sha256=blob.sha256, size_bytes=blob.size_bytes, digests=blob.digests))
         session.flush()
-    elif row.damage is not None:
+    else:
         _keep_whole(session, row, blob)
 
 

@@ -6,7 +6,7 @@ import httpx
 import pytest
 from sqlalchemy import select
 
-from store.blobs import ObjectBlobs, StoredBlob
+from store.blobs import BlobDamaged, ObjectBlobs, StorageUnavailable, StoredBlob
 from store.digests import PIECE_BYTES
 from store.files import Files
 from store.tables import AuditEntry, Blob
@@ -93,6 +93,19 @@ def test_a_missing_file_is_unknown_before_anybody_has_read_it(house, campaign, f
     spoil(house.blobs, house.folder, frame["sha256"], None)
     assert known(house, campaign, frame)["known"] == []
     assert house.get("/readyz")["damaged_files"] == 1
+
+
+def test_who_began_to_read_before_the_cure_does_not_mark_the_file_again(house, campaign, frame):
+    files = Files(house.database, house.blobs)
+
+    def read_while_it_is_sent_again():
+        with files.local(frame["sha256"]):
+            send_again(house, campaign)
+            raise BlobDamaged(frame["sha256"])
+
+    with pytest.raises(StorageUnavailable, match="replaced"):
+        read_while_it_is_sent_again()
+    assert content(house, frame).status_code == 200
 
 
 def test_a_replayed_upload_heals_too(house, campaign):
