@@ -21,7 +21,7 @@ from worker.decode.reading import Reader, Window
 from worker.decode.sandbox import Restrictions, Sandbox
 from worker.decode.settings import NOT_SHUT_IN, DecoderLimits
 from worker.decode.source import Source, SourceDamagedError
-from worker.decode.warming import warm_up
+from worker.decode.warming import own_memory, warm_up
 
 REQUESTS, ANSWERS = 0, 1
 _OPEN_FILES: Final = 16
@@ -31,13 +31,14 @@ _OPEN_FILES: Final = 16
 class Prepared:
     """What the zygote has made ready for all of its cells.
 
-    ``address_space`` : of a process without a file, in bytes; ``first_file`` : one of our own
+    ``address_space`` : of a process without a file, in bytes; ``first_file``, ``first_stream`` : of our own
     """
 
     restrictions: Restrictions
     bounds: DecoderLimits
     address_space: int
     first_file: bytes
+    first_stream: bytes
 
 
 def live(prepared: Prepared, expected: Sandbox) -> int:
@@ -50,7 +51,8 @@ def live(prepared: Prepared, expected: Sandbox) -> int:
     requests = socket.socket(fileno=os.dup(REQUESTS))
     if prepared.restrictions.shut_in() != expected:
         return NOT_SHUT_IN
-    warm_up(prepared.first_file)
+    own_memory()
+    warm_up(prepared.first_file, prepared.first_stream)
     descriptor = _receive_file(requests)
     if descriptor is None:
         return 0

@@ -97,6 +97,8 @@ class Decoder:
         cell, self._cell = self._cell, None
         if cell is not None:
             cell.close()
+            # not while the cell computes: on one core with two threads it would be slowed by that
+            self._nursery.prepare()
 
     def abandon(self) -> None:
         """Forget a cell that belongs to the parent of this process."""
@@ -137,7 +139,6 @@ class Decoder:
         self._wall_s = self._bounds.wall_seconds_of(status.st_size)
         digests = self._file.blob.digests.hex() if isinstance(self._file, StoredFile) else None
         messages.send(self._cell.requests.fileno(), {**request, "digests": digests})
-        self._nursery.prepare()
         return self._cell
 
     def _sorted(self, answer: dict[str, Any], stage: str) -> dict[str, Any]:

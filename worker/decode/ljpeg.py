@@ -270,12 +270,18 @@ def _bit_costs(table: bytes) -> NDArray[np.uint32]:
     for length, category in zip(lengths, table[16:], strict=True):
         # Category 16 stands for one single difference, 32768, and is followed by nothing.
         code_bits[category] = length + (category if category < 16 else 0)
+    return np.asarray(code_bits[_categories()], np.uint32)
+
+
+@functools.cache
+def _categories() -> NDArray[np.uint8]:
+    """The bits that the magnitude of each difference takes; the same for all files."""
     difference = np.arange(1 << 16)
     magnitude = np.minimum(difference, (1 << 16) - difference)
-    categories = np.zeros(1 << 16, np.int64)
+    categories = np.zeros(1 << 16, np.uint8)
     for bit in range(16):
         categories[magnitude >= 1 << bit] = bit + 1
-    return np.asarray(code_bits[categories], np.uint32)
+    return categories
 
 
 def _damaged() -> Exception:

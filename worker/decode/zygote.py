@@ -25,11 +25,12 @@ from worker.decode.libraw import check_version
 from worker.decode.messages import BrokenMessageError
 from worker.decode.sandbox import Restrictions, Sandbox
 from worker.decode.settings import DecoderLimits
-from worker.decode.warming import make_smallest_dng
+from worker.decode.warming import make_smallest_dng, make_smallest_stream, warm_up
 
 _LOOK_FOR_PARENT_MS: Final = 500
 _ORDER_DESCRIPTORS: Final = 3
 _MOST_DESCRIPTORS: Final = 4096
+_TIMES: Final = 20
 # What libraries import when it is first used, which a cell no longer can.
 _LATE_IMPORTS: Final = ("_strptime", "multiprocessing.context", "numpy.ma", "xml.parsers.expat")
 _CODECS: Final = (
@@ -55,7 +56,11 @@ def main() -> None:
         bounds=DecoderLimits(memory_bytes=arguments.memory_bytes, cpu_seconds=arguments.cpu_seconds),
         address_space=read_address_space(),
         first_file=make_smallest_dng(),
+        first_stream=make_smallest_stream(),
     )
+    # what the interpreter and the loader note down when code is first run is then shared by all cells
+    for _ in range(_TIMES):
+        warm_up(prepared.first_file, prepared.first_stream)
     ready = {"ready": True, "rawpy": rawpy, "sandbox": vars(sandbox), "threads": _count_threads()}
     zygote = _Zygote(control, arguments.parent, prepared, sandbox)
     # Objects that nobody looks at again are not copied by the cells' collections.

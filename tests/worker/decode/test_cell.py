@@ -172,7 +172,7 @@ for path in map(Path, sys.argv[1:]):
 
 def test_the_first_file_is_one():
     content = warming.make_smallest_dng()
-    warming.warm_up(content)
+    warming.warm_up(content, warming.make_smallest_stream())
     assert len(content) < 1000
 
 
