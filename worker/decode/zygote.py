@@ -1,4 +1,4 @@
-"""The zygote: a process that has imported everything and decoded nothing, forked once for every file.
+"""The zygote: a process that has read nothing but a file of our own, forked once for every file.
 
 It has one thread, because a fork takes along only the thread that forks: LibRaw and OpenMP lock up in a child
 whose parent had decoded. Its own standard input is a socket on which the orders for cells come.
