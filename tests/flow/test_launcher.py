@@ -57,7 +57,7 @@ def test_a_second_start_on_the_same_data_is_refused_and_the_first_goes_on(embedd
 
 
 def test_data_of_a_newer_stilb_are_refused_and_left_alone(data, migrated_sqlite):
-    data.mkdir()
+    data.mkdir(mode=0o700)
     shutil.copy(migrated_sqlite, data / "stilb.sqlite")
     with closing(sqlite3.connect(data / "stilb.sqlite")) as database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")

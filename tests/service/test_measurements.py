@@ -159,6 +159,7 @@ def test_a_map_that_the_disk_lost_is_made_again_by_measuring_the_same_again(hous
     assert house.http.get(address).content == before.content
 
 
+@pytest.mark.usefixtures("version")
 def test_without_a_map_its_address_says_how_to_get_one(house):
     found = measure(house, field_frame(house, field_campaign(house)))
     assert "map_tif" not in found["links"]

@@ -9,6 +9,7 @@ from urllib.parse import urljoin
 import pytest
 
 from service.sessions import COOKIE
+from tests.support.house import KEY
 
 STATIC = Path(__file__).parents[2] / "service" / "web" / "static"
 TEMPLATES = STATIC.parent / "templates"
@@ -26,8 +27,8 @@ def visitor(house):
     """A browser that is signed in."""
     with house.with_key("none") as client:
         del client.headers["Authorization"]
-        key_id = house.get("/v1/keys")["items"][0]["id"]
-        client.cookies[COOKIE] = house.app.state.context.sessions.open(key_id)
+        client.post("/sign-in", data={"key": KEY}, headers=PAGE, follow_redirects=False)
+        assert COOKIE in client.cookies
         yield client
 
 
