@@ -188,18 +188,27 @@ class ComposedGround(Ground, Composed):
         now = time.monotonic()
         began, running = self._checks.get(name, (now, None))
         if running is not None and running.poll() is None and now - began > _seconds(check["timeout"]):
-            running.kill()
+            _end_check(running)
         if name in self._running and now - began >= _seconds(check["interval"]):
             words = [
                 self.url + word[word.index("/readyz") :] if "/readyz" in word else word
                 for word in check["test"][1:]
             ]
             command = [sys.executable, *words[1:]]
+            if running is not None:
+                _end_check(running)
             running = spawn(
                 command, self._described(name)[1], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
             )
             began = now
         self._checks[name] = (began, running)
+
+    def _end(self) -> None:
+        for _, running in self._checks.values():
+            if running is not None:
+                _end_check(running)
+        self._checks.clear()
+        super()._end()
 
     def _described(self, name: str) -> tuple[list[str], dict[str, str]]:
         command, environment = super()._described(name)
@@ -287,6 +296,11 @@ class ComposedGround(Ground, Composed):
 
     def _key(self, sha256: str) -> str:
         return f"raw/{sha256[:2]}/{sha256[2:4]}/{sha256}"
+
+
+def _end_check(running: subprocess.Popen) -> None:
+    running.kill()
+    running.wait()
 
 
 def _seconds(text: str) -> float:

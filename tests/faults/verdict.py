@@ -141,7 +141,7 @@ def _count(load: Load, sent: Sequence[Shot], database: Database, verdict: Verdic
                 )
             ),
         }
-        found = {what: dict(rows.tuples().all()) for what, rows in counted.items()}
+        found = {what: dict(rows.all()) for what, rows in counted.items()}
     verdict.twice += [f"a frame {count} times" for count in hashes.values() if count > 1]
     for what, counts in found.items():
         verdict.twice += [f"{count} times an {what} of {of}" for of, count in counts.items() if count > 1]

@@ -34,7 +34,7 @@ def test_many_who_wait_stand_in_nobodys_way(deployment, shots):
                 for _ in range(20):
                     for path in ("/livez", "/readyz", "/v1/campaigns", f"/v1/frames/{frame.id}"):
                         answer = await http.get(path, headers=key)
-                        assert answer.status_code == 200
+                        assert answer.status_code == 200, (path, answer.text)
                 upload = await http.post(
                     f"/v1/campaigns/{campaign.id}/frames?role=light",
                     content=shots[1].path.read_bytes(),
