@@ -97,3 +97,10 @@ def test_every_alert_rests_on_what_the_metrics_tell(house):
     errors = (ROOT / "docs" / "errors.md").read_text(encoding="utf-8")
     (codes,) = re.findall(r'code=~"([^"]+)"', text)
     assert all(f"## {code}\n" in errors for code in codes.split("|"))
+
+
+def test_the_level_of_the_decoders_sandbox_is_told(house):
+    Presence(house.database, "worker", decoder_sandbox={"level": "seccomp only", "seccomp": True}).beat()
+    assert 'stilb_worker_sandbox{level="seccomp only"} 1' in house.http.get("/metrics").text.splitlines()
+    parts = house.http.get("/readyz").json()["parts"]
+    assert parts[0]["details"]["decoder_sandbox"]["level"] == "seccomp only"
