@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.support.everything import make_one_of_each
 from tests.support.house import KEY
 
-EXAMPLES = 20
+EXAMPLES = 12
 
 
 @pytest.fixture
