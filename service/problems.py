@@ -180,7 +180,7 @@ def _of_the_framework(request: Request, error: HTTPException) -> Problem:
 
 
 def over_quota(error: QuotaExceeded) -> Problem:
-    """Say which quota, and the number: jobs that wait get fewer by themselves, files do not."""
+    """Build the problem of a quota, with its number; waiting jobs become fewer on their own, files do not."""
     passes = error.quota == "jobs_waiting"
     what = error.quota.replace("_", " ")
     advice = "Wait until some are done." if passes else "Ask the operator of the service for more room."

@@ -56,7 +56,7 @@ class Ground(Deployment):
 
     @abstractmethod
     def locked(self):
-        """Hold the database's write lock."""
+        """Lock the database against writes until the block ends."""
 
     @abstractmethod
     def stored(self, sha256: str) -> bytes | None:

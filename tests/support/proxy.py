@@ -135,7 +135,7 @@ class Proxy:
             writer.write_eof()
 
     async def _gate(self) -> None:
-        """Hold what wants to pass for as long as the mode says."""
+        """Delay what is to pass for as long as the mode says."""
         while self._mode == "silent":
             self.struck += 1
             await self._changed.wait()
