@@ -76,10 +76,8 @@ def check_room(session: Session, organisation_id: str, size_bytes: int, quotas: 
 
 def charge(session: Session, organisation_id: str, size_bytes: int, quotas: Quotas) -> None:
     """Count a frame that was just added, or raise QuotaExceeded."""
-    row = session.get(Usage, organisation_id, with_for_update=True, populate_existing=True)
-    if row is None:
-        row = _lock(session, organisation_id)
-    else:
+    row, counted = _lock(session, organisation_id)
+    if not counted:
         row.frames += 1
         row.stored_bytes += size_bytes
     _refuse_over(row.frames, row.stored_bytes, size_bytes, quotas)
@@ -88,7 +86,7 @@ def charge(session: Session, organisation_id: str, size_bytes: int, quotas: Quot
 
 def recount_if_old(session: Session, organisation_id: str) -> None:
     """Count anew what an organisation stores, unless that was just done: before it is refused for it."""
-    row = _lock(session, organisation_id)
+    row, _ = _lock(session, organisation_id)
     if utc_now() - row.counted_at >= _RECOUNT_AFTER:
         _recount(session, row)
 
@@ -106,7 +104,9 @@ def refuse_long_queue(session: Session, organisation_id: str, quotas: Quotas) ->
 def recount_all(session: Session) -> None:
     """Count anew what every organisation stores, whatever was done to the counts."""
     for organisation_id in session.scalars(select(Organisation.id).order_by(Organisation.id)):
-        _recount(session, _lock(session, organisation_id))
+        row, counted = _lock(session, organisation_id)
+        if not counted:
+            _recount(session, row)
 
 
 def _refuse_over(frames: int, stored_bytes: int, size_bytes: int, quotas: Quotas) -> None:
@@ -116,15 +116,21 @@ def _refuse_over(frames: int, stored_bytes: int, size_bytes: int, quotas: Quotas
         raise QuotaExceeded("stored_bytes", limit=quotas.stored_bytes, used=stored_bytes - size_bytes)
 
 
-def _lock(session: Session, organisation_id: str) -> Usage:
+def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:
+    """Return an organisation's counts, locked, and whether they were counted just now.
+
+    Only what is read under the lock decides: a row that another request made a moment ago was counted
+    without this one's frame.
+    """
     found = session.get(Usage, organisation_id, with_for_update=True, populate_existing=True)
-    if found is None:
-        # founded after the counts were made; two that come at once meet in the primary key, and try again
-        found = Usage(organisation_id=organisation_id, frames=0, stored_bytes=0, counted_at=utc_now())
-        session.add(found)
-        session.flush()
-        _recount(session, found)
-    return found
+    if found is not None:
+        return found, False
+    # founded after the counts were made; two that come at once meet in the primary key, and try again
+    made = Usage(organisation_id=organisation_id, frames=0, stored_bytes=0, counted_at=utc_now())
+    session.add(made)
+    session.flush()
+    _recount(session, made)
+    return made, True
 
 
 def _recount(session: Session, row: Usage) -> None:
