@@ -19,7 +19,7 @@ from demo.sequoia import name_file, write_sequoia
 from radiometry.exposure import Exposure
 from radiometry.frame import Frame
 from radiometry.methods import reflectance
-from radiometry.reflectance.simulation import (
+from simulation.reflectance import (
     LENS,
     SimulatedBand,
     SimulatedFrame,

@@ -14,9 +14,9 @@ from demo.journey import calibrate, conclude
 from demo.shots import STARTED_AT, Expose, Shot, begin, register, take
 from demo.stage import Stage
 from radiometry.geometry.camera import PARAMETERS, UNITS, CameraModel, find_directions
-from radiometry.geometry.simulation import Light, draw_poses, make_frame, render_board
 from radiometry.geometry.solving import Pose
 from radiometry.geometry.target import Target
+from simulation.geometry import Light, draw_poses, make_frame, render_board
 
 _SEED = 20260504
 _CFA, _BITS = "RGGB", 12

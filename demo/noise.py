@@ -8,7 +8,7 @@ from demo.findings import Finding
 from demo.journey import calibrate, conclude
 from demo.shots import STARTED_AT, Expose, Shot, begin, register, take
 from demo.stage import Stage
-from radiometry.noise.simulation import SimulatedSensor, expose
+from simulation.noise import SimulatedSensor, expose
 
 _SEED = 20260502
 _CHANNEL = "G1"

@@ -19,7 +19,7 @@ from demo.findings import Finding
 from demo.journey import calibrate, conclude, ensure_campaign, send, write_files
 from demo.sequoia import name_file, write_sequoia
 from demo.stage import Stage
-from radiometry.reflectance.simulation import (
+from simulation.reflectance import (
     BANDS,
     SimulatedFrame,
     SimulatedSequoia,

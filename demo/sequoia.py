@@ -13,7 +13,7 @@ from demo.directory import EXIF, GPS, Entry, append_directory, rational, reserve
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
 from radiometry.multispectral import Multispectral, RigGeometry, SunshineCounts, VignettingPolynomial
-from radiometry.reflectance.simulation import PIXELS_PER_MM, SimulatedFrame
+from simulation.reflectance import PIXELS_PER_MM, SimulatedFrame
 
 _ASCII, _BYTE, _RATIONAL = 2, 1, 5
 _XMP = 700

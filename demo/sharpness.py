@@ -7,7 +7,7 @@ from demo.findings import Finding
 from demo.journey import calibrate, conclude
 from demo.shots import STARTED_AT, Shot, begin, register, take
 from demo.stage import Stage
-from radiometry.sharpness.simulation import SimulatedCamera, SimulatedEdge, render_chart
+from simulation.sharpness import SimulatedCamera, SimulatedEdge, render_chart
 
 _SEED = 20260503
 _CHANNEL = "G"

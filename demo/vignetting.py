@@ -17,7 +17,7 @@ from demo.shots import STARTED_AT, Expose, Shot, begin, register, take
 from demo.stage import Stage
 from radiometry.vignetting.curve import evaluate_curve, find_farthest_corner
 from radiometry.vignetting.grid import Grid
-from radiometry.vignetting.simulation import (
+from simulation.vignetting import (
     FALLOFFS,
     SimulatedFrame,
     SimulatedLens,

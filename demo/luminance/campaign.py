@@ -1,6 +1,6 @@
 """The campaign that the demo calibrates: what is photographed and measured, all from one seed.
 
-The sensor, the procedure's light levels and the errors of settings and meter come from `radiometry.simulate`.
+The sensor, the light levels and the errors of settings and meter come from `simulation.luminance`.
 Added here is what a campaign has besides: files with names, windowed readouts, a region, a light monitor.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from demo.dng import Camera
 from radiometry.roi import Polygon, Window
-from radiometry.simulate import Errors, Sensor, simulate_campaign
-from radiometry.simulate import Shot as Exposed
+from simulation.luminance import Errors, Sensor, simulate_campaign
+from simulation.luminance import Shot as Exposed
 
 TOLERANCE_REL = 0.04  # the procedure's
 SURFACE_REFLECTANCE = 0.18  # of the grey target

@@ -10,7 +10,7 @@ from demo.dng import write_dng
 from demo.exif import Exposure
 from demo.luminance.campaign import Campaign, Shot
 from radiometry.roi import Window
-from radiometry.simulate import render_frame
+from simulation.luminance import render_frame
 
 LENS_MAKE = "DJI"
 LENS_MODEL = "DJI MFT 15mm F1.7 ASPH"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from demo.sequoia import name_file, write_sequoia
-from radiometry.reflectance.simulation import SimulatedSequoia, simulate_sequoia_capture
+from simulation.reflectance import SimulatedSequoia, simulate_sequoia_capture
 from worker.decode import reading
 
 SURFACE = {"green": 0.18, "red": 0.1, "red_edge": 0.3, "nir": 0.5}

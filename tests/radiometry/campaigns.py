@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from radiometry.luminance.rows import FrameRow, Reading
-from radiometry.simulate import Campaign, Errors, Sensor, simulate_campaign, simulate_row
+from simulation.luminance import Campaign, Errors, Sensor, simulate_campaign, simulate_row
 
 TRUE_K = 30.0
 

@@ -12,7 +12,7 @@ from radiometry.fit import fit_curve
 from radiometry.luminance import curves
 from radiometry.luminance.points import collect_series
 from radiometry.methods.luminance import Params
-from radiometry.simulate import Errors
+from simulation.luminance import Errors
 from tests.radiometry.campaigns import TRUE_K, draw
 
 CAMPAIGNS = 300

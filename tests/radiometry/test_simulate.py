@@ -9,8 +9,8 @@ import pytest
 from radiometry.exposure import Settings, compute_rhs
 from radiometry.methods import luminance
 from radiometry.roi import Polygon
-from radiometry.simulate import ISOS, LUMINANCES_CD_M2, Errors, Sensor, Shot, render_frame, simulate_campaign
 from radiometry.statistics import measure_signal
+from simulation.luminance import ISOS, LUMINANCES_CD_M2, Errors, Sensor, Shot, render_frame, simulate_campaign
 from tests.radiometry.campaigns import TRUE_K, draw
 
 NO_ERRORS = Errors(repeatability=0.0, calibration=0.0, f_number=0.0, exposure_time=0.0)

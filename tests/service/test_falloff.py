@@ -8,7 +8,7 @@ import pytest
 import tifffile
 
 from radiometry.methods.luminance import Params
-from radiometry.vignetting.simulation import SimulatedLens, simulate_campaign
+from simulation.vignetting import SimulatedLens, simulate_campaign
 from store.codec import encode
 from store.fitting import hash_content
 from store.tables import Calibration

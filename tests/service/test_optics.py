@@ -15,8 +15,8 @@ import yaml
 
 from demo.dng import Camera, write_dng
 from demo.exif import Exposure
-from radiometry.noise.simulation import SimulatedSensor, expose
-from radiometry.vignetting.simulation import FALLOFFS, SimulatedLens, simulate_campaign
+from simulation.noise import SimulatedSensor, expose
+from simulation.vignetting import FALLOFFS, SimulatedLens, simulate_campaign
 from tests.support.data import data_file
 
 SERIAL = "0K1XE8"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from radiometry.geometry.camera import CameraModel
-from radiometry.geometry.simulation import Light, draw_poses, make_frame, render_board
 from radiometry.geometry.target import Target
-from radiometry.sharpness.simulation import SimulatedCamera, SimulatedStar, render_chart, true_mtf
+from simulation.geometry import Light, draw_poses, make_frame, render_board
+from simulation.sharpness import SimulatedCamera, SimulatedStar, render_chart, true_mtf
 from tests.service.test_optics import begin, fit, publish, raw_bytes
 
 LENS = CameraModel(height_px=240, width_px=320, fx_px=300.0, fy_px=300.0, cx_px=163.0, cy_px=117.0, k1=-0.2)

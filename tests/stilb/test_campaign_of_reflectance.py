@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from demo.sequoia import name_file, write_sequoia
-from radiometry.reflectance.simulation import BANDS, SimulatedSequoia, simulate_sequoia_capture
+from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
 from stilb.commands.exits import Exit
 from stilb.field.plan import read_plan
 from stilb.field.running import ensure_campaign

@@ -6,8 +6,8 @@ import numpy as np
 
 from demo.dng import Camera, write_dng
 from demo.exif import Exposure
-from radiometry.noise.simulation import SimulatedSensor, expose
-from radiometry.vignetting.simulation import SimulatedLens, simulate_campaign
+from simulation.noise import SimulatedSensor, expose
+from simulation.vignetting import SimulatedLens, simulate_campaign
 from tests.support.campaigns import calibrate
 from tests.support.data import data_file
 from tests.support.house import CAMERA, House

@@ -8,9 +8,9 @@ import numpy as np
 from radiometry.evidence import FrameEvidence, Region
 from radiometry.frame import Frame
 from radiometry.geometry.camera import CameraModel
-from radiometry.geometry.simulation import draw_poses, make_header, simulate_rows
 from radiometry.methods import geometry
 from radiometry.roi import Polygon
+from simulation.geometry import draw_poses, make_header, simulate_rows
 
 BOARD = geometry.Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)
 CHARUCO = geometry.Target(

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.geometry.simulation import simulate_rows
 from radiometry.geometry.solving import Pose
 from radiometry.methods import geometry
+from simulation.geometry import simulate_rows
 from tests.radiometry.evidence import taken
 from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, with_features
 

@@ -8,10 +8,10 @@ import pytest
 
 from radiometry.errors import Code, InputRejected
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
-from radiometry.geometry.simulation import simulate_rows
 from radiometry.geometry.solving import Pose, choose_freedom, solve
 from radiometry.geometry.views import make_view
 from radiometry.methods import geometry
+from simulation.geometry import simulate_rows
 from tests.radiometry.geometry.boards import BOARD, CAMERA, FREE, SQUARE, errors, simulate, transpose, values
 
 ALL = choose_freedom(fix_aspect_ratio=False, radial_terms=3, tangential=True)

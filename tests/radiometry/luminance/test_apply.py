@@ -11,7 +11,7 @@ from radiometry.exposure import Exposure
 from radiometry.flags import Flag
 from radiometry.methods import luminance
 from radiometry.roi import Polygon
-from radiometry.simulate import Sensor, Shot, render_frame
+from simulation.luminance import Sensor, Shot, render_frame
 from tests.radiometry.luminance.exact import (
     DARK,
     LIGHTS,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radiometry.methods import noise
-from radiometry.noise.simulation import SimulatedSensor, shoot
 from radiometry.packing import pack, unpack
+from simulation.noise import SimulatedSensor, shoot
 
 PARAMS = noise.Params()
 TIMES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6)

@@ -10,9 +10,9 @@ from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Region
 from radiometry.frame import Frame
 from radiometry.methods import noise
-from radiometry.noise.simulation import SimulatedSensor, describe
 from radiometry.packing import unpack
 from radiometry.roi import Polygon
+from simulation.noise import SimulatedSensor, describe
 
 HEADER = describe(SimulatedSensor())
 

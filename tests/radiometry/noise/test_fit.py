@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from radiometry.methods import noise
-from radiometry.noise.simulation import SimulatedSensor, expose, make_row
+from simulation.noise import SimulatedSensor, expose, make_row
 from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, only, take
 
 

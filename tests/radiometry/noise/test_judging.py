@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radiometry.methods import noise
-from radiometry.noise.simulation import SimulatedSensor, shoot
 from radiometry.packing import pack, unpack
+from simulation.noise import SimulatedSensor, shoot
 from tests.radiometry.evidence import taken
 
 SENSOR = SimulatedSensor(rows=32, cols=32)

@@ -7,8 +7,8 @@ import pytest
 
 from radiometry.exposure import Exposure
 from radiometry.frame import Frame
-from radiometry.noise.simulation import SimulatedSensor, make_row
 from radiometry.noise.stacks import make_stacks
+from simulation.noise import SimulatedSensor, make_row
 
 SENSOR = SimulatedSensor(rows=32, cols=32, black_level_dn=0.0)
 

@@ -10,10 +10,10 @@ from radiometry.errors import Code, InputRejected
 from radiometry.flags import Flag
 from radiometry.methods import noise
 from radiometry.noise.levels import list_levels
-from radiometry.noise.simulation import expose, make_row
 from radiometry.noise.stacks import make_stacks
 from radiometry.noise.transfer import find_saturation, fit_gain
 from radiometry.packing import pack
+from simulation.noise import expose, make_row
 from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
 
 

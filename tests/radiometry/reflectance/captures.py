@@ -10,8 +10,8 @@ from radiometry.frame import FrameHeader
 from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral, SunshineCounts, SunshineRecord
 from radiometry.reflectance.gains import GainMeasurement
-from radiometry.reflectance.simulation import BANDS, SimulatedSequoia, simulate_sequoia_capture
 from radiometry.roi import Polygon
+from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
 
 NAMES = tuple(BANDS)
 CAMERA = SimulatedSequoia(height_px=120, width_px=160)

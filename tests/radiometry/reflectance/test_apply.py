@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from radiometry.errors import InputRejected
 from radiometry.methods import reflectance
-from radiometry.reflectance.simulation import BANDS, simulate_sequoia_capture
+from simulation.reflectance import BANDS, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
     NOON,

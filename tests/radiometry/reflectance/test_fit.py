@@ -11,7 +11,7 @@ from radiometry.errors import InputRejected
 from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral
 from radiometry.reflectance.fitting import compute_k
-from radiometry.reflectance.simulation import BANDS, SimulatedSequoia, simulate_sequoia_capture
+from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
     NAMES,

@@ -11,8 +11,8 @@ from radiometry.errors import InputRejected
 from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral, RigGeometry
 from radiometry.reflectance.alignment import _rotation, align, find_directions, move_region, project
-from radiometry.reflectance.simulation import SimulatedSequoia, simulate_sequoia_capture
 from radiometry.roi import Polygon, Window, mask
+from simulation.reflectance import SimulatedSequoia, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 
 FISHEYE = RigGeometry(

@@ -22,8 +22,8 @@ from radiometry.reflectance import micasense, sequoia
 from radiometry.reflectance.features import extract_features, measure_gradient
 from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial, evaluate_radial
-from radiometry.reflectance.simulation import LENS, simulate_sequoia_capture
 from radiometry.roi import Polygon, Window
+from simulation.reflectance import LENS, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 
 SETTINGS = Settings(exposure_time_s=0.003, f_number=2.2, iso=206.0)

@@ -7,7 +7,7 @@ import numpy as np
 from radiometry.evidence import FrameEvidence
 from radiometry.exposure import Exposure
 from radiometry.methods import sharpness
-from radiometry.sharpness.simulation import SimulatedCamera, SimulatedEdge, render_chart
+from simulation.sharpness import SimulatedCamera, SimulatedEdge, render_chart
 
 CAMERA = SimulatedCamera()
 SMALL = SimulatedCamera(height_px=110, width_px=110)

@@ -14,8 +14,8 @@ from radiometry.evidence import Region
 from radiometry.frame import Frame
 from radiometry.methods import sharpness
 from radiometry.roi import Polygon
-from radiometry.sharpness.simulation import SimulatedCamera, render_chart, true_mtf
 from radiometry.sharpness.spectrum import find_crossing, list_frequencies
+from simulation.sharpness import SimulatedCamera, render_chart, true_mtf
 from tests.radiometry.sharpness.shots import (
     EDGES,
     SMALL,

@@ -13,7 +13,7 @@ from radiometry.evidence import Exclusion
 from radiometry.methods import sharpness
 from radiometry.sharpness.features import Estimate
 from radiometry.sharpness.merging import merge_estimates
-from radiometry.sharpness.simulation import SimulatedCamera, SimulatedEdge, SimulatedStar, render_chart
+from simulation.sharpness import SimulatedCamera, SimulatedEdge, SimulatedStar, render_chart
 from tests.radiometry.evidence import taken
 from tests.radiometry.sharpness.shots import EXPOSURE, extract, row, seeded
 

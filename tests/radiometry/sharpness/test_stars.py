@@ -11,7 +11,7 @@ from radiometry.evidence import Region
 from radiometry.methods import sharpness
 from radiometry.roi import Polygon
 from radiometry.sharpness.resolution import find_resolving_power
-from radiometry.sharpness.simulation import SimulatedCamera, SimulatedStar, render_chart, true_mtf
+from simulation.sharpness import SimulatedCamera, SimulatedStar, render_chart, true_mtf
 from tests.radiometry.sharpness.shots import extract, seeded, transpose
 
 CAMERA = SimulatedCamera(height_px=190, width_px=210)

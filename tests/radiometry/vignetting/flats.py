@@ -8,8 +8,8 @@ from radiometry.methods import vignetting
 from radiometry.roi import Polygon
 from radiometry.vignetting.grid import Grid, Site, average_radial
 from radiometry.vignetting.results import Coefficient
-from radiometry.vignetting.simulation import SimulatedLens, simulate_dark, simulate_flat
 from radiometry.vignetting.solving import Blocks
+from simulation.vignetting import SimulatedLens, simulate_dark, simulate_flat
 
 SMALL = SimulatedLens(height_px=192, width_px=288, centre_px=(88.0, 155.0))
 NONE = vignetting.Params()

@@ -11,7 +11,7 @@ from radiometry.methods import vignetting
 from radiometry.roi import Polygon, Window, mask
 from radiometry.vignetting.application import require_format
 from radiometry.vignetting.curve import evaluate_slopes
-from radiometry.vignetting.simulation import FALLOFFS, simulate_flat
+from simulation.vignetting import FALLOFFS, simulate_flat
 from tests.radiometry.vignetting.flats import NONE, SMALL, coefficient, dark, flat
 
 AT_2 = coefficient()

@@ -11,7 +11,7 @@ import pytest
 
 from radiometry.errors import InputRejected
 from radiometry.methods import vignetting
-from radiometry.vignetting.simulation import FALLOFFS
+from simulation.vignetting import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 
 HEIGHT, WIDTH = 300, 400

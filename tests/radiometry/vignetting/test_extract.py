@@ -13,7 +13,7 @@ from radiometry.methods import vignetting
 from radiometry.packing import unpack
 from radiometry.roi import Polygon
 from radiometry.vignetting.grid import Grid, Site, average_radial
-from radiometry.vignetting.simulation import SimulatedLens, simulate_flat
+from simulation.vignetting import SimulatedLens, simulate_flat
 from tests.radiometry.vignetting.flats import SMALL, row, whole
 
 

@@ -16,8 +16,8 @@ from radiometry.methods import vignetting
 from radiometry.packing import unpack
 from radiometry.vignetting.fitting import fit_channel
 from radiometry.vignetting.grid import Site
-from radiometry.vignetting.simulation import FALLOFFS, SimulatedLens, Target, simulate_campaign
 from radiometry.vignetting.solving import is_gradient_significant, solve_falloff
+from simulation.vignetting import FALLOFFS, SimulatedLens, Target, simulate_campaign
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, exact_blocks, flags_of, flat, grid_of, row
 
 F_NUMBERS = (1.4, 2.0, 4.0, 8.0)
