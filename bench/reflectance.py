@@ -18,7 +18,7 @@ from bench.timing import compare, take_turns
 from demo.sequoia import name_file, write_sequoia
 from radiometry.exposure import Exposure
 from radiometry.frame import Frame
-from radiometry.methods import reflectance
+from radiometry.reflectance import method as reflectance
 from simulation.reflectance import (
     LENS,
     SimulatedBand,

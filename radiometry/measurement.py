@@ -12,13 +12,13 @@ from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure
 from radiometry.flags import Raised
 from radiometry.frame import Frame
+from radiometry.luminance import method
 from radiometry.luminance.application import apply_to_signal, choose_coefficient
 from radiometry.luminance.caveats import find_caveats, summarise_cells
 from radiometry.luminance.lens import correct_signal
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
 from radiometry.measured import Measured, Percentile, Share, Surface
-from radiometry.methods import luminance as method
 from radiometry.roi import Polygon, Window, bounding_window
 from radiometry.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.surface import Cells, Figure, Grid, judge_uniformity, lay_grid

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
-from radiometry.methods import luminance
+from radiometry.luminance import method as luminance
 from radiometry.statistics import ChannelStatistics
 from store.tables.base import Json
 

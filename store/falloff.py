@@ -11,9 +11,10 @@ from sqlalchemy.orm import Session
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure
+from radiometry.luminance import method as luminance
 from radiometry.luminance.lens import name_channels
-from radiometry.methods import luminance, vignetting
 from radiometry.roi import Polygon
+from radiometry.vignetting import method as vignetting
 from store.codec import encode
 from store.columns import utc_now
 from store.errors import Conflict

@@ -5,7 +5,8 @@ from typing import Any, assert_never
 
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.results import IsoFit
-from radiometry.methods import Method, reflectance
+from radiometry.methods import Method
+from radiometry.reflectance import method as reflectance
 from store.codec import decode, drop_absent, encode
 
 Json = dict[str, Any]

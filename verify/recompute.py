@@ -10,10 +10,12 @@ from radiometry.errors import InputRejected
 from radiometry.evidence import Extracted, FrameEvidence, Region
 from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
+from radiometry.luminance import method as luminance
 from radiometry.luminance.lens import name_channels
-from radiometry.methods import luminance, reflectance, vignetting
+from radiometry.reflectance import method as reflectance
 from radiometry.roi import Polygon, bounding_window
 from radiometry.statistics import ChannelStatistics, measure_signal
+from radiometry.vignetting import method as vignetting
 from stilb.export import hash_file
 from store.codec import decode, drop_absent, encode, encode_statistics
 from store.queries.campaigns import Drawing

@@ -1,1 +1,1 @@
-"""The parts of the luminance calibration; `radiometry.methods.luminance` is its door."""
+"""The parts of the luminance calibration; `radiometry.luminance.method` is its door."""

@@ -12,8 +12,13 @@ from typing import Any, Literal, assert_never, get_args
 from radiometry.evidence import Extracted, Figure, FrameEvidence, Region
 from radiometry.exposure import Exposure
 from radiometry.frame import Frame, FrameHeader
-from radiometry.methods import geometry, luminance, noise, reflectance, sharpness, vignetting
+from radiometry.geometry import method as geometry
+from radiometry.luminance import method as luminance
+from radiometry.noise import method as noise
+from radiometry.reflectance import method as reflectance
+from radiometry.sharpness import method as sharpness
 from radiometry.verdicts import Taken, Verdict
+from radiometry.vignetting import method as vignetting
 
 Method = Literal["luminance", "reflectance", "vignetting", "sharpness", "geometry", "noise"]
 

@@ -1,1 +1,1 @@
-"""The parts of the reflectance calibration; `radiometry.methods.reflectance` is its door."""
+"""The parts of the reflectance calibration; `radiometry.reflectance.method` is its door."""

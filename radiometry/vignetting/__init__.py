@@ -1,1 +1,1 @@
-"""The parts of the vignetting calibration; `radiometry.methods.vignetting` is its door."""
+"""The parts of the vignetting calibration; `radiometry.vignetting.method` is its door."""

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from radiometry.methods import Method, geometry, vignetting
+from radiometry.geometry import method as geometry
+from radiometry.methods import Method
+from radiometry.vignetting import method as vignetting
 from service.auth import Caller, Reader
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified

@@ -5,7 +5,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field
 
 from radiometry.errors import InputRejected
-from radiometry.methods.reflectance import measure_sunshine
+from radiometry.reflectance.method import measure_sunshine
 from radiometry.statistics import ChannelStatistics
 from radiometry.verdicts import Outcome, ReasonCode, Verdict
 from service.schemas.base import Answer, Form, Instant, Positive, Text

@@ -10,12 +10,13 @@ from sqlalchemy.orm import Session
 from radiometry import methods
 from radiometry.errors import Code, InputRejected
 from radiometry.flags import Flag
+from radiometry.geometry import method as geometry
 from radiometry.luminance.application import choose_coefficient
 from radiometry.luminance.lens import name_channels
 from radiometry.luminance.maps import find_map_scale
 from radiometry.measurement import Request, find_window
-from radiometry.methods import geometry, reflectance
 from radiometry.proof import Proof
+from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.indices import Index
 from radiometry.roi import Polygon, bounding_window
 from radiometry.surface import Grid, outline

@@ -10,8 +10,9 @@ from pydantic import TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.geometry import method as geometry
 from radiometry.luminance.results import Coefficient
-from radiometry.methods import geometry, reflectance
+from radiometry.reflectance import method as reflectance
 from radiometry.roi import Polygon
 from store.blobs import StoredBlob
 from store.codec import decode

@@ -10,8 +10,8 @@ import pytest
 
 from radiometry.fit import fit_curve
 from radiometry.luminance import curves
+from radiometry.luminance.method import Params
 from radiometry.luminance.points import collect_series
-from radiometry.methods.luminance import Params
 from simulation.luminance import Errors
 from tests.radiometry.campaigns import TRUE_K, draw
 

@@ -5,7 +5,8 @@ import dataclasses
 import pytest
 
 from radiometry.darkness import inspect_black
-from radiometry.methods import noise, vignetting
+from radiometry.noise import method as noise
+from radiometry.vignetting import method as vignetting
 from tests.radiometry.noise.series import PARAMS, SMALL, brightened, take
 from tests.radiometry.vignetting import flats
 

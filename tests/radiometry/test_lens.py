@@ -13,14 +13,14 @@ from radiometry.errors import InputRejected
 from radiometry.evidence import Quantity
 from radiometry.exposure import Exposure
 from radiometry.frame import Frame
+from radiometry.luminance import method as luminance
 from radiometry.luminance.lens import compute_shares, correct_signal, name_channels
 from radiometry.luminance.maps import RIM_PX, compute_map, find_map_scale
 from radiometry.measurement import Request, Vignetting, measure
-from radiometry.methods import luminance
-from radiometry.methods.vignetting import Coefficient, Lens
 from radiometry.roi import Polygon
 from radiometry.statistics import measure_signal
 from radiometry.surface import Grid
+from radiometry.vignetting.method import Coefficient, Lens
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.luminance.exact import PARAMS, READINGS, ROWS, K, fit
 

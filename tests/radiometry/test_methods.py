@@ -8,7 +8,7 @@ import pytest
 from radiometry import methods
 from radiometry.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, Opcode
-from radiometry.methods import luminance
+from radiometry.luminance import method as luminance
 from radiometry.roi import Polygon
 from tests.radiometry.evidence import taken
 from tests.radiometry.test_acceptance import HEADER

@@ -5,9 +5,9 @@ import dataclasses
 import pytest
 
 from radiometry.evidence import Exclusion
+from radiometry.luminance import method as luminance
 from radiometry.luminance.planning import plan
 from radiometry.luminance.rows import Params
-from radiometry.methods import luminance
 from tests.radiometry import evidence
 from tests.radiometry.evidence import dark, light
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from radiometry.exposure import Settings, compute_rhs
-from radiometry.methods import luminance
+from radiometry.luminance import method as luminance
 from radiometry.roi import Polygon
 from radiometry.statistics import measure_signal
 from simulation.luminance import ISOS, LUMINANCES_CD_M2, Errors, Sensor, Shot, render_frame, simulate_campaign

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from radiometry.methods.luminance import Params
+from radiometry.luminance.method import Params
 from simulation.vignetting import SimulatedLens, simulate_campaign
 from store.codec import encode
 from store.fitting import hash_content

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from radiometry.frame import Frame
-from radiometry.methods import geometry
+from radiometry.geometry import method as geometry
 from store.codec import decode_exposure
 from store.measuring.record import Products, read_camera
 from store.software import CODE_VERSION

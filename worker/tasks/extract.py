@@ -12,8 +12,8 @@ from radiometry.evidence import Region
 from radiometry.exposure import Exposure
 from radiometry.flags import Flag
 from radiometry.frame import FrameHeader
-from radiometry.methods.reflectance import FoundPanel
 from radiometry.proof import Proof
+from radiometry.reflectance.method import FoundPanel
 from radiometry.roi import Polygon, bounding_window
 from store import tables
 from store.blobs import StoredBlob, StoredFile

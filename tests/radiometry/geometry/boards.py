@@ -7,8 +7,8 @@ import numpy as np
 
 from radiometry.evidence import FrameEvidence, Region
 from radiometry.frame import Frame
+from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel
-from radiometry.methods import geometry
 from radiometry.roi import Polygon
 from simulation.geometry import draw_poses, make_header, simulate_rows
 

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel, project
 from radiometry.geometry.caveats import _check_model
 from radiometry.geometry.curve import (
@@ -13,7 +14,6 @@ from radiometry.geometry.curve import (
     find_farthest_radius_px,
     find_turning_radius_px,
 )
-from radiometry.methods import geometry
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE, raised
 
 NOTHING = np.zeros((9, 9))

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel, project
 from radiometry.geometry.grey import make_grey
 from radiometry.geometry.target import locate_corners_mm
-from radiometry.methods import geometry
 from simulation.geometry import Light, draw_poses, make_frame, render_board
 from tests.radiometry.geometry.boards import BOARD, CHARUCO, extract
 from tests.support.data import data_file

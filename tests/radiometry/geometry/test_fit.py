@@ -11,10 +11,10 @@ from pydantic import TypeAdapter
 
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Exclusion
+from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import project
 from radiometry.geometry.solving import Pose
 from radiometry.geometry.target import locate_corners_mm
-from radiometry.methods import geometry
 from simulation.geometry import draw_poses, make_row, simulate_rows
 from tests.radiometry.geometry.boards import (
     BOARD,

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from radiometry.geometry import method as geometry
 from radiometry.geometry.solving import Pose
-from radiometry.methods import geometry
 from simulation.geometry import simulate_rows
 from tests.radiometry.evidence import taken
 from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, with_features

@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 from radiometry.errors import Code, InputRejected
+from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import find_directions
 from radiometry.geometry.exports import _write
-from radiometry.methods import geometry
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE
 
 SMALL = dataclasses.replace(CAMERA, height_px=120, width_px=160, fx_px=130, fy_px=128, cx_px=83, cy_px=57)

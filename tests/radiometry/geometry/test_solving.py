@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from radiometry.errors import Code, InputRejected
+from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
 from radiometry.geometry.solving import Pose, choose_freedom, solve
 from radiometry.geometry.views import make_view
-from radiometry.methods import geometry
 from simulation.geometry import simulate_rows
 from tests.radiometry.geometry.boards import BOARD, CAMERA, FREE, SQUARE, errors, simulate, transpose, values
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
+from radiometry.geometry import method as geometry
 from radiometry.geometry.target import locate_corners_mm, measure_spacing_px
-from radiometry.methods import geometry
 from tests.radiometry.geometry.boards import BOARD, CHARUCO
 
 ADAPTER = TypeAdapter(geometry.Target)

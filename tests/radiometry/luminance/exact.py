@@ -3,8 +3,8 @@
 import dataclasses
 
 from radiometry.exposure import Exposure
-from radiometry.methods import luminance
-from radiometry.methods.luminance import FrameRow, Params, Reading
+from radiometry.luminance import method as luminance
+from radiometry.luminance.method import FrameRow, Params, Reading
 from radiometry.statistics import ChannelStatistics
 
 K, DARK = 30.0, 256.0

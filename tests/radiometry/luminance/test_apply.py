@@ -9,7 +9,7 @@ import pytest
 from radiometry.errors import Code, InputRejected
 from radiometry.exposure import Exposure
 from radiometry.flags import Flag
-from radiometry.methods import luminance
+from radiometry.luminance import method as luminance
 from radiometry.roi import Polygon
 from simulation.luminance import Sensor, Shot, render_frame
 from tests.radiometry.luminance.exact import (

@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from radiometry.flags import Flag
-from radiometry.methods import luminance
-from radiometry.methods.luminance import Params
+from radiometry.luminance import method as luminance
+from radiometry.luminance.method import Params
 from tests.radiometry.luminance.exact import (
     DARK,
     DARKS,

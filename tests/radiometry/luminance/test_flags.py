@@ -9,7 +9,7 @@ import pytest
 from radiometry.flags import Flag
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.dark import estimate_dark
-from radiometry.methods.luminance import Params, Reading
+from radiometry.luminance.method import Params, Reading
 from radiometry.statistics import Signal
 from tests.radiometry.luminance.exact import (
     DARK,

@@ -6,7 +6,7 @@ import pytest
 
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Exclusion
-from radiometry.methods import luminance
+from radiometry.luminance import method as luminance
 from tests.radiometry.luminance.exact import (
     DARK,
     DARKS,

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Region
 from radiometry.frame import Frame
-from radiometry.methods import noise
+from radiometry.noise import method as noise
 from radiometry.packing import unpack
 from radiometry.roi import Polygon
 from simulation.noise import SimulatedSensor, describe

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from radiometry.methods import noise
+from radiometry.noise import method as noise
 from simulation.noise import SimulatedSensor, expose, make_row
 from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, only, take
 

@@ -9,7 +9,7 @@ import pytest
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Exclusion
 from radiometry.flags import Flag
-from radiometry.methods import noise
+from radiometry.noise import method as noise
 from radiometry.packing import pack
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
 

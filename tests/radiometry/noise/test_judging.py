@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.methods import noise
+from radiometry.noise import method as noise
 from radiometry.packing import pack, unpack
 from simulation.noise import SimulatedSensor, shoot
 from tests.radiometry.evidence import taken

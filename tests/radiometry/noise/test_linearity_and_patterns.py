@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radiometry.flags import Flag
-from radiometry.methods import noise
+from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.points import collect_stacks
 from radiometry.packing import pack, unpack

@@ -8,7 +8,7 @@ import pytest
 
 from radiometry.errors import Code, InputRejected
 from radiometry.flags import Flag
-from radiometry.methods import noise
+from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.stacks import make_stacks
 from radiometry.noise.transfer import find_saturation, fit_gain

@@ -7,8 +7,8 @@ import numpy as np
 
 from radiometry.evidence import Region
 from radiometry.frame import FrameHeader
-from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral, SunshineCounts, SunshineRecord
+from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.gains import GainMeasurement
 from radiometry.roi import Polygon
 from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.errors import InputRejected
-from radiometry.methods import reflectance
+from radiometry.reflectance import method as reflectance
 from simulation.reflectance import BANDS, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,

@@ -8,8 +8,8 @@ import pytest
 from pydantic import TypeAdapter
 
 from radiometry.errors import InputRejected
-from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral
+from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.fitting import compute_k
 from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import (

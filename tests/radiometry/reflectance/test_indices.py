@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.errors import InputRejected
-from radiometry.methods import reflectance
 from radiometry.multispectral import Multispectral, RigGeometry
+from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.alignment import _rotation, align, find_directions, move_region, project
 from radiometry.roi import Polygon, Window, mask
 from simulation.reflectance import SimulatedSequoia, simulate_sequoia_capture

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from radiometry.methods import reflectance
+from radiometry.reflectance import method as reflectance
 from tests.radiometry.evidence import taken
 from tests.radiometry.reflectance.captures import (
     PANEL_R,

@@ -8,7 +8,7 @@ import pytest
 
 from radiometry.errors import InputRejected
 from radiometry.evidence import Exclusion
-from radiometry.methods import reflectance
+from radiometry.reflectance import method as reflectance
 from simulation.reflectance import simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,

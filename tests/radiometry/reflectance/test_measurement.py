@@ -9,7 +9,7 @@ import pytest
 from radiometry.errors import InputRejected
 from radiometry.evidence import Quantity
 from radiometry.flags import Raised
-from radiometry.methods import reflectance
+from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.comparison import change_reflectance
 from radiometry.reflectance.measurement import estimate_noise, measure_index
 from radiometry.reflectance.results import AppliedReflectance

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.methods import reflectance
+from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.evaluation import evaluate_k
 from tests.radiometry.reflectance.captures import (
     CAMERA,

@@ -6,7 +6,7 @@ import numpy as np
 
 from radiometry.evidence import FrameEvidence
 from radiometry.exposure import Exposure
-from radiometry.methods import sharpness
+from radiometry.sharpness import method as sharpness
 from simulation.sharpness import SimulatedCamera, SimulatedEdge, render_chart
 
 CAMERA = SimulatedCamera()

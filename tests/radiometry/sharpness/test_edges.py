@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Region
 from radiometry.frame import Frame
-from radiometry.methods import sharpness
 from radiometry.roi import Polygon
+from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.spectrum import find_crossing, list_frequencies
 from simulation.sharpness import SimulatedCamera, render_chart, true_mtf
 from tests.radiometry.sharpness.shots import (

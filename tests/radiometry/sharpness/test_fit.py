@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Exclusion
-from radiometry.methods import sharpness
+from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.features import Estimate
 from radiometry.sharpness.merging import merge_estimates
 from simulation.sharpness import SimulatedCamera, SimulatedEdge, SimulatedStar, render_chart

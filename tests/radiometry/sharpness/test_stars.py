@@ -8,8 +8,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from radiometry.errors import Code, InputRejected
 from radiometry.evidence import Region
-from radiometry.methods import sharpness
 from radiometry.roi import Polygon
+from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.resolution import find_resolving_power
 from simulation.sharpness import SimulatedCamera, SimulatedStar, render_chart, true_mtf
 from tests.radiometry.sharpness.shots import extract, seeded, transpose

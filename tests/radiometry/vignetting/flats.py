@@ -4,8 +4,8 @@ import numpy as np
 
 from radiometry.evidence import Region
 from radiometry.exposure import Exposure
-from radiometry.methods import vignetting
 from radiometry.roi import Polygon
+from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.grid import Grid, Site, average_radial
 from radiometry.vignetting.results import Coefficient
 from radiometry.vignetting.solving import Blocks

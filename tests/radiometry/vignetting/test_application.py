@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from radiometry.errors import InputRejected
-from radiometry.methods import vignetting
 from radiometry.roi import Polygon, Window, mask
+from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.application import require_format
 from radiometry.vignetting.curve import evaluate_slopes
 from simulation.vignetting import FALLOFFS, simulate_flat

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.methods import vignetting
+from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.darkness import (
     DarkError,
     estimate_dark_drift,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from radiometry.errors import InputRejected
-from radiometry.methods import vignetting
+from radiometry.vignetting import method as vignetting
 from simulation.vignetting import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 

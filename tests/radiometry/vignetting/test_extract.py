@@ -9,9 +9,9 @@ from pydantic import TypeAdapter
 from radiometry.errors import InputRejected
 from radiometry.evidence import Region
 from radiometry.frame import Frame
-from radiometry.methods import vignetting
 from radiometry.packing import unpack
 from radiometry.roi import Polygon
+from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.grid import Grid, Site, average_radial
 from simulation.vignetting import SimulatedLens, simulate_flat
 from tests.radiometry.vignetting.flats import SMALL, row, whole

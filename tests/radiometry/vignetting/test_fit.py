@@ -12,8 +12,8 @@ from scipy.stats import chi2
 
 from radiometry.errors import InputRejected
 from radiometry.evidence import Exclusion
-from radiometry.methods import vignetting
 from radiometry.packing import unpack
+from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.fitting import fit_channel
 from radiometry.vignetting.grid import Site
 from radiometry.vignetting.solving import is_gradient_significant, solve_falloff

@@ -7,8 +7,8 @@ import pytest
 
 from radiometry.errors import InputRejected
 from radiometry.evidence import Exclusion, Region
-from radiometry.methods import vignetting
 from radiometry.roi import Polygon
+from radiometry.vignetting import method as vignetting
 from simulation.vignetting import SimulatedLens, Target
 from tests.radiometry.evidence import taken
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, flags_of, flat

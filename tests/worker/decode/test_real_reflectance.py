@@ -6,7 +6,7 @@ from scipy import ndimage
 
 from radiometry.evidence import Region
 from radiometry.exposure import Exposure
-from radiometry.methods import reflectance
+from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.alignment import align
 from radiometry.reflectance.caveats import check_frame
 from radiometry.reflectance.clock import find_tilt
