@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bench.report import say
 from bench.timing import Seconds
-from radiometry.roi import Polygon
+from radiometry.frame.roi import Polygon
 
 _REPEATS = 3
 _IN_ONE_RUN = 4  # frames; ImageJ's start is shared by all of a folder

@@ -13,8 +13,8 @@ from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale, make_mosaic, write_copies
 from bench.timing import compare, take_turns
 from demo.dng import Compression
-from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
 from radiometry.luminance.maps import MapScale
 from worker.decode.pool import DecoderPool
 from worker.maps.making import write_map

@@ -19,9 +19,9 @@ from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.timing import compare, take_turns
 from demo.dng import Compression
 from radiometry.frame import Frame
+from radiometry.frame.roi import Polygon, Window, bounding_window
+from radiometry.frame.statistics import ChannelStatistics
 from radiometry.luminance import method as luminance
-from radiometry.roi import Polygon, Window, bounding_window
-from radiometry.statistics import ChannelStatistics
 from worker.decode.pool import DecoderPool
 
 Rows = tuple[ChannelStatistics, ...]

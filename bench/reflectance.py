@@ -16,8 +16,8 @@ from bench.report import judge, say, show_times
 from bench.subject import Scale
 from bench.timing import compare, take_turns
 from demo.sequoia import name_file, write_sequoia
-from radiometry.exposure import Exposure
 from radiometry.frame import Frame
+from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import method as reflectance
 from simulation.reflectance import (
     LENS,

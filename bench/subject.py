@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from demo.dng import Camera, Compression, write_dng
 from demo.exif import Exposure
-from radiometry.roi import Polygon
+from radiometry.frame.roi import Polygon
 
 CAMERA = Camera(black_level_dn=256, white_level_dn=4095, serial="0K8TF1A0010042")
 ROI_SHARE = 0.05

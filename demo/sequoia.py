@@ -10,9 +10,9 @@ from xml.sax.saxutils import escape
 import tifffile
 
 from demo.directory import EXIF, GPS, Entry, append_directory, rational, reserve, short, text
-from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
-from radiometry.multispectral import Multispectral, RigGeometry, SunshineCounts, VignettingPolynomial
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.multispectral import Multispectral, RigGeometry, SunshineCounts, VignettingPolynomial
 from simulation.reflectance import PIXELS_PER_MM, SimulatedFrame
 
 _ASCII, _BYTE, _RATIONAL = 2, 1, 5

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.evidence import FrameEvidence
+from radiometry.fitting.evidence import FrameEvidence
 from radiometry.frame import Frame, FrameHeader
 from radiometry.geometry.camera import CameraModel, find_directions, project
 from radiometry.geometry.features import Features

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from radiometry.exposure import Exposure, Settings, compute_rhs
 from radiometry.frame import Frame
+from radiometry.frame.exposure import Exposure, Settings, compute_rhs
+from radiometry.frame.roi import Polygon, bounding_window, mask
+from radiometry.frame.statistics import ChannelStatistics
 from radiometry.luminance.rows import FrameRow, Reading
-from radiometry.roi import Polygon, bounding_window, mask
-from radiometry.statistics import ChannelStatistics
 
 # The luminances of the procedure's own illustration.
 LUMINANCES_CD_M2 = (54.4, 2.94, 1.28, 1.2, 0.26, 0.24)

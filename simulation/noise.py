@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.evidence import Region
-from radiometry.exposure import Exposure
+from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
 from radiometry.noise.blocks import FrameRow, extract_features
-from radiometry.roi import Polygon
 
 _COLOURS = {"R": 0.6, "G": 1.0, "B": 0.8}
 

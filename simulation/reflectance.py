@@ -7,9 +7,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.exposure import Exposure
 from radiometry.frame import Frame, FrameHeader
-from radiometry.multispectral import (
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.multispectral import (
     GainMeasurement,
     Multispectral,
     RigGeometry,
@@ -18,9 +18,9 @@ from radiometry.multispectral import (
     SunshineRecord,
     VignettingPolynomial,
 )
+from radiometry.frame.roi import Window
 from radiometry.reflectance.gains import SATURATED_COUNT
 from radiometry.reflectance.lens import FrameSize, evaluate_polynomial
-from radiometry.roi import Window
 
 FULL_SCALE_DN = 65_472.0
 # Of 3.9 um; the real one has 3.75. A power of two, so that positions survive the way over millimetres.

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from radiometry.evidence import Region
+from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame, FrameHeader
-from radiometry.roi import Polygon
+from radiometry.frame.roi import Polygon
 
 Matrix = NDArray[np.float64]
 

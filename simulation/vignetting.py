@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.exposure import Exposure
 from radiometry.frame import Frame, FrameHeader
-from radiometry.statistics import GREY
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.statistics import GREY
 from radiometry.vignetting.curve import evaluate_curve
 from radiometry.vignetting.grid import Grid
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.statistics import ChannelStatistics
 from radiometry.luminance import method as luminance
-from radiometry.statistics import ChannelStatistics
 from store.tables.base import Json
 
 _HEADER = TypeAdapter(FrameHeader)

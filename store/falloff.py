@@ -8,12 +8,12 @@ from pydantic import TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Quantity
-from radiometry.exposure import Exposure
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Quantity
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
 from radiometry.luminance import method as luminance
 from radiometry.luminance.lens import name_channels
-from radiometry.roi import Polygon
 from radiometry.vignetting import method as vignetting
 from store.codec import encode
 from store.columns import utc_now

@@ -9,8 +9,8 @@ from typing import Any, Literal
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.comparison import Comparison, MeasuredChange, change_luminance, compare_quantities
-from radiometry.evidence import Quantity
+from radiometry.fitting.comparison import Comparison, MeasuredChange, change_luminance, compare_quantities
+from radiometry.fitting.evidence import Quantity
 from store.codec import decode_exposure
 from store.falloff import list_corrected
 from store.measuring.record import read_coefficients

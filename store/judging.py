@@ -7,8 +7,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.roi import Polygon
-from radiometry.verdicts import Taken, Verdict, conclude, inspect_frame
+from radiometry.frame.roi import Polygon
+from radiometry.frame.verdicts import Taken, Verdict, conclude, inspect_frame
 from store.fitting import leave_out_doubtful, list_missing, make_params
 from store.queries.evidence import gather
 from store.queries.frames import current_roi, is_told, region_ids, whole_frame_of

@@ -2,8 +2,8 @@
 
 from typing import Any, Literal
 
-from radiometry.comparison import MeasuredChange
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
+from radiometry.fitting.comparison import MeasuredChange
 from radiometry.reflectance.comparison import change_reflectance
 from store.codec import decode_header
 from store.measuring.record import read_band_coefficients

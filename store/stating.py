@@ -19,7 +19,7 @@ COVERAGE_FACTOR = 2.0
 def state_coefficients(method: Method, result: Json, figures: Iterable[Json]) -> list[Json]:
     """The figures of a version, each with its expanded uncertainty and coverage factor.
 
-    ``figures`` : with the names of `radiometry.evidence.Figure`
+    ``figures`` : with the names of `radiometry.fitting.evidence.Figure`
     """
     expanded = _find_expanded(method, result)
     rows = []

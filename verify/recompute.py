@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from radiometry import methods
-from radiometry.acceptance import Camera, SuppliedExposure, accept_frame
-from radiometry.errors import InputRejected
-from radiometry.evidence import Extracted, FrameEvidence, Region
-from radiometry.exposure import Exposure
+from radiometry.findings.errors import InputRejected
+from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import FrameHeader
+from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon, bounding_window
+from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.luminance import method as luminance
 from radiometry.luminance.lens import name_channels
 from radiometry.reflectance import method as reflectance
-from radiometry.roi import Polygon, bounding_window
-from radiometry.statistics import ChannelStatistics, measure_signal
 from radiometry.vignetting import method as vignetting
 from stilb.export import hash_file
 from store.codec import decode, drop_absent, encode, encode_statistics

@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
 from store import jobs
 from store.blobs import BlobDamaged
 from store.files import STORED_FILE_DAMAGED, describe_damage

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from demo.dng import Camera
-from radiometry.roi import Polygon, Window
+from radiometry.frame.roi import Polygon, Window
 from simulation.luminance import Errors, Sensor, simulate_campaign
 from simulation.luminance import Shot as Exposed
 

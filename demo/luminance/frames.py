@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from demo.dng import write_dng
 from demo.exif import Exposure
 from demo.luminance.campaign import Campaign, Shot
-from radiometry.roi import Window
+from radiometry.frame.roi import Window
 from simulation.luminance import render_frame
 
 LENS_MAKE = "DJI"

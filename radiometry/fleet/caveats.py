@@ -6,7 +6,7 @@ from datetime import timedelta
 import numpy as np
 from scipy.special import chdtri
 
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
 from radiometry.fleet.determinations import Determination
 from radiometry.fleet.effects import Effects
 from radiometry.fleet.grouping import Grouping

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Determination, Key, LeftOut, Source, keep_repeats
 from radiometry.fleet.meaning import NOT_SHARED, give_meaning, is_clear_of_zero, main_unit
 from radiometry.fleet.results import Tolerance

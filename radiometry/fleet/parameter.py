@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.fleet import wording
 from radiometry.fleet.caveats import find_caveats
 from radiometry.fleet.determinations import Determination, Key

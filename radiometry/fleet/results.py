@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.evidence import Quantity
-from radiometry.flags import Raised
+from radiometry.findings.flags import Raised
+from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key, LeftOut
 from radiometry.fleet.judging import Judgement, Outcome
 

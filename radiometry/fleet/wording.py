@@ -1,6 +1,6 @@
 """What is said of a verdict, in sentences for somebody who has to decide."""
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key
 from radiometry.fleet.judging import LEAST_DOF, Outcome
 from radiometry.fleet.planning import POWER

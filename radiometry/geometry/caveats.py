@@ -4,7 +4,7 @@ import statistics
 from collections.abc import Sequence
 from typing import Final
 
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.coverage import TILTED_DEG, measure_one_sidedness, measure_tilt_deg
 from radiometry.geometry.curve import find_farthest_radius_px, find_turning_radius_px

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from radiometry.evidence import Extracted, Region
+from radiometry.fitting.evidence import Extracted, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.roi import Window, mask
+from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.geometry.detecting import Found, find_corners
 from radiometry.geometry.grey import make_grey
 from radiometry.geometry.target import Target
-from radiometry.roi import Window, mask
-from radiometry.statistics import ChannelStatistics, compute_statistics
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Figure, Quantity
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Figure, Quantity
 from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, project
 from radiometry.geometry.caveats import check_solution, check_views
 from radiometry.geometry.coverage import find_covered_radius_px, measure_coverage, measure_tilt_deg

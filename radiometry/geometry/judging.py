@@ -3,9 +3,17 @@
 from collections.abc import Sequence
 from typing import Final
 
+from radiometry.frame.verdicts import (
+    Reason,
+    ReasonCode,
+    Taken,
+    Verdict,
+    conclude,
+    give_whole_frame,
+    inspect_frames,
+)
 from radiometry.geometry.features import Features
 from radiometry.geometry.rows import CHART, FrameRow
-from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, give_whole_frame, inspect_frames
 
 BLURRED_RISE_PX: Final = 5.0
 SMALL_SHARE: Final = 0.05

@@ -12,9 +12,10 @@ Brown's (1966), in OpenCV's notation.
 
 from collections.abc import Sequence
 
-from radiometry.evidence import Extracted, Region
-from radiometry.exposure import Exposure
+from radiometry.fitting.evidence import Extracted, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.verdicts import Taken, Verdict
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.exports import export_json, export_opencv, export_ros
 from radiometry.geometry.features import Features, extract_features
@@ -27,7 +28,6 @@ from radiometry.geometry.rows import CHART, FrameRow, Params
 from radiometry.geometry.target import Target
 from radiometry.geometry.undistortion import Undistorted, require_size, undistort, undistort_frame
 from radiometry.geometry.views import list_missing as missing
-from radiometry.verdicts import Taken, Verdict
 
 __all__ = [
     "ROLES",

@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import InputRejected
-from radiometry.flags import Flag
+from radiometry.findings.errors import InputRejected
+from radiometry.findings.flags import Flag
 from radiometry.geometry.caveats import GOOD_SHARE, GOOD_VIEWS
 from radiometry.geometry.coverage import CELLS, count_cells
 from radiometry.geometry.fitting import fit_geometry

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from radiometry.evidence import Quantity
-from radiometry.flags import Raised
+from radiometry.findings.flags import Raised
+from radiometry.fitting.evidence import Quantity
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.rows import Window
 from radiometry.geometry.target import Target

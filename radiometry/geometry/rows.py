@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
-from radiometry.evidence import Exclusion, FrameEvidence
+from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.geometry.features import Features
 
 CHART: Final = "chart"

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import Frame
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.grey import make_grey

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry import models
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Quantity
-from radiometry.exposure import Exposure, Settings, require_plausible
-from radiometry.flags import Flag, Raised
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag, Raised
+from radiometry.fitting import models
+from radiometry.fitting.evidence import Quantity
+from radiometry.frame.exposure import Exposure, Settings, require_plausible
+from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
-from radiometry.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.vignetting.lens import LensShare
 
 NOISE = "pixel noise"

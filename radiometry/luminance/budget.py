@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from radiometry.fitting.sources import READING, SCATTER
 from radiometry.luminance.results import IsoFit
-from radiometry.sources import READING, SCATTER
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
 from radiometry.frame import Frame
+from radiometry.frame.roi import Polygon
 from radiometry.luminance.results import AppliedLuminance
-from radiometry.roi import Polygon
 
 Corners = Sequence[tuple[float, float]]
 

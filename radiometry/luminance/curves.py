@@ -5,16 +5,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry import models
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import BudgetEntry, Quantity
-from radiometry.exposure import expect_luminance_k
-from radiometry.fit import CurveFit, coverage_factor, fit_curve
-from radiometry.gls import Vector
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting import models
+from radiometry.fitting.curve import CurveFit, coverage_factor, fit_curve
+from radiometry.fitting.evidence import BudgetEntry, Quantity
+from radiometry.fitting.gls import Vector
+from radiometry.fitting.sources import Curve
+from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Coefficient, IsoFit, ModelFit, Point
 from radiometry.luminance.rows import MODELS, Params
-from radiometry.sources import Curve
 
 _NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
 

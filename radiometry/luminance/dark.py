@@ -5,8 +5,8 @@ import statistics as python_statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.flags import Flag, Raised
-from radiometry.statistics import Signal
+from radiometry.findings.flags import Flag, Raised
+from radiometry.frame.statistics import Signal
 
 EXPOSURE_RATIO = 2.0
 FEW_DARK_FRAMES = 3

@@ -3,12 +3,12 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from radiometry.darkness import TAKE_AGAIN, inspect_black
+from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
+from radiometry.frame.statistics import Signal, measure_signal
+from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.luminance.dark import EXPOSURE_RATIO, time_ratio
 from radiometry.luminance.points import DETECTION_ERRORS
 from radiometry.luminance.rows import FrameRow, Params
-from radiometry.statistics import Signal, measure_signal
-from radiometry.verdicts import Reason, ReasonCode
 
 ABOVE_OTHERS_SHARE = 0.001
 """Of the span from black to white, above the darkest dark frame of the same ISO and a like time: a tenth of

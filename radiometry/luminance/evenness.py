@@ -3,9 +3,9 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from radiometry.frame.statistics import ChannelStatistics
+from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.luminance.points import Candidate, IsoSeries, is_below_detection, is_saturated
-from radiometry.statistics import ChannelStatistics
-from radiometry.verdicts import Reason, ReasonCode
 
 UNEVEN_REL = 0.05
 """Standard deviation of the light over the region, of its mean. A meter's spot somewhere in the region then

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from statistics import NormalDist
 
+from radiometry.frame.statistics import ChannelStatistics
+from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.luminance.dark import Dark
 from radiometry.luminance.points import (
     MOST_SATURATED_SHARE,
@@ -12,8 +14,6 @@ from radiometry.luminance.points import (
     signal_error_dn,
 )
 from radiometry.luminance.wording import show_stops
-from radiometry.statistics import ChannelStatistics
-from radiometry.verdicts import Reason, ReasonCode
 
 NEAR_WHITE_SHARE = 0.95
 """Of the span from dark to white. The last 5 % are where sensors bend first, and a lamp that rises by as

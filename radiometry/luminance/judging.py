@@ -4,7 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from radiometry.evidence import Exclusion
+from radiometry.fitting.evidence import Exclusion
+from radiometry.frame.statistics import ChannelStatistics, select_rows
+from radiometry.frame.verdicts import Reason, Taken, Verdict, conclude, inspect_frames
 from radiometry.luminance.agreement import (
     expect_signals,
     find_repeats,
@@ -17,8 +19,6 @@ from radiometry.luminance.evenness import inspect_evenness
 from radiometry.luminance.exposing import inspect_exposure
 from radiometry.luminance.points import IsoSeries, collect_series
 from radiometry.luminance.rows import FrameRow, Params, Reading
-from radiometry.statistics import ChannelStatistics, select_rows
-from radiometry.verdicts import Reason, Taken, Verdict, conclude, inspect_frames
 
 
 def judge(

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import Frame
-from radiometry.roi import Polygon, Window, mask
-from radiometry.statistics import GREY, Signal, mean_variance, name_site
+from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.statistics import GREY, Signal, mean_variance, name_site
 from radiometry.vignetting.lens import Lens, LensShare
 
 _BAND_ROWS = 256

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.exposure import Exposure
 from radiometry.frame import Frame
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.statistics import GREY
 from radiometry.luminance.application import choose_coefficient, luminance_per_dn, require_alike
 from radiometry.luminance.lens import compute_shares
 from radiometry.luminance.results import Coefficient
-from radiometry.statistics import GREY
 from radiometry.vignetting.lens import Lens
 
 Plane = NDArray[np.float32]

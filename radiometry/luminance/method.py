@@ -5,7 +5,7 @@
 N the region's mean raw number, D its dark signal, L the luminance METER's reading of the scene. The procedure
 also describes an X computed from N itself; that needs the K it looks for, and is not built.
 Source: standard operating procedure "Drone Camera Calibration", equation 1, with the weighting of
-`radiometry.fit` in place of a plain regression.
+`radiometry.fitting.curve` in place of a plain regression.
 """
 
 import itertools
@@ -14,11 +14,13 @@ from typing import Any
 
 from scipy.special import chdtri
 
-from radiometry.darkness import flag_not_dark
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Figure, FrameEvidence
-from radiometry.flags import Flag, Raised
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag, Raised
+from radiometry.fitting.evidence import Figure, FrameEvidence
 from radiometry.frame import Frame
+from radiometry.frame.darkness import flag_not_dark
+from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.luminance.application import apply_coefficient as apply
 from radiometry.luminance.application import luminance_per_dn
 from radiometry.luminance.curves import fit_series
@@ -45,8 +47,6 @@ from radiometry.luminance.results import (
 )
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes
-from radiometry.roi import Polygon, Window, mask
-from radiometry.statistics import ChannelStatistics, compute_statistics
 
 __all__ = [
     "ROLES",

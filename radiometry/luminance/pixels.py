@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import Frame
+from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.statistics import GREY, name_site
 from radiometry.luminance.lens import compute_shares, name_channels
 from radiometry.luminance.maps import Sums, find_measured, sum_signal
-from radiometry.roi import Polygon, Window, mask
-from radiometry.statistics import GREY, name_site
 from radiometry.vignetting.lens import Lens, LensShare
 
 PERCENTILES = (5, 10, 90, 95)

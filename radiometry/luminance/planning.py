@@ -5,7 +5,7 @@ import math
 import statistics as python_statistics
 from collections.abc import Sequence
 
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
 from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
 from radiometry.luminance.dark import check_dark
 from radiometry.luminance.points import (

@@ -4,14 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Quantity
-from radiometry.exposure import Settings, compute_rhs
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Quantity
+from radiometry.frame.exposure import Settings, compute_rhs
+from radiometry.frame.statistics import Signal, measure_signal
 from radiometry.luminance.dark import Dark, estimate_dark
 from radiometry.luminance.results import SceneSummary
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import summarise_scenes
-from radiometry.statistics import Signal, measure_signal
 
 MOST_SATURATED_SHARE = 0.001
 DETECTION_ERRORS = 3.0

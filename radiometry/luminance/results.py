@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from radiometry.evidence import BudgetEntry, Quantity
-from radiometry.flags import Raised
+from radiometry.findings.flags import Raised
+from radiometry.fitting.evidence import BudgetEntry, Quantity
 
 K_UNIT = "DN*m2/(cd*s)"
 

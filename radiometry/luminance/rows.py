@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from radiometry.evidence import Exclusion, Quantity
-from radiometry.exposure import Exposure
-from radiometry.statistics import ChannelStatistics
+from radiometry.fitting.evidence import Exclusion, Quantity
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.statistics import ChannelStatistics
 
 MODELS = ("proportional", "affine", "power", "semilog")
 CHANNELS = ("green", "grey")
@@ -19,7 +19,7 @@ class Params:
     ``model`` : proportional | affine | power | semilog: the one whose K is reported; all four are fitted
     ``tolerance_rel`` : largest |L_fit - L_meter| / L_meter that passes; the procedure asks for 4 %
     ``channel`` : green | grey, the signal
-    ``exposure_basis`` : nominal | apex, see `radiometry.exposure.Exposure.on_basis`
+    ``exposure_basis`` : nominal | apex, see `radiometry.frame.exposure.Exposure.on_basis`
     ``meter_repeatability_rel`` : standard uncertainty of one luminance reading apart from the meter's
         calibration: aim, spot, digits. None: estimated from the scatter between scenes.
     ``f_number_u_rel`` : standard uncertainty of a marked f-number. 1.5 %: markings are rounded by up to 2.8 %

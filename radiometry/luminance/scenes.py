@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
 from radiometry.luminance.results import SceneSummary
 from radiometry.luminance.rows import Reading
 

@@ -2,7 +2,7 @@
 
 import math
 
-from radiometry.exposure import Settings
+from radiometry.frame.exposure import Settings
 
 _THIRDS = ("", " 1/3", " 2/3")
 

@@ -9,15 +9,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, assert_never, get_args
 
-from radiometry.evidence import Extracted, Figure, FrameEvidence, Region
-from radiometry.exposure import Exposure
+from radiometry.fitting.evidence import Extracted, Figure, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.verdicts import Taken, Verdict
 from radiometry.geometry import method as geometry
 from radiometry.luminance import method as luminance
 from radiometry.noise import method as noise
 from radiometry.reflectance import method as reflectance
 from radiometry.sharpness import method as sharpness
-from radiometry.verdicts import Taken, Verdict
 from radiometry.vignetting import method as vignetting
 
 Method = Literal["luminance", "reflectance", "vignetting", "sharpness", "geometry", "noise"]

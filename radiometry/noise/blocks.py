@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Extracted, FrameEvidence, Region
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
-from radiometry.packing import Packed, pack
-from radiometry.roi import Window, mask
-from radiometry.statistics import GREY, compute_statistics, name_site
+from radiometry.frame.packing import Packed, pack
+from radiometry.frame.roi import Window, mask
+from radiometry.frame.statistics import GREY, compute_statistics, name_site
 
 LARGEST_SIDE = 96
 """Samples along a side. 9216 of them give the variance of a pair within 1.5 %."""

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from radiometry.darkness import name_not_dark
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
+from radiometry.frame.darkness import name_not_dark
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.darkness import find_not_dark
 from radiometry.noise.fitting import FittedChannel

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.darkness import TAKE_AGAIN, inspect_black
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
+from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
+from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.noise.rows import DARK
 from radiometry.noise.stacks import Stack
-from radiometry.verdicts import Reason, ReasonCode
 
 Vector = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.noise.darkness import DarkCurrent
 from radiometry.noise.propagation import propagate
 from radiometry.noise.results import DarkCurrentFigures, TransferFigures

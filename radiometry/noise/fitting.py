@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.noise.darkness import find_dark_current
 from radiometry.noise.figures import (
     find_dark_current_figures,

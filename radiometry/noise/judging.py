@@ -2,13 +2,7 @@
 
 from collections.abc import Sequence
 
-from radiometry.noise.blocks import FrameRow
-from radiometry.noise.caveats import DRIFT_REL
-from radiometry.noise.darkness import find_not_dark
-from radiometry.noise.points import collect_stacks
-from radiometry.noise.rows import DARK, Params
-from radiometry.noise.stacks import Stack
-from radiometry.verdicts import (
+from radiometry.frame.verdicts import (
     Outcome,
     Reason,
     ReasonCode,
@@ -18,6 +12,12 @@ from radiometry.verdicts import (
     give_whole_frame,
     inspect_frames,
 )
+from radiometry.noise.blocks import FrameRow
+from radiometry.noise.caveats import DRIFT_REL
+from radiometry.noise.darkness import find_not_dark
+from radiometry.noise.points import collect_stacks
+from radiometry.noise.rows import DARK, Params
+from radiometry.noise.stacks import Stack
 
 
 def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:

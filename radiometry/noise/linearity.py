@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.noise.levels import Level
 
 FEWEST_LEVELS = 4

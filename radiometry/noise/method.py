@@ -9,10 +9,11 @@ not measured here, so there is no quantum efficiency and no threshold in photons
 
 from collections.abc import Sequence
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Extracted, Figure, Quantity, Region
-from radiometry.exposure import Exposure
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Extracted, Figure, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.statistics import CHANNELS
 from radiometry.noise.blocks import Features, FrameRow, extract_features
 from radiometry.noise.caveats import check_fits, check_rendered
 from radiometry.noise.fitting import fit_channel
@@ -21,7 +22,6 @@ from radiometry.noise.planning import plan
 from radiometry.noise.points import collect_stacks, describe_points, list_missing
 from radiometry.noise.results import TRANSFER_EQUATION, ChannelFit, Fit, LevelResult, Point
 from radiometry.noise.rows import DARK, FLAT, LIGHT, Params
-from radiometry.statistics import CHANNELS
 
 __all__ = [
     "ROLES",

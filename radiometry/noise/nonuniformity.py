@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.noise.levels import Level, list_darks
 from radiometry.noise.stacks import Stack, Variance
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 
 _STEP_REL = 1e-5
 

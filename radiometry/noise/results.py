@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from radiometry.evidence import Quantity
-from radiometry.flags import Raised
+from radiometry.findings.flags import Raised
+from radiometry.fitting.evidence import Quantity
 from radiometry.noise.transfer import SaturationOrigin
 
 TRANSFER_EQUATION = "var_y - var_dark = K (mu_y - mu_dark)"

@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.frame.packing import unpack
 from radiometry.noise.blocks import ChannelBlock, FrameRow
 from radiometry.noise.rows import DARK
-from radiometry.packing import unpack
 
 Image = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from radiometry.errors import Code, InputRejected
-from radiometry.multispectral import RigGeometry
-from radiometry.roi import Polygon
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.multispectral import RigGeometry
+from radiometry.frame.roi import Polygon
 
 Grid = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Quantity
-from radiometry.exposure import Exposure
-from radiometry.flags import Flag, Raised
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag, Raised
+from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
-from radiometry.multispectral import Multispectral
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.evaluation import KAtTime, evaluate_k
 from radiometry.reflectance.features import Features

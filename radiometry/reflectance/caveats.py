@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
 from radiometry.frame import FrameHeader
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
 from radiometry.reflectance.results import BandFit

@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import FrameHeader
 from radiometry.reflectance.sun import locate_sun
 from radiometry.reflectance.tilt import Tilt, TiltParams, require_high_sun

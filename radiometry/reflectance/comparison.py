@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from radiometry.comparison import PERCENT
-from radiometry.evidence import Quantity
+from radiometry.fitting.comparison import PERCENT
+from radiometry.fitting.evidence import Quantity
 from radiometry.frame import FrameHeader
 from radiometry.reflectance.application import choose_coefficient, find_scale_of_frame
 from radiometry.reflectance.imaging import require_band

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.exposure import Exposure
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.reflectance.imaging import compute_signal, require_band, signal_unit
-from radiometry.roi import Polygon, Window, mask
-from radiometry.statistics import ChannelStatistics, compute_statistics
 
 _CONTAINER_BITS = 16
 

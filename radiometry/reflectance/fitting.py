@@ -5,9 +5,9 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.evidence import BudgetEntry
-from radiometry.fit import coverage_factor
-from radiometry.multispectral import Multispectral
+from radiometry.fitting.curve import coverage_factor
+from radiometry.fitting.evidence import BudgetEntry
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance.evaluation import evaluate_k
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.points import Candidate

@@ -5,13 +5,13 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.exposure import Settings
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import Frame, FrameHeader
-from radiometry.multispectral import Multispectral
+from radiometry.frame.exposure import Settings
+from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.roi import Window
 from radiometry.reflectance import micasense, sequoia
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial, evaluate_radial
-from radiometry.roi import Window
 
 Plane = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import FrameHeader
+from radiometry.frame.roi import Polygon
 from radiometry.reflectance.alignment import align, move_region
 from radiometry.reflectance.imaging import require_band
-from radiometry.roi import Polygon
 
 Index = Literal["ndvi", "ndre", "gndvi"]
 INDICES: tuple[Index, ...] = get_args(Index)

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
 from radiometry.reflectance.caveats import STEEPEST_GRADIENT_REL
 from radiometry.reflectance.points import (
     MOST_SATURATED_SHARE,
@@ -14,7 +15,6 @@ from radiometry.reflectance.points import (
 )
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 from radiometry.reflectance.sunshine import measure_sunshine
-from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
 
 
 def judge(

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.multispectral import RadialVignetting, VignettingPolynomial
-from radiometry.roi import Window
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.multispectral import RadialVignetting, VignettingPolynomial
+from radiometry.frame.roi import Window
 
 Plane = NDArray[np.float64]
 

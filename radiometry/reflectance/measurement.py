@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Quantity
-from radiometry.exposure import Exposure
-from radiometry.flags import Raised
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Raised
+from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance.application import apply_features
 from radiometry.reflectance.features import extract_features
 from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.indices import Index
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
-from radiometry.roi import Polygon, Window, mask
 
 PERCENTILES = (5, 10, 90, 95)
 _OUTLIER_SIGMAS = 5.0

@@ -11,11 +11,11 @@ the vignetting, in public scripts, are not followed.
 from collections.abc import Sequence
 from typing import Any
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Extracted, Figure, FrameEvidence, Region
-from radiometry.exposure import Exposure
-from radiometry.flags import Flag, Raised
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag, Raised
+from radiometry.fitting.evidence import Extracted, Figure, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
 from radiometry.reflectance.application import (
     ReflectanceMap,
     Scale,

@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.exposure import Settings
-from radiometry.multispectral import RadianceModel
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.exposure import Settings
+from radiometry.frame.multispectral import RadianceModel
 
 Plane = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.roi import Polygon
+from radiometry.frame.roi import Polygon
 
 SHRINK = 0.65
 """Side of the region over the panel's: what is left absorbs a tilted panel and another lens."""

@@ -5,9 +5,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.errors import Code, InputRejected
-from radiometry.flags import Raised
-from radiometry.multispectral import Multispectral
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Raised
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.features import Features
 from radiometry.reflectance.rows import FrameRow, Params, Reading

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from radiometry.evidence import BudgetEntry, Quantity
-from radiometry.flags import Raised
+from radiometry.findings.flags import Raised
+from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.reflectance.rows import Interpolation, Normalisation
 from radiometry.reflectance.sunshine import Choice
 from radiometry.reflectance.tilt import TiltParams

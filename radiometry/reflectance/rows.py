@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from radiometry.evidence import Exclusion
-from radiometry.exposure import Exposure
+from radiometry.fitting.evidence import Exclusion
 from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
 from radiometry.reflectance.features import Features
 from radiometry.reflectance.sunshine import Choice
 from radiometry.reflectance.tilt import TiltParams

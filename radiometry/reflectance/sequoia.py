@@ -11,9 +11,9 @@ reflectance?" 1.1, section 4.
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.exposure import Settings
-from radiometry.multispectral import SensorModel
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.exposure import Settings
+from radiometry.frame.multispectral import SensorModel
 
 Plane = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.errors import Code, InputRejected
-from radiometry.flags import Flag, Raised
-from radiometry.multispectral import Multispectral, SunshineCounts, SunshineIrradiance, SunshineRecord
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag, Raised
+from radiometry.frame.multispectral import Multispectral, SunshineCounts, SunshineIrradiance, SunshineRecord
 from radiometry.reflectance.gains import REFERENCE_INDEX, ROUNDING, SATURATED_COUNT, Gain, measure_gains
 from radiometry.reflectance.tilt import FURTHEST_FROM_SUN_DEG, Tilt, level_factor, sun_angle_deg
 

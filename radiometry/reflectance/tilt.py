@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.reflectance.sun import SunPosition
 
 LOWEST_SUN_DEG = 10.0

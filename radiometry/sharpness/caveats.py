@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
 from radiometry.sharpness.candidates import Candidate
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL
 from radiometry.sharpness.results import FalloffTable, PositionFit

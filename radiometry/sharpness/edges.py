@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.sharpness.features import EdgeResponse, Estimate
 from radiometry.sharpness.location import Edge, locate_edge
 from radiometry.sharpness.profile import BINS_PER_PIXEL, Profile, form_profile, gather, measure_lengths

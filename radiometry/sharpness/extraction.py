@@ -5,17 +5,17 @@ from typing import TypeVar
 
 import numpy as np
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Region
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame, FrameHeader
-from radiometry.roi import Window, bounding_window
+from radiometry.frame.roi import Window, bounding_window
+from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.sharpness.centring import guess_centre, refine_centre
 from radiometry.sharpness.edges import measure_edge
 from radiometry.sharpness.features import EdgeResponse, Features, Refusal, RegionResponse, StarResponse
 from radiometry.sharpness.rows import Target
 from radiometry.sharpness.sampling import LUMINANCE, Plane, Tone, average_sites, read_planes
 from radiometry.sharpness.stars import measure_star
-from radiometry.statistics import ChannelStatistics, compute_statistics
 
 R = TypeVar("R")
 

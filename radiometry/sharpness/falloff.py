@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.sharpness.candidates import MTF50, RESOLVING_POWER
 from radiometry.sharpness.results import Falloff, FalloffTable, PositionFit
 

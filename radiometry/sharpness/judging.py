@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
+from radiometry.frame.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
 from radiometry.sharpness.candidates import Candidate, collect_candidates
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL, CORNER_RADIUS_REL
 from radiometry.sharpness.merging import merge_position
 from radiometry.sharpness.results import PositionFit
 from radiometry.sharpness.rows import FrameRow, Params
-from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
 
 GOOD_REPEATS = 3
 BLURRED_REL = 0.1

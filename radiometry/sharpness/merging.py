@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.evidence import Quantity
+from radiometry.fitting.evidence import Quantity
 from radiometry.sharpness.candidates import MTF50, RESOLVING_POWER, Candidate
 from radiometry.sharpness.features import Contrasts, EdgeResponse, Estimate, StarResponse
 from radiometry.sharpness.resolution import convert_resolution, find_resolving_power, unresolved_diameter

@@ -10,10 +10,10 @@ line widths per millimetre of a 24 mm picture, and its d is a diameter; both are
 import itertools
 from collections.abc import Sequence
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Extracted, Figure, Region
-from radiometry.exposure import Exposure
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Extracted, Figure, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.exposure import Exposure
 from radiometry.sharpness.candidates import Candidate, collect_candidates, list_missing
 from radiometry.sharpness.caveats import check_candidates, check_falloff, check_positions, name_position
 from radiometry.sharpness.extraction import extract_features

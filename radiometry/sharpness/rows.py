@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from radiometry.evidence import Exclusion, FrameEvidence
+from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.sharpness.features import Features
 
 Kind = Literal["slanted_edge", "siemens_star"]

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import Frame
-from radiometry.roi import Window
-from radiometry.statistics import GREY
+from radiometry.frame.roi import Window
+from radiometry.frame.statistics import GREY
 
 LUMINANCE = "luminance"
 LUMINANCE_WEIGHTS = {"R": 0.213, "G": 0.715, "B": 0.072}

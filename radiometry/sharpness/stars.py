@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.sharpness.edges import MOST_CLIPPED_SHARE
 from radiometry.sharpness.features import Contrasts, StarResponse
 from radiometry.sharpness.sampling import Plane

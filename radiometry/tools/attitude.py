@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import FrameHeader
-from radiometry.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral
 
 Basis = Literal["during", "nearest", "largest"]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Quantity
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Quantity
 
 SETTINGS = ("exposure_time_s", "f_number", "iso")
 

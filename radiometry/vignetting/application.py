@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.roi import Window
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.roi import Window
 from radiometry.vignetting.curve import Array, evaluate_slopes, propagate
 from radiometry.vignetting.results import Coefficient
 

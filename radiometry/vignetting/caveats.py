@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.darkness import flag_not_dark
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
+from radiometry.frame.darkness import flag_not_dark
 from radiometry.vignetting.curve import (
     evaluate_curve,
     evaluate_slopes,

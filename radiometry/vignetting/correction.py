@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.statistics import GREY, name_site
+from radiometry.frame.statistics import GREY, name_site
 from radiometry.vignetting.application import BAND_ROWS
 from radiometry.vignetting.lens import Lens
 from radiometry.vignetting.results import Coefficient

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.vignetting.application import bracket
 from radiometry.vignetting.expansion import average_share, fit_even_powers, sample_frame
 from radiometry.vignetting.results import Coefficient

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.vignetting.application import evaluate
 from radiometry.vignetting.grid import Vector
 from radiometry.vignetting.results import Coefficient

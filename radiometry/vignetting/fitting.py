@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radiometry.errors import Code, InputRejected
-from radiometry.packing import pack
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.packing import pack
 from radiometry.vignetting.curve import (
     evaluate_curve,
     evaluate_slopes,

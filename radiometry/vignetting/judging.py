@@ -2,7 +2,15 @@
 
 from collections.abc import Sequence
 
-from radiometry.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, give_whole_frame, inspect_frames
+from radiometry.frame.verdicts import (
+    Reason,
+    ReasonCode,
+    Taken,
+    Verdict,
+    conclude,
+    give_whole_frame,
+    inspect_frames,
+)
 from radiometry.vignetting.darkness import find_not_dark
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.points import collect_candidates

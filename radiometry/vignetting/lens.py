@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.evidence import Quantity
-from radiometry.roi import Polygon, Window, bounding_window, mask
+from radiometry.fitting.evidence import Quantity
+from radiometry.frame.roi import Polygon, Window, bounding_window, mask
 from radiometry.vignetting.application import (
     bracket,
     evaluate_one,

@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.vignetting.expansion import average_share, fit_even_powers, sample_frame
 from radiometry.vignetting.results import Coefficient
 

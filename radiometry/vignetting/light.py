@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.packing import unpack
+from radiometry.frame.packing import unpack
 from radiometry.vignetting.darkness import estimate_dark_drift, estimate_dark_error
 from radiometry.vignetting.features import ChannelBlocks, Features, FrameRow
 from radiometry.vignetting.grid import Plane

@@ -9,11 +9,11 @@ Source: "Four Vision" report, 3.3.2, with a fitted centre and falloffs with thei
 import itertools
 from collections.abc import Sequence
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Extracted, Figure, Quantity, Region
-from radiometry.exposure import Exposure
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Extracted, Figure, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
-from radiometry.statistics import CHANNELS
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.statistics import CHANNELS
 from radiometry.vignetting.application import (
     Share,
     evaluate,

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.light import ChannelLight, FlatLight, leave_out, measure_light
 from radiometry.vignetting.quality import Quality, inspect_flat

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from radiometry.flags import Flag, Raised
+from radiometry.findings.flags import Flag, Raised
 from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.light import MOST_CLIPPED_SHARE, ChannelLight, FlatLight, leave_out
 from radiometry.vignetting.results import Spot

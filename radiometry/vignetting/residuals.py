@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import Code, InputRejected
-from radiometry.packing import unpack
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.packing import unpack
 from radiometry.vignetting.results import ChannelFit
 
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.flags import Raised
-from radiometry.packing import Packed
+from radiometry.findings.flags import Raised
+from radiometry.frame.packing import Packed
 
 EQUATION = "signal above dark = even light * (1 + k1 r^2 + k2 r^4 + k3 r^6)"
 

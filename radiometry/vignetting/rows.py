@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from radiometry.evidence import Exclusion
+from radiometry.fitting.evidence import Exclusion
 
 FLAT, DARK = "flat", "dark"
 

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from radiometry.evidence import Figure
-from radiometry.flags import Flag
-from radiometry.statistics import ChannelStatistics, measure_signal
+from radiometry.findings.flags import Flag
+from radiometry.fitting.evidence import Figure
+from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from service.certificate.gaps import list_gaps
 from service.certificate.papers import describe_paper
 from service.certificate.words import say_statements, say_traceability, say_vignetting

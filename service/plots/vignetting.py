@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.packing import Packed, unpack
+from radiometry.frame.packing import Packed, unpack
 from service.plots.sheet import Axis, bar, dot, finish, line, name_series, place, swath
 from service.svg import Panel
 from store.codec import decode

@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.evidence import Exclusion
+from radiometry.fitting.evidence import Exclusion
 from service.auth import Calibrator, Caller, Publisher, Reader
 from service.certificate import warn_of_gaps
 from service.context import UsesContext

@@ -8,8 +8,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.evidence import Region
-from radiometry.roi import Polygon, parse_imagej
+from radiometry.fitting.evidence import Region
+from radiometry.frame.roi import Polygon, parse_imagej
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned

@@ -11,7 +11,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from radiometry.verdicts import Verdict
+from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
 from service.context import Context, UsesContext
 from service.immutable import send_blob

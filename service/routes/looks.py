@@ -3,8 +3,8 @@
 from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 
-from radiometry.errors import Code
-from radiometry.roi import Polygon, bounding_window
+from radiometry.findings.errors import Code
+from radiometry.frame.roi import Polygon, bounding_window
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned

@@ -6,8 +6,8 @@ from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.errors import InputRejected
-from radiometry.surface import Grid
+from radiometry.findings.errors import InputRejected
+from radiometry.luminance.surface import Grid
 from service.auth import Caller, Reader, Uploader
 from service.context import Context, UsesContext
 from service.immutable import not_modified, send_blob

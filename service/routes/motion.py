@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import FrameHeader
 from radiometry.tools.attitude import blur_of_file, compute_turns, read_attitudes
 from service.auth import Reader

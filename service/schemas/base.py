@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from radiometry.multispectral import name_band
+from radiometry.frame.multispectral import name_band
 from service.wording import SHA256
 
 # a NUL cannot be stored in PostgreSQL, and no honest name holds a control character

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import ConfigDict, Field
 
-from radiometry.comparison import Comparison
+from radiometry.fitting.comparison import Comparison
 from service.schemas.base import Answer, Quantity
 from store.measuring.contrast import Contrast, Side
 

@@ -4,10 +4,10 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.statistics import ChannelStatistics
+from radiometry.frame.verdicts import Outcome, ReasonCode, Verdict
 from radiometry.reflectance.method import measure_sunshine
-from radiometry.statistics import ChannelStatistics
-from radiometry.verdicts import Outcome, ReasonCode, Verdict
 from service.schemas.base import Answer, Form, Instant, Positive, Text
 from service.schemas.campaigns import Role
 from store.blobs import Damage

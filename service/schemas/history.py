@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from radiometry.comparison import Comparison, MeasuredChange
+from radiometry.fitting.comparison import Comparison, MeasuredChange
 from service.schemas.base import Answer, Instant, Quantity
 from service.schemas.calibrations import CalibrationAnswer
 from store.impact import CoefficientChange, Impact, Touched

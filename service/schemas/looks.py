@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
-from radiometry.verdicts import Verdict
+from radiometry.frame.verdicts import Verdict
 from service.schemas.base import Answer, Form
 from service.schemas.campaigns import Point
 from service.schemas.frames import VerdictAnswer

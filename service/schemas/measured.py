@@ -4,8 +4,8 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from radiometry.advice import advise
-from radiometry.flags import Flag
+from radiometry.findings.advice import advise
+from radiometry.findings.flags import Flag
 from service.schemas.base import Answer, Instant, Quantity
 from service.schemas.measured_parts import (
     BandAnswer,

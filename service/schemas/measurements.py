@@ -4,8 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from radiometry.luminance.surface import MAX_CELLS_A_SIDE
 from radiometry.reflectance.indices import Index
-from radiometry.surface import MAX_CELLS_A_SIDE
 from service.schemas.base import Answer, Form, Number, Text
 from service.schemas.campaigns import NewRoi, Point, Reflectance
 from service.schemas.jobs import JobAnswer

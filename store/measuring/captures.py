@@ -3,7 +3,7 @@
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from store.tables import FrameRow
 
 _SAID = FrameRow.header["multispectral"]

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from radiometry.comparison import Comparison
-from radiometry.contrast import Budgeted, compare_measured, scale_effects, sign_effects
-from radiometry.exposure import Exposure
+from radiometry.fitting.comparison import Comparison
+from radiometry.fitting.contrast import Budgeted, compare_measured, scale_effects, sign_effects
+from radiometry.frame.exposure import Exposure
 from store.codec import decode_exposure
 from store.impact import compare_meters
 from store.measuring.record import read_coefficients

@@ -8,18 +8,18 @@ from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.errors import Code, InputRejected
-from radiometry.flags import Flag
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag
+from radiometry.frame.proof import Proof
+from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.geometry import method as geometry
 from radiometry.luminance.application import choose_coefficient
 from radiometry.luminance.lens import name_channels
 from radiometry.luminance.maps import find_map_scale
-from radiometry.measurement import Request, find_window
-from radiometry.proof import Proof
+from radiometry.luminance.measurement import Request, find_window
+from radiometry.luminance.surface import Grid, outline
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.indices import Index
-from radiometry.roi import Polygon, bounding_window
-from radiometry.surface import Grid, outline
 from store.codec import decode, decode_exposure, decode_header, encode
 from store.falloff import find_falloff, read_lens
 from store.measuring.captures import Captures

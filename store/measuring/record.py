@@ -10,10 +10,10 @@ from pydantic import TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.frame.roi import Polygon
 from radiometry.geometry import method as geometry
 from radiometry.luminance.results import Coefficient
 from radiometry.reflectance import method as reflectance
-from radiometry.roi import Polygon
 from store.blobs import StoredBlob
 from store.codec import decode
 from store.columns import new_id

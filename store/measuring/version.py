@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from store.errors import Conflict
 from store.publications import InForce, in_force
 from store.tables import Calibration, Campaign, FrameRow, Revocation

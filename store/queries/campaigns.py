@@ -8,8 +8,8 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from radiometry.evidence import Region
-from radiometry.roi import Polygon
+from radiometry.fitting.evidence import Region
+from radiometry.frame.roi import Polygon
 from store import jobs
 from store.columns import new_id
 from store.tables import Campaign, FrameRow, Job, Reading, Roi

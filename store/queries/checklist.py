@@ -10,7 +10,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, Item, VersionFacts, find
-from radiometry.flags import Flag
+from radiometry.findings.flags import Flag
 from store.columns import utc_now
 from store.queries.evidence import Evidence, gather
 from store.tables import (

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.statistics import ChannelStatistics
+from radiometry.frame.statistics import ChannelStatistics
 from store.queries.calibrations import Standing, coefficients_of, standings
 from store.queries.checklist import ChecklistItem, read_checklist, read_signature
 from store.queries.decisions import Act, key_names, list_publishings

@@ -8,10 +8,10 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.evidence import Exclusion, FrameEvidence
-from radiometry.flags import Flag
-from radiometry.proof import Proof
-from radiometry.statistics import ChannelStatistics
+from radiometry.findings.flags import Flag
+from radiometry.fitting.evidence import Exclusion, FrameEvidence
+from radiometry.frame.proof import Proof
+from radiometry.frame.statistics import ChannelStatistics
 from store.codec import decode, decode_exposure, decode_header
 from store.queries.frames import extractions_of, extractor_of, region_ids, statistics_of
 from store.queries.references import Reference, find_reference

@@ -11,8 +11,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.roi import Polygon
-from radiometry.statistics import ChannelStatistics
+from radiometry.frame.roi import Polygon
+from radiometry.frame.statistics import ChannelStatistics
 from store import jobs
 from store.blobs import StoredBlob
 from store.columns import new_id

@@ -10,7 +10,7 @@ from bench import imagej, pages, timing
 from bench.__main__ import main
 from bench.report import judge, judge_seconds, summarise
 from bench.subject import ROI_SHARE, Scale, draw_roi
-from radiometry.roi import bounding_window, mask
+from radiometry.frame.roi import bounding_window, mask
 from tests.support.processes import alive, family
 
 TINY = Scale(rows=480, cols=640, rounds=2, uploads=2, frames=30)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic import SecretStr
 
-from radiometry.errors import Code
-from radiometry.flags import Flag
+from radiometry.findings.errors import Code
+from radiometry.findings.flags import Flag
 from service.launch.refusal import Exit
 from service.problems import HttpCode
 from store.settings import Settings

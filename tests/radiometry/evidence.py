@@ -2,11 +2,11 @@
 
 import dataclasses
 
-from radiometry.exposure import Exposure
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
+from radiometry.frame.statistics import ChannelStatistics
+from radiometry.frame.verdicts import Taken
 from radiometry.luminance.rows import FrameRow, Reading
-from radiometry.roi import Polygon
-from radiometry.statistics import ChannelStatistics
-from radiometry.verdicts import Taken
 
 K, DARK, WHITE = 30.0, 256.0, 4095.0
 SPAN = WHITE - DARK

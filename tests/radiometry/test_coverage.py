@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.fit import fit_curve
+from radiometry.fitting.curve import fit_curve
 from radiometry.luminance import curves
 from radiometry.luminance.method import Params
 from radiometry.luminance.points import collect_series

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.errors import InputRejected
-from radiometry.exposure import Exposure
+from radiometry.findings.errors import InputRejected
 from radiometry.frame import Frame
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
 from radiometry.luminance.maps import RIM_PX, MapScale, compute_map, find_map_scale
 from radiometry.luminance.pixels import PERCENTILES, estimate_pixel_noise, order_pixels
-from radiometry.roi import Polygon
 from tests.radiometry.coefficients import COEFFICIENT
 
 SCALE = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")

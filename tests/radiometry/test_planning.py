@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from radiometry.evidence import Exclusion
+from radiometry.fitting.evidence import Exclusion
 from radiometry.luminance import method as luminance
 from radiometry.luminance.planning import plan
 from radiometry.luminance.rows import Params

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.fit import fit_curve
-from radiometry.sources import Curve
+from radiometry.fitting.curve import fit_curve
+from radiometry.fitting.sources import Curve
 
 
 def read(path):

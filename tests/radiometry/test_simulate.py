@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.exposure import Settings, compute_rhs
+from radiometry.frame.exposure import Settings, compute_rhs
+from radiometry.frame.roi import Polygon
+from radiometry.frame.statistics import measure_signal
 from radiometry.luminance import method as luminance
-from radiometry.roi import Polygon
-from radiometry.statistics import measure_signal
 from simulation.luminance import ISOS, LUMINANCES_CD_M2, Errors, Sensor, Shot, render_frame, simulate_campaign
 from tests.radiometry.campaigns import TRUE_K, draw
 

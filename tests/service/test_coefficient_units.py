@@ -2,7 +2,7 @@
 
 import pytest
 
-from radiometry.models import K_UNITS
+from radiometry.fitting.models import K_UNITS
 from tests.support.campaigns import calibrate, upload_campaign
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from radiometry import methods
-from radiometry.packing import pack
+from radiometry.frame.packing import pack
 from service.plots import draw_calibration
 from store.codec import drop_absent, encode
 

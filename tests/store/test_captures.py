@@ -2,7 +2,7 @@
 
 import pytest
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from store.measuring.captures import Captures
 from store.tables import FrameRow
 

@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import Frame, FrameHeader
-from radiometry.proof import Proof
+from radiometry.frame.proof import Proof
 from worker.decode import limits
 from worker.decode.messages import BrokenMessageError
 from worker.decode.refusals import Refusal

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from radiometry.frame import Frame, FrameHeader
-from radiometry.proof import Proof
+from radiometry.frame.proof import Proof
 from store.blobs import BlobDamaged, StoredFile
 from worker.decode import answers, messages
 from worker.decode.nursery import Cell, DecoderUnavailable, Nursery

@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from radiometry.proof import Proof
-from radiometry.wholeness import WholenessCheck
+from radiometry.frame.proof import Proof
+from radiometry.frame.wholeness import WholenessCheck
 from worker.decode.opening import OpenedFile
 from worker.decode.preview import PreviewMaker
 

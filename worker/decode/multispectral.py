@@ -8,8 +8,8 @@ import re
 from datetime import UTC, datetime
 from typing import Final
 
-from radiometry.errors import InputRejected
-from radiometry.multispectral import (
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.multispectral import (
     Multispectral,
     RadialVignetting,
     RadianceModel,

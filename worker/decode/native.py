@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import FrameHeader
-from radiometry.proof import PieceRun, Voucher
+from radiometry.frame.proof import PieceRun, Voucher
 from worker.decode import ljpeg, tags
 from worker.decode.budget import Allow
 from worker.decode.digests import DigestCheck, StatedDigest, read_digest

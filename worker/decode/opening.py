@@ -6,8 +6,8 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import InputRejected
-from radiometry.proof import PieceRun, Voucher
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.proof import PieceRun, Voucher
 from worker.decode import tags
 from worker.decode.budget import Allow
 from worker.decode.layout import read_layout

@@ -7,9 +7,9 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
 from radiometry.frame import FrameHeader
-from radiometry.proof import PieceRun, Voucher
+from radiometry.frame.proof import PieceRun, Voucher
 from worker.decode import jpeg, limits, png
 from worker.decode.metadata import Metadata, read_metadata
 from worker.decode.refusals import Refusal, refuse

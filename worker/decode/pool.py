@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Self
 
 from radiometry.frame import Frame, FrameHeader
-from radiometry.proof import Proof
+from radiometry.frame.proof import Proof
 from worker.decode.decoder import (
     PREVIEW_SIDE_PX,
     Decoder,

@@ -5,9 +5,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.frame import Frame, FrameHeader
-from radiometry.proof import Proof
+from radiometry.frame.proof import Proof
 from worker.decode.budget import Allow, allow_all
 from worker.decode.inspection import inspect
 from worker.decode.opening import OpenedFile, open_source

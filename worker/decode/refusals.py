@@ -2,14 +2,14 @@
 
 from enum import StrEnum
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 
 
 class Refusal(StrEnum):
     """Stable: clients match on it."""
 
     EMPTY_FILE = "empty_file"
-    # also of a picture that is a file of another role: see radiometry.acceptance
+    # also of a picture that is a file of another role: see radiometry.frame.acceptance
     NOT_A_RAW_FILE = Code.NOT_A_RAW_FILE.value
     TRUNCATED = "truncated"
     SIZE_MISMATCH = "size_mismatch"

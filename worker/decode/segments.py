@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.proof import Voucher
+from radiometry.frame.proof import Voucher
 from worker.decode import expanding, ljpeg, tags
 from worker.decode.bits import unpack_rows
 from worker.decode.layout import Layout

@@ -7,8 +7,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Final
 
-from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
 from worker.decode import tags
 
 _ASCII, _BYTE, _SHORT, _LONG, _RATIONAL, _SRATIONAL = 2, 1, 3, 4, 5, 10

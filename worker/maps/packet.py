@@ -9,7 +9,7 @@ from typing import Final
 from xml.sax.saxutils import escape
 
 from radiometry.frame import StatedAngle
-from radiometry.multispectral import Multispectral, RigGeometry
+from radiometry.frame.multispectral import Multispectral, RigGeometry
 
 Value = str | float | tuple[float, ...] | None
 

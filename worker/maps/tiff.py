@@ -11,8 +11,8 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
 from worker.decode import tags
 from worker.maps.directory import append_directories, has_exif
 

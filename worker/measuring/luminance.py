@@ -4,10 +4,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from radiometry import measurement
 from radiometry.frame import FrameHeader
+from radiometry.luminance import measurement
 from radiometry.luminance.maps import RIM_PX, MapScale, compute_map, find_map_scale
-from radiometry.measured import Measured
+from radiometry.luminance.measured import Measured
 from store.codec import encode
 from store.falloff import read_lens
 from store.measuring.plan import read_request

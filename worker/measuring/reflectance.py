@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.measurement import measure_index, measure_region
 from radiometry.reflectance.method import AppliedReflectance, BandMap
-from radiometry.roi import Polygon, bounding_window
 from store.codec import decode_header, encode
 from store.measuring.record import Products, read_band_coefficients
 from store.software import CODE_VERSION

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from radiometry.exposure import Exposure
 from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
 from store.blobs import Blobs, StoredBlob, StoredFile
 from store.codec import decode_exposure
 from store.software import CODE_VERSION, MEASURER

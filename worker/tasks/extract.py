@@ -6,15 +6,15 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.acceptance import Acceptance, Camera, SuppliedExposure, accept_frame
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Region
-from radiometry.exposure import Exposure
-from radiometry.flags import Flag
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag
+from radiometry.fitting.evidence import Region
 from radiometry.frame import FrameHeader
-from radiometry.proof import Proof
+from radiometry.frame.acceptance import Acceptance, Camera, SuppliedExposure, accept_frame
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.proof import Proof
+from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.reflectance.method import FoundPanel
-from radiometry.roi import Polygon, bounding_window
 from store import tables
 from store.blobs import StoredBlob, StoredFile
 from store.codec import decode, decode_header, encode, encode_statistics

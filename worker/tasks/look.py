@@ -3,11 +3,11 @@
 from dataclasses import asdict
 from typing import Any
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
 from radiometry.frame import Frame
-from radiometry.look import count_histogram, map_clipping
-from radiometry.roi import Polygon, Window, bounding_window, mask
-from radiometry.statistics import compute_statistics
+from radiometry.frame.histogram import count_histogram, map_clipping
+from radiometry.frame.roi import Polygon, Window, bounding_window, mask
+from radiometry.frame.statistics import compute_statistics
 from store.codec import decode_header, encode_statistics
 from store.jobs import Claim
 from store.tables import FrameRow

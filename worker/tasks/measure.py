@@ -4,8 +4,8 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from radiometry.errors import InputRejected
-from radiometry.flags import Flag, Raised
+from radiometry.findings.errors import InputRejected
+from radiometry.findings.flags import Flag, Raised
 from store.blobs import StoredFile
 from store.codec import decode_header, encode
 from store.jobs import Claim

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from radiometry.flags import Flag
+from radiometry.findings.flags import Flag
 from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned

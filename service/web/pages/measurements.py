@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from radiometry.flags import Flag
+from radiometry.findings.flags import Flag
 from radiometry.reflectance.indices import INDICES
 from service.context import UsesContext
 from service.lookup import Id, owned

@@ -12,7 +12,7 @@ from bokeh.models.renderers import DataRenderer
 from bokeh.models.tickers import FixedTicker
 from bokeh.plotting import figure
 
-from radiometry import models
+from radiometry.fitting import models
 from service.web.plots.figures import COLOURS, Colours, Theme, new_figure, style_legend
 
 Axes = Literal["linear", "log"]

@@ -8,8 +8,8 @@ import tifffile
 
 from demo.luminance.campaign import plan_campaign
 from demo.luminance.frames import expose, write_frame
-from radiometry.exposure import compute_rhs
-from radiometry.roi import Polygon, Window, mask
+from radiometry.frame.exposure import compute_rhs
+from radiometry.frame.roi import Polygon, Window, mask
 
 LEVELS = {"level-1": 54.4, "level-2": 2.94, "level-3": 1.28, "level-4": 1.2, "level-5": 0.26, "level-6": 0.24}
 

@@ -5,11 +5,11 @@ import dataclasses
 import cv2
 import numpy as np
 
-from radiometry.evidence import FrameEvidence, Region
+from radiometry.fitting.evidence import FrameEvidence, Region
 from radiometry.frame import Frame
+from radiometry.frame.roi import Polygon
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel
-from radiometry.roi import Polygon
 from simulation.geometry import draw_poses, make_header, simulate_rows
 
 BOARD = geometry.Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Exclusion
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Exclusion
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import project
 from radiometry.geometry.solving import Pose

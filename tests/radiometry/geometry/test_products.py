@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import find_directions
 from radiometry.geometry.exports import _write

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
 from radiometry.geometry.solving import Pose, choose_freedom, solve

@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.errors import Code, InputRejected
-from radiometry.exposure import Exposure
-from radiometry.flags import Flag
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
 from radiometry.luminance import method as luminance
-from radiometry.roi import Polygon
 from simulation.luminance import Sensor, Shot, render_frame
 from tests.radiometry.luminance.exact import (
     DARK,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from radiometry.flags import Flag
+from radiometry.findings.flags import Flag
 from radiometry.luminance import method as luminance
 from radiometry.luminance.method import Params
 from tests.radiometry.luminance.exact import (

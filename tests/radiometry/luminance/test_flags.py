@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.flags import Flag
+from radiometry.findings.flags import Flag
+from radiometry.frame.statistics import Signal
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.dark import estimate_dark
 from radiometry.luminance.method import Params, Reading
-from radiometry.statistics import Signal
 from tests.radiometry.luminance.exact import (
     DARK,
     DARKS,

@@ -4,12 +4,12 @@ import dataclasses
 
 import pytest
 
-from radiometry.evidence import Exclusion
-from radiometry.flags import Flag
+from radiometry.findings.flags import Flag
+from radiometry.fitting.evidence import Exclusion
+from radiometry.frame.statistics import measure_signal
 from radiometry.luminance.agreement import DOUBTFUL_REL
 from radiometry.luminance.dark import estimate_dark
 from radiometry.luminance.judging import judge
-from radiometry.statistics import measure_signal
 from tests.radiometry.evidence import (
     DARK,
     DARKS,

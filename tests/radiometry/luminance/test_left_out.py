@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Exclusion
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Exclusion
 from radiometry.luminance import method as luminance
 from tests.radiometry.luminance.exact import (
     DARK,

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from radiometry.frame.packing import pack, unpack
 from radiometry.noise import method as noise
-from radiometry.packing import pack, unpack
 from simulation.noise import SimulatedSensor, shoot
 
 PARAMS = noise.Params()

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Region
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
+from radiometry.frame.packing import unpack
+from radiometry.frame.roi import Polygon
 from radiometry.noise import method as noise
-from radiometry.packing import unpack
-from radiometry.roi import Polygon
 from simulation.noise import SimulatedSensor, describe
 
 HEADER = describe(SimulatedSensor())

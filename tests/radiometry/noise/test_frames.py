@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Exclusion
-from radiometry.flags import Flag
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag
+from radiometry.fitting.evidence import Exclusion
+from radiometry.frame.packing import pack
 from radiometry.noise import method as noise
-from radiometry.packing import pack
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
 
 

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.flags import Flag
+from radiometry.findings.flags import Flag
+from radiometry.frame.packing import pack, unpack
 from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.points import collect_stacks
-from radiometry.packing import pack, unpack
 from tests.radiometry.noise.series import (
     LIGHT,
     PARAMS,

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.exposure import Exposure
 from radiometry.frame import Frame
+from radiometry.frame.exposure import Exposure
 from radiometry.noise.stacks import make_stacks
 from simulation.noise import SimulatedSensor, make_row
 

@@ -6,13 +6,13 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.errors import Code, InputRejected
-from radiometry.flags import Flag
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag
+from radiometry.frame.packing import pack
 from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.stacks import make_stacks
 from radiometry.noise.transfer import find_saturation, fit_gain
-from radiometry.packing import pack
 from simulation.noise import expose, make_row
 from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
 

@@ -5,12 +5,12 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from radiometry.evidence import Region
+from radiometry.fitting.evidence import Region
 from radiometry.frame import FrameHeader
-from radiometry.multispectral import Multispectral, SunshineCounts, SunshineRecord
+from radiometry.frame.multispectral import Multispectral, SunshineCounts, SunshineRecord
+from radiometry.frame.roi import Polygon
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.gains import GainMeasurement
-from radiometry.roi import Polygon
 from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
 
 NAMES = tuple(BANDS)

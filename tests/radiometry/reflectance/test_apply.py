@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
 from radiometry.reflectance import method as reflectance
 from simulation.reflectance import BANDS, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import (

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from radiometry.errors import InputRejected
-from radiometry.multispectral import Multispectral
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.fitting import compute_k
 from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.errors import InputRejected
-from radiometry.multispectral import Multispectral, RigGeometry
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.multispectral import Multispectral, RigGeometry
+from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.alignment import _rotation, align, find_directions, move_region, project
-from radiometry.roi import Polygon, Window, mask
 from simulation.reflectance import SimulatedSequoia, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 

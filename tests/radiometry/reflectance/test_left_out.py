@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.errors import InputRejected
-from radiometry.evidence import Exclusion
+from radiometry.findings.errors import InputRejected
+from radiometry.fitting.evidence import Exclusion
 from radiometry.reflectance import method as reflectance
 from simulation.reflectance import simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import (

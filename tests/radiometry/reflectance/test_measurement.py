@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.errors import InputRejected
-from radiometry.evidence import Quantity
-from radiometry.flags import Raised
+from radiometry.findings.errors import InputRejected
+from radiometry.findings.flags import Raised
+from radiometry.fitting.evidence import Quantity
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.comparison import change_reflectance
 from radiometry.reflectance.measurement import estimate_noise, measure_index

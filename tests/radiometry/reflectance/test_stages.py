@@ -8,21 +8,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.errors import InputRejected
-from radiometry.exposure import Exposure, Settings
+from radiometry.findings.errors import InputRejected
 from radiometry.frame import Frame
-from radiometry.multispectral import (
+from radiometry.frame.exposure import Exposure, Settings
+from radiometry.frame.multispectral import (
     Multispectral,
     RadialVignetting,
     RadianceModel,
     SensorModel,
     VignettingPolynomial,
 )
+from radiometry.frame.roi import Polygon, Window
 from radiometry.reflectance import micasense, sequoia
 from radiometry.reflectance.features import extract_features, measure_gradient
 from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial, evaluate_radial
-from radiometry.roi import Polygon, Window
 from simulation.reflectance import LENS, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 

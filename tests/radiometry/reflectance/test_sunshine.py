@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.errors import InputRejected
-from radiometry.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineIrradiance
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineIrradiance
 from radiometry.reflectance.gains import measure_gains
 from radiometry.reflectance.sunshine import list_readings, measure_sunshine
 from tests.radiometry.reflectance.captures import TABLE, flags_of, make_band, make_record

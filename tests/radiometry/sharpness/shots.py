@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from radiometry.evidence import FrameEvidence
-from radiometry.exposure import Exposure
+from radiometry.fitting.evidence import FrameEvidence
+from radiometry.frame.exposure import Exposure
 from radiometry.sharpness import method as sharpness
 from simulation.sharpness import SimulatedCamera, SimulatedEdge, render_chart
 

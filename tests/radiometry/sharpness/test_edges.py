@@ -9,10 +9,10 @@ import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Region
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
-from radiometry.roi import Polygon
+from radiometry.frame.roi import Polygon
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.spectrum import find_crossing, list_frequencies
 from simulation.sharpness import SimulatedCamera, render_chart, true_mtf

@@ -8,8 +8,8 @@ import math
 import pytest
 from pydantic import TypeAdapter
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Exclusion
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Exclusion
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.features import Estimate
 from radiometry.sharpness.merging import merge_estimates

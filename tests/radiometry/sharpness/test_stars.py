@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from radiometry.errors import Code, InputRejected
-from radiometry.evidence import Region
-from radiometry.roi import Polygon
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.fitting.evidence import Region
+from radiometry.frame.roi import Polygon
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.resolution import find_resolving_power
 from simulation.sharpness import SimulatedCamera, SimulatedStar, render_chart, true_mtf

@@ -5,8 +5,8 @@ import math
 import pytest
 from scipy.spatial.transform import Rotation
 
-from radiometry.errors import Code, InputRejected
-from radiometry.multispectral import Multispectral, SunshineCounts, SunshineRecord
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.multispectral import Multispectral, SunshineCounts, SunshineRecord
 from radiometry.tools.attitude import Attitude, Optics, Shot, blur_of_frames, compute_turns, read_attitudes
 
 OPTICS = Optics(pixel_pitch_um=3.75, focal_length_mm=3.98, corner_px=800.0)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from radiometry.tools.exponents import SeriesRow, fit_exponents
 
 WHITE = 16384.0

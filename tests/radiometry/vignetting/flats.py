@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from radiometry.evidence import Region
-from radiometry.exposure import Exposure
-from radiometry.roi import Polygon
+from radiometry.fitting.evidence import Region
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
 from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.grid import Grid, Site, average_radial
 from radiometry.vignetting.results import Coefficient

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.errors import InputRejected
-from radiometry.roi import Polygon, Window, mask
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.application import require_format
 from radiometry.vignetting.curve import evaluate_slopes

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from radiometry.errors import InputRejected
-from radiometry.evidence import Region
+from radiometry.findings.errors import InputRejected
+from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
-from radiometry.packing import unpack
-from radiometry.roi import Polygon
+from radiometry.frame.packing import unpack
+from radiometry.frame.roi import Polygon
 from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.grid import Grid, Site, average_radial
 from simulation.vignetting import SimulatedLens, simulate_flat

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 from scipy.stats import chi2
 
-from radiometry.errors import InputRejected
-from radiometry.evidence import Exclusion
-from radiometry.packing import unpack
+from radiometry.findings.errors import InputRejected
+from radiometry.fitting.evidence import Exclusion
+from radiometry.frame.packing import unpack
 from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.fitting import fit_channel
 from radiometry.vignetting.grid import Site

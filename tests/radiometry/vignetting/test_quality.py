@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.errors import InputRejected
-from radiometry.evidence import Exclusion, Region
-from radiometry.roi import Polygon
+from radiometry.findings.errors import InputRejected
+from radiometry.fitting.evidence import Exclusion, Region
+from radiometry.frame.roi import Polygon
 from radiometry.vignetting import method as vignetting
 from simulation.vignetting import SimulatedLens, Target
 from tests.radiometry.evidence import taken

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from tests.worker.decode.tiff_writer import LONG
 from worker.decode import nursery, reading, warming
@@ -144,7 +144,7 @@ def test_nothing_is_imported_after_the_fork(good, real_files):
 import sys
 from pathlib import Path
 from worker.decode import reading, zygote
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
 zygote.load_late_imports()
 class Spy:
     def find_spec(self, name, path=None, target=None):

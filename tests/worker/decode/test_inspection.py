@@ -5,8 +5,8 @@ import hashlib
 import numpy as np
 import pytest
 
-from radiometry.errors import InputRejected
-from radiometry.proof import PieceRun
+from radiometry.findings.errors import InputRejected
+from radiometry.frame.proof import PieceRun
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
 from tests.worker.decode.tiff_writer import BYTE
 from worker.decode import reading

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import rawpy
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from tests.worker.decode.tiff_writer import LONG, RATIONAL
 from worker.decode import libraw, reading

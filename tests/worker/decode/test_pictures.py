@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from radiometry.errors import InputRejected
+from radiometry.findings.errors import InputRejected
 from tests.worker.decode.tiff_writer import ASCII, LONG, RATIONAL, SHORT, TiffWriter
 from worker.decode import pictures, reading
 from worker.decode.pool import DecoderPool

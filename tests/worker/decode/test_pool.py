@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
 from tests.worker.decode.tiff_writer import LONG
 from worker.decode import reading

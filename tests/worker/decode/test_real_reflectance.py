@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from radiometry.evidence import Region
-from radiometry.exposure import Exposure
+from radiometry.fitting.evidence import Region
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon, Window
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.alignment import align
 from radiometry.reflectance.caveats import check_frame
@@ -13,7 +14,6 @@ from radiometry.reflectance.clock import find_tilt
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.sequoia import subtract_black
-from radiometry.roi import Polygon, Window
 from worker.decode import reading
 
 # Rows 440 to 519, columns 600 to 679.

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from radiometry.errors import Code, InputRejected
+from radiometry.findings.errors import Code, InputRejected
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
 from tests.worker.decode.tiff_writer import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 from worker.decode import reading

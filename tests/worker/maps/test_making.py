@@ -15,7 +15,7 @@ from PIL import ExifTags, Image
 from bench.subject import Scale, make_mosaic
 from demo.dng import Camera, write_dng
 from demo.exif import Exposure as Taken
-from radiometry.exposure import Exposure
+from radiometry.frame.exposure import Exposure
 from radiometry.luminance.maps import MapScale, compute_map
 from worker.decode.metadata import read_metadata
 from worker.decode.pool import DecoderPool
@@ -146,10 +146,10 @@ PEAK = """
 import sys
 from pathlib import Path
 import worker.__main__
-from radiometry.exposure import Exposure
+from radiometry.frame.exposure import Exposure
 from radiometry.luminance.maps import MapScale
-from radiometry.measurement import Request, find_window, measure
-from radiometry.roi import Polygon
+from radiometry.luminance.measurement import Request, find_window, measure
+from radiometry.frame.roi import Polygon
 from tests.radiometry.coefficients import COEFFICIENT
 from worker.decode.pool import DecoderPool
 from worker.maps.making import make_map

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from radiometry.frame import StatedAngle
-from radiometry.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral
 from tests.support.data import data_file
 from worker.decode import reading
 from worker.decode.metadata import read_metadata

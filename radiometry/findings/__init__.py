@@ -1,0 +1,1 @@
+"""What can be found in a frame, a fit or a measurement: flags, errors and advice."""

@@ -1,0 +1,1 @@
+"""Models, least squares and evidence that the methods share."""

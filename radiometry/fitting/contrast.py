@@ -1,0 +1,86 @@
+"""Two measurements against each other: what they share cancels, what is each one's own does not."""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from radiometry.fitting.comparison import PERCENT, Comparison
+from radiometry.fitting.evidence import Quantity
+
+DARK = "dark signal"
+NOISE = "pixel noise"
+_OF_VALUE_ALONE = frozenset({DARK, NOISE})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budgeted:
+    """A measured value with the effect that one standard uncertainty of each source has on it.
+
+    ``effects`` : by source, in the value's unit, with the sign of the value's sensitivity
+    """
+
+    value: float
+    unit: str
+    effects: Mapping[str, float]
+
+
+def sign_effects(value: float, uncertainties: Mapping[str, float]) -> dict[str, float]:
+    """Give a budget's uncertainties their signs: all scale a value, but dark is taken off it.
+
+    L = (N - D) f^2 / (K t S): dL/dD < 0 for any L, the others go with the sign of L
+    """
+    return {source: -u if source == DARK else math.copysign(u, value) for source, u in uncertainties.items()}
+
+
+def scale_effects(mean: Budgeted, value: float, standard_uncertainty: float) -> Budgeted:
+    """Give a cell of a frame the effects of the frame's mean: scaled with the value, dark as it is.
+
+    What the cell's uncertainty holds beyond them is its own noise.
+    """
+    factor = value / mean.value if mean.value else 0.0
+    effects = {
+        source: effect if source in _OF_VALUE_ALONE else effect * factor
+        for source, effect in mean.effects.items()
+        if source != NOISE
+    }
+    rest = standard_uncertainty**2 - math.fsum(effect**2 for effect in effects.values())
+    return Budgeted(value=value, unit=mean.unit, effects={**effects, NOISE: math.sqrt(max(0.0, rest))})
+
+
+def compare_measured(old: Budgeted, new: Budgeted, *, common: Collection[str]) -> Comparison:
+    """Compare two measured values, of which some sources of error are one and the same error.
+
+        u(new - old)^2 = sum over common (e_new - e_old)^2 + sum over others (e_new^2 + e_old^2)
+        u(new / old)^2 = the same of e_new / old - e_old new / old^2
+
+    A common error that scales both, as that of K, cancels in the ratio, and in the difference up to its
+    share of new - old.
+
+    Takes
+      common : sources whose error is the same in both
+    Source: JCGM 100:2008, 5.2.2 and F.1.2.3: correlated inputs as independent effects
+    """
+    difference = new.value - old.value
+    u = _spread(old.effects, new.effects, common)
+    change = None
+    if old.value != 0.0:
+        slope = new.value / old.value
+        of_old = {source: slope * effect for source, effect in old.effects.items()}
+        change = Quantity(
+            value=100.0 * difference / old.value,
+            standard_uncertainty=100.0 * _spread(of_old, new.effects, common) / abs(old.value),
+            unit=PERCENT,
+        )
+    return Comparison(
+        difference=Quantity(value=difference, standard_uncertainty=u, unit=new.unit),
+        change=change,
+        in_standard_uncertainties=abs(difference) / u if u > 0.0 else None,
+    )
+
+
+def _spread(old: Mapping[str, float], new: Mapping[str, float], common: Collection[str]) -> float:
+    total = 0.0
+    for source in {*old, *new}:
+        before, after = old.get(source, 0.0), new.get(source, 0.0)
+        total += (after - before) ** 2 if source in common else after**2 + before**2
+    return math.sqrt(total)

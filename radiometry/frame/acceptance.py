@@ -1,0 +1,215 @@
+"""Whether a frame may enter a campaign: its camera, its exposure, and what to warn of."""
+
+from dataclasses import dataclass
+
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Flag
+from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import PLAUSIBLE, Exposure, is_plausible
+
+# Made for the eye by a camera or a converter: a tone curve, and nothing of the sensor's numbers.
+_PICTURES = {"jpeg": "JPEG", "png": "PNG"}
+# A chart is measured for its geometry and sharpness: its exposure enters no equation.
+ROLES_WITH_EXPOSURE = frozenset({"light", "dark", "flat", "panel", "field"})
+ROLES = ROLES_WITH_EXPOSURE | {"chart"}
+
+_WORDS = {
+    "exposure_time_s": "exposure time",
+    "f_number": "f-number",
+    "iso": "ISO value",
+}
+_SUPPLIED_TOLERANCE_REL = 0.10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """The campaign's camera, as it was registered."""
+
+    make: str
+    model: str
+    serial: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuppliedExposure:
+    """Exposure values that the user typed in with the frame; None where nothing was said."""
+
+    exposure_time_s: float | None = None
+    f_number: float | None = None
+    iso: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acceptance:
+    """An accepted frame: its exposure (None only for a chart that states none) and its warnings."""
+
+    exposure: Exposure | None
+    flags: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Value:
+    number: float
+    origin: str
+
+
+def accept_frame(
+    header: FrameHeader,
+    *,
+    role: str,
+    supplied: SuppliedExposure,
+    camera: Camera,
+    manual_exposure: bool = True,
+) -> Acceptance:
+    """Accept a frame for a role in a campaign, or say why not.
+
+    Each of the three exposure values is the first plausible one of: the file's nominal value, the file's APEX
+    value, the value typed in. Zero in a file means "not written". What was typed in never overrules the file.
+
+    ``manual_exposure`` : False for a method whose cameras choose their exposure as they should
+
+    Flags  rendered, exposure_not_manual, serial_unknown, exposure_from_apex, exposure_supplied,
+           supplied_exposure_ignored
+    Raises InputRejected
+      not_a_raw_file if it is a JPEG or PNG picture, unless it shows a chart;
+      wrong_camera if the file names another make, model or serial number;
+      exposure_missing, exposure_implausible if a value is needed and not to be had; a chart needs none
+    """
+    _refuse_pictures(header, role)
+    _refuse_other_camera(header, camera)
+    flags = _header_flags(header, manual_required=manual_exposure and role in ROLES_WITH_EXPOSURE)
+    try:
+        found = _find_exposure(header, supplied)
+    except InputRejected:
+        if role in ROLES_WITH_EXPOSURE:
+            raise
+        return Acceptance(exposure=None, flags=tuple(flags))
+    flags += _exposure_flags(found, supplied)
+    exposure = Exposure(
+        exposure_time_s=found["exposure_time_s"].number,
+        f_number=found["f_number"].number,
+        iso=found["iso"].number,
+        exposure_time_apex_s=_plausible_or_none("exposure_time_s", header.exposure_time_apex_s),
+        f_number_apex=_plausible_or_none("f_number", header.f_number_apex),
+        exposure_time_origin=found["exposure_time_s"].origin,
+        f_number_origin=found["f_number"].origin,
+        iso_origin=found["iso"].origin,
+    )
+    return Acceptance(exposure=exposure, flags=tuple(flags))
+
+
+def _refuse_pictures(header: FrameHeader, role: str) -> None:
+    """Refuse a picture wherever light is measured; of a chart it shows the shapes."""
+    picture = _PICTURES.get(header.container)
+    if picture is not None and role != "chart":
+        raise InputRejected(
+            Code.NOT_A_RAW_FILE,
+            f"The file is a {picture} picture, in which the sensor's numbers are lost; only frames of the "
+            f"role chart may be pictures, this one's is {role}. Send the camera's raw file (DNG), or a TIFF.",
+        )
+
+
+def _refuse_other_camera(header: FrameHeader, camera: Camera) -> None:
+    """Refuse a file that names another camera; what the file does not name cannot be compared."""
+    for word, stated, registered in (
+        ("serial number", header.serial, camera.serial),
+        ("model", header.model, camera.model),
+        ("make", header.make, camera.make),
+    ):
+        if _plain(stated) and _plain(stated) != _plain(registered):
+            raise InputRejected(
+                Code.WRONG_CAMERA,
+                f"This file was taken by another camera: its {word} is {_shown(stated)}, the campaign's "
+                f"camera is {camera.make} {camera.model}, serial number {camera.serial}. Upload the file to "
+                "its own campaign, or register the camera with the names that it writes into its files.",
+            )
+
+
+def _plain(text: str | None) -> str:
+    """Fold case and blanks: firmware pads names with blanks and zero bytes."""
+    return " ".join((text or "").replace("\0", " ").split()).casefold()
+
+
+def _shown(text: str | None) -> str:
+    return repr(" ".join((text or "").replace("\0", " ").split())[:80])
+
+
+def _header_flags(header: FrameHeader, *, manual_required: bool) -> list[str]:
+    flags: list[str] = []
+    if header.rendered:
+        flags.append(Flag.RENDERED.value)
+    if manual_required and _chosen_by_camera(header):
+        flags.append(Flag.EXPOSURE_NOT_MANUAL.value)
+    if not _plain(header.serial):
+        flags.append(Flag.SERIAL_UNKNOWN.value)
+    return flags
+
+
+def _chosen_by_camera(header: FrameHeader) -> bool:
+    """Say whether the file states automatic exposure; the mode speaks before the program."""
+    if header.exposure_mode is not None:
+        return header.exposure_mode != "manual"
+    return header.exposure_program not in (None, "manual", "not_defined")
+
+
+def _find_exposure(header: FrameHeader, supplied: SuppliedExposure) -> dict[str, _Value]:
+    return {
+        "exposure_time_s": _choose(
+            "exposure_time_s",
+            [
+                (header.exposure_time_s, "exif"),
+                (header.exposure_time_apex_s, "apex"),
+                (supplied.exposure_time_s, "supplied"),
+            ],
+        ),
+        "f_number": _choose(
+            "f_number",
+            [(header.f_number, "exif"), (header.f_number_apex, "apex"), (supplied.f_number, "supplied")],
+        ),
+        "iso": _choose("iso", [(header.iso, "exif"), (supplied.iso, "supplied")]),
+    }
+
+
+def _choose(name: str, candidates: list[tuple[float | None, str]]) -> _Value:
+    """Take the first plausible candidate; absent and zero say nothing."""
+    stated = [_Value(number, origin) for number, origin in candidates if number]
+    for value in stated:
+        if is_plausible(name, value.number):
+            return value
+    word = _WORDS[name]
+    if stated:
+        low, high = PLAUSIBLE[name]
+        raise InputRejected(
+            Code.EXPOSURE_IMPLAUSIBLE,
+            f"The {word} of this frame cannot be right: {stated[0].number:g} ({_source(stated[0].origin)}). "
+            f"It must lie between {low:g} and {high:g}. Upload the frame again with the {word} from your "
+            f"notes typed in ({name}).",
+        )
+    raise InputRejected(
+        Code.EXPOSURE_MISSING,
+        f"The file does not say the {word} of this frame (it is missing or zero). Upload it again with the "
+        f"{word} from your notes typed in ({name}), or use the camera's original file.",
+    )
+
+
+def _source(origin: str) -> str:
+    return "as typed in" if origin == "supplied" else "as the file says"
+
+
+def _exposure_flags(found: dict[str, _Value], supplied: SuppliedExposure) -> list[str]:
+    origins = {value.origin for value in found.values()}
+    flags: list[str] = []
+    if "apex" in origins:
+        flags.append(Flag.EXPOSURE_FROM_APEX.value)
+    if "supplied" in origins:
+        flags.append(Flag.EXPOSURE_SUPPLIED.value)
+    for name, value in found.items():
+        typed = getattr(supplied, name)
+        if typed and not abs(typed / value.number - 1.0) <= _SUPPLIED_TOLERANCE_REL:
+            flags.append(Flag.SUPPLIED_EXPOSURE_IGNORED.value)
+            break
+    return flags
+
+
+def _plausible_or_none(name: str, value: float | None) -> float | None:
+    return value if value is not None and is_plausible(name, value) else None

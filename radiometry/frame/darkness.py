@@ -1,0 +1,55 @@
+"""Whether a dark frame saw light, by the black level that its file states."""
+
+from collections.abc import Mapping
+
+from radiometry.findings.flags import Flag, Raised
+from radiometry.frame.verdicts import Reason, ReasonCode
+
+ABOVE_BLACK_SHARE = 0.005
+"""Of the span, above the stated black level: half of the weakest useful signal. A warm sensor reaches it at
+long times by itself, so that it is no more than a warning."""
+
+LIT_SHARE = 0.05
+"""Of the span, above the stated black level: more than the dark current of any sensor at the times and ISO
+values of a campaign; this is light."""
+
+TAKE_AGAIN = "Switch the lamp off, cover the lens and take it again."
+_MOST_NAMES = 3
+
+
+def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: float) -> Reason | None:
+    """Compare a dark frame's mean with the stated black level.
+
+    Reasons  dark_not_dark : fail, or warn where it may be the sensor's own dark current
+    """
+    # a black level of zero is what a file has that states none
+    if black_level_dn <= 0.0:
+        return None
+    share = (mean_dn - black_level_dn) / max(white_level_dn - black_level_dn, 1.0)
+    if share <= ABOVE_BLACK_SHARE:
+        return None
+    said = (
+        f"Its mean is {share:.1%} of the span from black to white above the black level that the file states"
+    )
+    if share > LIT_SHARE:
+        detail = f"{said}: this frame saw light. {TAKE_AGAIN}"
+        return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=detail)
+    detail = f"{said}. {TAKE_AGAIN} If it stays with the lens covered, the sensor is warm, the frame right."
+    return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="warn", detail=detail)
+
+
+def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
+    """Say that a fit rests on dark frames that are not dark; on none, nothing.
+
+    Flags  dark_not_dark
+    """
+    if not found:
+        return []
+    return [Raised(flag=Flag.DARK_NOT_DARK.value, where=where, detail=name_not_dark(found))]
+
+
+def name_not_dark(found: Mapping[str, Reason]) -> str:
+    """Name the frames, with the reason of the first."""
+    names = sorted(found)
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return f"{', '.join(names[:_MOST_NAMES])}{more}: {found[names[0]].detail}"

@@ -1,0 +1,254 @@
+"""A frame measured with a calibrated camera: a region, its pixels, and the cells of a lit surface."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings.flags import Raised
+from radiometry.fitting.evidence import Quantity
+from radiometry.frame import Frame
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon, Window, bounding_window
+from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
+from radiometry.luminance import method
+from radiometry.luminance.application import apply_to_signal, choose_coefficient
+from radiometry.luminance.caveats import find_caveats, summarise_cells
+from radiometry.luminance.lens import correct_signal
+from radiometry.luminance.measured import Measured, Percentile, Share, Surface
+from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
+from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
+from radiometry.luminance.surface import Cells, Figure, Grid, judge_uniformity, lay_grid
+from radiometry.vignetting.lens import Lens
+
+_GREENS = ("G1", "G2", "G")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What is to be measured.
+
+    ``reflectance`` : rho of the surface, (0, 1]; None: no illuminance is given
+    """
+
+    polygon: Polygon
+    grid: Grid | None = None
+    reflectance: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vignetting:
+    """The version that a frame's vignetting is corrected with, by the name that the answer gives it."""
+
+    name: str
+    lens: Lens
+
+
+def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
+    """Give the window that holds the region and the grid.
+
+    Raises InputRejected(roi_outside_frame | roi_empty | grid_invalid)
+    """
+    cells = itertools.chain.from_iterable(lay_grid(request.grid)) if request.grid else ()
+    windows = [
+        bounding_window(polygon, height_px=height_px, width_px=width_px)
+        for polygon in (request.polygon, *cells)
+    ]
+    row0, col0 = min(w.row0 for w in windows), min(w.col0 for w in windows)
+    return Window(
+        row0=row0,
+        col0=col0,
+        height=max(w.row0 + w.height for w in windows) - row0,
+        width=max(w.col0 + w.width for w in windows) - col0,
+    )
+
+
+def measure(
+    frame: Frame,
+    request: Request,
+    *,
+    exposure: Exposure,
+    coefficients: Sequence[Coefficient],
+    calibrated: Sequence[Polygon],
+    correction: Vignetting | None = None,
+    rendered: bool = False,
+) -> Measured:
+    """Measure a frame; ``frame`` holds `find_window`'s window, ``calibrated`` the calibration's regions.
+
+    The region's mean and each cell's are `methods.luminance.apply` of their statistics: what was calibrated
+    is what is measured. E = pi L / rho holds for a diffuse surface; rho is taken as exact. With a correction
+    every signal above dark is divided by V: `luminance.lens.correct_signal`.
+
+    Flags  of `methods.luminance.apply`; no_vignetting_correction, roi_elsewhere, observer_differs, rendered
+    Raises InputRejected
+      iso_not_calibrated, exposure_implausible, fit_failed, roi_empty, grid_invalid;
+      vignetting_not_calibrated if K needs the correction and has none, or the reverse
+    """
+    coefficient = choose_coefficient(coefficients, iso=exposure.iso)
+    lens = correction.lens if correction else None
+    statistics = method.extract(frame, request.polygon)
+    camera = _Camera(exposure, coefficient, lens)
+    region = camera.apply(frame, request.polygon, statistics)
+    pixels = order_pixels(
+        frame,
+        request.polygon,
+        channel=coefficient.channel,
+        correction=Correction(lens, coefficient.dark_signal_dn) if lens else None,
+    )
+    surface, cell_flags = _measure_surface(frame, request, camera)
+    measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
+    caveats = find_caveats(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
+
+    def luminance(pixel: PixelSignal) -> Quantity:
+        signal = Signal(
+            value_dn=pixel.value_dn,
+            standard_uncertainty_dn=pixel.noise_dn,
+            saturated_share=0.0,
+            black_level_dn=0.0,
+            white_level_dn=0.0,
+        )
+        return apply_to_signal(
+            signal, exposure=exposure, coefficient=coefficient, share=pixel.share
+        ).luminance_cd_m2
+
+    return Measured(
+        pixels=pixels.pixels,
+        signal_dn=region.signal_dn,
+        dark_signal_dn=coefficient.dark_signal_dn,
+        channel=coefficient.channel,
+        model=coefficient.model,
+        exposure_basis=coefficient.exposure_basis,
+        mean=region.luminance_cd_m2,
+        shared_u_cd_m2=_part(region.effects, shared=True),
+        noise_u_cd_m2=_part(region.effects, shared=False),
+        smallest=luminance(pixels.smallest),
+        largest=luminance(pixels.largest),
+        median=luminance(pixels.median),
+        percentiles=tuple(
+            Percentile(percent=percent, luminance=luminance(pixel))
+            for percent, pixel in zip(PERCENTILES, pixels.percentiles, strict=True)
+        ),
+        budget=_share_out(region),
+        surface=surface,
+        illuminance_lx=_illuminate(region.luminance_cd_m2, request.reflectance),
+        saturated_share=measure_signal(statistics, channel=coefficient.channel).saturated_share,
+        vignetting=correction.name if correction else "none",
+        flags=(*region.flags, *cell_flags, *caveats),
+        lens_share=region.lens_share,
+    )
+
+
+@dataclass(frozen=True)
+class _Camera:
+    """What every region of a frame is measured with."""
+
+    exposure: Exposure
+    coefficient: Coefficient
+    lens: Lens | None
+
+    def apply(
+        self, frame: Frame, polygon: Polygon, statistics: Sequence[ChannelStatistics]
+    ) -> AppliedLuminance:
+        signal, share = measure_signal(statistics, channel=self.coefficient.channel), None
+        if self.lens is not None:
+            signal, share = correct_signal(
+                frame,
+                polygon,
+                signal,
+                self.lens,
+                channel=self.coefficient.channel,
+                dark_signal_dn=self.coefficient.dark_signal_dn,
+            )
+        return apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
+
+
+def _measure_surface(
+    frame: Frame, request: Request, camera: _Camera
+) -> tuple[Surface | None, tuple[Raised, ...]]:
+    """Apply the calibration to every cell, and judge them together."""
+    if request.grid is None:
+        return None, ()
+    applied = [
+        [camera.apply(frame, cell, _require_green(method.extract(frame, cell), frame)) for cell in line]
+        for line in lay_grid(request.grid)
+    ]
+    uniformity = judge_uniformity(_gather(applied))
+    average = _quantity(uniformity.average_cd_m2, "cd/m2")
+    surface = Surface(
+        cell_model="projective",
+        cells=tuple(tuple(one.luminance_cd_m2 for one in line) for line in applied),
+        l_av_cd_m2=average,
+        l_min_cd_m2=_quantity(uniformity.smallest_cd_m2, "cd/m2"),
+        l_max_cd_m2=_quantity(uniformity.largest_cd_m2, "cd/m2"),
+        u_o=_ratio(uniformity.u_o),
+        u_l=tuple(_ratio(line) for line in uniformity.u_l),
+        average_to_min=_ratio(uniformity.average_to_min),
+        max_to_min=_ratio(uniformity.max_to_min),
+        illuminance_lx=_illuminate(average, request.reflectance),
+    )
+    return surface, summarise_cells(applied)
+
+
+def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> tuple[ChannelStatistics, ...]:
+    """A cell between the green sites would be measured with another colour than was calibrated."""
+    if "G" in frame.cfa and not any(row.channel in _GREENS for row in statistics):
+        raise InputRejected(
+            Code.GRID_INVALID,
+            "A cell of the grid holds no green pixel: take fewer rows or columns, or fly lower.",
+        )
+    return statistics
+
+
+def _gather(applied: Sequence[Sequence[AppliedLuminance]]) -> Cells:
+    """Sort the cells' effects into what they share and what is each one's own."""
+    values = np.array([[one.luminance_cd_m2.value for one in line] for line in applied])
+    noise = np.array([[_part(one.effects, shared=False) for one in line] for line in applied])
+    shared = np.array(
+        [[[e.effect_cd_m2 for e in one.effects if e.shared] for one in line] for line in applied]
+    )
+    return Cells(values_cd_m2=values, noise_cd_m2=noise, shared_cd_m2=np.moveaxis(shared, -1, 0))
+
+
+def _part(effects: Sequence[Effect], *, shared: bool) -> float:
+    return math.hypot(*(effect.effect_cd_m2 for effect in effects if effect.shared is shared))
+
+
+def _share_out(applied: AppliedLuminance) -> tuple[Share, ...]:
+    """Add up the effects of each source; the variance shares add up to one."""
+    total = applied.luminance_cd_m2.standard_uncertainty
+    names = dict.fromkeys((effect.source, effect.shared) for effect in applied.effects)
+    shares = []
+    for source, shared in names:
+        u = math.hypot(*(e.effect_cd_m2 for e in applied.effects if e.source == source))
+        shares.append(
+            Share(
+                source=source,
+                shared=shared,
+                standard_uncertainty_cd_m2=u,
+                variance_share=(u / total) ** 2 if total > 0.0 else 0.0,
+            )
+        )
+    return tuple(shares)
+
+
+def _illuminate(luminance: Quantity, reflectance: float | None) -> Quantity | None:
+    """Give E = pi L / rho [lx]."""
+    if reflectance is None:
+        return None
+    factor = math.pi / reflectance
+    return Quantity(
+        value=luminance.value * factor,
+        standard_uncertainty=luminance.standard_uncertainty * factor,
+        unit="lx",
+    )
+
+
+def _quantity(figure: Figure, unit: str) -> Quantity:
+    return Quantity(value=figure.value, standard_uncertainty=figure.standard_uncertainty, unit=unit)
+
+
+def _ratio(figure: Figure | None) -> Quantity | None:
+    return _quantity(figure, "1") if figure is not None else None

@@ -1,0 +1,200 @@
+"""A lit surface seen in perspective: its grid of cells in the image, and how evenly it is lit."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame.roi import MAX_COORDINATE_PX, Polygon
+
+MAX_CELLS_A_SIDE = 50
+
+Matrix = NDArray[np.float64]
+Lattice = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """Equal cells of a rectangular surface, by the image of its corners.
+
+    ``corners`` : (x, y) [px] of the surface's top-left, top-right, bottom-right, bottom-left corner, as the
+        surface runs, whichever way it lies in the image
+    """
+
+    corners: tuple[tuple[float, float], ...]
+    rows: int
+    columns: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cells:
+    """Luminances of a grid's cells, and what each source of error does to them [cd/m2].
+
+    ``values_cd_m2``, ``noise_cd_m2`` : (rows, columns); the noise of two cells is independent
+    ``shared_cd_m2`` : (m, rows, columns), the effect of one standard uncertainty of m independent sources,
+        each of which errs alike in all cells
+    """
+
+    values_cd_m2: Matrix
+    noise_cd_m2: Matrix
+    shared_cd_m2: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A number with its standard uncertainty."""
+
+    value: float
+    standard_uncertainty: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniformity:
+    """How evenly a surface is lit; a ratio is None where its denominator is not positive.
+
+    ``u_o`` : L_min / L_av; ``u_l`` : per row of cells, its smallest over its largest
+    """
+
+    average_cd_m2: Figure
+    smallest_cd_m2: Figure
+    largest_cd_m2: Figure
+    u_o: Figure | None
+    u_l: tuple[Figure | None, ...]
+    average_to_min: Figure | None
+    max_to_min: Figure | None
+
+
+def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
+    """Cut the image of a surface into the images of its equal cells, row by row of the surface.
+
+    A camera maps a plane to a plane by a homography: with h from the unit square to the corners,
+        (x, y, 1) ~ h (u, v, 1),   u = column / columns, v = row / rows                                (1)
+    lines stay lines, so each cell is the quadrilateral of its four lattice points. Bilinear cells would be
+    equal shares of the IMAGE's edges: in perspective the far cells would cover more of the surface than the
+    near ones, and averages over cells would weigh the far end too little. Lens distortion is not corrected.
+
+    Raises InputRejected(grid_invalid) unless the corners are those of a convex quadrilateral
+    References [1] R. Hartley, A. Zisserman, Multiple View Geometry, Cambridge 2004, section 2.3
+    """
+    points = _lattice(grid)
+    return tuple(
+        tuple(
+            Polygon.from_points(
+                [points[row, col], points[row, col + 1], points[row + 1, col + 1], points[row + 1, col]]
+            )
+            for col in range(grid.columns)
+        )
+        for row in range(grid.rows)
+    )
+
+
+def outline(grid: Grid) -> Polygon:
+    """Give the surface's own quadrilateral.
+
+    Raises InputRejected(grid_invalid)
+    """
+    _require_convex(grid.corners)
+    return Polygon.from_points(grid.corners)
+
+
+def _lattice(grid: Grid) -> Lattice:
+    """Give the lattice points (x, y), (rows + 1, columns + 1, 2); neighbours share theirs to the last bit."""
+    if not (1 <= grid.rows <= MAX_CELLS_A_SIDE and 1 <= grid.columns <= MAX_CELLS_A_SIDE):
+        raise InputRejected(
+            Code.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
+        )
+    _require_convex(grid.corners)
+    h = _homography(grid.corners)
+    v, u = np.meshgrid(
+        np.arange(grid.rows + 1) / grid.rows, np.arange(grid.columns + 1) / grid.columns, indexing="ij"
+    )
+    projected = np.stack([u, v, np.ones_like(u)], axis=-1) @ h.T
+    points: Lattice = projected[..., :2] / projected[..., 2:]
+    # the given corners, free of rounding: a corner on the frame's border must not leave it
+    for (row, col), corner in zip(((0, 0), (0, -1), (-1, -1), (-1, 0)), grid.corners, strict=True):
+        points[row, col] = corner
+    return points
+
+
+def _homography(corners: Sequence[tuple[float, float]]) -> Matrix:
+    """Solve for h of equation (1) with h[2, 2] = 1, from the unit square's corners in the same order."""
+    rows, right = [], []
+    for (u, v), (x, y) in zip(((0, 0), (1, 0), (1, 1), (0, 1)), corners, strict=True):
+        rows += [[u, v, 1, 0, 0, 0, -x * u, -x * v], [0, 0, 0, u, v, 1, -y * u, -y * v]]
+        right += [x, y]
+    solved = np.linalg.solve(np.array(rows, np.float64), np.array(right, np.float64))
+    return np.append(solved, 1.0).reshape(3, 3)
+
+
+def _require_convex(corners: Sequence[tuple[float, float]]) -> None:
+    """Refuse what cannot be the image of a rectangle in front of the camera."""
+    points = np.array(corners, np.float64)
+    if points.shape != (4, 2) or not np.all(np.abs(points) <= MAX_COORDINATE_PX):
+        raise InputRejected(Code.GRID_INVALID, "A grid has four corners [x, y] in pixels.")
+    edges = np.roll(points, -1, axis=0) - points
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    if not (np.all(turns > 0) or np.all(turns < 0)):
+        raise InputRejected(
+            Code.GRID_INVALID,
+            "The grid's corners are not those of a surface seen in perspective: give them in order around it "
+            "(top-left, top-right, bottom-right, bottom-left), no three on one line.",
+        )
+
+
+def judge_uniformity(cells: Cells) -> Uniformity:
+    """Give average, extremes and their ratios, each with its uncertainty.
+
+    With g the gradient of a figure in the cells' luminances L_i, n_i a cell's noise and e_ki the effect of
+    shared source k on it (JCGM 100, 5.1.2, and 5.2.2 for what is shared):
+        u^2 = sum_i (g_i n_i)^2 + sum_k (sum_i g_i e_ki)^2
+    A source that scales all luminances (K, t, f, ISO) has e_ki ~ L_i; a ratio does not change with scale,
+    sum_i g_i L_i = 0, so such a source cancels by itself. The dark signal, which is subtracted, does not: it
+    weighs more in a dark cell. Of equal cells the first stands for the smallest or the largest.
+
+    Sources EN 13201-3:2015 (U_o, U_l), applied to the cells' means
+    """
+    values = cells.values_cd_m2
+    average_gradient = np.full(values.shape, 1.0 / values.size)
+    average, smallest, largest = float(values.mean()), float(values.min()), float(values.max())
+    low, high = _only(values, int(values.argmin())), _only(values, int(values.argmax()))
+    return Uniformity(
+        average_cd_m2=_figure(cells, average, average_gradient),
+        smallest_cd_m2=_figure(cells, smallest, low),
+        largest_cd_m2=_figure(cells, largest, high),
+        u_o=_ratio(cells, (smallest, low), (average, average_gradient)),
+        u_l=tuple(_line(cells, row) for row in range(values.shape[0])),
+        average_to_min=_ratio(cells, (average, average_gradient), (smallest, low)),
+        max_to_min=_ratio(cells, (largest, high), (smallest, low)),
+    )
+
+
+def _line(cells: Cells, row: int) -> Figure | None:
+    values = cells.values_cd_m2
+    start, line = row * values.shape[1], values[row]
+    low, high = start + int(line.argmin()), start + int(line.argmax())
+    return _ratio(cells, (float(line.min()), _only(values, low)), (float(line.max()), _only(values, high)))
+
+
+def _only(values: Matrix, index: int) -> Matrix:
+    """Give the gradient of one cell's own luminance."""
+    gradient = np.zeros(values.shape)
+    gradient.flat[index] = 1.0
+    return gradient
+
+
+def _ratio(cells: Cells, above: tuple[float, Matrix], below: tuple[float, Matrix]) -> Figure | None:
+    """Give a quotient: its gradient is (g_above - quotient g_below) / below."""
+    if below[0] <= 0.0:
+        return None
+    quotient = above[0] / below[0]
+    return _figure(cells, quotient, (above[1] - quotient * below[1]) / below[0])
+
+
+def _figure(cells: Cells, value: float, gradient: Matrix) -> Figure:
+    noise = float(np.sum((gradient * cells.noise_cd_m2) ** 2))
+    shared = np.einsum("rc,krc->k", gradient, cells.shared_cd_m2)
+    return Figure(value=value, standard_uncertainty=math.sqrt(noise + float(shared @ shared)))

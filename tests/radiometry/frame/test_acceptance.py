@@ -1,0 +1,159 @@
+"""Which frames enter a campaign, and what is said when one does not."""
+
+import dataclasses
+import math
+
+import pytest
+
+from radiometry.findings.errors import Code, InputRejected
+from radiometry.frame import FrameHeader
+from radiometry.frame.acceptance import ROLES, ROLES_WITH_EXPOSURE, Camera, SuppliedExposure, accept_frame
+
+CAMERA = Camera(make="DJI", model="FC6520", serial="0AB12")
+NOTHING = SuppliedExposure()
+NOTES = SuppliedExposure(exposure_time_s=0.125, f_number=4.0, iso=3200.0)
+HEADER = FrameHeader(
+    container="dng",
+    decoder="stilb",
+    rendered=False,
+    compression="none",
+    bits_per_sample=12,
+    width_px=5280,
+    height_px=3956,
+    cfa="RGGB",
+    black_level_dn=(64.0,) * 4,
+    black_level_origin="tag",
+    white_level_dn=(4095.0,) * 4,
+    white_level_origin="tag",
+    exposure_time_s=0.125,
+    f_number=4.0,
+    iso=3200.0,
+    exposure_mode="manual",
+    make="DJI",
+    model="FC6520",
+    serial="0AB12",
+)
+
+
+def accept(role="light", supplied=NOTHING, **changes):
+    return accept_frame(dataclasses.replace(HEADER, **changes), role=role, supplied=supplied, camera=CAMERA)
+
+
+def refuse(role="light", supplied=NOTHING, **changes):
+    with pytest.raises(InputRejected) as refusal:
+        accept(role, supplied, **changes)
+    return refusal.value
+
+
+def test_a_good_frame():
+    accepted = accept(exposure_time_apex_s=0.126, f_number_apex=4.01)
+    assert accepted.flags == ()
+    exposure = accepted.exposure
+    assert (exposure.exposure_time_s, exposure.f_number, exposure.iso) == (0.125, 4.0, 3200.0)
+    assert (exposure.exposure_time_apex_s, exposure.f_number_apex) == (0.126, 4.01)
+    assert {exposure.exposure_time_origin, exposure.f_number_origin, exposure.iso_origin} == {"exif"}
+
+
+@pytest.mark.parametrize("name", ["exposure_time_s", "f_number", "iso"])
+@pytest.mark.parametrize("said", [None, 0.0])
+@pytest.mark.parametrize("role", sorted(ROLES_WITH_EXPOSURE))
+def test_a_missing_or_zero_value_is_refused_by_name(name, said, role):
+    refusal = refuse(role, **{name: said})
+    assert refusal.code is Code.EXPOSURE_MISSING
+    assert name in refusal.message
+    assert "missing or zero" in refusal.message
+
+
+def test_a_chart_needs_no_exposure():
+    assert {"chart"} == ROLES - ROLES_WITH_EXPOSURE
+    assert accept("chart", iso=None).exposure is None
+    assert accept("chart").exposure.iso == 3200.0
+    assert accept("chart", exposure_mode="auto").flags == ()
+
+
+def test_apex_before_notes_where_the_nominal_value_is_missing():
+    accepted = accept(supplied=NOTES, exposure_time_s=0.0, exposure_time_apex_s=1 / 8.2, iso=None)
+    exposure = accepted.exposure
+    assert (exposure.exposure_time_s, exposure.exposure_time_origin) == (1 / 8.2, "apex")
+    assert (exposure.iso, exposure.iso_origin) == (3200.0, "supplied")
+    assert exposure.f_number_origin == "exif"
+    assert accepted.flags == ("exposure_from_apex", "exposure_supplied")
+
+
+def test_notes_do_not_overrule_the_file():
+    accepted = accept(supplied=SuppliedExposure(f_number=5.6))
+    assert accepted.exposure.f_number == 4.0
+    assert accepted.flags == ("supplied_exposure_ignored",)
+    assert accept(supplied=SuppliedExposure(f_number=4.2)).flags == ()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -0.1, 1e9])
+def test_an_absurd_value_is_refused_unless_the_notes_know_better(value):
+    refusal = refuse(exposure_time_s=value)
+    assert refusal.code is Code.EXPOSURE_IMPLAUSIBLE
+    assert "exposure time" in refusal.message
+    assert accept(supplied=NOTES, exposure_time_s=value).exposure.exposure_time_origin == "supplied"
+
+
+def test_an_absurd_note_is_said_to_be_a_note():
+    refusal = refuse(supplied=SuppliedExposure(iso=-3.0), iso=None)
+    assert refusal.code is Code.EXPOSURE_IMPLAUSIBLE
+    assert "-3 (as typed in)" in refusal.message
+
+
+def test_an_absurd_apex_value_is_not_kept():
+    assert accept(f_number_apex=math.inf).exposure.f_number_apex is None
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [({"serial": "0AB13"}, "serial number"), ({"model": "FC550"}, "model"), ({"make": "Canon"}, "make")],
+)
+def test_another_camera_is_refused_with_both_names(change, word):
+    refusal = refuse(**change)
+    assert refusal.code is Code.WRONG_CAMERA
+    assert f"its {word} is '{next(iter(change.values()))}'" in refusal.message
+    assert "DJI FC6520, serial number 0AB12" in refusal.message
+
+
+def test_blanks_case_and_zero_bytes_make_no_other_camera():
+    assert accept(make="dji ", model="FC6520\0\0", serial=" 0ab12").flags == ()
+
+
+def test_what_the_file_does_not_say_is_no_reason_to_refuse():
+    assert accept(make=None, model="", serial=" \0").flags == ("serial_unknown",)
+
+
+@pytest.mark.parametrize(
+    ("mode", "program", "flagged"),
+    [
+        ("manual", "program", False),
+        ("auto", "manual", True),
+        ("bracket", None, True),
+        (None, "aperture_priority", True),
+        (None, "manual", False),
+        (None, "not_defined", False),
+        (None, None, False),
+    ],
+)
+def test_automatic_exposure_is_flagged(mode, program, flagged):
+    flags = accept(exposure_mode=mode, exposure_program=program).flags
+    assert flags == (("exposure_not_manual",) if flagged else ())
+
+
+def test_a_rendered_image_is_flagged():
+    assert accept(rendered=True).flags == ("rendered",)
+
+
+@pytest.mark.parametrize("container", ["jpeg", "png"])
+@pytest.mark.parametrize("role", sorted(ROLES - {"chart"}))
+def test_a_picture_is_refused_wherever_light_is_measured(container, role):
+    refusal = refuse(role, container=container, rendered=True)
+    assert refusal.code is Code.NOT_A_RAW_FILE
+    assert f"{container.upper()} picture" in refusal.message
+    assert refusal.message.endswith("Send the camera's raw file (DNG), or a TIFF.")
+
+
+@pytest.mark.parametrize("container", ["jpeg", "png"])
+def test_a_picture_of_a_chart_is_accepted_and_said_to_be_one(container):
+    assert accept("chart", container=container, rendered=True).flags == ("rendered",)

@@ -1,0 +1,184 @@
+"""Statistics of a region: exact figures, the right CFA site, and the signal."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from radiometry.frame import Frame
+from radiometry.frame.statistics import compute_statistics, measure_signal
+
+SITES = {"RGGB": "R G1 G2 B", "GRBG": "G1 R B G2", "GBRG": "G2 B R G1", "BGGR": "B G2 G1 R"}
+
+
+def frame(samples, *, cfa="RGGB", row0=0, col0=0, black=(0.0,), white=(4095.0,)):
+    return Frame(
+        samples_dn=np.asarray(samples, np.uint16),
+        row0=row0,
+        col0=col0,
+        height_px=100,
+        width_px=100,
+        cfa=cfa,
+        black_level_dn=black,
+        white_level_dn=white,
+    )
+
+
+def all_of(a_frame):
+    return np.ones(a_frame.samples_dn.shape[:2], bool)
+
+
+def by_channel(a_frame, inside=None):
+    rows = compute_statistics(a_frame, all_of(a_frame) if inside is None else inside)
+    return {row.channel: row for row in rows}
+
+
+def test_by_hand():
+    row = by_channel(frame([[1, 4, 4, 7]], cfa="grey", white=(7.0,)))["grey"]
+    assert (row.n, row.min_dn, row.max_dn, row.mean_dn, row.median_dn) == (4, 1, 7, 4.0, 4.0)
+    assert row.std_dn == math.sqrt((9 + 0 + 0 + 9) / 3)
+    assert (row.saturated_share, row.zero_share) == (0.25, 0.0)
+
+
+def test_even_count_takes_the_mean_of_the_middle_two():
+    row = by_channel(frame([[0, 2, 5, 9]], cfa="grey"))["grey"]
+    assert (row.median_dn, row.zero_share) == (3.5, 0.25)
+
+
+def test_a_single_sample_has_no_spread():
+    assert by_channel(frame([[9]], cfa="grey"))["grey"].std_dn == 0.0
+
+
+@pytest.mark.parametrize("cfa", SITES)
+@pytest.mark.parametrize("row0", [0, 1, 7])
+@pytest.mark.parametrize("col0", [0, 1, 4])
+def test_sites_are_counted_from_the_visible_corner(cfa, row0, col0):
+    """A mosaic whose samples tell their site, cut anywhere: each channel sees its own number only."""
+    whole = np.tile([[10, 20], [30, 40]], (10, 10))
+    window = frame(whole[row0 : row0 + 5, col0 : col0 + 5], cfa=cfa, row0=row0, col0=col0)
+    expected = dict(zip(SITES[cfa].split(), (10, 20, 30, 40), strict=True))
+    rows = by_channel(window)
+    assert {name: (rows[name].min_dn, rows[name].max_dn) for name in expected} == {
+        name: (value, value) for name, value in expected.items()
+    }
+    assert list(rows) == ["R", "G1", "G2", "B", "grey"]
+    assert rows["grey"].n == 25
+
+
+def test_levels_follow_their_site():
+    rows = by_channel(
+        frame([[1, 2], [3, 4]], cfa="GRBG", black=(1.0, 2.0, 3.0, 4.0), white=(9.0, 2.0, 9.0, 9.0))
+    )
+    assert [rows[c].black_level_dn for c in ("R", "G1", "G2", "B", "grey")] == [2.0, 1.0, 4.0, 3.0, 2.5]
+    assert rows["R"].saturated_share == 1.0
+    assert rows["grey"].saturated_share == 0.25
+    assert rows["grey"].white_level_dn == 2.0
+
+
+def test_a_fractional_white_level_is_reached_by_the_next_number():
+    row = by_channel(frame([[6, 7, 8, 9]], cfa="grey", white=(7.25,)))["grey"]
+    assert row.saturated_share == 0.5
+
+
+def test_a_white_level_that_no_sample_can_reach():
+    assert by_channel(frame([[65535]], cfa="grey", white=(70000.0,)))["grey"].saturated_share == 0.0
+
+
+def test_a_rendered_colour_image_has_one_green_and_grey_is_the_mean_of_the_three():
+    rows = by_channel(frame(np.dstack([[[3, 3]], [[5, 7]], [[9, 9]]]), cfa="rgb"))
+    assert list(rows) == ["R", "G", "B", "grey"]
+    assert (rows["G"].mean_dn, rows["grey"].mean_dn, rows["grey"].n) == (6.0, 6.0, 6)
+
+
+def test_a_region_that_touches_only_one_site():
+    inside = np.zeros((4, 4), bool)
+    inside[0, 1] = True
+    rows = by_channel(frame(np.arange(16).reshape(4, 4)), inside)
+    assert list(rows) == ["G1", "grey"]
+    assert rows["G1"].mean_dn == 1.0
+
+
+mosaics = hnp.arrays(np.uint16, hnp.array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=12))
+
+
+@given(mosaics, st.randoms(use_true_random=False), st.integers(0, 3), st.integers(0, 3))
+def test_agrees_with_numpy(samples, random, row0, col0):
+    inside = np.array([random.random() < 0.7 for _ in range(samples.size)]).reshape(samples.shape)
+    inside[0, 0] = True
+    rows = by_channel(frame(samples, row0=row0, col0=col0, white=(30000.0,)), inside)
+    row_index, col_index = np.indices(samples.shape)
+    for site, name in enumerate(("R", "G1", "G2", "B")):
+        here = inside & ((row_index + row0) % 2 * 2 + (col_index + col0) % 2 == site)
+        if not here.any():
+            assert name not in rows
+            continue
+        values, row = samples[here].astype(float), rows[name]
+        assert (row.n, row.min_dn, row.max_dn) == (values.size, values.min(), values.max())
+        assert row.median_dn == np.median(values)
+        assert row.mean_dn == pytest.approx(values.mean(), rel=1e-14)
+        if values.size > 1:
+            assert row.std_dn == pytest.approx(values.std(ddof=1), rel=1e-9, abs=1e-9)
+        assert row.saturated_share == np.mean(values >= 30000)
+    assert sum(row.n for name, row in rows.items() if name != "grey") == rows["grey"].n == inside.sum()
+
+
+@given(mosaics, st.integers(0, 3), st.integers(0, 3))
+def test_transposing_leaves_the_figures_and_swaps_the_greens(samples, row0, col0):
+    there = by_channel(frame(samples, row0=row0, col0=col0))
+    back = by_channel(frame(samples.T, row0=col0, col0=row0))
+    for name, twin in {"R": "R", "G1": "G2", "G2": "G1", "B": "B", "grey": "grey"}.items():
+        if name in there:
+            mirrored = {**back[twin].__dict__, "channel": name}
+            assert there[name].__dict__ == mirrored
+    assert measure_signal(tuple(there.values())) == measure_signal(tuple(back.values()))
+
+
+def test_large_numbers_stay_exact():
+    """A million samples around 60000: squares summed in float32 would be off; the spread is known."""
+    samples = np.full((1000, 1000), 60000)
+    samples[:, ::2] += 1
+    row = by_channel(frame(samples, cfa="grey"))["grey"]
+    assert row.mean_dn == 60000.5
+    assert row.std_dn == pytest.approx(0.5 * math.sqrt(1e6 / (1e6 - 1)), rel=1e-15)
+
+
+def test_signal_is_the_mean_of_both_greens():
+    rows = compute_statistics(
+        frame([[9, 10, 9], [20, 9, 20]], black=(0.0, 64.0, 66.0, 0.0)), np.ones((2, 3), bool)
+    )
+    signal = measure_signal(rows)
+    assert signal.value_dn == 15.0  # one sample of G1, two of G2: each green counts half
+    assert signal.black_level_dn == 65.0
+
+
+def test_signal_error_by_hand():
+    samples = np.array([[0, 10], [40, 0], [0, 14], [40, 0]])  # G1: 10, 14 -> s^2 = 8; G2: 40, 40 -> s = 0
+    signal = measure_signal(compute_statistics(frame(samples), np.ones((4, 2), bool)))
+    assert signal.standard_uncertainty_dn == pytest.approx(math.sqrt((8 / 2 + 1 / 12) / 4), rel=1e-12)
+
+
+def test_grey_takes_the_place_of_a_missing_green():
+    rows = compute_statistics(frame([[5, 7]], cfa="grey"), np.ones((1, 2), bool))
+    assert measure_signal(rows) == measure_signal(rows, channel="grey")
+    assert measure_signal(rows).value_dn == 6.0
+
+
+@pytest.mark.parametrize("noise_dn", [0.0, 0.2, 0.5, 1.0, 5.0])
+def test_signal_error_covers_noise_and_rounding(noise_dn):
+    """Over levels that fall anywhere between two numbers, the mean errs by what is claimed, or less."""
+    random = np.random.default_rng(5)
+    trials = 600
+    levels = 100 + random.uniform(0, 1, trials)
+    errors, claims = [], []
+    for level in levels:
+        samples = np.round(level + noise_dn * random.standard_normal((20, 20)))
+        signal = measure_signal(compute_statistics(frame(samples, cfa="grey"), np.ones((20, 20), bool)))
+        errors.append(signal.value_dn - level)
+        claims.append(signal.standard_uncertainty_dn)
+    scatter = np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(claims)))
+    assert scatter < 1 + 4 / math.sqrt(2 * trials)
+    if noise_dn in (0.0, 5.0):
+        assert scatter > 1 - 4 / math.sqrt(2 * trials)

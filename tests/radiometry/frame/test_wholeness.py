@@ -1,0 +1,158 @@
+"""What is missing in an image is told from what is dark."""
+
+import numpy as np
+import pytest
+
+from radiometry.frame.wholeness import EmptyBlock, WholenessCheck, describe_empty
+
+ROWS, COLS = 240, 400
+
+
+def _look(samples, *, black=256.0, lowest=0.0, rendered=False, band=32):
+    check = WholenessCheck(
+        height_px=len(samples),
+        width_px=samples.shape[1],
+        channels=samples.shape[2] if samples.ndim == 3 else 1,
+        black_dn=black,
+        lowest_dn=lowest,
+        rendered=rendered,
+    )
+    for row0 in range(0, len(samples), band):
+        check.add(row0, samples[row0 : row0 + band])
+    return check.conclude()
+
+
+def _noisy(mean, sigma, *, rows=ROWS, cols=COLS, seed=1):
+    noise = np.random.default_rng(seed).normal(mean, sigma, (rows, cols))
+    return np.clip(np.rint(noise), 0, 4095).astype(np.uint16)
+
+
+def _zeroed(samples, *slices):
+    changed = samples.copy()
+    changed[slices] = 0
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("slices", "block"),
+    [
+        ((slice(120, 240), slice(None)), EmptyBlock(row0=120, col0=0, rows=120, cols=400)),
+        ((slice(30, 32), slice(None)), EmptyBlock(row0=30, col0=0, rows=2, cols=400)),
+        ((slice(50, 114), slice(128, 256)), EmptyBlock(row0=50, col0=128, rows=64, cols=128)),
+        ((slice(None), slice(320, 400)), EmptyBlock(row0=0, col0=320, rows=240, cols=80)),
+        ((slice(77, 78), slice(100, 200)), EmptyBlock(row0=77, col0=128, rows=1, cols=64)),
+        ((slice(None), slice(None)), EmptyBlock(row0=0, col0=0, rows=240, cols=400)),
+    ],
+    ids=["lower half", "two rows", "tile", "columns", "part of a row", "all"],
+)
+def test_zeros_below_a_black_level_are_missing_data(slices, block):
+    found = _look(_zeroed(_noisy(900, 20), *slices))
+    assert found.empty == (block,)
+    first = block.row0 // found.group_rows
+    assert found.zero_share[first] > 0
+
+
+def test_where_zeros_lie_is_said():
+    found = _look(_zeroed(_noisy(900, 20), slice(120, 240)))
+    assert describe_empty(found.empty, height_px=ROWS, width_px=COLS).startswith(
+        "the image is empty in rows 120 to 239, 50.00% of it"
+    )
+    assert sum(found.zero_share) == pytest.approx(120 / found.group_rows)
+    assert not describe_empty((), height_px=ROWS, width_px=COLS)
+
+
+def test_values_far_below_black_are_missing_data_too():
+    samples = _noisy(900, 20)
+    samples[100:110] = 100
+    found = _look(samples)
+    assert found.empty == (EmptyBlock(row0=100, col0=0, rows=10, cols=400),)
+    assert sum(found.below_share) > 0 == sum(found.zero_share)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1.0, 5.0, 40.0, 200.0])
+def test_dark_frame_is_dark_however_much_it_varies(sigma):
+    """A lens cap, at a black level that noise may reach below or not."""
+    assert _look(_noisy(256, sigma)).empty == ()
+
+
+@pytest.mark.parametrize("offset", [-40, -3, 3])
+def test_black_that_drifts_is_dark(offset):
+    assert _look(_noisy(256 + offset, 4.0)).empty == ()
+
+
+@pytest.mark.parametrize("mean", [-3.0, -1.0, 0.0, 1.0, 4.0])
+def test_dark_frame_of_a_camera_that_subtracts_black_itself(mean):
+    """Zeros may be all that such a camera writes with its cap on."""
+    dark = _noisy(mean, 1.0)
+    assert _look(dark, black=0.0).empty == ()
+    assert _look(np.zeros_like(dark), black=0.0).empty == ()
+
+
+def test_light_that_fades_into_clipped_black():
+    """A lamp's pool on a road at night: below and above it nothing, without an edge."""
+    distance = np.linspace(0, 12, ROWS)[:, None]
+    mean = 900 * np.exp(-((distance - 3.0) ** 2) / 2) - 4.0
+    fading = np.clip(np.rint(np.random.default_rng(2).normal(mean, 1.0, (ROWS, COLS))), 0, 4095)
+    samples = fading.astype(np.uint16)
+    assert not samples[-30:].any()
+    assert _look(samples, black=0.0).empty == ()
+
+
+@pytest.mark.parametrize(
+    ("slices", "block"),
+    [
+        ((slice(120, 240), slice(None)), EmptyBlock(row0=120, col0=0, rows=120, cols=400)),
+        ((slice(64, 90), slice(None)), EmptyBlock(row0=64, col0=0, rows=26, cols=400)),
+        ((slice(None), slice(192, 256)), EmptyBlock(row0=0, col0=192, rows=240, cols=64)),
+    ],
+    ids=["lower half", "band", "columns"],
+)
+def test_zeros_that_begin_beside_light_are_missing_also_where_black_is_zero(slices, block):
+    assert _look(_zeroed(_noisy(300, 15), *slices), black=0.0).empty == (block,)
+
+
+def test_dark_noise_that_ends_at_once_is_cut_off():
+    """A dark frame of a camera without black level: noise above, nothing at all below."""
+    dark = _noisy(1.0, 2.0)
+    assert _look(_zeroed(dark, slice(120, 240)), black=0.0).empty
+
+
+def test_what_a_sensor_or_its_driver_leaves_is_no_damage():
+    samples = _noisy(900, 20)
+    samples[:, 37] = 0
+    samples[55] = 0
+    samples[:4] = 0
+    samples[100:104, 200:230] = 0
+    assert _look(samples).empty == ()
+
+
+def test_picture_set_in_black_is_whole_but_one_that_ends_in_black_is_not():
+    framed = _zeroed(_zeroed(_noisy(900, 20), slice(0, 30)), slice(210, 240))
+    assert _look(framed, black=0.0, rendered=True).empty == ()
+    ending = _zeroed(_noisy(900, 20), slice(210, 240))
+    assert _look(ending, black=0.0, rendered=True).empty
+
+
+def test_colours_are_looked_at_together():
+    samples = np.repeat(_noisy(900, 20)[:, :, None], 3, axis=2)
+    samples[200:] = 0
+    assert _look(samples, black=0.0).empty == (EmptyBlock(row0=200, col0=0, rows=40, cols=400),)
+
+
+def test_zero_of_a_linearization_table_is_its_first_value():
+    samples = _noisy(900, 20)
+    samples[100:] = 30
+    assert _look(samples, black=64.0, lowest=30.0).empty == (
+        EmptyBlock(row0=100, col0=0, rows=140, cols=400),
+    )
+
+
+@pytest.mark.parametrize("band", [1, 7, 240])
+def test_bands_of_any_height_say_the_same(band):
+    samples = _zeroed(_noisy(900, 20), slice(33, 50), slice(64, 256))
+    assert _look(samples, band=band) == _look(samples)
+
+
+def test_narrow_image_is_one_span():
+    samples = _zeroed(_noisy(900, 20, cols=20), slice(100, 200))
+    assert _look(samples).empty == (EmptyBlock(row0=100, col0=0, rows=100, cols=20),)

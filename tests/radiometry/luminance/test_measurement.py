@@ -1,0 +1,247 @@
+"""A frame measured: the budget in its two parts, the caveats, and intervals that hold the truth."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from radiometry.findings.advice import advise
+from radiometry.findings.errors import InputRejected
+from radiometry.findings.flags import Flag
+from radiometry.frame import Frame
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
+from radiometry.luminance.measurement import Request, find_window, measure
+from radiometry.luminance.surface import Grid
+from tests.radiometry.coefficients import COEFFICIENT
+
+EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
+PER_DN = 16 / (30 * 0.01 * 3200)
+CORNERS = ((10.0, 10.0), (90.0, 10.0), (90.0, 58.0), (10.0, 58.0))
+ROI = Polygon.from_points(CORNERS)
+
+
+def make_frame(samples):
+    height, width = samples.shape
+    return Frame(
+        samples_dn=np.clip(np.rint(samples), 0, 4095).astype(np.uint16),
+        row0=0,
+        col0=0,
+        height_px=height,
+        width_px=width,
+        cfa="RGGB",
+        black_level_dn=(256.0,) * 4,
+        white_level_dn=(4095.0,) * 4,
+    )
+
+
+def noisy(signal_dn, *, noise_dn=4.0, seed=1, shape=(64, 96)):
+    return np.random.default_rng(seed).normal(256.0 + signal_dn, noise_dn, shape)
+
+
+def measured(
+    frame, *, exposure=EXPOSURE, coefficient=COEFFICIENT, calibrated=(ROI,), rendered=False, **asked
+):
+    return measure(
+        frame,
+        Request(**({"polygon": ROI} | asked)),
+        exposure=exposure,
+        coefficients=(coefficient,),
+        calibrated=calibrated,
+        rendered=rendered,
+    )
+
+
+def flags(found):
+    return {raised.flag for raised in found.flags}
+
+
+def test_the_budget_is_the_documented_sum():
+    found = measured(make_frame(noisy(1000.0)))
+    luminance = found.mean.value
+    assert luminance == pytest.approx(1000 * PER_DN, rel=1e-3)
+    n = 80 * 48 // 2
+    expected = {
+        "fit of K": 0.4 / 30 * luminance,
+        "meter calibration": 0.01 * luminance,
+        "dark signal": 0.5 * PER_DN,
+        "exposure time": 0.005 * luminance,
+        "f-number": 2 * 0.015 * luminance,
+        "ISO setting": 0.0,
+        "pixel noise": 4.0 / math.sqrt(n) * PER_DN,
+    }
+    assert [share.source for share in found.budget] == list(expected)
+    for share in found.budget:
+        # the noise of a drawn frame scatters by 1 / sqrt(2 n) = 1.6 %
+        assert share.standard_uncertainty_cd_m2 == pytest.approx(expected[share.source], rel=0.06)
+    assert sum(share.variance_share for share in found.budget) == pytest.approx(1.0)
+    assert found.mean.standard_uncertainty == pytest.approx(math.hypot(*expected.values()), rel=1e-3)
+    assert found.mean.standard_uncertainty == pytest.approx(
+        math.hypot(found.shared_u_cd_m2, found.noise_u_cd_m2)
+    )
+
+
+def test_the_shared_part_does_not_average_down_and_single_pixels_carry_their_noise():
+    large = measured(make_frame(noisy(1000.0, shape=(400, 600), noise_dn=8.0)))
+    small = measured(
+        make_frame(noisy(1000.0, noise_dn=8.0)),
+        polygon=Polygon.from_points([(20, 20), (30, 20), (30, 30), (20, 30)]),
+    )
+    whole = measured(
+        make_frame(noisy(1000.0, shape=(400, 600), noise_dn=8.0)),
+        polygon=Polygon.from_points([(0, 0), (600, 0), (600, 400), (0, 400)]),
+    )
+    assert whole.shared_u_cd_m2 == pytest.approx(small.shared_u_cd_m2, rel=0.01)
+    assert whole.noise_u_cd_m2 < small.noise_u_cd_m2 / 20
+    for pixel in (large.smallest, large.largest, *(p.luminance for p in large.percentiles)):
+        shared = large.shared_u_cd_m2 * pixel.value / large.mean.value
+        assert pixel.standard_uncertainty == pytest.approx(math.hypot(shared, 8.0 * PER_DN), rel=0.1)
+    ordered = [large.smallest, *(p.luminance for p in large.percentiles), large.largest]
+    assert [q.value for q in ordered] == sorted(q.value for q in ordered)
+    assert [p.percent for p in large.percentiles] == [5, 10, 90, 95]
+
+
+def test_the_interval_of_the_mean_holds_the_truth():
+    """Every source drawn from its stated uncertainty, 600 frames: 95 % within 1.96 u, +- 1.8 % of them."""
+    random = np.random.default_rng(5)
+    truth = 20.0
+    held = []
+    for seed in range(600):
+        time_s = 0.01 * random.normal(1.0, 0.005)
+        f_number = 4.0 * random.normal(1.0, 0.015)
+        k = 30.0 * random.normal(1.0, 0.01) + random.normal(0.0, 0.4)
+        signal = k * time_s * 3200 * truth / f_number**2 + random.normal(0.0, 0.5)
+        found = measured(
+            make_frame(noisy(signal, seed=seed, shape=(60, 92))),
+            polygon=Polygon.from_points([(4, 4), (40, 4), (40, 40), (4, 40)]),
+        )
+        held.append(abs(found.mean.value - truth) <= 1.96 * found.mean.standard_uncertainty)
+    assert np.mean(held) == pytest.approx(0.95, abs=3 * math.sqrt(0.95 * 0.05 / 600))
+
+
+def test_twice_the_time_with_the_same_frame_is_half_the_luminance():
+    frame = make_frame(noisy(1000.0))
+    longer = dataclasses.replace(EXPOSURE, exposure_time_s=0.02)
+    short, long = measured(frame), measured(frame, exposure=longer)
+    for name in ("mean", "smallest", "largest", "median"):
+        assert getattr(long, name).value == pytest.approx(getattr(short, name).value / 2, rel=1e-12)
+
+
+ROAD = np.array([[1.2, 0.9, 0.8, 0.9, 1.1], [1.0, 0.8, 0.6, 0.7, 1.0], [0.7, 0.5, 0.45, 0.5, 0.65]])
+GRID = Grid(corners=CORNERS, rows=3, columns=5)
+
+
+def road_frame(noise_dn=1.0):
+    samples = np.full((64, 96), 256.0)
+    samples[10:58, 10:90] += np.kron(ROAD, np.ones((16, 16))) / PER_DN
+    return make_frame(samples + np.random.default_rng(2).normal(0.0, noise_dn, samples.shape))
+
+
+def test_the_procedures_road_comes_back_cell_by_cell():
+    found = measured(road_frame(), grid=GRID, reflectance=0.1)
+    surface = found.surface
+    cells = np.array([[cell.value for cell in line] for line in surface.cells])
+    assert cells == pytest.approx(ROAD, abs=4 * 1.05 / math.sqrt(128) * PER_DN)
+    assert surface.l_av_cd_m2.value == pytest.approx(0.78667, abs=0.005)
+    assert surface.u_o.value == pytest.approx(0.57203, abs=0.01)
+    assert surface.max_to_min.value == pytest.approx(2.6667, abs=0.04)
+    assert [line.value for line in surface.u_l] == pytest.approx([0.8 / 1.2, 0.6, 0.45 / 0.7], abs=0.02)
+    assert (surface.cell_model, surface.u_o.unit, surface.l_av_cd_m2.unit) == ("projective", "1", "cd/m2")
+    assert surface.illuminance_lx.value == pytest.approx(math.pi * surface.l_av_cd_m2.value / 0.1)
+    assert found.illuminance_lx.unit == "lx"
+
+
+def test_k_cancels_in_the_uniformity_of_a_frame():
+    """A K ten times less certain changes the average's uncertainty and not U_o's."""
+    worse = dataclasses.replace(COEFFICIENT, covariance=((16.0,),))
+    good, bad = (measured(road_frame(), grid=GRID, coefficient=c).surface for c in (COEFFICIENT, worse))
+    assert bad.l_av_cd_m2.standard_uncertainty > 3 * good.l_av_cd_m2.standard_uncertainty
+    assert bad.u_o.standard_uncertainty == pytest.approx(good.u_o.standard_uncertainty, rel=1e-9)
+    # what is left is the dark signal and the noise
+    average, smallest, dark = good.l_av_cd_m2.value, good.l_min_cd_m2.value, 0.5 * PER_DN
+    floor = dark * (average - smallest) / average**2
+    assert floor < good.u_o.standard_uncertainty < floor + 0.01
+
+
+def test_other_models_share_their_errors_too():
+    """Power: L = (N / K)^(1 / g): an error of K scales every cell alike, one of g does not."""
+    power = dataclasses.replace(
+        COEFFICIENT,
+        model="power",
+        parameter_names=("luminance_k", "exponent"),
+        parameters=(30.0, 1.05),
+        covariance=((0.16, 0.0), (0.0, 0.0)),
+        dark_signal_standard_uncertainty_dn=0.0,
+    )
+    bent = dataclasses.replace(power, covariance=((0.16, 0.0), (0.0, 0.03**2)))
+    alike, unlike = (measured(road_frame(), grid=GRID, coefficient=c).surface for c in (power, bent))
+    assert alike.u_o.standard_uncertainty < unlike.u_o.standard_uncertainty / 2
+    assert alike.l_av_cd_m2.standard_uncertainty > 0.02
+
+
+def test_an_iso_that_was_not_calibrated_is_refused_with_those_that_were():
+    other = dataclasses.replace(EXPOSURE, iso=100.0)
+    with pytest.raises(InputRejected, match="ISO 100; this calibration holds ISO 3200") as refused:
+        measured(make_frame(noisy(1000.0)), exposure=other)
+    assert refused.value.code == "iso_not_calibrated"
+
+
+def test_what_every_measurement_from_the_air_must_say():
+    found = measured(make_frame(noisy(1000.0)))
+    assert flags(found) == {"no_vignetting_correction", "observer_differs"}
+    assert found.vignetting == "none"
+
+
+@pytest.mark.parametrize(
+    ("signal", "change", "expected"),
+    [
+        (1000.0, {"exposure": dataclasses.replace(EXPOSURE, exposure_time_s=0.04)}, "outside_exposure_times"),
+        (1000.0, {"exposure": dataclasses.replace(EXPOSURE, f_number=11.0)}, "outside_f_numbers"),
+        (50.0, {}, "outside_signals"),
+        (3900.0, {}, "saturated"),
+        (0.3, {}, "below_detection"),
+        (1000.0, {"rendered": True}, "rendered"),
+        (
+            1000.0,
+            {"calibrated": (Polygon.from_points([(0, 0), (20, 0), (20, 20), (0, 20)]),)},
+            "roi_elsewhere",
+        ),
+    ],
+)
+def test_what_else_is_flagged(signal, change, expected):
+    found = measured(make_frame(noisy(signal)), **change)
+    assert expected in flags(found)
+    assert Flag(expected) in {Flag(raised.flag) for raised in found.flags}
+
+
+def test_cells_that_cannot_be_trusted_are_counted():
+    samples = noisy(1000.0)
+    samples[10:26, 10:42] = 4095
+    found = measured(make_frame(samples), grid=GRID)
+    (raised,) = [r for r in found.flags if r.flag == "saturated" and r.where == "grid"]
+    assert raised.detail == "Saturated: 2 of the cells, the first in row 1, column 1."
+
+
+def test_a_cell_without_a_green_pixel_is_refused():
+    fine = Grid(corners=((0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)), rows=6, columns=6)
+    with pytest.raises(InputRejected, match="no green pixel"):
+        measured(make_frame(noisy(1000.0)), grid=fine)
+
+
+def test_the_window_holds_region_and_grid():
+    far = Grid(corners=((50.0, 2.0), (60.0, 2.0), (60.0, 12.0), (50.0, 12.0)), rows=1, columns=1)
+    window = find_window(Request(polygon=ROI, grid=far), height_px=64, width_px=96)
+    assert (window.row0, window.col0, window.height, window.width) == (2, 10, 56, 80)
+    with pytest.raises(InputRejected, match="leaves the frame"):
+        find_window(Request(polygon=ROI, grid=far), height_px=64, width_px=80)
+
+
+def test_every_flag_of_a_measurement_has_a_remedy_and_the_largest_source_is_named():
+    sentences = advise(["saturated", "roi_elsewhere"], budget=[("dark signal", 0.2), ("f-number", 0.8)])
+    assert len(sentences) == 3
+    assert "quarter of the exposure time" in sentences[0]
+    assert "f-number is the largest source" in sentences[-1]
+    names = [share.source for share in measured(make_frame(noisy(1000.0))).budget]
+    assert all(advise([], budget=[(name, 1.0)]) for name in names)
+    assert advise([], budget=[("pixel noise", 0.0)]) == ()
