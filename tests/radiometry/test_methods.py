@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.radiometry.test_acceptance import HEADER
 
 from radiometry import methods
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
@@ -12,6 +11,7 @@ from radiometry.frame import Frame, Opcode
 from radiometry.frame.roi import Polygon
 from radiometry.luminance import method as luminance
 from tests.radiometry.evidence import taken
+from tests.radiometry.frame.test_acceptance import HEADER
 
 POLYGON = Polygon.from_points([(0, 0), (4, 0), (4, 4), (0, 4)])
 
