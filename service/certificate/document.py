@@ -1,4 +1,4 @@
-"""From what is recorded about a version to its certificate. Nothing here changes a figure."""
+"""The certificate of a version, built from its calibration record. No value is changed here."""
 
 from typing import Any
 
@@ -6,8 +6,8 @@ from radiometry.findings.flags import Flag
 from radiometry.fitting.evidence import Figure
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from service.certificate.gaps import list_gaps
-from service.certificate.papers import describe_paper
-from service.certificate.words import say_statements, say_traceability, say_vignetting
+from service.certificate.texts import describe_method
+from service.certificate.words import format_traceability, format_vignetting, list_statements
 from service.certificate.work import describe_meters, describe_work
 from service.schemas.calibrations import Gap
 from service.schemas.certificates import (
@@ -41,11 +41,11 @@ _MEANINGS = {flag.value: flag.meaning for flag in Flag}
 
 
 def build_certificate(dossier: Dossier) -> CertificateAnswer:
-    """The whole document, and what it lacks."""
+    """Build the whole document, with the items that it lacks."""
     row = dossier.calibration
     meters, panels = describe_meters(dossier), _panels(dossier)
-    result, paper = drop_absent(row.result), describe_paper(row.method)
-    vignetting = say_vignetting(row.method, row.parameters.get("vignetting"))
+    result, text = drop_absent(row.result), describe_method(row.method)
+    vignetting = format_vignetting(row.method, row.parameters.get("vignetting"))
     certificate = CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
@@ -54,15 +54,15 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         content_sha256=row.content_sha256,
         version=row.version,
         method=row.method,
-        procedure=paper.procedure,
-        equation=paper.equation,
+        procedure=text.procedure,
+        equation=text.equation,
         configuration=row.configuration,
         laboratory=Laboratory(name=dossier.organisation.name, address=dossier.organisation.address),
         item=Item(**CameraAnswer.of(dossier.camera).model_dump(exclude_none=True)),
         work=describe_work(dossier),
         meters=meters,
         panels=panels,
-        traceability=say_traceability(row.method, meters, panels),
+        traceability=format_traceability(row.method, meters, panels),
         readings=_readings(dossier),
         regions=_regions(dossier),
         frames=[_frame(dossier, used) for used in row.inputs["frames"]],
@@ -80,7 +80,7 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         created_at=row.created_at,
         published=_published(dossier),
         validity=_validity(dossier),
-        statements=say_statements(row.method, vignetting),
+        statements=list_statements(row.method, vignetting),
     )
     gaps = [Gap(code=found.code.value, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})

@@ -1,4 +1,4 @@
-"""The sections that say what was measured with what: meters, scenes, readings, regions, frames."""
+"""Sections on the inputs of a luminance certificate: meters, scenes, readings, regions, frames."""
 
 from collections import defaultdict
 
@@ -8,7 +8,7 @@ from service.certificate.sheet import Node, flow, section, table
 
 
 def evidence_sections(certificate: Node, preview: str) -> list[Node]:
-    """From the meters to the last dark frame."""
+    """Return the sections from the meters to the dark frames."""
     frames = certificate["frames"]
     return [
         section("Meters", [_meters(certificate)]),
@@ -21,20 +21,20 @@ def evidence_sections(certificate: Node, preview: str) -> list[Node]:
 
 def _meters(certificate: Node) -> Node:
     if not certificate["meters"]:
-        return flow("No reading names its meter.")
+        return flow("No meter is recorded for the readings.")
     rows = []
     for meter in certificate["meters"]:
-        told = meter.get("certificate", {})
+        stated = meter.get("certificate", {})
         days = sorted({meter[name] for name in ("first_day", "last_day") if name in meter})
         rows.append(
             [
                 meter["kind"],
                 f"{meter['make']} {meter['model']}",
                 meter["serial"],
-                f"{told['number']}\n{told['laboratory']}" if told else "none",
-                f"{told['issued_on']}\n{told['due_on']}" if told else "-",
-                percent(told["expanded_uncertainty_rel"]) if told else "-",
-                plain(told["coverage_factor"]) if told else "-",
+                f"{stated['number']}\n{stated['laboratory']}" if stated else "none",
+                f"{stated['issued_on']}\n{stated['due_on']}" if stated else "-",
+                percent(stated["expanded_uncertainty_rel"]) if stated else "-",
+                plain(stated["coverage_factor"]) if stated else "-",
                 "\n".join(days) or "-",
             ]
         )
@@ -55,7 +55,7 @@ def _scenes(certificate: Node) -> Node:
         ]
         for scene in certificate["result"]["scenes"]
     ]
-    head = ["scene", "L [cd/m²]", "readings", "spread", "E [lx]", "spread", "rho E/pi [cd/m²]"]
+    head = ["scene", "L [cd/m²]", "readings", "range", "E [lx]", "range", "rho E/pi [cd/m²]"]
     return table(head, rows, align="lrrrrrr", widths=[2, 1, 0.8, 1, 1, 1, 1.2])
 
 
@@ -66,13 +66,13 @@ def _readings(certificate: Node) -> Node:
             reading["quantity"],
             f"{plain(reading['value'], 6)} {in_print(reading['unit'])}",
             _entered(reading),
-            reading.get("meter", "not named"),
+            reading.get("meter", "not recorded"),
             optional(reading, "taken_at", stamp),
         ]
         for reading in certificate["readings"]
     ]
     head = ["scene", "quantity", "value", "as entered", "meter", "taken at"]
-    return table(head, rows, align="llrrll", widths=[1.2, 1, 1.3, 1.3, 2.4, 1.9], caption="Every reading.")
+    return table(head, rows, align="llrrll", widths=[1.2, 1, 1.3, 1.3, 2.4, 1.9], caption="All readings.")
 
 
 def _entered(reading: Node) -> str:
@@ -113,8 +113,8 @@ def _dark(certificate: Node) -> Node:
         value, u = in_step(c["dark_signal_dn"], c["dark_signal_standard_uncertainty_dn"])
         found = dark[c["iso"]]
         times = sorted({frame["exposure"]["exposure_time_s"] for frame in found})
-        shown = ", ".join(plain(time) for time in times) or "no dark frame: black level of the files"
+        shown = ", ".join(plain(time) for time in times) or "no dark frames; black level of the files"
         rows.append([plain(c["iso"]), value, u, str(len(found)), shown])
     head = ["ISO", "D [DN]", "u(D)", "frames", "exposure times [s]"]
-    caption = "Dark signal: the median of the frames taken with the lamp off, per ISO value."
+    caption = "Dark signal per ISO value: median of the frames taken with the lamp off."
     return table(head, rows, align="rrrrl", widths=[1, 1, 1, 1, 4], caption=caption)

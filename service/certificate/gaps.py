@@ -1,17 +1,17 @@
-"""What ISO/IEC 17025:2017, 7.8, asks a calibration certificate for and a certificate does not have."""
+"""Items of ISO/IEC 17025:2017, 7.8, that a calibration certificate lacks."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
-from service.certificate.papers import describe_paper
+from service.certificate.texts import describe_method
 from service.schemas.certificates import CertificateAnswer, UsedMeter
 
 _MOST_NAMED = 3
 
 
 class GapCode(StrEnum):
-    """Stable: clients match on it; each has its heading in docs/certificate.md."""
+    """Stable codes of missing items, matched by clients; each has a heading in docs/certificate.md."""
 
     LABORATORY_ADDRESS_MISSING = "laboratory_address_missing"
     CUSTOMER_MISSING = "customer_missing"
@@ -32,17 +32,17 @@ class GapCode(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """A gap: which, and a sentence that says what is absent and how to fill it."""
+    """A missing item: its code, and a message that says what is missing and how to add it."""
 
     code: GapCode
     message: str
 
 
 def list_gaps(certificate: CertificateAnswer) -> list[Found]:
-    """Every gap of a certificate, in the order in which a reader meets what is absent.
+    """Return every missing item of a certificate, in the order of the printed pages.
 
-    What the record cannot know is asked of people once, on the campaign and the organisation: it is a gap
-    until they say it. Who authorises is not among them: that is the publishing itself.
+    What the record cannot contain is entered once, on the campaign and the organisation, and is missing until
+    then. The authorisation is never missing: it is the publication itself.
     """
     return [
         *_unnamed(certificate),
@@ -54,54 +54,54 @@ def list_gaps(certificate: CertificateAnswer) -> list[Found]:
 
 
 def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
-    """7.8.2.1 b, c, e, g, i, o and 7.8.4.1 b: what somebody has to write down."""
+    """Check 7.8.2.1 b, c, e, g, i, o and 7.8.4.1 b: the items that a person has to enter."""
     work = certificate.work
-    lens = certificate.item.lens or not describe_paper(certificate.method).holds_for_lens or None
-    for said, code, message in (
+    lens = certificate.item.lens or not describe_method(certificate.method).holds_for_lens or None
+    for value, code, message in (
         (
             certificate.laboratory.address,
             GapCode.LABORATORY_ADDRESS_MISSING,
-            "The laboratory's address is not known: an admin sets it with PATCH /v1/organisation.",
+            "The laboratory's address is missing. An administrator can set it with PATCH /v1/organisation.",
         ),
-        (work.customer, GapCode.CUSTOMER_MISSING, "The customer is not named: write it on the campaign."),
+        (work.customer, GapCode.CUSTOMER_MISSING, "The customer is missing. Enter it on the campaign."),
         (
             work.place,
             GapCode.PLACE_MISSING,
-            "The place of the measurements is not named: write it on the campaign.",
+            "The place of the measurements is missing. Enter it on the campaign.",
         ),
         (
             work.conditions,
             GapCode.CONDITIONS_MISSING,
-            "The conditions (temperature, lamp, daylight) are not described: write them on the campaign.",
+            "The conditions (temperature, lamp, daylight) are missing. Describe them on the campaign.",
         ),
         (
             work.first_day,
             GapCode.DATE_MISSING,
-            "The day of the measurements is not known: say when the campaign started.",
+            "The day of the measurements is missing. Enter the start of the campaign.",
         ),
         (
             work.recorder,
             GapCode.RECORDER_MISSING,
-            "Who recorded the measurements is not named: write it on the campaign.",
+            "The recorder of the measurements is missing. Enter the name on the campaign.",
         ),
         (
             lens,
             GapCode.LENS_MISSING,
-            "The lens is not named, and the result holds for one lens only: register it with the camera.",
+            "The lens is missing, and the result is valid for one lens only. Register it with the camera.",
         ),
     ):
-        if said is None:
+        if value is None:
             yield Found(code=code, message=message)
 
 
 def _of_meter(meter: UsedMeter) -> Iterator[Found]:
-    """7.8.4.1 c: traceability, unbroken on the day of use."""
+    """Check 7.8.4.1 c: the meter had a valid certificate on the day of use."""
     name = f"The {meter.kind} meter {meter.make} {meter.model}, serial number {meter.serial},"
     certificate = meter.certificate
     if certificate is None:
         yield Found(
             code=GapCode.METER_CERTIFICATE_MISSING,
-            message=f"{name} has no certificate: register it with its certificate, then fit again.",
+            message=f"{name} has no certificate. Register the meter with its certificate, then refit.",
         )
         return
     if meter.last_day and certificate.due_on < meter.last_day:
@@ -123,20 +123,20 @@ def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
     if unknown:
         yield Found(
             code=GapCode.METER_UNKNOWN,
-            message=f"{len(unknown)} of {len(certificate.readings)} readings name no meter: "
-            "send readings with their meter_id.",
+            message=f"{len(unknown)} of {len(certificate.readings)} readings have no meter. "
+            "Send readings with their meter_id.",
         )
 
 
 def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
-    """7.8.4.1 c: what the reflectances hang on."""
+    """Check 7.8.4.1 c: the panel that the reflectances depend on."""
     if certificate.method != "reflectance":
         return
     if not certificate.panels:
         yield Found(
             code=GapCode.PANEL_UNKNOWN,
-            message="The panel is not registered, its reflectance is what the files say: send it with "
-            "POST /v1/panels, then fit again.",
+            message="The panel is not registered, and its reflectance was taken from the files. Register "
+            "it with POST /v1/panels, then refit.",
         )
     fitted = {coefficient.band for coefficient in certificate.coefficients}
     for panel in certificate.panels:
@@ -144,13 +144,13 @@ def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
         if bands:
             yield Found(
                 code=GapCode.PANEL_UNCERTAINTY_MISSING,
-                message=f"Of the panel {panel.serial} nobody has said how sure its reflectance is in "
-                f"{', '.join(bands)}: send it as measured with its standard_uncertainty, then fit again.",
+                message=f"The reflectance of panel {panel.serial} has no standard uncertainty in "
+                f"{', '.join(bands)}. Send the panel as measured, with its standard_uncertainty, then refit.",
             )
 
 
 def _of_checklist(certificate: CertificateAnswer) -> Iterator[Found]:
-    """7.8.2.1 n and o: what of the procedure was not done, and who answers for the rest."""
+    """Check 7.8.2.1 n and o: open items of the checklist, and its signature."""
     items = certificate.checklist.items
     if not items:
         return  # only the luminance procedure has one

@@ -1,26 +1,26 @@
-"""The sheets that all methods but luminance share: coefficients, budgets, panels, regions, frames, points."""
+"""Pages that all methods but luminance share: coefficients, budgets, panels, regions, frames, points."""
 
 from collections import defaultdict
 from collections.abc import Iterator
 
 from service.certificate.figures import in_print, in_step, optional, percent, plain
-from service.certificate.papers import Column, describe_paper
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, facts, figure, flow, section, table
+from service.certificate.texts import Column, describe_method
 from service.plots import draw_calibration
 
-_LEGEND = "u standard, U = k u expanded uncertainty, k coverage factor (95 %)."
-_EXACT = "held"
+_LEGEND = "u: standard uncertainty. U = k u: expanded uncertainty. k: coverage factor (95 %)."
+_EXACT = "fixed"
 
 
 def summarise(certificate: Node) -> Node:
-    """The first page's table: the coefficients that a reader looks for."""
-    headlines = describe_paper(certificate["method"]).headlines
+    """Return the table of the first page: the headline coefficients."""
+    headlines = describe_method(certificate["method"]).headlines
     return _tabulate([row for row in certificate["coefficients"] if row["name"] in headlines])
 
 
-def say_summary(certificate: Node) -> list[str]:
-    """What stands below it."""
+def list_notes(certificate: Node) -> list[str]:
+    """Return the sentences below the table of the first page."""
     return [
         f"{certificate['procedure']}. {certificate['equation']}.",
         _LEGEND,
@@ -29,8 +29,8 @@ def say_summary(certificate: Node) -> list[str]:
 
 
 def list_sections(certificate: Node, preview: str) -> list[Node]:
-    """From the result to the last point."""
-    headlines = describe_paper(certificate["method"]).headlines
+    """Return the sections from the result to the points of the fit."""
+    headlines = describe_method(certificate["method"]).headlines
     others = [row for row in certificate["coefficients"] if row["name"] not in headlines]
     return [
         section("Result", [_drawn(certificate), facts(_conditions(certificate))]),
@@ -45,11 +45,11 @@ def list_sections(certificate: Node, preview: str) -> list[Node]:
 
 def _drawn(certificate: Node) -> Node:
     plot = draw_calibration(certificate["method"], certificate["result"])
-    return figure(plot, "Bars and swaths: the expanded uncertainty. Hollow: left out.", width=1.0)
+    return figure(plot, "Bars and bands: expanded uncertainty. Hollow: excluded or rejected.", width=1.0)
 
 
 def _tabulate(rows: list[Node]) -> Node:
-    """Coefficients with what each holds for, in the version's order."""
+    """Return a table of coefficients and what each is valid for, in the version's order."""
     printed = []
     for row in rows:
         value, u = in_step(row["value"], row["standard_uncertainty"])
@@ -66,12 +66,12 @@ def _tabulate(rows: list[Node]) -> Node:
                 in_print(row["unit"]),
             ]
         )
-    head = ["coefficient", "of", "value", "u", "U", "k", "unit"]
+    head = ["coefficient", "valid for", "value", "u", "U", "k", "unit"]
     return table(head, printed, align="llrrrrl", widths=[2.6, 2.6, 1.4, 1, 1, 0.6, 1])
 
 
 def _holds_for(row: Node) -> str:
-    """ISO value, f-number, band or channel, and of sharpness the position that its model names."""
+    """Return ISO value, f-number, band or channel, and for sharpness the position named in its model."""
     _, _, position = row["model"].partition(":")
     named = [
         f"ISO {plain(row['iso'])}" if "iso" in row else "",
@@ -83,7 +83,7 @@ def _holds_for(row: Node) -> str:
 
 
 def _conditions(certificate: Node) -> list[list[str]]:
-    """What the result holds for and was made with, a line each."""
+    """Return the configuration, target, parameters and scalar results, one line each."""
     rows = [["Camera", f"{certificate['item']['make']} {certificate['item']['model']}"]]
     for name, value in _flatten(certificate["configuration"]):
         rows.append([name, value])
@@ -94,7 +94,7 @@ def _conditions(certificate: Node) -> list[list[str]]:
         name: value for name, value in certificate["result"].items() if not isinstance(value, list | dict)
     }
     rows += [list(pair) for pair in _flatten(scalars)]
-    return [[label.replace("_", " "), said] for label, said in rows]
+    return [[label.replace("_", " "), value] for label, value in rows]
 
 
 def _flatten(node: Node, stem: str = "") -> Iterator[tuple[str, str]]:
@@ -103,16 +103,16 @@ def _flatten(node: Node, stem: str = "") -> Iterator[tuple[str, str]]:
         if isinstance(value, dict):
             yield from _flatten(value, label)
         elif isinstance(value, list):
-            yield label, "; ".join(_say(member) for member in value) or "none"
+            yield label, "; ".join(_format(member) for member in value) or "none"
         else:
-            yield label, _say(value)
+            yield label, _format(value)
 
 
-def _say(value: object) -> str:
+def _format(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, dict):
-        return ", ".join(f"{name} {said}" for name, said in _flatten(value))
+        return ", ".join(f"{name} {text}" for name, text in _flatten(value))
     return plain(value, 6) if isinstance(value, int | float) else str(value)
 
 
@@ -127,8 +127,8 @@ def _budget(budget: Node) -> Node:
         ]
         for line in budget["lines"]
     ]
-    caption = "Uncertainty budget of K. Type A from scatter, B from elsewhere."
-    head = ["source", "type", "u(K)/K", "u(K)", "share of u²"]
+    caption = "Uncertainty budget of K. Type A: from scatter; type B: from other information."
+    head = ["source", "type", "u(K)/K", "u(K)", "fraction of u²"]
     return table(head, rows, align="llrrr", widths=[3, 0.6, 1.2, 1.2, 1.2], caption=caption)
 
 
@@ -147,7 +147,7 @@ def _panels(certificate: Node) -> Iterator[Node]:
 
 
 def _frames(certificate: Node) -> Iterator[Node]:
-    """One section a role, in the order in which they first appear."""
+    """Yield one section per role, in the order of first appearance."""
     by_role: dict[str, list[Node]] = defaultdict(list)
     for frame in certificate["frames"]:
         by_role[frame["role"]].append(frame)
@@ -175,13 +175,13 @@ def _frame_table(frames: list[Node]) -> Node:
 
 
 def _points(certificate: Node) -> Node:
-    columns = describe_paper(certificate["method"]).columns
+    columns = describe_method(certificate["method"]).columns
     points = certificate["result"]["points"]
     if not points:
         return flow("None.")
     rows = [[*(_cell(point, column) for column in columns), point["left_out"] or "used"] for point in points]
     return table(
-        [*(column.head for column in columns), "in the fit"],
+        [*(column.head for column in columns), "status"],
         rows,
         align="".join("l" if column.form == "text" else "r" for column in columns) + "l",
         widths=[*(column.share for column in columns), 1.6],

@@ -1,7 +1,7 @@
-"""The sheets of a certificate: titles, tables and figures with every number as text, read off its JSON.
+"""Pages of a certificate: titles, tables and drawings, with every number as text.
 
-Whatever is printed comes from the dictionary that is served as certificate.json, and from nothing else. A
-luminance certificate has sheets of its own; all other methods share theirs.
+Everything printed comes from the dictionary that is served as certificate.json. A luminance certificate has
+pages of its own; all other methods share theirs.
 """
 
 from service.certificate import general
@@ -16,11 +16,14 @@ _STAMPS = {
     "superseded": "Superseded",
     "published": "",
 }
-_LEGEND = "u(K) standard, U(K) expanded uncertainty, k coverage factor (95 %), dof degrees of freedom."
+_LEGEND = (
+    "u(K): standard uncertainty. U(K): expanded uncertainty. k: coverage factor (95 %). dof: degrees of "
+    "freedom."
+)
 
 
 def lay_out(certificate: Node, preview: str) -> Node:
-    """Everything that the template sets. ``preview``: an SVG of a frame with the region, or nothing."""
+    """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
     is_luminance = certificate["method"] == "luminance"
     return {
         "title": certificate["title"],
@@ -30,7 +33,7 @@ def lay_out(certificate: Node, preview: str) -> Node:
         "item": _item(certificate),
         "work": _work(certificate),
         "results": _summary(certificate) if is_luminance else general.summarise(certificate),
-        "summary": _sentences(certificate) if is_luminance else general.say_summary(certificate),
+        "summary": _sentences(certificate) if is_luminance else general.list_notes(certificate),
         "authority": _authority(certificate),
         "gaps": [gap["message"] for gap in certificate["gaps"]],
         "flags": [_flag(flag) for flag in certificate["flags"]],
@@ -53,7 +56,7 @@ def _item(certificate: Node) -> list[list[str]]:
     rows = [
         ["Camera", f"{item['make']} {item['model']}"],
         ["Serial number", item["serial"]],
-        ["Lens", f"{lens['make']} {lens['model']}" if lens else "not named"],
+        ["Lens", f"{lens['make']} {lens['model']}" if lens else "not recorded"],
     ]
     if "serial" in lens:
         rows.append(["Lens serial number", lens["serial"]])
@@ -68,18 +71,18 @@ def _work(certificate: Node) -> list[list[str]]:
     source = {
         "readings": "",
         "campaign": " (start of the campaign)",
-        "frames": " (by the camera's clock)",
+        "frames": " (camera clock)",
     }[work.get("days_from", "readings")]
     named = [
         ["Customer", work.get("customer")],
         ["Project", work.get("project_number")],
         ["Place", work.get("place")],
         ["Performed", " to ".join(days) + source if days else None],
-        ["Recorder", work.get("recorder")],
+        ["Recorded by", work.get("recorder")],
         ["Conditions", work.get("conditions")],
         ["Comments", work.get("comments")],
     ]
-    return [[label, said or "not recorded"] for label, said in named if said or label != "Comments"]
+    return [[label, value or "not recorded"] for label, value in named if value or label != "Comments"]
 
 
 def _summary(certificate: Node) -> Node:
@@ -120,8 +123,8 @@ def _authority(certificate: Node) -> list[list[str]]:
     rows = [["Calibrated", f"{certificate['author']}, {stamp(certificate['created_at'])}"]]
     for act in certificate["published"]:
         end = f"to {stamp(act['valid_to'])}" if "valid_to" in act else "on"
-        said = f"{act['by']}, {stamp(act['at'])}: {act['reason']} (from {stamp(act['valid_from'])} {end})"
-        rows.append(["Published", said])
+        text = f"{act['by']}, {stamp(act['at'])}: {act['reason']} (from {stamp(act['valid_from'])} {end})"
+        rows.append(["Published", text])
     if "valid_from" in validity:
         start = stamp(validity["valid_from"])
         end = f"to {stamp(validity['valid_to'])}" if "valid_to" in validity else "until superseded or revoked"
@@ -132,7 +135,7 @@ def _authority(certificate: Node) -> list[list[str]]:
         revoked = validity["revoked"]
         rows.append(["Revoked", f"{revoked['by']}, {stamp(revoked['at'])}: {revoked['reason']}"])
     if not certificate["published"]:
-        rows.append(["Published", "not yet: this is a draft"])
+        rows.append(["Published", "no; this is a draft"])
     return rows
 
 
@@ -148,15 +151,15 @@ def _checklist(certificate: Node) -> Node:
             last = item["section"]
             rows.append([f"§{last}"])
         done = "done_by" in item
-        said = [item[name] for name in ("evidence", "note") if name in item]
+        notes = [item[name] for name in ("evidence", "note") if name in item]
         who = f"{item['done_by']}, {stamp(item['done_at'])}" if done else "-"
-        rows.append(["✓" if done else "○", "\n".join([item["text"], *said]), who])
+        rows.append(["✓" if done else "○", "\n".join([item["text"], *notes]), who])
     signature = checklist.get("signature")
     signed = "Not signed."
     if signature:
         when = stamp(signature["signed_at"])
         signed = f"Signed by {signature['name']} with the key “{signature['signed_by']}” on {when}."
-    lines = table(["", "item", "done by, at"], rows, align="lll", widths=[0.3, 7, 2.4])
+    lines = table(["", "item", "done by, time"], rows, align="lll", widths=[0.3, 7, 2.4])
     return section("Checklist of the procedure", [lines, flow(signed)])
 
 
@@ -166,4 +169,4 @@ def _software(certificate: Node) -> Node:
         ["calibration", certificate["calibration_id"]],
         ["content SHA-256", certificate["content_sha256"]],
     ]
-    return section("Software and identity", [facts(rows)])
+    return section("Software and identifiers", [facts(rows)])

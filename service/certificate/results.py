@@ -1,4 +1,4 @@
-"""The sections that say what was found: per ISO the fit, its uncertainty and its range; then the points."""
+"""Result sections of a luminance certificate: fit, budget and range per ISO value, models and points."""
 
 from service.certificate.figures import extent, in_print, in_step, percent, plain
 from service.certificate.sheet import Node, facts, figure, section, table
@@ -6,7 +6,7 @@ from service.plots import draw_calibration
 
 
 def result_sections(certificate: Node) -> list[Node]:
-    """One section an ISO value, one for the comparison of models, one for the points."""
+    """Return one section per ISO value, one that compares the models, and one of the points."""
     result = certificate["result"]
     budgets = {budget["iso"]: budget["lines"] for budget in certificate["budgets"]}
     return [
@@ -36,15 +36,15 @@ def _iso(result: Node, fit: Node, budget: list[Node], vignetting: str) -> Node:
     ]
     plot = draw_calibration("luminance", {**result, "iso_fits": [fit], "points": _drawn(result)})
     caption = (
-        f"ISO {plain(c['iso'])}: the fit against X and ln X, and its residuals. Hollow: left out. "
-        f"Dashed: the tolerance, {percent(result['tolerance_rel'])}."
+        f"ISO {plain(c['iso'])}: fit against X and ln X, and its residuals. Hollow: excluded or rejected. "
+        f"Dashed: tolerance of {percent(result['tolerance_rel'])}."
     )
     blocks = [facts(rows), _budget(budget, in_print(c["luminance_k_unit"])), figure(plot, caption, width=1.0)]
     return section(f"ISO {plain(c['iso'])}", blocks)
 
 
 def _drawn(result: Node) -> list[Node]:
-    """The plot asks also for what a point may lack."""
+    """Return the points with the fields that the plot needs and a stored point may lack."""
     return [{"rhs": None, "residual_rel": None, **point} for point in result["points"]]
 
 
@@ -71,8 +71,11 @@ def _budget(lines: list[Node], unit: str) -> Node:
         ]
         for line in lines
     ]
-    head = ["source", "type", "u(x)", "sensitivity", "u(K)/K", f"u(K) [{unit}]", "share of u²"]
-    caption = "Uncertainty budget. u(x) relative where it has no unit; type A from scatter, B from elsewhere."
+    head = ["source", "type", "u(x)", "sensitivity", "u(K)/K", f"u(K) [{unit}]", "fraction of u²"]
+    caption = (
+        "Uncertainty budget. u(x) without a unit is relative. Type A: from scatter; type B: from other "
+        "information."
+    )
     return table(head, rows, align="llrrrrr", widths=[2, 0.6, 1.2, 1.1, 1.1, 2, 1.2], caption=caption)
 
 
@@ -93,7 +96,7 @@ def _models(result: Node) -> Node:
                 ]
             )
     head = ["ISO", "model", "parameters", "R²", "AICc", "rms", "largest"]
-    caption = "Errors: of the luminance of each scene predicted from the other scenes."
+    caption = "rms, largest: leave-one-scene-out errors of luminance, each scene predicted from the others."
     return table(head, rows, align="rllrrrr", widths=[0.8, 1.3, 3.6, 1.1, 0.9, 1, 1], caption=caption)
 
 

@@ -10,7 +10,7 @@ import pytest
 from radiometry import methods
 from service.certificate import render_pdf
 from service.certificate.gaps import GapCode, list_gaps
-from service.certificate.papers import describe_paper
+from service.certificate.texts import describe_method
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import calibrate
 from tests.support.certificates import certificate_of
@@ -68,7 +68,7 @@ def test_it_carries_what_the_version_rests_on(sqlite_house, version_of, certific
         assert frame["roi_sha256"] in {region["sha256"] for region in certificate["regions"]}
         stored = {each["channel"]: each["mean_dn"] for each in row["statistics"]}
         assert {each["channel"]: each["mean_dn"] for each in frame["statistics"]} == stored
-    columns = {column.name for column in describe_paper(method).columns}
+    columns = {column.name for column in describe_method(method).columns}
     assert columns <= getattr(methods, method).Point.__dataclass_fields__.keys()
     assert certificate["traceability"]
     assert certificate["checklist"] == {"items": []}
@@ -92,7 +92,7 @@ def test_its_coefficients_are_the_versions_with_their_coverage(version_of, certi
         assert 1.9 < factor < 13.0
         assert row["expanded_uncertainty"] == pytest.approx(factor * u, rel=1e-12)
         assert method == "reflectance" or factor == 2.0
-    assert describe_paper(method).headlines & {row["name"] for row in stated}
+    assert describe_method(method).headlines & {row["name"] for row in stated}
 
 
 def test_a_panel_takes_the_place_of_meters(certificate_by):
@@ -101,7 +101,7 @@ def test_a_panel_takes_the_place_of_meters(certificate_by):
     assert (panel["serial"], panel["measured_on"]) == ("P-18", "2018-03-01")
     assert panel["bands"][0]["reflectance"] == PANEL_REFLECTANCE
     assert (certificate["meters"], certificate["readings"]) == ([], [])
-    assert "the panel P-18, measured on 2018-03-01" in certificate["traceability"]
+    assert "panel P-18, measured on 2018-03-01" in certificate["traceability"]
     ks = {row["band"]: row for row in certificate["coefficients"]}
     for budget in certificate["budgets"]:
         k = ks[budget["band"]]
@@ -146,7 +146,7 @@ def test_every_number_on_paper_is_one_of_the_jsons(sqlite_house, version_of, cer
     assert len(tokens) > 20
     assert [t for t in tokens if t not in quoted | ticks and not is_printed(t, numbers)] == []
     first, whole = " ".join(pages[0].split()), "".join("".join(pages).split())
-    for name in describe_paper(method).headlines & {row["name"] for row in certificate["coefficients"]}:
+    for name in describe_method(method).headlines & {row["name"] for row in certificate["coefficients"]}:
         assert name in "".join(first.split())
     assert "Draft: not authorised" in first
     for frame in certificate["frames"]:

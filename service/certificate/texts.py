@@ -1,4 +1,4 @@
-"""What the paper says of each method: its procedure in words, its equation, the columns of its points."""
+"""Certificate text of each method: procedure, equation, traceability and the columns of its points."""
 
 from dataclasses import dataclass
 from typing import Literal, assert_never
@@ -10,7 +10,7 @@ Form = Literal["text", "number", "percent"]
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """One figure of a point in print. ``name`` : in the point; ``share`` : of the table's width."""
+    """One printed value of a point. ``name`` : its field; ``share`` : relative width of the column."""
 
     name: str
     head: str
@@ -19,13 +19,13 @@ class Column:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Paper:
-    """A method's words.
+class CertificateText:
+    """Certificate text of one method.
 
-    ``headlines`` : the coefficients that stand on the first page, all others in a table of their own
-    ``traceability`` : "" where meters or panels say it
-    ``holds_for_lens`` : a certificate that names no lens lacks something
-    ``statements`` : that only this method makes
+    ``headlines`` : coefficients on the first page; all others have a table of their own
+    ``traceability`` : "" where it depends on the meters or panels used
+    ``holds_for_lens`` : the result is valid for one lens; a certificate without a lens then has a gap
+    ``statements`` : statements that only this method makes
     """
 
     procedure: str
@@ -37,8 +37,8 @@ class Paper:
     statements: tuple[str, ...] = ()
 
 
-def describe_paper(method: Method) -> Paper:
-    """Give a method's words."""
+def describe_method(method: Method) -> CertificateText:
+    """Return the certificate text of a method."""
     match method:
         case "luminance":
             return _LUMINANCE
@@ -58,33 +58,34 @@ def describe_paper(method: Method) -> Paper:
 
 _FRAME = Column(name="frame", head="frame", form="text", share=2.4)
 
-_LUMINANCE = Paper(
-    procedure="Luminance coefficient K of a camera against a luminance meter, one per ISO value, after the "
-    "standard operating procedure “Drone Camera Calibration”; K by generalised least squares",
+_LUMINANCE = CertificateText(
+    procedure="Luminance coefficient K of a camera against a luminance meter, one per ISO value, "
+    "following the standard operating procedure “Drone Camera Calibration”; K fitted by generalised least "
+    "squares",
     equation="N - D = K X,  X = t S L / f²",
     headlines=frozenset({"luminance_k"}),
-    columns=(),  # its sheets are its own
+    columns=(),  # luminance has sheets of its own
     statements=(
         (
             "The verdict compares the largest deviation of a point from the luminance meter with the "
-            "tolerance; the measurement uncertainty is not taken into account in the decision."
+            "tolerance. Measurement uncertainty is not taken into account in this decision."
         ),
     ),
 )
 
-_REFLECTANCE = Paper(
+_REFLECTANCE = CertificateText(
     procedure="Reflectance coefficient K of each band of a camera with its sunshine sensor, from frames of a "
     "panel of known reflectance",
-    equation="R cos θ = K I_sq / I_ss: I_sq the band's signal after black and vignetting, I_ss the sunshine "
-    "sensor's reading",
+    equation="R cos θ = K I_sq / I_ss, where I_sq is the band's signal after black-level and vignetting "
+    "correction, and I_ss the reading of the sunshine sensor",
     headlines=frozenset({"reflectance_k"}),
     columns=(
         _FRAME,
         Column(name="band", head="band", form="text"),
-        Column(name="visit", head="visit", share=0.6),
+        Column(name="visit", head="capture", share=0.7),
         Column(name="i_sq", head="I_sq"),
         Column(name="i_ss", head="I_ss"),
-        Column(name="sunshine_spread_rel", head="spread of I_ss", form="percent"),
+        Column(name="sunshine_spread_rel", head="s(I_ss) / I_ss", form="percent"),
         Column(name="gradient_rel", head="gradient", form="percent"),
         Column(name="reflectance_k", head="K"),
         Column(name="residual_rel", head="deviation", form="percent"),
@@ -92,18 +93,18 @@ _REFLECTANCE = Paper(
     holds_for_lens=False,
     statements=(
         (
-            "K belongs to the camera and the sunshine sensor named here together, and to the light of the "
-            "day on which the panel was photographed."
+            "K belongs to the camera and the sunshine sensor named here as a pair, and to the light of "
+            "the day on which the panel was photographed."
         ),
-        "The vignetting is corrected as each file states it for its camera.",
+        "Vignetting is corrected as stated in each file for its camera.",
     ),
 )
 
-_VIGNETTING = Paper(
-    procedure="Falloff of the light over the frame, one per f-number and channel, from frames of an even "
-    "surface; centre and coefficients by weighted least squares",
-    equation="(N - D) / A = 1 + k1 r² + k2 r⁴ + k3 r⁶, r = 1 at half of the frame's diagonal from the "
-    "fitted centre",
+_VIGNETTING = CertificateText(
+    procedure="Light falloff over the frame, one per f-number and channel, from frames of a uniform surface; "
+    "centre and coefficients fitted by weighted least squares",
+    equation="(N - D) / A = 1 + k1 r² + k2 r⁴ + k3 r⁶, where r is the distance from the fitted centre in "
+    "units of half the frame's diagonal",
     headlines=frozenset({"corner_falloff"}),
     columns=(
         _FRAME,
@@ -114,14 +115,14 @@ _VIGNETTING = Paper(
         Column(name="gradient_rel", head="gradient", form="percent"),
         Column(name="gradient_standard_uncertainty_rel", head="u(gradient)", form="percent"),
     ),
-    traceability="A ratio of light within one frame: no standard from outside enters. Uneven light is sought "
-    "in the frames themselves, and told among the flags.",
+    traceability="The result is a ratio of light within one frame; no external standard enters. The frames "
+    "themselves are tested for non-uniform light, which is reported among the flags.",
 )
 
-_SHARPNESS = Paper(
-    procedure="Contrast that the camera keeps at each fineness, per position and channel, from slanted edges "
-    "(ISO 12233, e-SFR) or Siemens stars",
-    equation="MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|, f in cycles per pixel of the whole sensor",
+_SHARPNESS = CertificateText(
+    procedure="Modulation transfer function of the camera against spatial frequency, per position and "
+    "channel, from slanted edges (ISO 12233, e-SFR) or Siemens stars",
+    equation="MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|, where f is in cycles per pixel of the whole sensor",
     headlines=frozenset({"mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel"}),
     columns=(
         _FRAME,
@@ -132,14 +133,15 @@ _SHARPNESS = Paper(
         Column(name="standard_uncertainty", head="u(f)"),
         Column(name="residual_rel", head="deviation", form="percent"),
     ),
-    traceability="Lengths are counted in pixels of the camera itself: no standard from outside enters. Line "
-    "pairs per millimetre rest on the pixel pitch that is stated for the camera.",
+    traceability="Lengths are counted in pixels of the camera itself; no external standard enters. Line "
+    "pairs per millimetre depend on the pixel pitch that is stated for the camera.",
 )
 
-_GEOMETRY = Paper(
+_GEOMETRY = CertificateText(
     procedure="Principal distance, principal point and distortion of the camera, from views of a plane "
-    "board; camera and poses by least squares over all corners",
-    equation="col = fx x' + cx, row = fy y' + cy, (x', y') the direction distorted by k1, k2, k3, p1, p2",
+    "board; camera parameters and poses fitted by least squares over all corners",
+    equation="col = fx x' + cx, row = fy y' + cy, where (x', y') is the direction distorted by k1, k2, k3, "
+    "p1, p2",
     headlines=frozenset({"fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2", "rms_px"}),
     columns=(
         _FRAME,
@@ -150,13 +152,13 @@ _GEOMETRY = Paper(
         Column(name="distance_mm", head="distance [mm]"),
         Column(name="edge_rise_px", head="edge rise [px]"),
     ),
-    traceability="Figures in pixels rest on the board's shape, not on its size: no standard from outside "
-    "enters. Distances rest on the square size and the pixel pitch that are stated.",
+    traceability="Values in pixels depend on the board's shape, not on its size; no external standard "
+    "enters. Distances depend on the stated square size and pixel pitch.",
 )
 
-_NOISE = Paper(
+_NOISE = CertificateText(
     procedure="Temporal noise, system gain, linearity and nonuniformity per ISO value and channel, from "
-    "stacks of equal frames, by the definitions of EMVA 1288",
+    "stacks of frames with equal settings, by the definitions of EMVA 1288",
     equation="var_y - var_dark = K (mu_y - mu_dark)",
     headlines=frozenset({"system_gain_dn_per_e", "read_noise_e", "full_well_e", "dynamic_range_stops"}),
     columns=(
@@ -167,9 +169,9 @@ _NOISE = Paper(
         Column(name="exposure_time_s", head="t [s]"),
         Column(name="mean_dn", head="mean [DN]", share=1.2),
         Column(name="clipped_share", head="clipped", form="percent"),
-        Column(name="frames_of_setting", head="frames alike"),
+        Column(name="frames_of_setting", head="frames in stack"),
     ),
-    traceability="Electrons are counted by the statistics of the light itself: no standard from outside "
+    traceability="Numbers of electrons follow from the statistics of the light itself; no external standard "
     "enters.",
     holds_for_lens=False,
 )
