@@ -14,6 +14,8 @@ RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin stilb \
  && install -d -o stilb -g stilb -m 700 /data
 COPY --from=environment /environment /environment
 WORKDIR /app
+# The version of the product.
+COPY pyproject.toml ./
 COPY migrations migrations
 COPY radiometry radiometry
 COPY store store

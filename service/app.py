@@ -28,8 +28,7 @@ from service.web.pages import include_pages
 from service.web.rendering import build_environment
 from store.database import Database, is_full, summarise
 from store.schema import SchemaDiffers, is_about_missing_parts, require_own_schema
-
-API_VERSION = "1"
+from store.software import read_version
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +37,7 @@ def build_app(context: Context) -> FastAPI:
     """Put the application together around what it needs of the world."""
     app = FastAPI(
         title="stilb",
-        version=API_VERSION,
+        version=read_version(),
         summary="Raw frames and meter readings in, camera coefficients with their uncertainty out.",
         generate_unique_id_function=_operation_id,
         # FastAPI's own pages load their scripts from elsewhere: service/web/pages/documents.py has ours

@@ -11,7 +11,7 @@ from store.jobs import Dependency
 from store.parts import Kind
 from store.parts import State as PartState
 from store.queries.census import Census
-from store.software import CODE_VERSION
+from store.software import read_version
 
 
 def render(census: Census, *, free_bytes: int) -> str:
@@ -21,7 +21,7 @@ def render(census: Census, *, free_bytes: int) -> str:
 
 def _of_this_process(free_bytes: int) -> Iterator[str]:
     yield from _head("stilb_info", "The version that serves.")
-    yield f'stilb_info{{version="{CODE_VERSION}"}} 1'
+    yield f'stilb_info{{version="{read_version()}"}} 1'
     yield from _head("stilb_data_free_bytes", "Room left on the disk of the data folder.")
     yield f"stilb_data_free_bytes {free_bytes}"
 

@@ -13,6 +13,7 @@ from urllib.parse import quote
 import httpx
 
 from stilb import problem
+from stilb.version import read_version
 
 _REPEATABLE = frozenset({"GET", "HEAD", "PUT", "DELETE"})
 _LONGEST_PAUSE_S = 60.0
@@ -75,7 +76,7 @@ class Transport:
         self._http = httpx.Client(
             base_url=url,
             timeout=timeout_s,
-            headers={"Authorization": f"Bearer {key}", "User-Agent": "stilb"},
+            headers={"Authorization": f"Bearer {key}", "User-Agent": f"stilb/{read_version()}"},
         )
         self._timeout_s = timeout_s
         self._retries = retries

@@ -15,7 +15,7 @@ from store.columns import new_id
 from store.queries.calibrations import next_version
 from store.queries.evidence import Evidence
 from store.queries.frames import extractor_of, is_told
-from store.software import CODE_VERSION
+from store.software import FIT_CODE_VERSION, read_version
 from store.tables import Calibration, Camera, Campaign, CoefficientRow, Roi
 
 _UNTOLD = "nobody has said what is photographed: describe the board in the campaign's target"
@@ -108,7 +108,7 @@ def write_version(
 
 def hash_content(inputs: dict[str, Any], parameters: dict[str, Any]) -> str:
     """The identity of what this code makes of these inputs."""
-    content = json.dumps([inputs, parameters, CODE_VERSION], sort_keys=True)
+    content = json.dumps([inputs, parameters, FIT_CODE_VERSION], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()
 
 
@@ -157,6 +157,6 @@ def _configuration(camera: Camera) -> dict[str, Any]:
 
 
 def _software(extractor: str) -> dict[str, Any]:
-    return {"stilb": CODE_VERSION, "extractor": extractor} | {
+    return {"stilb": FIT_CODE_VERSION, "release": read_version(), "extractor": extractor} | {
         name: package_version(name) for name in ("numpy", "scipy", "rawpy")
     }

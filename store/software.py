@@ -1,10 +1,24 @@
-"""The versions that a result names: they rise when the same input may give another figure."""
+"""Version of the product, and versions of computations, which rise when an input may give another figure."""
 
-CODE_VERSION = "0.1.2"
-"""Of the fit. Part of a version's content hash."""
+import tomllib
+from functools import cache
+from pathlib import Path
+
+FIT_CODE_VERSION = "0.1.2"
+"""Fit code version: `software.stilb` of a calibration version, and part of its content hash.
+
+It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
+"""
 
 MEASURER = "measure-1"
 """Of a measurement and its map. Part of a measurement's content hash."""
 
 EXTRACTOR = "extract-1"
 """Of the decoder and the statistics. Part of an extraction's key."""
+
+
+@cache
+def read_version() -> str:
+    """Return the version of the product, as `pyproject.toml` states it."""
+    path = Path(__file__).parents[1] / "pyproject.toml"
+    return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])

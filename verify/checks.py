@@ -6,7 +6,7 @@ from radiometry import methods
 from store.codec import drop_absent, encode
 from store.fitting import hash_content
 from store.queries.frames import name_extractor
-from store.software import CODE_VERSION
+from store.software import FIT_CODE_VERSION
 from store.stating import state_budgets, state_coefficients
 from verify.compare import ABSENT, Row, compare
 from verify.data import Data, Node
@@ -37,7 +37,7 @@ def _software(certificate: Node) -> Iterator[Row]:
         "software",
         {name: certificate["software"].get(name, ABSENT) for name in ("stilb", "extractor")},
         {
-            "stilb": CODE_VERSION,
+            "stilb": FIT_CODE_VERSION,
             "extractor": name_extractor(certificate["method"], certificate.get("target")),
         },
     )

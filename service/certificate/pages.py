@@ -164,7 +164,10 @@ def _checklist(certificate: Node) -> Node:
 
 
 def _software(certificate: Node) -> Node:
-    rows = [[name, str(version)] for name, version in sorted(certificate["software"].items())]
+    words = {"stilb": "fit code version", "release": "stilb"}
+    rows = [
+        [words.get(name, name), str(version)] for name, version in sorted(certificate["software"].items())
+    ]
     rows += [
         ["calibration", certificate["calibration_id"]],
         ["content SHA-256", certificate["content_sha256"]],

@@ -211,7 +211,7 @@ class CalibrationAnswer(Answer):
                         }
                     ],
                     "parameters": {},
-                    "software": {"stilb": "0.1.0"},
+                    "software": {"stilb": "0.1.2", "release": "0.2.0"},
                     "content_sha256": "0" * 64,
                     "created_at": "2026-05-01T08:00:00Z",
                     "created_by": "key_1",
@@ -232,7 +232,9 @@ class CalibrationAnswer(Answer):
     diagnostics: dict[str, Any] | None = None
     points: list[dict[str, Any]] | None = None
     inputs: dict[str, Any] | None = None
-    software: dict[str, Any]
+    software: dict[str, Any] = Field(
+        description="The fit code version (`stilb`), the release (`release`) and the packages that fitted."
+    )
     content_sha256: str
     created_at: Instant
     created_by: str

@@ -220,7 +220,7 @@ _EXAMPLE: dict[str, Any] = {
     "vignetting": "none",
     "flags": [],
     "checklist": {"items": []},
-    "software": {"stilb": "0.1.0"},
+    "software": {"stilb": "0.1.2", "release": "0.2.0"},
     "author": "field team",
     "created_at": "2026-05-01T08:00:00Z",
     "published": [],
@@ -265,7 +265,9 @@ class CertificateAnswer(Answer):
     )
     flags: list[FlagInWords]
     checklist: Checklist
-    software: dict[str, Any]
+    software: dict[str, Any] = Field(
+        description="The fit code version (`stilb`), the release (`release`) and the packages that fitted."
+    )
     author: str
     created_at: Instant
     published: list[PublishedBy]

@@ -101,7 +101,7 @@ class RevocationAnswer(CalibrationAnswer):
                     "configuration": {},
                     "coefficients": [],
                     "parameters": {},
-                    "software": {"stilb": "0.1.0"},
+                    "software": {"stilb": "0.1.2", "release": "0.2.0"},
                     "content_sha256": "0" * 64,
                     "created_at": "2026-05-01T08:00:00Z",
                     "created_by": "key_1",

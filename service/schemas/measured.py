@@ -73,7 +73,7 @@ _EXAMPLE: dict[str, Any] = {
     "to_do_better": ["Calibrate the vignetting of this lens from flat fields."],
     "links": {"map_tif": "/v1/measurements/msr_1/map.tif", "map_png": "/v1/measurements/msr_1/map.png"},
     "parameters": {"products": ["map"]},
-    "software": {"stilb": "0.1.0"},
+    "software": {"stilb": "0.2.0"},
     "content_sha256": "0" * 64,
     "created_at": "2026-05-03T08:00:00Z",
     "created_by": "key_1",
@@ -137,7 +137,7 @@ class MeasurementAnswer(Answer):
     to_do_better: list[str]
     links: dict[str, str]
     parameters: dict[str, Any]
-    software: dict[str, Any]
+    software: dict[str, Any] = Field(description="The release that measured (`stilb`), and what it used.")
     content_sha256: str
     created_at: Instant
     created_by: str

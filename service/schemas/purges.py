@@ -22,7 +22,9 @@ class NewCause(Form):
     meter_certificate_number: Text | None = Field(
         default=None, description="As it was when a version was made."
     )
-    software: Text | None = Field(default=None, description="The version of stilb that fitted.")
+    software: Text | None = Field(
+        default=None, description="The fit code version, `software.stilb` of a version."
+    )
     recorder: Text | None = Field(default=None, description="Of the campaign, now or before.")
 
     @model_validator(mode="after")

@@ -3,7 +3,6 @@
 import re
 import sys
 import traceback
-from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated
 
 import typer
@@ -12,6 +11,7 @@ from stilb.commands import calibration, campaign, coefficients, doctor, jobs, me
 from stilb.commands.exits import Exit, exit_of, next_step
 from stilb.commands.talk import print_json
 from stilb.problem import Problem, Unclear
+from stilb.version import read_version
 
 app = typer.Typer(
     name="stilb",
@@ -23,10 +23,7 @@ app = typer.Typer(
 
 def _tell_version(asked: bool) -> None:  # noqa: FBT001  as typer calls it
     if asked:
-        try:
-            typer.echo(version("stilb"))
-        except PackageNotFoundError:
-            typer.echo("from a checkout")
+        typer.echo(read_version())
         raise typer.Exit
 
 

@@ -18,7 +18,7 @@ from store.blobs import StoredBlob
 from store.codec import decode
 from store.columns import new_id
 from store.files import keep_blob
-from store.software import CODE_VERSION, MEASURER
+from store.software import MEASURER, read_version
 from store.tables import Blob, Calibration, Campaign, FrameRow, Measurement
 
 RESULT_SCHEMA = 1
@@ -121,4 +121,6 @@ def write_measurement(
 
 def _software() -> dict[str, Any]:
     packages = ("numpy", "rawpy", "imagecodecs", "tifffile", "pillow")
-    return {"stilb": CODE_VERSION, "measurer": MEASURER} | {name: package_version(name) for name in packages}
+    return {"stilb": read_version(), "measurer": MEASURER} | {
+        name: package_version(name) for name in packages
+    }

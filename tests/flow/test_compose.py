@@ -95,6 +95,8 @@ def test_the_image_holds_the_rooms_that_run_and_no_others():
     allowed = set((ROOT / ".dockerignore").read_text().splitlines())
     assert {f"!{room}" for room in copied} <= allowed
     assert all((ROOT / room).is_dir() for room in copied)
+    assert "\nCOPY pyproject.toml ./\n" in dockerfile
+    assert "!pyproject.toml" in allowed
 
 
 @pytest.mark.parametrize("name", ["service", "worker"])

@@ -13,7 +13,7 @@ from store.clocks import mend_times
 from store.columns import utc_now
 from store.jobs import Dependency, Turn
 from store.parts import Presence
-from store.software import CODE_VERSION
+from store.software import read_version
 from store.tables import Job
 from tests.support.compose import ROOT
 from worker.runner import claim_next
@@ -58,7 +58,7 @@ def test_metrics_tell_who_works_and_who_hangs(house):
 
 def test_metrics_tell_the_version_and_the_room_on_the_disk(house):
     lines = house.http.get("/metrics").text.splitlines()
-    assert f'stilb_info{{version="{CODE_VERSION}"}} 1' in lines
+    assert f'stilb_info{{version="{read_version()}"}} 1' in lines
     (free,) = [line for line in lines if line.startswith("stilb_data_free_bytes ")]
     assert int(free.split()[1]) == pytest.approx(shutil.disk_usage(house.folder).free, rel=0.2)
 

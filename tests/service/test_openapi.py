@@ -8,6 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from service.document import resolve
+from store.software import read_version
 
 JSON, PROBLEM = "application/json", "application/problem+json"
 NUMBERS_WITHOUT_UNIT = {
@@ -41,6 +42,10 @@ def operations(document):
         for path, methods in document["paths"].items()
         for method, operation in methods.items()
     ]
+
+
+def test_document_states_the_version_of_the_product(document):
+    assert document["info"]["version"] == read_version()
 
 
 def media_of(operation):

@@ -3,7 +3,7 @@
 import pytest
 
 from store import purging
-from store.software import CODE_VERSION
+from store.software import FIT_CODE_VERSION
 from tests.support.campaigns import calibrate
 from tests.support.measuring import field_frame, measure
 from tests.support.meters import add_readings, enter_meter, metered_campaign
@@ -108,7 +108,7 @@ def test_a_certificate_replaced_after_the_fit_is_found(house, made):
 
 
 def test_all_that_a_version_of_the_software_fitted_is_found(house, made):
-    found = propose(house, {"software": CODE_VERSION})["calibration_ids"]
+    found = propose(house, {"software": FIT_CODE_VERSION})["calibration_ids"]
     assert found == [*made["by_bad"], made["by_good"]]
     assert propose(house, {"software": "0.0.9"})["versions"] == []
 
@@ -164,7 +164,7 @@ def test_another_organisation_has_no_part_in_it(house, made, stranger):
     assert confirm(stranger, purge).status_code == 404
     body = {"cause": {"meter_id": made["bad"]}, "reason": "r"}
     assert stranger.post("/v1/purges", json=body).status_code == 404
-    body = {"cause": {"software": CODE_VERSION}, "reason": "r"}
+    body = {"cause": {"software": FIT_CODE_VERSION}, "reason": "r"}
     assert stranger.post("/v1/purges", json=body).json()["versions"] == []
 
 

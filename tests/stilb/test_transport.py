@@ -11,6 +11,7 @@ import pytest
 import stilb
 from stilb.problem import from_response
 from stilb.transport import Call, Transport
+from stilb.version import read_version
 
 CAMERA = {"id": "cam-1", "make": "DJI", "model": "X5S", "serial": "S1"}
 
@@ -45,6 +46,7 @@ def test_the_key_goes_with_every_request(service, client):
     service.will_answer(CAMERA)
     client.camera("cam-1")
     assert service.asked[0].headers["authorization"] == "Bearer the-key"
+    assert service.asked[0].headers["user-agent"] == f"stilb/{read_version()}"
 
 
 def test_a_passing_refusal_is_asked_again(service, client):

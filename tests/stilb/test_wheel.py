@@ -13,6 +13,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from stilb.version import read_version
 from tests.support.compose import ROOT
 
 UV = Path(sys.executable).with_name("uv")
@@ -83,7 +84,7 @@ def run(laptop, *command, **environment):
 def test_the_wheel_holds_the_client_and_nothing_else(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
-    assert {name.partition("/")[0] for name in names} == {"stilb", "stilb-0.1.0.dist-info"}
+    assert {name.partition("/")[0] for name in names} == {"stilb", f"stilb-{read_version()}.dist-info"}
     assert "stilb/py.typed" in names
     ours = {f"{path.relative_to(ROOT)}" for path in (ROOT / "stilb").rglob("*.py")}
     assert ours <= set(names)

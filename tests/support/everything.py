@@ -1,6 +1,6 @@
 """An organisation that has one of each thing that a path can name."""
 
-from store.software import CODE_VERSION
+from store.software import FIT_CODE_VERSION
 from tests.support.campaigns import published_campaign
 from tests.support.house import House
 from tests.support.measuring import measure
@@ -28,5 +28,5 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "key_id": key["id"],
         "session_id": house.get("/v1/sessions", key_id=key["id"])["items"][0]["id"],
         "measurement_id": measure(house, {"id": frame_id}, version)["id"],
-        "purge_id": house.post("/v1/purges", {"cause": {"software": CODE_VERSION}, "reason": "r"})["id"],
+        "purge_id": house.post("/v1/purges", {"cause": {"software": FIT_CODE_VERSION}, "reason": "r"})["id"],
     }

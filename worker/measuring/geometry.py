@@ -13,7 +13,7 @@ from radiometry.frame import Frame
 from radiometry.geometry import method as geometry
 from store.codec import decode_exposure
 from store.measuring.record import Products, read_camera
-from store.software import CODE_VERSION
+from store.software import read_version
 from worker.maps.packet import write_packet
 from worker.maps.picture import WIDEST_PX
 from worker.maps.strips import cut_strips
@@ -53,7 +53,7 @@ def measure(task: Task) -> tuple[dict[str, Any], Products]:
     facts = MapFacts(
         header=header,
         exposure=decode_exposure(task.frame.exposure) if task.frame.exposure else None,
-        software=f"stilb {CODE_VERSION}",
+        software=f"stilb {read_version()}",
         description=description,
         packet=write_packet(header.attitude),
     )

@@ -12,7 +12,7 @@ from store.codec import encode
 from store.falloff import read_lens
 from store.measuring.plan import read_request
 from store.measuring.record import Products, read_coefficients, read_regions
-from store.software import CODE_VERSION
+from store.software import read_version
 from worker.decode.pool import Readable
 from worker.maps.making import Subject, make_map
 from worker.maps.packet import write_packet
@@ -58,7 +58,7 @@ def _map(task: Task) -> Products:
     facts = MapFacts(
         header=task.header,
         exposure=task.exposure,
-        software=f"stilb {CODE_VERSION}",
+        software=f"stilb {read_version()}",
         description=task.describe(
             quantity="luminance",
             unit="cd/m2",

@@ -15,7 +15,7 @@ from radiometry.reflectance.measurement import measure_index, measure_region
 from radiometry.reflectance.method import AppliedReflectance, BandMap
 from store.codec import decode_header, encode
 from store.measuring.record import Products, read_band_coefficients
-from store.software import CODE_VERSION
+from store.software import read_version
 from store.tables import FrameRow
 from worker.maps.making import Made, Subject, make_map
 from worker.maps.packet import write_packet
@@ -111,7 +111,7 @@ def _draw(
     facts = MapFacts(
         header=header,
         exposure=task.exposure,
-        software=f"stilb {CODE_VERSION}",
+        software=f"stilb {read_version()}",
         description=description,
         packet=packet,
     )

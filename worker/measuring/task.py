@@ -9,7 +9,7 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from store.blobs import Blobs, StoredBlob, StoredFile
 from store.codec import decode_exposure
-from store.software import CODE_VERSION, MEASURER
+from store.software import MEASURER, read_version
 from store.tables import Calibration, FrameRow
 from worker.context import Context
 
@@ -50,7 +50,7 @@ class Task:
             "exposure": {
                 name: exposure[name] for name in ("exposure_time_s", "f_number", "iso") if name in exposure
             },
-            "software": {"stilb": CODE_VERSION, "measurer": MEASURER},
+            "software": {"stilb": read_version(), "measurer": MEASURER},
         }
 
 

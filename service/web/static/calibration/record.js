@@ -38,6 +38,9 @@ function howOf({ parameters }) {
   return [parameters.model, left ? `${left} left out` : ""].filter(Boolean).join(", ") || "as it comes";
 }
 
+// `stilb` is stored; it is the version of the code that fits, which a release may leave as it is.
+const SOFTWARE = { stilb: "fit code version", release: "stilb" };
+
 export function drawMade(calibration) {
   const { inputs, software, parameters } = calibration;
   return h(
@@ -46,7 +49,7 @@ export function drawMade(calibration) {
     h(
       "dl",
       { class: "facts card" },
-      Object.entries(software).flatMap(([name, version]) => [h("dt", {}, words(name)), h("dd", { class: "mono" }, String(version))]),
+      Object.entries(software).flatMap(([name, version]) => [h("dt", {}, SOFTWARE[name] ?? words(name)), h("dd", { class: "mono" }, String(version))]),
       h("dt", {}, "Content, SHA-256"),
       h("dd", { class: "mono small" }, calibration.content_sha256),
     ),
@@ -59,7 +62,7 @@ export function drawMade(calibration) {
 
 function definitions(values) {
   const said = Object.entries(values).filter(([name, value]) => value !== null && name !== "exclude");
-  return h("dl", { class: "facts" }, said.flatMap(([name, value]) => [h("dt", {}, words(name)), h("dd", { class: "mono" }, typeof value === "object" ? JSON.stringify(value) : String(value))]));
+  return h("dl", { class: "facts" }, said.flatMap(([name, value]) => [h("dt", {}, SOFTWARE[name] ?? words(name)), h("dd", { class: "mono" }, typeof value === "object" ? JSON.stringify(value) : String(value))]));
 }
 
 function excluded(rows) {

@@ -1,0 +1,32 @@
+"""One version number for the product, and one of its own for the code that fits."""
+
+import tomllib
+
+from stilb import version
+from stilb.commands.app import main
+from store import software
+from store.fitting import hash_content
+from tests.support.compose import ROOT
+
+
+def stated():
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+
+
+def test_client_and_service_state_the_version_of_pyproject(capsys):
+    assert main(["--version"]) == 0
+    assert {software.read_version(), version.read_version(), capsys.readouterr().out.strip()} == {stated()}
+
+
+def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_path):
+    monkeypatch.setattr(version, "__file__", str(tmp_path / "stilb" / "version.py"))
+    monkeypatch.setattr(version.metadata, "version", lambda name: {"stilb": "7.8.9"}[name])
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\nversion = "1"\n')
+    assert version.read_version.__wrapped__() == "7.8.9"
+
+
+def test_content_hashes_are_those_of_the_stored_versions():
+    """A release keeps the fit code version as long as it fits as before."""
+    assert software.FIT_CODE_VERSION == "0.1.2"
+    expected = "ebe526778e2fd636b64945f4e4d0363536f383ab9be781c11f744dc21a74f7a1"
+    assert hash_content({"frames": []}, {"model": "proportional"}) == expected
