@@ -1,22 +1,29 @@
 """``python -m tests.faults``: drill the matrix and print it; with --write, also to docs/faults.md."""
 
 import argparse
+import json
 import sys
 import tempfile
-import time
+from collections.abc import Callable
+from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 
 from tests.faults import report
 from tests.faults.drill import BOTH, Row
-from tests.faults.machine import be_alone_with_mounts
+from tests.faults.machine import be_alone_with_mounts, described
 from tests.faults.matrix import Matrix
+from tests.faults.report import Run
 from tests.faults.table import FAULTS, HASTEN, QUIET
+from tests.faults.verdict import Verdict
 from tests.support.deployments import QUICK
 from tests.support.fieldwork import write_campaign
 
 
 def main() -> int:
     asked = _parser().parse_args()
+    if asked.merge:
+        return _merge(asked.merge)
     be_alone_with_mounts()
     chosen = [fault for fault in FAULTS if not asked.only or any(word in fault.name for word in asked.only)]
     if asked.short:
@@ -24,35 +31,56 @@ def main() -> int:
     faults = [QUIET, *(fault for fault in chosen if fault is not QUIET)]
     kinds = asked.on or list(BOTH)
     pace = {"settings": QUICK, "hasten": HASTEN} if asked.quick else {}
-    started = time.monotonic()
+    words = [word for word in sys.argv[1:] if not word.startswith("--keep")]
+    run = Run(
+        command=" ".join(["python -m tests.faults", *words]),
+        began=f"{datetime.now(UTC):%Y-%m-%d %H:%M}",
+        machine=described(),
+    )
     _say(report.head())
     with tempfile.TemporaryDirectory(prefix="stilb-drill-") as folder:
         (shots_in := Path(folder, "shots")).mkdir()
         shots = write_campaign(shots_in)
-        matrix = Matrix(shots=shots, folder=Path(folder, "rows"), seed=asked.seed, show=_show, **pace)
+        matrix = Matrix(
+            shots=shots, folder=Path(folder, "rows"), seed=asked.seed, show=_shower(run, asked.keep), **pace
+        )
         matrix.run(faults, kinds)
     _say(report.summary(matrix.rows))
     if asked.write:
-        text = report.page(
-            matrix.rows,
-            seed=asked.seed,
-            took_s=time.monotonic() - started,
-            per_row=len(shots),
-            command=" ".join(["python -m tests.faults", *sys.argv[1:]]),
-        )
-        report.PAGE.write_text(text, encoding="utf-8")
-        _say(f"written to {report.PAGE}")
+        _write([(run, row) for row in matrix.rows])
     return 0 if all(row.holds for row in matrix.rows) else 1
+
+
+def _merge(files: list[Path]) -> int:
+    """Write the page from rows that runs have kept; the last run of a row replaces the earlier ones."""
+    found: dict[tuple[str, str], tuple[Run, Row]] = {}
+    for line in (line for file in files for line in file.read_text(encoding="utf-8").splitlines()):
+        kept = json.loads(line)
+        row = Row(**kept["row"] | {"verdict": Verdict(**kept["row"]["verdict"])})
+        found[row.fault, row.kind] = (Run(**kept["run"]), row)
+    _write(list(found.values()))
+    return 0 if all(row.holds for _, row in found.values()) else 1
+
+
+def _write(drilled: list[tuple[Run, Row]]) -> None:
+    report.PAGE.write_text(report.page(drilled), encoding="utf-8")
+    _say(f"written to {report.PAGE}")
 
 
 def _say(text: str) -> None:
     print(text, flush=True)  # noqa: T201 (for whoever drills)
 
 
-def _show(row: Row) -> None:
-    _say(report.line(row))
-    for complaint in report.complaints(row):
-        _say(f"    {complaint}")
+def _shower(run: Run, keep: Path | None) -> Callable[[Row], None]:
+    def show(row: Row) -> None:
+        _say(report.line(row))
+        for complaint in report.complaints(row):
+            _say(f"    {complaint}")
+        if keep is not None:
+            with keep.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"run": asdict(run), "row": asdict(row)}) + "\n")
+
+    return show
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -65,6 +93,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--seed", type=int, default=1, help="chooses the moments of the faults")
     parser.add_argument("--write", action="store_true", help="write docs/faults.md")
+    parser.add_argument("--keep", type=Path, help="append each row to this file as it ends")
+    parser.add_argument(
+        "--merge", type=Path, nargs="+", help="drill nothing: write docs/faults.md from kept rows"
+    )
     return parser
 
 

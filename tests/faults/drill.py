@@ -23,7 +23,7 @@ BOTH: tuple[Kind, ...] = ("embedded", "composed")
 # Beyond the longest pause between two attempts of a job, a minute, and the time of a lost lease.
 _RECOVERS_WITHIN_S = 240.0
 _ANSWERS_WITHIN_S = 2.0
-_NOTICED_WITHIN_S = 3.0
+_NOTICED_WITHIN_S = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +68,8 @@ class Row:
     goes_on_s: float | None = None
     all_done_s: float | None = None
     told: str = ""
+    load: float = 0.0
+    """The machine's load average of the last minute when the row ended."""
     complaints: list[str] = field(default_factory=list)
     skipped: str = ""
 

@@ -1,5 +1,6 @@
 """Runs many rows: one deployment for all rows that need the same, one truth for all."""
 
+import os
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -98,5 +99,6 @@ class Matrix:
         return row.holds
 
     def _add(self, row: Row) -> None:
+        row.load = os.getloadavg()[0]
         self.rows.append(row)
         self._show(row)

@@ -1,14 +1,35 @@
 """The matrix as people read it: printed while it is drilled, and written to docs/faults.md."""
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from dataclasses import dataclass
 from pathlib import Path
 
 from tests.faults.drill import Row
-from tests.faults.machine import described
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
-HEAD = ("fault", "on", "frames", "lost", "twice", "wrong", "errors", "goes on [s]", "all done [s]", "told")
+HEAD = (
+    "fault",
+    "on",
+    "frames",
+    "lost",
+    "twice",
+    "wrong",
+    "errors",
+    "goes on [s]",
+    "all done [s]",
+    "told",
+    "load",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """The run that has drilled a row."""
+
+    command: str
+    began: str
+    machine: str
+
 
 TEXT = """# Faults
 
@@ -18,7 +39,7 @@ bundled Valkey; on "composed", which is what `docker-compose.yml` runs, on Postg
 store, started without containers. The database and the S3 store are reached through a proxy on loopback
 that can fall silent, slow down, fail or go away.
 
-Each row works with {per_row} small frames of an organisation of its own. Half of them are read and fitted
+Each row works with {frames} small frames of an organisation of its own. Half of them are read and fitted
 in peace. Under the fault the other half is sent, the first half is measured and fitted once more. The fault
 begins at a moment that the seed chooses. What fails with an error is asked again, as a user would. When all
 is answered and no job is left, everything is compared with a run without a fault, to the last bit.
@@ -31,7 +52,7 @@ is answered and no job is left, everything is compared with a run without a faul
 | errors | exceptions that users of `stilb.Client` saw, and after which they asked again |
 | goes on | from the end of the fault until another job has ended |
 | all done | from the end of the fault until the last answer |
-| told | from 3 s on: did `/readyz` and `/livez` say how it was, within 2 s? empty: not asked |
+| told | from 4 s on: did `/readyz` and `/livez` say how it was, within 2 s? empty: not asked |
 
 A part that hangs is stopped by a signal and left so: the fault ends when it has been replaced. The clock is
 set for all processes but PostgreSQL's by a library that is loaded before theirs; their monotonic clocks run
@@ -44,11 +65,11 @@ delivered with, except with `--quick`, as in the tests.
 def line(row: Row) -> str:
     """One row of the table."""
     if row.skipped:
-        return f"| {row.fault} | {row.kind} | 0 | skipped: {row.skipped} |||||||"
+        return f"| {row.fault} | {row.kind} | 0 | skipped: {row.skipped} ||||||||"
     found = row.verdict
     counts = [len(found.lost), len(found.twice), len(found.wrong), row.errors]
     times = ["" if value is None else f"{value:.1f}" for value in (row.goes_on_s, row.all_done_s)]
-    cells = [row.fault, row.kind, row.frames, *counts, *times, row.told]
+    cells = [row.fault, row.kind, row.frames, *counts, *times, row.told, f"{row.load:.1f}"]
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
@@ -74,16 +95,16 @@ def complaints(row: Row) -> list[str]:
     return [f"{kind}: {text}" if kind else text for kind, texts in named for text in texts]
 
 
-def page(rows: Sequence[Row], *, seed: int, took_s: float, per_row: int, command: str) -> str:
+def page(drilled: Sequence[tuple[Run, Row]]) -> str:
     """The whole page."""
-    parts = [
-        TEXT.format(per_row=per_row),
-        "## The last run\n\n",
-        f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, `{command}`, seed {seed}, {took_s / 60:.0f} minutes, ",
-        f"on {described()}.\n\n",
-        f"{summary(rows)}\n\n",
-        head() + "\n" + "\n".join(map(line, rows)) + "\n",
-    ]
+    runs = list(dict.fromkeys(run for run, _ in drilled))
+    rows = [row for _, row in drilled]
+    parts = [TEXT.format(frames=max(row.frames for row in rows)), "## The last run\n\n"]
+    for number, run in enumerate(runs, start=1):
+        own = [row for of, row in drilled if of == run]
+        which = "" if len(runs) == 1 else f"Run {number}, {len(own)} rows: "
+        parts.append(f"{which}{run.began} UTC, `{run.command}`, on {run.machine}.\n\n")
+    parts += [f"{summary(rows)}\n\n", head() + "\n" + "\n".join(map(line, rows)) + "\n"]
     failed = [row for row in rows if not row.holds]
     if failed:
         parts.append("\n## What does not hold\n\n")

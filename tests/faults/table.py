@@ -67,7 +67,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(name="the worker is frozen past its lease", strike=strikes.frozen_past_its_lease(LEASE_S)),
     Fault(name="all processes are killed twice", strike=strikes.tree_killed_twice, in_tests=_EMBEDDED),
     Fault(name="the database is locked", strike=strikes.database_locked, lasts_s=40.0, livez=True),
-    Fault(name="the disk is full", strike=strikes.disk_full, lasts_s=60.0, needs="disk", livez=True),
+    Fault(name="the disk is full", strike=strikes.disk_full, lasts_s=150.0, needs="disk", livez=True),
     Fault(name="the clock goes back by an hour", strike=strikes.clock_set(-3600), needs="clock"),
     Fault(name="the clock goes forward by an hour", strike=strikes.clock_set(3600), needs="clock"),
     Fault(
