@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from radiometry.fitting.evidence import Quantity
-from radiometry.fleet import wording
-from radiometry.fleet.caveats import find_caveats
+from radiometry.fleet import messages
 from radiometry.fleet.determinations import Determination, Key
 from radiometry.fleet.effects import Effects, Matrix, Vector, fit_effects
+from radiometry.fleet.findings import find_flags
 from radiometry.fleet.grouping import Grouping, group_cameras
-from radiometry.fleet.judging import LEAST_DOF, Judgement, Outcome, judge_deviations
 from radiometry.fleet.meaning import Meaning, give_meaning, is_clear_of_zero, main_unit
 from radiometry.fleet.planning import count_repeats
 from radiometry.fleet.results import Deviation, Effect, ParameterVerdict, Tolerance
+from radiometry.fleet.verdicts import LEAST_DOF, Judgement, Outcome, judge_deviations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +121,7 @@ def _judge_one_camera(
         key=key,
         outcome="cannot_tell",
         judged=limit is not None,
-        said=wording.say_one_camera(key),
+        said=messages.say_one_camera(key),
         cameras=1,
         repeats=len(rows),
         mean=mean,
@@ -180,7 +180,7 @@ def _conclude(
         costliest=costliest,
         repeats_needed=needed,
         cameras_without=without,
-        flags=find_caveats(rows, analysis.grouping, effects),
+        flags=find_flags(rows, analysis.grouping, effects),
     )
 
 
@@ -195,24 +195,24 @@ def _decide(
 ) -> tuple[Outcome, str]:
     key, tolerance, count = analysis.key, analysis.tolerance, len(analysis.grouping.unit_names)
     if tolerance is None:
-        return "cannot_tell", wording.say_no_tolerance(key)
+        return "cannot_tell", messages.say_no_tolerance(key)
     if analysis.effects.dof < LEAST_DOF:
-        return "cannot_tell", wording.say_too_few(key, count, len(rows), analysis.effects.dof)
+        return "cannot_tell", messages.say_too_few(key, count, len(rows), analysis.effects.dof)
     if len({row.value for row in rows}) == 1:
-        return "shared", wording.say_equal(key, count)
+        return "shared", messages.say_equal(key, count)
     if analysis.effects.within_variance == 0.0:
-        return "cannot_tell", wording.say_identical(key)
+        return "cannot_tell", messages.say_identical(key)
     if judgement is None or cost is None or costliest is None:
-        say = wording.say_near_zero if tolerance.kind == "relative" else wording.say_without_scale
+        say = messages.say_near_zero if tolerance.kind == "relative" else messages.say_without_scale
         return "cannot_tell", say(key)
     match judgement.outcome:
         case "shared":
-            said = wording.say_shared(key, count, tolerance, cost, costliest)
+            said = messages.say_shared(key, count, tolerance, cost, costliest)
         case "per_camera":
-            said = wording.say_per_camera(key, count, tolerance, cost, costliest)
+            said = messages.say_per_camera(key, count, tolerance, cost, costliest)
         case "cannot_tell":
-            said = wording.say_neither(key, listed, tolerance, cost, costliest, needed)
-    return judgement.outcome, said + wording.say_parts(listed)
+            said = messages.say_neither(key, listed, tolerance, cost, costliest, needed)
+    return judgement.outcome, said + messages.say_parts(listed)
 
 
 def _list_effects(analysis: _Analysis) -> tuple[Effect, ...]:
@@ -260,7 +260,7 @@ def _find_cost(analysis: _Analysis) -> tuple[Quantity | None, str | None]:
 
 def _count_needed(analysis: _Analysis, listed: tuple[Effect, ...]) -> int | None:
     """Give the repeats of each camera that would tell, more than there are; unknown where they differ."""
-    if analysis.meaning is None or analysis.tolerance is None or any(map(wording.does_differ, listed)):
+    if analysis.meaning is None or analysis.tolerance is None or any(map(messages.does_differ, listed)):
         return None
     repeatability = math.sqrt(analysis.effects.within_variance) * analysis.meaning.factor
     found = count_repeats(

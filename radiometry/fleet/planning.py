@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.special import chdtri, ndtr, stdtrit
 
-from radiometry.fleet.judging import ALPHA, LEAST_DOF
+from radiometry.fleet.verdicts import ALPHA, LEAST_DOF
 
 POWER = 0.9
 """How surely equal cameras are to be found equal."""

@@ -6,7 +6,7 @@ from typing import Literal
 from radiometry.findings.flags import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key, LeftOut
-from radiometry.fleet.judging import Judgement, Outcome
+from radiometry.fleet.verdicts import Judgement, Outcome
 
 
 @dataclass(frozen=True, kw_only=True)

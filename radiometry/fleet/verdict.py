@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
-from radiometry.fleet import wording
+from radiometry.fleet import messages
 from radiometry.fleet.determinations import Determination, Key, Source, keep_repeats
-from radiometry.fleet.judging import Outcome
 from radiometry.fleet.meaning import NOT_SHARED
 from radiometry.fleet.parameter import judge_parameter
 from radiometry.fleet.results import FleetVerdict, ParameterVerdict
+from radiometry.fleet.verdicts import Outcome
 
 
 def judge_fleet(
@@ -89,4 +89,4 @@ def _say(
     elif not judged:
         open_questions.append("no coefficient has a tolerance")
     different = [str(each.key) for each in judged if each.outcome == "per_camera"]
-    return wording.say_fleet(outcome, len(cameras), different, open_questions)
+    return messages.say_fleet(outcome, len(cameras), different, open_questions)

@@ -19,14 +19,14 @@ from radiometry.frame.verdicts import Taken, Verdict
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.exports import export_json, export_opencv, export_ros
 from radiometry.geometry.features import Features, extract_features
-from radiometry.geometry.fitting import fit_geometry as fit
-from radiometry.geometry.fitting import list_figures
-from radiometry.geometry.judging import judge_frames
+from radiometry.geometry.fit import fit_geometry as fit
+from radiometry.geometry.fit import list_figures
 from radiometry.geometry.planning import plan_views as plan
 from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, Point
 from radiometry.geometry.rows import CHART, FrameRow, Params
 from radiometry.geometry.target import Target
 from radiometry.geometry.undistortion import Undistorted, require_size, undistort, undistort_frame
+from radiometry.geometry.verdicts import judge_frames
 from radiometry.geometry.views import list_missing as missing
 
 __all__ = [

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from radiometry.findings.errors import InputRejected
 from radiometry.findings.flags import Flag
-from radiometry.geometry.caveats import GOOD_SHARE, GOOD_VIEWS
 from radiometry.geometry.coverage import CELLS, count_cells
-from radiometry.geometry.fitting import fit_geometry
+from radiometry.geometry.findings import GOOD_SHARE, GOOD_VIEWS
+from radiometry.geometry.fit import fit_geometry
 from radiometry.geometry.rows import FrameRow, Params
 from radiometry.geometry.views import Candidate, collect_candidates, list_missing, make_view
 

@@ -7,10 +7,10 @@ from radiometry.findings.flags import Flag
 from radiometry.frame.exposure import compute_rhs
 from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.luminance.exposing import USEFUL_SHARE
+from radiometry.luminance.messages import show_settings
 from radiometry.luminance.points import Candidate, IsoSeries, is_below_detection, is_saturated
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, summarise_scenes
-from radiometry.luminance.wording import show_settings
 
 DOUBTFUL_REL = 0.25
 """Distance of a frame's brightness from the median of its scene. Markings of aperture and time err by up to

@@ -6,6 +6,7 @@ from statistics import NormalDist
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.luminance.dark import Dark
+from radiometry.luminance.messages import show_stops
 from radiometry.luminance.points import (
     MOST_SATURATED_SHARE,
     Candidate,
@@ -13,7 +14,6 @@ from radiometry.luminance.points import (
     is_saturated,
     signal_error_dn,
 )
-from radiometry.luminance.wording import show_stops
 
 NEAR_WHITE_SHARE = 0.95
 """Of the span from dark to white. The last 5 % are where sensors bend first, and a lamp that rises by as

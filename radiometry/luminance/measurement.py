@@ -16,7 +16,7 @@ from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import method
 from radiometry.luminance.application import apply_to_signal, choose_coefficient
-from radiometry.luminance.caveats import find_caveats, summarise_cells
+from radiometry.luminance.findings import find_flags, summarise_cells
 from radiometry.luminance.lens import correct_signal
 from radiometry.luminance.measured import Measured, Percentile, Share, Surface
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
@@ -100,7 +100,7 @@ def measure(
     )
     surface, cell_flags = _measure_surface(frame, request, camera)
     measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
-    caveats = find_caveats(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
+    own = find_flags(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
 
     def luminance(pixel: PixelSignal) -> Quantity:
         signal = Signal(
@@ -136,7 +136,7 @@ def measure(
         illuminance_lx=_illuminate(region.luminance_cd_m2, request.reflectance),
         saturated_share=measure_signal(statistics, channel=coefficient.channel).saturated_share,
         vignetting=correction.name if correction else "none",
-        flags=(*region.flags, *cell_flags, *caveats),
+        flags=(*region.flags, *cell_flags, *own),
         lens_share=region.lens_share,
     )
 

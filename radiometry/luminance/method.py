@@ -26,7 +26,6 @@ from radiometry.luminance.application import luminance_per_dn
 from radiometry.luminance.curves import fit_series
 from radiometry.luminance.dark import check_dark
 from radiometry.luminance.darkness import inspect_darks
-from radiometry.luminance.judging import judge
 from radiometry.luminance.planning import plan
 from radiometry.luminance.points import (
     FEW_POINTS,
@@ -47,6 +46,7 @@ from radiometry.luminance.results import (
 )
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes
+from radiometry.luminance.verdicts import judge
 
 __all__ = [
     "ROLES",

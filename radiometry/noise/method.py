@@ -15,13 +15,13 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
 from radiometry.noise.blocks import Features, FrameRow, extract_features
-from radiometry.noise.caveats import check_fits, check_rendered
-from radiometry.noise.fitting import fit_channel
-from radiometry.noise.judging import judge
+from radiometry.noise.findings import check_fits, check_rendered
+from radiometry.noise.fit import fit_channel
 from radiometry.noise.planning import plan
 from radiometry.noise.points import collect_stacks, describe_points, list_missing
 from radiometry.noise.results import TRANSFER_EQUATION, ChannelFit, Fit, LevelResult, Point
 from radiometry.noise.rows import DARK, FLAT, LIGHT, Params
+from radiometry.noise.verdicts import judge
 
 __all__ = [
     "ROLES",

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from radiometry.noise.blocks import FrameRow
-from radiometry.noise.fitting import FittedChannel, fit_channel
+from radiometry.noise.fit import FittedChannel, fit_channel
 from radiometry.noise.points import collect_stacks
 from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from radiometry.noise.blocks import FrameRow
-from radiometry.noise.fitting import FittedChannel
+from radiometry.noise.fit import FittedChannel
 from radiometry.noise.results import Point
 from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack, group_by_channel, make_stacks

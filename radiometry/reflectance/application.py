@@ -16,7 +16,7 @@ from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.evaluation import KAtTime, evaluate_k
 from radiometry.reflectance.features import Features
-from radiometry.reflectance.fitting import find_scale
+from radiometry.reflectance.fit import find_scale
 from radiometry.reflectance.imaging import compute_signal, require_band
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, require_flat_angle
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect

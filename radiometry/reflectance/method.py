@@ -23,9 +23,9 @@ from radiometry.reflectance.application import (
     find_scale_of_frame,
 )
 from radiometry.reflectance.application import apply_features as apply
-from radiometry.reflectance.caveats import check_candidates, check_fit, check_frame
 from radiometry.reflectance.features import Features, extract_features
-from radiometry.reflectance.fitting import describe_point, fit_band
+from radiometry.reflectance.findings import check_candidates, check_fit, check_frame
+from radiometry.reflectance.fit import describe_point, fit_band
 from radiometry.reflectance.indices import (
     INDICES,
     BandMap,
@@ -35,7 +35,6 @@ from radiometry.reflectance.indices import (
     compute_index,
     name_bands,
 )
-from radiometry.reflectance.judging import judge, plan
 from radiometry.reflectance.panel_code import FoundPanel, find_panel
 from radiometry.reflectance.points import (
     Candidate,
@@ -56,6 +55,7 @@ from radiometry.reflectance.results import (
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import TiltParams
+from radiometry.reflectance.verdicts import judge, plan
 
 __all__ = [
     "APPLIED_ROLES",

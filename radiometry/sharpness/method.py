@@ -15,15 +15,15 @@ from radiometry.fitting.evidence import Extracted, Figure, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.sharpness.candidates import Candidate, collect_candidates, list_missing
-from radiometry.sharpness.caveats import check_candidates, check_falloff, check_positions, name_position
 from radiometry.sharpness.extraction import extract_features
 from radiometry.sharpness.falloff import compare_positions
 from radiometry.sharpness.features import Features
-from radiometry.sharpness.judging import judge, plan
+from radiometry.sharpness.findings import check_candidates, check_falloff, check_positions, name_position
 from radiometry.sharpness.merging import merge_position
 from radiometry.sharpness.resolution import convert_resolution, unresolved_diameter
 from radiometry.sharpness.results import Fit, Point, PositionFit
 from radiometry.sharpness.rows import FrameRow, Params, StarCentre, Target
+from radiometry.sharpness.verdicts import judge, plan
 
 __all__ = [
     "ROLES",

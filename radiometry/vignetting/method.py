@@ -19,12 +19,11 @@ from radiometry.vignetting.application import (
     evaluate,
     select_channels,
 )
-from radiometry.vignetting.caveats import check_fits, check_frames, find_thresholds
 from radiometry.vignetting.correction import compute_correction
 from radiometry.vignetting.dng import DngVignette, export_dng
 from radiometry.vignetting.features import Features, FrameRow, extract_features
-from radiometry.vignetting.fitting import FittedChannel, fit_channel
-from radiometry.vignetting.judging import judge
+from radiometry.vignetting.findings import check_fits, check_frames, find_thresholds
+from radiometry.vignetting.fit import FittedChannel, fit_channel
 from radiometry.vignetting.lens import Lens, LensShare, average_over_polygon
 from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
 from radiometry.vignetting.planning import plan
@@ -47,6 +46,7 @@ from radiometry.vignetting.results import (
     Threshold,
 )
 from radiometry.vignetting.rows import DARK, FLAT, Params
+from radiometry.vignetting.verdicts import judge
 
 __all__ = [
     "ROLES",

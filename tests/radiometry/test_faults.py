@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from radiometry.frame.statistics import compute_statistics
-from radiometry.luminance.judging import judge
 from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.luminance.verdicts import judge
 from simulation.luminance import Errors, Sensor, render_frame, simulate_campaign, simulate_row
 from tests.radiometry.campaigns import TRUE_K, draw
 from tests.radiometry.evidence import taken

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radiometry.fleet.determinations import Key
-from radiometry.fleet.judging import judge_deviations
 from radiometry.fleet.meaning import give_meaning
 from radiometry.fleet.planning import compute_power, count_repeats
 from radiometry.fleet.verdict import judge_fleet
+from radiometry.fleet.verdicts import judge_deviations
 from tests.radiometry.fleet.fleets import LUMINANCE_K, PRINCIPAL_POINT, determine, draw_fleet, fleet_of
 
 ALIKE = [[33.0, 33.2, 32.9], [33.1, 33.0, 33.2], [32.9, 33.0, 33.1]]
@@ -181,7 +181,7 @@ def test_a_body_with_another_lens_is_another_camera():
     assert found.outcome == "per_camera"
 
 
-def test_caveats_of_the_repeats():
+def test_flags_of_the_repeats():
     rows = [determine(33 + 0.1 * n, camera, n, u=0.01, days=n / 24) for camera in "AB" for n in range(4)]
     assert {flag.flag for flag in only(rows).flags} == {"repeats_exceed_uncertainty", "repeats_of_one_day"}
     assert only(fleet_of(ALIKE)).flags == ()

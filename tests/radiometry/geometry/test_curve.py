@@ -7,13 +7,13 @@ import pytest
 
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel, project
-from radiometry.geometry.caveats import _check_model
 from radiometry.geometry.curve import (
     compute_curve,
     distort_radially,
     find_farthest_radius_px,
     find_turning_radius_px,
 )
+from radiometry.geometry.findings import _check_model
 from tests.radiometry.geometry.boards import CAMERA, FREE, SQUARE, raised
 
 NOTHING = np.zeros((9, 9))

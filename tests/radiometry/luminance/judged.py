@@ -2,8 +2,8 @@
 
 import math
 
-from radiometry.luminance.judging import judge
 from radiometry.luminance.rows import Params
+from radiometry.luminance.verdicts import judge
 from tests.radiometry.evidence import READINGS, K, light, taken
 
 PARAMS = Params()

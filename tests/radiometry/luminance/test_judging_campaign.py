@@ -9,7 +9,7 @@ from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.statistics import measure_signal
 from radiometry.luminance.agreement import DOUBTFUL_REL
 from radiometry.luminance.dark import estimate_dark
-from radiometry.luminance.judging import judge
+from radiometry.luminance.verdicts import judge
 from tests.radiometry.evidence import (
     DARK,
     DARKS,

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from radiometry.luminance.wording import show_stops, show_time
+from radiometry.luminance.messages import show_stops, show_time
 from tests.radiometry.evidence import (
     DARK,
     DARKS,

@@ -1,4 +1,4 @@
-"""A frame measured: the budget in its two parts, the caveats, and intervals that hold the truth."""
+"""A frame measured: the budget in its two parts, the flags, and intervals that hold the truth."""
 
 import dataclasses
 import math

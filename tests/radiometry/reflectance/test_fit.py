@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 from radiometry.findings.errors import InputRejected
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.fitting import compute_k
+from radiometry.reflectance.fit import compute_k
 from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,

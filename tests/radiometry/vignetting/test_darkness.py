@@ -13,7 +13,7 @@ from radiometry.vignetting.darkness import (
     estimate_dark_error,
     merge_dark_errors,
 )
-from radiometry.vignetting.fitting import fit_channel
+from radiometry.vignetting.fit import fit_channel
 from radiometry.vignetting.grid import Grid
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, exact_blocks, flat
 

@@ -14,7 +14,7 @@ from radiometry.findings.errors import InputRejected
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.packing import unpack
 from radiometry.vignetting import method as vignetting
-from radiometry.vignetting.fitting import fit_channel
+from radiometry.vignetting.fit import fit_channel
 from radiometry.vignetting.grid import Site
 from radiometry.vignetting.solving import is_gradient_significant, solve_falloff
 from simulation.vignetting import FALLOFFS, SimulatedLens, Target, simulate_campaign

@@ -9,8 +9,8 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.alignment import align
-from radiometry.reflectance.caveats import check_frame
 from radiometry.reflectance.clock import find_tilt
+from radiometry.reflectance.findings import check_frame
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.sequoia import subtract_black

@@ -13,8 +13,8 @@ from radiometry.frame.verdicts import (
     inspect_frames,
 )
 from radiometry.noise.blocks import FrameRow
-from radiometry.noise.caveats import DRIFT_REL
 from radiometry.noise.darkness import find_not_dark
+from radiometry.noise.findings import DRIFT_REL
 from radiometry.noise.points import collect_stacks
 from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack

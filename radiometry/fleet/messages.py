@@ -2,9 +2,9 @@
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key
-from radiometry.fleet.judging import LEAST_DOF, Outcome
 from radiometry.fleet.planning import POWER
 from radiometry.fleet.results import Effect, Tolerance
+from radiometry.fleet.verdicts import LEAST_DOF, Outcome
 
 _SURE = 0.05
 """Of the F test, which only words the verdict: whether a difference is certain, however small."""

@@ -19,7 +19,7 @@ _OF_CELLS = {
 }
 
 
-def find_caveats(
+def find_flags(
     frame: Frame,
     measured: Sequence[Corners],
     calibrated: Sequence[Polygon],

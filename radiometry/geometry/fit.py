@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from radiometry.findings.errors import Code, InputRejected
 from radiometry.fitting.evidence import Figure, Quantity
 from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, project
-from radiometry.geometry.caveats import check_solution, check_views
 from radiometry.geometry.coverage import find_covered_radius_px, measure_coverage, measure_tilt_deg
 from radiometry.geometry.curve import compute_curve
 from radiometry.geometry.features import Features
+from radiometry.geometry.findings import check_solution, check_views
 from radiometry.geometry.results import Coefficient, Fit, Point
 from radiometry.geometry.rows import FrameRow, Params
 from radiometry.geometry.solving import Pose, Solution, choose_freedom, find_pose, require_determined

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from radiometry.findings.errors import InputRejected
 from radiometry.frame.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
-from radiometry.reflectance.caveats import STEEPEST_GRADIENT_REL
+from radiometry.reflectance.findings import STEEPEST_GRADIENT_REL
 from radiometry.reflectance.points import (
     MOST_SATURATED_SHARE,
     NO_REFLECTANCE,

@@ -17,7 +17,7 @@ from radiometry.vignetting.curve import (
 )
 from radiometry.vignetting.darkness import find_not_dark
 from radiometry.vignetting.features import FrameRow
-from radiometry.vignetting.fitting import FittedChannel, farthest_radius
+from radiometry.vignetting.fit import FittedChannel, farthest_radius
 from radiometry.vignetting.grid import Vector
 from radiometry.vignetting.light import EXPOSURE_RATIO
 from radiometry.vignetting.points import Candidate

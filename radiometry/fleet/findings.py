@@ -15,7 +15,7 @@ _CHANCE = 0.01
 _ONE_DAY = timedelta(days=1)
 
 
-def find_caveats(rows: Sequence[Determination], grouping: Grouping, effects: Effects) -> tuple[Raised, ...]:
+def find_flags(rows: Sequence[Determination], grouping: Grouping, effects: Effects) -> tuple[Raised, ...]:
     """Flag what may make the repeatability another than it seems.
 
     Flags  repeats_exceed_uncertainty where dof MS_w > chi^2_dof,0.99 mean(u^2); repeats_of_one_day;

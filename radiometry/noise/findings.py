@@ -7,7 +7,7 @@ from radiometry.findings.flags import Flag, Raised
 from radiometry.frame.darkness import name_not_dark
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.darkness import find_not_dark
-from radiometry.noise.fitting import FittedChannel
+from radiometry.noise.fit import FittedChannel
 from radiometry.noise.rows import DARK
 
 GOOD_LEVELS = 6
