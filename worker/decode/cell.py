@@ -23,7 +23,7 @@ from worker.decode.settings import NOT_SHUT_IN, DecoderLimits
 from worker.decode.source import Source, SourceDamagedError
 from worker.decode.warming import own_memory, warm_up
 
-REQUESTS, ANSWERS = 0, 1
+TALK: Final = 0
 _OPEN_FILES: Final = 16
 
 
@@ -44,30 +44,31 @@ class Prepared:
 def live(prepared: Prepared, expected: Sandbox) -> int:
     """Lose the world, wait for the file, and answer until nobody asks any more; the exit code.
 
-    Nobody asks any more when a pipe is closed: that raises BrokenMessageError or BrokenPipeError.
-    Descriptor 0 brings the file and the requests, 1 takes the answers, 2 leads nowhere; there are no others.
+    Nobody asks any more when the socket is closed: that raises BrokenMessageError or BrokenPipeError.
+    Descriptor 0 brings the file and the requests and takes the answers, 1 and 2 lead nowhere; there are no
+    others.
     """
     _limit_process()
-    requests = socket.socket(fileno=os.dup(REQUESTS))
+    talk = socket.socket(fileno=os.dup(TALK))
     if prepared.restrictions.shut_in() != expected:
         return NOT_SHUT_IN
     own_memory()
     warm_up(prepared.first_file, prepared.first_stream)
-    descriptor = _receive_file(requests)
+    descriptor = _receive_file(talk)
     if descriptor is None:
         return 0
     content = _map(descriptor)
     budget = Budget(prepared.bounds, before=prepared.address_space, file_bytes=len(content))
-    request, _ = messages.receive(REQUESTS)
+    request, _ = messages.receive(TALK)
     digests = None if request["digests"] is None else bytes.fromhex(request["digests"])
     try:
         reader = Reader(Source(content, digests), budget.allow)
     except SourceDamagedError:
-        messages.send(ANSWERS, {"damaged": True})
+        messages.send(TALK, {"damaged": True})
         return 0
     while True:
-        messages.send(ANSWERS, *_answer(reader, request))
-        request, _ = messages.receive(REQUESTS)
+        messages.send(TALK, *_answer(reader, request))
+        request, _ = messages.receive(TALK)
         budget.begin_request()
 
 
@@ -81,10 +82,10 @@ def _limit_process() -> None:
         resource.setrlimit(limit, (most, most))
 
 
-def _receive_file(requests: socket.socket) -> int | None:
+def _receive_file(talk: socket.socket) -> int | None:
     """The file's descriptor, which comes with the first byte; None when there will be no file."""
-    with requests:
-        content, descriptors, _, _ = socket.recv_fds(requests, 1, 1)
+    with talk:
+        content, descriptors, _, _ = socket.recv_fds(talk, 1, 1)
     return descriptors[0] if content and len(descriptors) == 1 else None
 
 

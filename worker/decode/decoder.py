@@ -116,7 +116,9 @@ class Decoder:
         try:
             cell = self._deliver(request)
             deadline = time.monotonic() + self._wall_s
-            answer, body = messages.receive(cell.answers, deadline=deadline, max_body_bytes=max_body_bytes)
+            answer, body = messages.receive(
+                cell.talk.fileno(), deadline=deadline, max_body_bytes=max_body_bytes
+            )
         except TimeoutError:
             raise self._end_late(stage) from None
         except (messages.BrokenMessageError, OSError) as error:
@@ -127,7 +129,7 @@ class Decoder:
 
     def _deliver(self, request: dict[str, Any]) -> Cell:
         if self._cell is not None:
-            messages.send(self._cell.requests.fileno(), request)
+            messages.send(self._cell.talk.fileno(), request)
             return self._cell
         descriptor, status = open_file(path_of(self._file))
         try:
@@ -138,7 +140,7 @@ class Decoder:
         self._identity = _identify(status)
         self._wall_s = self._bounds.wall_seconds_of(status.st_size)
         digests = self._file.blob.digests.hex() if isinstance(self._file, StoredFile) else None
-        messages.send(self._cell.requests.fileno(), {**request, "digests": digests})
+        messages.send(self._cell.talk.fileno(), {**request, "digests": digests})
         return self._cell
 
     def _sorted(self, answer: dict[str, Any], stage: str) -> dict[str, Any]:

@@ -43,8 +43,7 @@ class BlackLevels:
 
 def _matching(start: int, count: int, phase: int, cell: int) -> NDArray[np.int64]:
     """Indices of one phase; a window too narrow to hold any is answered for the phase's nearest line."""
-    indices = np.arange(start, start + count)
-    chosen: NDArray[np.int64] = indices[indices % cell == phase]
+    chosen: NDArray[np.int64] = np.arange(start + (phase - start) % cell, start + count, cell)
     if len(chosen):
         return chosen
     nearest = start - start % cell + phase

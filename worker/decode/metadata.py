@@ -25,6 +25,9 @@ _PROGRAMS: Final = {
     8: "landscape",
 }
 _MODES: Final = {0: "auto", 1: "manual", 2: "bracket"}
+# Compiled here, once, rather than by each cell.
+_FRACTION: Final = re.compile(r"[0-9]{1,9}")
+_OFFSET: Final = re.compile(r"[+-]([01][0-9]|2[0-3]):[0-5][0-9]|Z")
 _ISO_TAGS: Final = (
     tags.ISO_RATINGS,
     tags.RECOMMENDED_EXPOSURE_INDEX,
@@ -182,8 +185,8 @@ def _read_time(found: _Tags) -> str | None:
     fraction = found.text(tags.SUB_SEC_TIME_ORIGINAL) or ""
     offset = found.text(tags.OFFSET_TIME_ORIGINAL) or ""
     stamp = taken.isoformat()
-    if re.fullmatch(r"[0-9]{1,9}", fraction):
+    if _FRACTION.fullmatch(fraction):
         stamp += f".{fraction}"
-    if re.fullmatch(r"[+-]([01][0-9]|2[0-3]):[0-5][0-9]|Z", offset):
+    if _OFFSET.fullmatch(offset):
         stamp += offset
     return stamp

@@ -28,7 +28,7 @@ from worker.decode.settings import DecoderLimits
 from worker.decode.warming import make_smallest_dng, make_smallest_stream, warm_up
 
 _LOOK_FOR_PARENT_MS: Final = 500
-_ORDER_DESCRIPTORS: Final = 3
+_ORDER_DESCRIPTORS: Final = 2
 _MOST_DESCRIPTORS: Final = 4096
 _TIMES: Final = 20
 # What libraries import when it is first used, which a cell no longer can.
@@ -143,23 +143,22 @@ class _Zygote:
             self._bury()
 
     def _take_order(self) -> bool:
-        """Fork a cell with its descriptors for requests and answers; its fate is told on a third."""
+        """Fork a cell with the descriptor that it talks on; its fate is told on another."""
         order, descriptors, _, _ = socket.recv_fds(self._control, 64, _ORDER_DESCRIPTORS)
         if not order:
             return False
-        requests, answers, line = descriptors
+        talk, line = descriptors
         pid = os.fork()
         if not pid:
-            self._become_cell(requests, answers)
-        os.close(requests)
-        os.close(answers)
+            self._become_cell(talk)
+        os.close(talk)
         self._pids[line] = pid
         self._lines[pid] = socket.socket(fileno=line)
         self._poll.register(line, select.POLLIN)
         self._tell(pid, {"pid": pid})
         return True
 
-    def _become_cell(self, requests: int, answers: int) -> NoReturn:
+    def _become_cell(self, talk: int) -> NoReturn:
         """Whatever happens, nothing of the zygote's own goes on in this process."""
         code = 1
         try:
@@ -167,8 +166,7 @@ class _Zygote:
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             self._prepared.restrictions.die_with_parent()
             if os.getppid() == self._own_pid:
-                os.dup2(requests, cell.REQUESTS)
-                os.dup2(answers, cell.ANSWERS)
+                os.dup2(talk, cell.TALK)
                 os.closerange(3, _MOST_DESCRIPTORS)
                 code = cell.live(self._prepared, self._sandbox)
         except (BrokenMessageError, BrokenPipeError, ConnectionResetError):

@@ -146,7 +146,7 @@ def _obey(reader, request, answer=cell._answer):
         while True:
             time.monotonic()
     if content.startswith(b"WAIT"):
-        os.read(cell.REQUESTS, 1)
+        os.read(cell.TALK, 1)
     if content.startswith(b"PROBE"):
         found = probe(json.loads(content[5:]))
         if _make_writable(reader._source):
