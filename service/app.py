@@ -19,6 +19,7 @@ from service.document import build_document
 from service.hosts import KnownHosts
 from service.limits import BodyLimit
 from service.problems import HttpCode, Problem
+from service.renamed import RenamedAddresses
 from service.routes import include_routes
 from service.stopping import CarriesTraffic
 from service.web import problem_pages
@@ -47,6 +48,7 @@ def build_app(context: Context) -> FastAPI:
     app.add_middleware(BodyLimit)
     app.add_middleware(ContentDigests)
     _let_dashboards_read(app, context.settings.cors_origins)
+    app.add_middleware(RenamedAddresses)
     app.add_middleware(KnownHosts)
     app.add_middleware(SecurityHeaders)
     # the outermost: it answers in the place of all others

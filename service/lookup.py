@@ -18,8 +18,8 @@ from store.tables import (
     Measurement,
     Meter,
     Panel,
-    Purge,
     Reading,
+    Recall,
     WebSession,
 )
 
@@ -37,7 +37,7 @@ _WORDS: dict[type[Base], str] = {
     Measurement: "measurement",
     Meter: "meter",
     Panel: "panel",
-    Purge: "purge",
+    Recall: "recall",
     Reading: "reading",
     WebSession: "session",
 }

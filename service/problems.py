@@ -45,7 +45,8 @@ class HttpCode(StrEnum):
     CERTIFICATE_INCOMPLETE = "certificate_incomplete"
     CHECKLIST_SIGNED = "checklist_signed"
     NO_CHECKLIST = "no_checklist"
-    PURGE_OUTDATED = "purge_outdated"
+    RECALL_OUTDATED = "recall_outdated"
+    PURGE_OUTDATED = "purge_outdated"  # recall_outdated under the old address
     NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"
     PREVIEW_NOT_READY = "preview_not_ready"
     METHOD_MISMATCH = "method_mismatch"
@@ -132,8 +133,9 @@ def install(app: FastAPI) -> None:
         return _answer(problem_body(422, error.code, error.message))
 
     @app.exception_handler(Conflict)
-    async def conflict(_request: Request, error: Conflict) -> JSONResponse:
-        return _answer(problem_body(409, error.code, error.message))
+    async def conflict(request: Request, error: Conflict) -> JSONResponse:
+        code = request.scope.get("state", {}).get("old_codes", {}).get(error.code, error.code)
+        return _answer(problem_body(409, code, error.message))
 
     @app.exception_handler(BlobDamaged)
     async def damaged(_request: Request, error: BlobDamaged) -> JSONResponse:

@@ -9,7 +9,7 @@ from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage,
 from store.tables.job import Job
 from store.tables.measurement import Measurement
 from store.tables.part import PartRow
-from store.tables.review import ChecklistSignature, ChecklistTick, Purge
+from store.tables.review import ChecklistSignature, ChecklistTick, Recall
 
 __all__ = [
     "ApiKey",
@@ -35,8 +35,8 @@ __all__ = [
     "Panel",
     "PartRow",
     "Publication",
-    "Purge",
     "Reading",
+    "Recall",
     "Revocation",
     "Roi",
     "Slot",

@@ -1,4 +1,4 @@
-"""What people sign and decide besides publishing: the procedure's checklist, and purges by cause."""
+"""What people sign and decide besides publishing: the procedure's checklist, and recalls by cause."""
 
 from datetime import datetime
 from typing import Any
@@ -35,7 +35,7 @@ class ChecklistSignature(Audited, Base):
     signed_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
-class Purge(Audited, Base):
+class Recall(Audited, Base):
     """All versions made with something that turned out wrong: proposed, reviewed, revoked as one step."""
 
     __tablename__ = "purge"

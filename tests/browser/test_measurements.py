@@ -115,10 +115,10 @@ def test_two_dates_are_chosen_and_compared(night_page, night):
     for name in ("road-may.DNG", "road-june.DNG"):
         night_page.get_by_role("checkbox", name=f"Compare {name}").first.check()
     night_page.get_by_role("region", name="Chosen to compare").get_by_role("link", name="Compare").click()
-    night_page.wait_for_url("**/measurements/contrast?**")
-    night_page.goto(f"/measurements/contrast?old={night.old.id}&new={night.new.id}")
+    night_page.wait_for_url("**/measurements/comparison?**")
+    night_page.goto(f"/measurements/comparison?old={night.old.id}&new={night.new.id}")
     settle(night_page)
-    expect(night_page.locator("#verdict")).to_contain_text("it changed")
+    expect(night_page.locator("#verdict")).to_contain_text("a significant change")
     expect(night_page.locator("#verdict")).to_contain_text("fit of K")
     expect(night_page.locator(".map-over")).to_have_count(2)
     # the lamp in the middle fell out: only cells near it are marked

@@ -48,12 +48,12 @@ def test_every_command_of_the_page_is_true(embedded, tmp_path):
         )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     said = done.stdout.partition("-- history\n")[2].splitlines()
-    still_open, ticked, impact, published, measurements, version, purge, confirmed, entries = said
+    still_open, ticked, impact, published, measurements, version, recall, confirmed, entries = said
     assert int(still_open) > int(json.loads(ticked)["open"])
     assert json.loads(impact)["against"]["version"] == 1
     assert json.loads(published)["state"] == "published"
     assert (measurements, version, confirmed) == ("[]", "2", "confirmed")
-    assert [v["state"] for v in json.loads(purge)["versions"]] == ["superseded", "revoked"]
+    assert [v["state"] for v in json.loads(recall)["versions"]] == ["superseded", "revoked"]
     assert {"calibration.create"} <= {entry["action"] for entry in json.loads(entries)["items"]}
     whole = audit(embedded.data)
     assert whole.returncode == 0, whole.stderr

@@ -152,7 +152,7 @@ def test_a_picture_is_no_map_of_values_and_has_no_figure_to_compare(calibrated):
     frame = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"][0]
     found = measure(house, frame, calibration_id=version["id"])
     assert house.get(f"/v1/measurements/{found['id']}/map.json", status=404)["code"] == "not_found"
-    house.get(f"/v1/measurements/{found['id']}/contrast", status=422, old=found["id"])
+    house.get(f"/v1/measurements/{found['id']}/comparison", status=422, old=found["id"])
     assert found["id"] in {row["id"] for row in house.get("/v1/measurements")["items"]}
     lines = house.http.get(f"/v1/campaigns/{campaign['id']}/measurements.csv").text
     assert found["id"] in lines

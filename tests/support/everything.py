@@ -28,5 +28,7 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "key_id": key["id"],
         "session_id": house.get("/v1/sessions", key_id=key["id"])["items"][0]["id"],
         "measurement_id": measure(house, {"id": frame_id}, version)["id"],
-        "purge_id": house.post("/v1/purges", {"cause": {"software": FIT_CODE_VERSION}, "reason": "r"})["id"],
+        "recall_id": house.post("/v1/recalls", {"cause": {"software": FIT_CODE_VERSION}, "reason": "r"})[
+            "id"
+        ],
     }

@@ -29,14 +29,14 @@ def show_new_measurement(page: SignedInPage) -> Response:
     return page.render("measurement-new.html", title="Measure a frame", indices=" ".join(INDICES))
 
 
-@router.get("/measurements/contrast")
-def show_contrast(
+@router.get("/measurements/comparison")
+def show_comparison(
     page: SignedInPage, context: UsesContext, old: Annotated[Text, Query()], new: Annotated[Text, Query()]
 ) -> Response:
     with context.database.reading() as session:
         for named in (old, new):
             owned(session, Measurement, named, page.caller)
-    return page.render("contrast.html", title="Two measurements", old=old, new=new)
+    return page.render("comparison.html", title="Compare measurements", old=old, new=new)
 
 
 @router.get("/measurements/{measurement_id}")

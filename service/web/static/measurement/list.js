@@ -116,7 +116,7 @@ function drawPair() {
         for (const each of document.querySelectorAll("input[data-id]")) each.checked = false;
         drawPair();
       } }, "Clear"),
-      pair.length === 2 ? (alike ? h("a", { class: "button primary", href: `/measurements/contrast?old=${pair[0].id}&new=${pair[1].id}` }, "Compare") : h("span", { class: "muted" }, "They are not of the same quantity.")) : null,
+      pair.length === 2 ? (alike ? h("a", { class: "button primary", href: `/measurements/comparison?old=${pair[0].id}&new=${pair[1].id}` }, "Compare") : h("span", { class: "muted" }, "They are not of the same quantity.")) : null,
     ),
   );
 }

@@ -1,8 +1,8 @@
-"""Purges by cause: everything made with it is found, looked at and revoked as one step."""
+"""Recalls by cause: everything made with it is found, looked at and revoked as one step."""
 
 import pytest
 
-from store import purging
+from store import recalls
 from store.software import FIT_CODE_VERSION
 from tests.support.campaigns import calibrate
 from tests.support.measuring import field_frame, measure
@@ -28,22 +28,22 @@ def made(staged):
 
 
 def propose(house, cause, *, status=201):
-    return house.post("/v1/purges", {"cause": cause, "reason": "meter fell"}, status=status)
+    return house.post("/v1/recalls", {"cause": cause, "reason": "meter fell"}, status=status)
 
 
-def confirm(client, purge):
-    return client.post(f"/v1/purges/{purge['id']}/confirm")
+def confirm(client, recall):
+    return client.post(f"/v1/recalls/{recall['id']}/confirm")
 
 
 def states(house, ids):
     return [house.get(f"/v1/calibrations/{each}")["state"] for each in ids]
 
 
-def test_a_purge_shows_first_and_revokes_when_another_confirms(house, made):
-    purge = propose(house, {"meter_id": made["bad"]})
-    assert purge["state"] == "proposed"
-    assert [v["calibration_id"] for v in purge["versions"]] == made["by_bad"] == purge["calibration_ids"]
-    first, second = purge["versions"]
+def test_recall_lists_versions_and_revokes_them_when_confirmed(house, made):
+    recall = propose(house, {"meter_id": made["bad"]})
+    assert recall["state"] == "proposed"
+    assert [v["calibration_id"] for v in recall["versions"]] == made["by_bad"] == recall["calibration_ids"]
+    first, second = recall["versions"]
     assert (first["state"], first["in_force"], first["valid_from"]) == (
         "published",
         True,
@@ -54,38 +54,38 @@ def test_a_purge_shows_first_and_revokes_when_another_confirms(house, made):
     assert states(house, made["by_bad"]) == ["published", "draft"]
     key = house.post("/v1/keys", {"name": "reviewer", "scopes": ["publish"]})
     with house.with_key(key["secret"]) as reviewer:
-        confirmed = confirm(reviewer, purge).json()
+        confirmed = confirm(reviewer, recall).json()
     assert confirmed["state"] == "confirmed"
-    assert confirmed["created_by"] == purge["created_by"] != confirmed["confirmed_by"] == key["id"]
+    assert confirmed["created_by"] == recall["created_by"] != confirmed["confirmed_by"] == key["id"]
     assert [v["state"] for v in confirmed["versions"]] == ["revoked", "revoked"]
     assert [v["in_force"] for v in confirmed["versions"]] == [False, False]
     assert states(house, [made["by_good"]]) == ["draft"]
     reason = house.get(f"/v1/calibrations/{made['by_bad'][0]}")["revoked_reason"]
-    assert reason == f"meter fell (purge {purge['id']})"
-    assert house.get(f"/v1/purges/{purge['id']}") == confirmed
-    (listed,) = house.get("/v1/purges")["items"]
+    assert reason == f"meter fell (recall {recall['id']})"
+    assert house.get(f"/v1/recalls/{recall['id']}") == confirmed
+    (listed,) = house.get("/v1/recalls")["items"]
     assert listed == {name: value for name, value in confirmed.items() if name != "versions"}
 
 
 def test_what_goes_with_it_is_no_successor(house, made):
     frame = field_frame(house, made["campaign"]["id"])
     measured = measure(house, frame, {"id": made["by_bad"][1]})
-    purge = propose(house, {"meter_id": made["bad"]})
-    assert purge["versions"][0]["measurements"] == []
-    (touched,) = purge["versions"][1]["measurements"]
+    recall = propose(house, {"meter_id": made["bad"]})
+    assert recall["versions"][0]["measurements"] == []
+    (touched,) = recall["versions"][1]["measurements"]
     assert touched["measurement_id"] == measured["id"]
     assert "successor" not in touched
-    # between the two of the purge, a version that stays takes the frame's day
+    # between the two of the recall, a version that stays takes the frame's day
     day = {"valid_from": "2026-05-01T00:00:00Z", "valid_to": "2026-05-02T00:00:00Z", "reason": "r"}
     house.post(f"/v1/calibrations/{made['by_good']}/publish", day, status=200)
-    (touched,) = house.get(f"/v1/purges/{purge['id']}")["versions"][1]["measurements"]
+    (touched,) = house.get(f"/v1/recalls/{recall['id']}")["versions"][1]["measurements"]
     assert touched["successor"]["calibration_id"] == made["by_good"]
 
 
 def test_confirming_again_changes_nothing(house, made):
-    purge = propose(house, {"meter_id": made["bad"]})
-    first = confirm(house.http, purge).json()
-    again = confirm(house.http, purge)
+    recall = propose(house, {"meter_id": made["bad"]})
+    first = confirm(house.http, recall).json()
+    again = confirm(house.http, recall)
     assert (again.status_code, again.json()) == (200, first)
 
 
@@ -123,10 +123,10 @@ def test_a_recorder_is_found_under_a_name_that_was_corrected_since(house, made):
 
 
 def test_what_has_been_found_since_refuses_the_confirmation(house, made):
-    purge = propose(house, {"meter_id": made["bad"]})
+    recall = propose(house, {"meter_id": made["bad"]})
     later = calibrate(house, made["campaign"], model="power")
-    refused = confirm(house.http, purge)
-    assert (refused.status_code, refused.json()["code"]) == (409, "purge_outdated")
+    refused = confirm(house.http, recall)
+    assert (refused.status_code, refused.json()["code"]) == (409, "recall_outdated")
     assert "1 more, 0 fewer" in refused.json()["detail"]
     assert states(house, [*made["by_bad"], later["id"]]) == ["published", "draft", "draft"]
     assert confirm(house.http, propose(house, {"meter_id": made["bad"]})).status_code == 200
@@ -134,8 +134,8 @@ def test_what_has_been_found_since_refuses_the_confirmation(house, made):
 
 
 def test_all_are_revoked_or_none(house, made, monkeypatch):
-    purge = propose(house, {"meter_id": made["bad"]})
-    real, done = purging.revoke, []
+    recall = propose(house, {"meter_id": made["bad"]})
+    real, done = recalls.revoke, []
 
     def fails_at_the_second(session, calibration, **given):
         if done:
@@ -143,11 +143,11 @@ def test_all_are_revoked_or_none(house, made, monkeypatch):
         done.append(calibration.id)
         real(session, calibration, **given)
 
-    monkeypatch.setattr(purging, "revoke", fails_at_the_second)
+    monkeypatch.setattr(recalls, "revoke", fails_at_the_second)
     with pytest.raises(RuntimeError, match="the light went out"):
-        confirm(house.http, purge)
+        confirm(house.http, recall)
     assert states(house, made["by_bad"]) == ["published", "draft"]
-    assert house.get(f"/v1/purges/{purge['id']}")["state"] == "proposed"
+    assert house.get(f"/v1/recalls/{recall['id']}")["state"] == "proposed"
 
 
 @pytest.mark.parametrize(
@@ -158,19 +158,19 @@ def test_a_cause_is_exactly_one(house, cause):
 
 
 def test_another_organisation_has_no_part_in_it(house, made, stranger):
-    purge = propose(house, {"meter_id": made["bad"]})
-    assert stranger.get("/v1/purges").json()["items"] == []
-    assert stranger.get(f"/v1/purges/{purge['id']}").status_code == 404
-    assert confirm(stranger, purge).status_code == 404
+    recall = propose(house, {"meter_id": made["bad"]})
+    assert stranger.get("/v1/recalls").json()["items"] == []
+    assert stranger.get(f"/v1/recalls/{recall['id']}").status_code == 404
+    assert confirm(stranger, recall).status_code == 404
     body = {"cause": {"meter_id": made["bad"]}, "reason": "r"}
-    assert stranger.post("/v1/purges", json=body).status_code == 404
+    assert stranger.post("/v1/recalls", json=body).status_code == 404
     body = {"cause": {"software": FIT_CODE_VERSION}, "reason": "r"}
-    assert stranger.post("/v1/purges", json=body).json()["versions"] == []
+    assert stranger.post("/v1/recalls", json=body).json()["versions"] == []
 
 
 def test_it_needs_the_scope_to_publish(house, made):
-    purge = propose(house, {"meter_id": made["bad"]})
+    recall = propose(house, {"meter_id": made["bad"]})
     key = house.post("/v1/keys", {"name": "reader", "scopes": ["read", "calibrate"]})
     with house.with_key(key["secret"]) as reader:
-        assert confirm(reader, purge).json()["code"] == "scope_missing"
-        assert reader.get(f"/v1/purges/{purge['id']}").status_code == 200
+        assert confirm(reader, recall).json()["code"] == "scope_missing"
+        assert reader.get(f"/v1/recalls/{recall['id']}").status_code == 200

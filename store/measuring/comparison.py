@@ -5,7 +5,7 @@ from itertools import chain
 from typing import Any
 
 from radiometry.fitting.comparison import Comparison
-from radiometry.fitting.contrast import Budgeted, compare_measured, scale_effects, sign_effects
+from radiometry.fitting.shared_errors import Budgeted, compare_measured, scale_effects, sign_effects
 from radiometry.frame.exposure import Exposure
 from store.codec import decode_exposure
 from store.impact import compare_meters
@@ -42,7 +42,7 @@ class Side:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contrast:
+class MeasurementComparison:
     """``common`` : sources whose error is the same in both; ``cells`` : of grids with as many each."""
 
     mean: Comparison
@@ -50,11 +50,11 @@ class Contrast:
     cells: tuple[tuple[Comparison, ...], ...] | None
 
 
-def contrast(old: Side, new: Side) -> Contrast:
+def compare_measurements(old: Side, new: Side) -> MeasurementComparison:
     """Compare the means of two measurements of the same quantity, and their cells one by one."""
     common = find_common(old, new)
     before, after = _budget(old), _budget(new)
-    return Contrast(
+    return MeasurementComparison(
         mean=compare_measured(before, after, common=common),
         common=tuple(sorted(common)),
         cells=_compare_cells(old, new, before, after, common),

@@ -1,4 +1,4 @@
-"""Purges: everything made with something that turned out wrong."""
+"""Requests and answers of recalls."""
 
 from typing import Any, Literal
 
@@ -7,25 +7,25 @@ from pydantic import ConfigDict, Field, model_validator
 from service.schemas.base import Answer, Form, Instant, LongText, Text
 from service.schemas.calibrations import State
 from service.schemas.history import TouchedMeasurement
-from store.purging import Condemned
-from store.tables import Purge
+from store.recalls import Condemned
+from store.tables import Recall
 
 _CAUSES = ("meter_id", "meter_certificate_number", "software", "recorder")
 
 
 class NewCause(Form):
-    """Exactly one of them."""
+    """The cause of a recall: exactly one of these fields."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in _CAUSES]})
 
     meter_id: Text | None = None
     meter_certificate_number: Text | None = Field(
-        default=None, description="As it was when a version was made."
+        default=None, description="The certificate number when a version was made."
     )
     software: Text | None = Field(
         default=None, description="The fit code version, `software.stilb` of a version."
     )
-    recorder: Text | None = Field(default=None, description="Of the campaign, now or before.")
+    recorder: Text | None = Field(default=None, description="Recorder of the campaign, now or before.")
 
     @model_validator(mode="after")
     def _exactly_one(self) -> "NewCause":
@@ -61,11 +61,13 @@ class CondemnedVersion(Answer):
     method: str
     version: int
     state: State
-    in_force: bool = Field(description="Whether it holds any time as known now; from when to when beside it.")
+    in_force: bool = Field(
+        description="Whether it is in force for any time, as known now: `valid_from` to `valid_to`."
+    )
     valid_from: Instant | None = None
     valid_to: Instant | None = None
     measurements: list[TouchedMeasurement] = Field(
-        description="Made with it; the successor of each is one that the purge leaves standing."
+        description="Made with it. The successor of each is a version that the recall does not revoke."
     )
 
     @classmethod
@@ -106,17 +108,17 @@ class PurgeAnswer(Answer):
     state: Literal["proposed", "confirmed"]
     cause: dict[str, str]
     reason: str
-    calibration_ids: list[str] = Field(description="What the review saw, and what confirming revokes.")
+    calibration_ids: list[str] = Field(description="The versions under review, which confirming revokes.")
     created_by: str
     created_at: Instant
     confirmed_by: str | None = None
     confirmed_at: Instant | None = None
     versions: list[CondemnedVersion] | None = Field(
-        default=None, description="Each as it stands now; a list leaves them out."
+        default=None, description="Their current status. Absent in a list."
     )
 
     @classmethod
-    def of(cls, row: Purge, condemned: list[Condemned] | None = None) -> "PurgeAnswer":
+    def of(cls, row: Recall, condemned: list[Condemned] | None = None) -> "PurgeAnswer":
         fields: dict[str, Any] = {n: getattr(row, n) for n in cls.model_fields if hasattr(row, n)}
         versions = None if condemned is None else [CondemnedVersion.of(each) for each in condemned]
         state: Literal["proposed", "confirmed"] = "confirmed" if row.confirmed_at else "proposed"

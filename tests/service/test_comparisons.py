@@ -40,7 +40,7 @@ def measure(house, version, luminance, name, *, signal=None, **asked):
 def test_two_nights_with_one_version_are_compared_better_than_either_is_known(house, version):
     """K, meter, time and f-number cancel in the ratio: noise and dark signal remain."""
     old, new = measure(house, version, 20.0, "a.dng"), measure(house, version, 19.0, "bb.dng")
-    found = house.get(f"/v1/measurements/{new['id']}/contrast", old=old["id"])
+    found = house.get(f"/v1/measurements/{new['id']}/comparison", old=old["id"])
     assert found["common"] == ["ISO setting", "dark signal", "exposure time", "f-number", "fit of K",
                                "meter calibration"]  # fmt: skip
     assert found["difference"]["value"] == pytest.approx(new["mean"]["value"] - old["mean"]["value"])
@@ -56,7 +56,7 @@ def test_two_nights_with_one_version_are_compared_better_than_either_is_known(ho
 
 def test_the_same_light_is_no_change(house, version):
     old, new = measure(house, version, 20.0, "ccc.dng"), measure(house, version, 20.0, "dddd.dng")
-    found = house.get(f"/v1/measurements/{new['id']}/contrast", old=old["id"])
+    found = house.get(f"/v1/measurements/{new['id']}/comparison", old=old["id"])
     assert found["in_standard_uncertainties"] < 4
     assert found["significant"] is (found["in_standard_uncertainties"] >= 2)
 
@@ -64,7 +64,7 @@ def test_the_same_light_is_no_change(house, version):
 def test_another_version_has_another_k_and_both_count(house, version):
     other = calibrate(house, {"id": version["campaign_id"]}, tolerance=0.03)
     old, new = measure(house, version, 20.0, "e.dng"), measure(house, other, 20.0, "ff.dng")
-    found = house.get(f"/v1/measurements/{new['id']}/contrast", old=old["id"])
+    found = house.get(f"/v1/measurements/{new['id']}/comparison", old=old["id"])
     assert not {"fit of K", "meter calibration", "dark signal"} & set(found["common"])
     by_k = [row["standard_uncertainty_cd_m2"] for side in (old, new) for row in side["budget"]
             if row["source"] == "fit of K"]  # fmt: skip
@@ -77,7 +77,7 @@ def test_cells_are_compared_one_by_one(house, version):
     darker[:32, :48] *= 0.8
     old = measure(house, version, 20.0, "g.dng", signal=half, grid=GRID)
     new = measure(house, version, 20.0, "hh.dng", signal=darker, grid=GRID)
-    cells = house.get(f"/v1/measurements/{new['id']}/contrast", old=old["id"])["cells"]
+    cells = house.get(f"/v1/measurements/{new['id']}/comparison", old=old["id"])["cells"]
     changes = np.array([[cell["change"]["value"] for cell in line] for line in cells])
     assert changes == pytest.approx(np.array([[-20.0, 0.0], [0.0, 0.0]]), abs=0.3)
     assert cells[0][0]["in_standard_uncertainties"] > 10
@@ -86,6 +86,6 @@ def test_cells_are_compared_one_by_one(house, version):
 def test_what_is_not_there_or_not_alike_is_refused(house, version):
     one = measure(house, version, 20.0, "i.dng")
     assert (
-        house.get(f"/v1/measurements/{one['id']}/contrast", status=422)["errors"][0]["field"] == "query.old"
+        house.get(f"/v1/measurements/{one['id']}/comparison", status=422)["errors"][0]["field"] == "query.old"
     )
-    house.get(f"/v1/measurements/{one['id']}/contrast", status=404, old="msr_none")
+    house.get(f"/v1/measurements/{one['id']}/comparison", status=404, old="msr_none")

@@ -1,4 +1,4 @@
-"""Two measurements against each other, as it is answered."""
+"""Answers of the comparison of two measurements."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from pydantic import ConfigDict, Field
 
 from radiometry.fitting.comparison import Comparison
 from service.schemas.base import Answer, Quantity
-from store.measuring.contrast import Contrast, Side
+from store.measuring.comparison import MeasurementComparison, Side
 
 _SURE = 2.0
 _CD_M2 = "cd/m2"
@@ -59,7 +59,7 @@ _EXAMPLE: dict[str, Any] = {
     "change": {"value": -10.8, "standard_uncertainty": 0.3, "unit": "%"},
     "in_standard_uncertainties": 21.0,
     "significant": True,
-    "said": "The mean fell by 10.80 %, 21.0 times the uncertainty of the difference: it changed.",
+    "said": "The mean fell by 10.80 %, 21.0 times the uncertainty of the difference: a significant change.",
     "common": ["dark signal", "exposure time", "f-number", "fit of K", "meter calibration"],
     "same_region": True,
 }
@@ -73,13 +73,15 @@ class ContrastAnswer(Compared):
     significant: bool = Field(description="At least two standard uncertainties of the difference.")
     said: str
     common: list[str] = Field(description="Sources whose error is the same in both, so that it cancels.")
-    same_region: bool = Field(description="The same region of the image; of the ground nobody knows.")
+    same_region: bool = Field(
+        description="The same region of the image. Whether it shows the same ground is not known."
+    )
     cells: list[list[Compared]] | None = Field(
         default=None, description="Of two grids with as many rows and columns: cell by cell."
     )
 
     @classmethod
-    def between(cls, old: Side, new: Side, found: Contrast) -> "ContrastAnswer":
+    def between(cls, old: Side, new: Side, found: MeasurementComparison) -> "ContrastAnswer":
         mean = found.mean
         sigmas = mean.in_standard_uncertainties
         return cls(
@@ -87,21 +89,21 @@ class ContrastAnswer(Compared):
             old=Measured.of(old),
             new=Measured.of(new),
             significant=sigmas is not None and sigmas >= _SURE,
-            said=_say(mean),
+            said=_format_verdict(mean),
             common=list(found.common),
             same_region=old.measurement.parameters["polygon"] == new.measurement.parameters["polygon"],
             cells=[[Compared.of(cell) for cell in line] for line in found.cells] if found.cells else None,
         )
 
 
-def _say(mean: Comparison) -> str:
+def _format_verdict(mean: Comparison) -> str:
     if mean.in_standard_uncertainties is None:
-        return "Both are exactly alike." if mean.difference.value == 0.0 else "Neither has an uncertainty."
+        return "Both are exactly equal." if mean.difference.value == 0.0 else "Neither has an uncertainty."
     by = f"{abs(mean.difference.value):.3g}"
     if mean.change is not None:
         by = f"{abs(mean.change.value):.3g} %"
     moved = "rose" if mean.difference.value > 0.0 else "fell"
     times = f"{mean.in_standard_uncertainties:.2g} times the uncertainty of the difference"
     if mean.in_standard_uncertainties < _SURE:
-        return f"The mean {moved} by {by}, {times}: no change can be told from the uncertainty."
-    return f"The mean {moved} by {by}, {times}: it changed."
+        return f"The mean {moved} by {by}, {times}: not a significant change."
+    return f"The mean {moved} by {by}, {times}: a significant change."

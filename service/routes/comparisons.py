@@ -1,4 +1,4 @@
-"""Two measurements of one thing, on two dates."""
+"""Comparison of two measurements."""
 
 from typing import Annotated
 
@@ -11,33 +11,35 @@ from service.lookup import Id, owned
 from service.problems import invalid
 from service.routes import problems
 from service.schemas.base import Text
-from service.schemas.contrasts import ContrastAnswer
-from store.measuring.contrast import Side, contrast
+from service.schemas.comparisons import ContrastAnswer
+from store.measuring.comparison import Side, compare_measurements
 from store.tables import Calibration, FrameRow, Measurement
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
 
 
-@router.get("/measurements/{measurement_id}/contrast", response_model=ContrastAnswer, responses=problems(404))
+@router.get(
+    "/measurements/{measurement_id}/comparison", response_model=ContrastAnswer, responses=problems(404)
+)
 def contrast_measurements(
     measurement_id: Id,
     caller: Reader,
     context: UsesContext,
     old: Annotated[Text, Query(description="The measurement that it is compared with.")],
 ) -> Response:
-    """The difference of two measurements and its significance: errors that both share cancel."""
+    """Compute the difference of two measurements and its significance. Errors that both share cancel."""
     with context.database.reading() as session:
         before, after = _side(session, old, caller), _side(session, measurement_id, caller)
         if before.quantity != after.quantity:
             message = f"is of {before.quantity}, the other of {after.quantity}: compare like with like"
             raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
-        return ContrastAnswer.between(before, after, contrast(before, after)).respond()
+        return ContrastAnswer.between(before, after, compare_measurements(before, after)).respond()
 
 
 def _side(session: Session, measurement_id: str, caller: Caller) -> Side:
     row = owned(session, Measurement, measurement_id, caller)
     if row.method == "geometry":
-        message = "is an undistorted picture: it has no figure to compare"
+        message = "is an undistorted image and has no value to compare"
         raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
     return Side(
         measurement=row,

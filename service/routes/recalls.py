@@ -1,4 +1,4 @@
-"""Purges by cause: proposed, looked at, confirmed as one step."""
+"""Recalls: all versions with one cause, proposed, reviewed and revoked in one step."""
 
 from fastapi import APIRouter, Request, Response
 from sqlalchemy import select
@@ -9,12 +9,12 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
 from service.routes import problems
-from service.schemas.purges import NewPurge, PurgeAnswer
+from service.schemas.recalls import NewPurge, PurgeAnswer
 from service.writing import Reply, Writes
-from store import purging
-from store.tables import Meter, Purge
+from store import recalls
+from store.tables import Meter, Recall
 
-router = APIRouter(prefix="/v1/purges", tags=["purges"])
+router = APIRouter(prefix="/v1/recalls", tags=["recalls"])
 
 
 @router.post("", status_code=201, response_model=PurgeAnswer, responses=problems(404))
@@ -24,11 +24,11 @@ def propose_purge(body: NewPurge, caller: Publisher, writing: Writes) -> Respons
     def change(session: Session) -> Reply:
         if body.cause.meter_id is not None:
             owned(session, Meter, body.cause.meter_id, caller)
-        purge = purging.propose(
+        recall = recalls.propose(
             session, caller.organisation_id, body.cause.named(), reason=body.reason, by=caller.key_id
         )
-        location = {"Location": f"/v1/purges/{purge.id}"}
-        return Reply(status=201, body=_whole(session, purge), headers=location)
+        location = {"Location": f"/v1/recalls/{recall.id}"}
+        return Reply(status=201, body=_whole(session, recall), headers=location)
 
     return writing.run(caller, change)
 
@@ -37,14 +37,14 @@ def propose_purge(body: NewPurge, caller: Publisher, writing: Writes) -> Respons
 def list_purges(
     request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
 ) -> Response:
-    """The purges of your organisation, newest first."""
-    rows = select(Purge).where(Purge.organisation_id == caller.organisation_id)
+    """List the recalls of your organisation, newest first."""
+    rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
         return page(
             session,
             request,
             rows,
-            by=Purge.id,
+            by=Recall.id,
             limit=limit,
             cursor=cursor,
             newest_first=True,
@@ -52,24 +52,24 @@ def list_purges(
         )
 
 
-@router.get("/{purge_id}", response_model=PurgeAnswer, responses=problems(404))
-def get_purge(purge_id: Id, caller: Reader, context: UsesContext) -> Response:
-    """One purge with its versions as they stand now, and the measurements that lose them."""
+@router.get("/{recall_id}", response_model=PurgeAnswer, responses=problems(404))
+def get_purge(recall_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """Return a recall with the current status of its versions, and the measurements that they affect."""
     with context.database.reading() as session:
-        return _whole(session, owned(session, Purge, purge_id, caller)).respond()
+        return _whole(session, owned(session, Recall, recall_id, caller)).respond()
 
 
-@router.post("/{purge_id}/confirm", response_model=PurgeAnswer, responses=problems(404, 409))
-def confirm_purge(purge_id: Id, caller: Publisher, writing: Writes) -> Response:
-    """Revoke all versions of a purge in one step. Refused when the cause finds others than were reviewed."""
+@router.post("/{recall_id}/confirm", response_model=PurgeAnswer, responses=problems(404, 409))
+def confirm_purge(recall_id: Id, caller: Publisher, writing: Writes) -> Response:
+    """Revoke all versions of a recall in one step. Answers 409 if the cause now finds other versions."""
 
     def change(session: Session) -> Reply:
-        purge = owned(session, Purge, purge_id, caller)
-        purging.confirm(session, purge, by=caller.key_id)
-        return Reply(status=200, body=_whole(session, purge))
+        recall = owned(session, Recall, recall_id, caller)
+        recalls.confirm(session, recall, by=caller.key_id)
+        return Reply(status=200, body=_whole(session, recall))
 
     return writing.run(caller, change)
 
 
-def _whole(session: Session, purge: Purge) -> PurgeAnswer:
-    return PurgeAnswer.of(purge, purging.review(session, purge))
+def _whole(session: Session, recall: Recall) -> PurgeAnswer:
+    return PurgeAnswer.of(recall, recalls.review(session, recall))

@@ -1,4 +1,4 @@
-// Two measurements against each other: the difference and whether it means anything, both maps, every cell.
+// Comparison of two measurements: the difference and its significance, both maps, every cell.
 
 import { get } from "../api.js";
 import { byId, figure, fill, h } from "../dom.js";
@@ -13,21 +13,21 @@ const { old, new: newer } = document.querySelector("main").dataset;
 const both = Promise.all([get(`/v1/measurements/${old}`), get(`/v1/measurements/${newer}`)]);
 const views = {};
 
-load(byId("verdict"), () => get(`/v1/measurements/${newer}/contrast?old=${old}`), (found) => {
+load(byId("verdict"), () => get(`/v1/measurements/${newer}/comparison?old=${old}`), (found) => {
   byId("cells-section").hidden = !found.cells;
   if (found.cells) fill(byId("cells"), cellTable(found.cells, changeOf, { caption: "Change of each cell in %" }));
   return [
     h("p", { class: `note ${found.significant ? "warn" : ""}` }, h("strong", {}, found.said)),
-    found.same_region ? null : h("p", { class: "note warn" }, "The two regions are not the same part of the image. Whether they show the same ground only the pilot knows."),
+    found.same_region ? null : h("p", { class: "note warn" }, "The two regions are different parts of the image. The service cannot check whether they show the same ground."),
     h(
       "dl",
       { class: "figures" },
       side("Older", found.old),
       side("Newer", found.new),
       figure("Difference", quantity(found.difference), found.change ? changeText(found.change) : ""),
-      figure("Over its uncertainty", found.in_standard_uncertainties === undefined ? "–" : found.in_standard_uncertainties.toFixed(1), found.significant ? "2 or more: it changed" : "below 2: not to be told from none"),
+      figure("Difference / u", found.in_standard_uncertainties === undefined ? "–" : found.in_standard_uncertainties.toFixed(1), found.significant ? "2 or more: significant" : "below 2: not significant"),
     ),
-    h("p", { class: "small muted" }, found.common.length ? `Cancels, since it is the same error in both: ${found.common.join(", ")}.` : "They share no error: both uncertainties count in full."),
+    h("p", { class: "small muted" }, found.common.length ? `Errors common to both cancel: ${found.common.join(", ")}.` : "No common errors: both uncertainties count in full."),
   ];
 });
 
@@ -37,7 +37,7 @@ for (const [place, index] of [["old", 0], ["new", 1]]) {
 
 async function mapOf(found, place) {
   const title = h("h3", {}, h("a", { href: `/measurements/${found.id}` }, found.filename), h("span", { class: "muted" }, ` ${found.taken_at ? day(found.taken_at) : ""}`));
-  if (!found.links.map_tif) return [title, empty("Without a map", "Measure the frame again with a map to see it here.")];
+  if (!found.links.map_tif) return [title, empty("No map", "Measure the frame again with a map to see it here.")];
   const map = await loadMap(found, await get(found.links.frame));
   views[place] = new MapView(map, { region: found.region, grid: found.grid, name: `Map of ${found.filename}` });
   fill(byId("map-tools"), scaleTools(Object.values(views)));

@@ -1,7 +1,7 @@
-"""All versions made with something that turned out wrong: found by what they recorded, revoked as one.
+"""Recalls: all versions with a common cause, found by their recorded inputs and revoked together.
 
-A version's own inputs say by which meters, under which certificates and with which software it was made: what
-has been replaced since does not hide it.
+The inputs of a version record its meters, their certificates and the software. A later replacement of any of
+these does not hide the version.
 """
 
 import json
@@ -16,14 +16,14 @@ from store.errors import Conflict
 from store.impact import Touched, list_touched
 from store.publications import revoke
 from store.queries.calibrations import Standing, standings
-from store.tables import AuditEntry, Calibration, Camera, Campaign, Meter, Purge, Reading
+from store.tables import AuditEntry, Calibration, Camera, Campaign, Meter, Reading, Recall
 
 _ENGRAVED = ("kind", "make", "model", "serial")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Condemned:
-    """A version that a purge finds, how it stands, and the measurements that lose it."""
+    """A version found by a recall, its status, and the measurements made with it."""
 
     calibration: Calibration
     camera: Camera
@@ -32,7 +32,7 @@ class Condemned:
 
 
 def find_versions(session: Session, organisation_id: str, cause: dict[str, str]) -> list[str]:
-    """The ids of every version made with the cause, drafts and revoked ones too, in order."""
+    """Return the ids of all versions made with the cause, drafts and revoked versions included, in order."""
     ((kind, value),) = cause.items()
     mine = select(Calibration.id).where(Calibration.organisation_id == organisation_id)
     match kind:
@@ -47,42 +47,42 @@ def find_versions(session: Session, organisation_id: str, cause: dict[str, str])
             return sorted(session.scalars(mine.where(Calibration.campaign_id.in_(_recorded_by(value)))))
 
 
-def propose(session: Session, organisation_id: str, cause: dict[str, str], *, reason: str, by: str) -> Purge:
-    """Write down what the cause finds, for somebody to look at and confirm."""
-    purge = Purge(
+def propose(session: Session, organisation_id: str, cause: dict[str, str], *, reason: str, by: str) -> Recall:
+    """Record the versions that the cause finds, for review and confirmation."""
+    recall = Recall(
         organisation_id=organisation_id,
         cause=cause,
         reason=reason,
         calibration_ids=find_versions(session, organisation_id, cause),
         created_by=by,
     )
-    session.add(purge)
+    session.add(recall)
     session.flush()
-    return purge
+    return recall
 
 
-def confirm(session: Session, purge: Purge, *, by: str) -> None:
-    """Revoke every version of a purge in this transaction; what is confirmed already stays as it is."""
-    session.refresh(purge, with_for_update=True)
-    if purge.confirmed_at is not None:
+def confirm(session: Session, recall: Recall, *, by: str) -> None:
+    """Revoke every version of a recall in this transaction. A confirmed recall is not changed."""
+    session.refresh(recall, with_for_update=True)
+    if recall.confirmed_at is not None:
         return
-    found = find_versions(session, purge.organisation_id, purge.cause)
-    if found != purge.calibration_ids:
-        more, fewer = set(found) - set(purge.calibration_ids), set(purge.calibration_ids) - set(found)
+    found = find_versions(session, recall.organisation_id, recall.cause)
+    if found != recall.calibration_ids:
+        more, fewer = set(found) - set(recall.calibration_ids), set(recall.calibration_ids) - set(found)
         raise Conflict(
-            "purge_outdated",
-            f"The cause finds other versions now than when this was reviewed: {len(more)} more, "
-            f"{len(fewer)} fewer. Propose it anew, and look again.",
+            "recall_outdated",
+            f"The cause now finds other versions than at the review: {len(more)} more, {len(fewer)} fewer. "
+            "Propose the recall again and review it.",
         )
     for calibration in _in_locking_order(session, found):
-        revoke(session, calibration, reason=f"{purge.reason} (purge {purge.id})", by=by)
-    purge.confirmed_by, purge.confirmed_at = by, utc_now()
+        revoke(session, calibration, reason=f"{recall.reason} (recall {recall.id})", by=by)
+    recall.confirmed_by, recall.confirmed_at = by, utc_now()
     session.flush()
 
 
-def review(session: Session, purge: Purge) -> list[Condemned]:
-    """Every version of a purge as it stands now, with what another would make of its measurements."""
-    ids = purge.calibration_ids
+def review(session: Session, recall: Recall) -> list[Condemned]:
+    """Return every version of a recall with its status, and its measurements with their successors."""
+    ids = recall.calibration_ids
     standing = standings(session, ids)
     rows = session.execute(
         select(Calibration, Camera)
@@ -102,7 +102,7 @@ def review(session: Session, purge: Purge) -> list[Condemned]:
 
 
 def _in_locking_order(session: Session, ids: list[str]) -> list[Calibration]:
-    """Two purges that touch the same slots lock them in the same order."""
+    """Return the versions in an order in which concurrent recalls lock the same slots."""
     rows = session.scalars(select(Calibration).where(Calibration.id.in_(ids)))
     return sorted(
         rows,
@@ -111,7 +111,7 @@ def _in_locking_order(session: Session, ids: list[str]) -> list[Calibration]:
 
 
 def _by_meter(session: Session, mine: Select[Any], meter: Meter) -> list[str]:
-    """A campaign that never had a reading of the meter is not looked at: its readings are never deleted."""
+    """Find versions by meter, in the campaigns with a reading of it: readings are never deleted."""
     had_it = select(Reading.campaign_id).where(Reading.meter_id == meter.id)
     rows = session.execute(
         mine.add_columns(Calibration.inputs["meters"]).where(Calibration.campaign_id.in_(had_it))
@@ -132,7 +132,7 @@ def _by_certificate(session: Session, mine: Select[Any], number: str) -> list[st
 
 
 def _recorded_by(recorder: str) -> Select[Any]:
-    """Campaigns that name this recorder, or once did."""
+    """Select the campaigns that name this recorder, or did before."""
     once = select(AuditEntry.subject_id).where(
         AuditEntry.subject_type == "campaign", AuditEntry.after["recorder"].as_string() == recorder
     )
