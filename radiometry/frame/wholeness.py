@@ -20,6 +20,9 @@ _UNWRITTEN_ROWS = 8
 _FEWEST_ROWS = 8
 _EDGE_ROWS = 2
 _LIT_SHARE = 0.75
+# Where damage begins or ends amid the one row that is not empty, so much of it is left at least: a camera may
+# write a counter there.
+_FEWEST_LEFT_PX = 32
 _MOST_GROUPS = 256
 _MOST_BLOCKS = 16
 
@@ -111,6 +114,8 @@ class WholenessCheck:
         self._starts = np.arange(0, spans, dtype=np.intp) * SPAN_PX
         self._empty = np.zeros((height_px, len(self._starts)), bool)
         self._zeros = np.zeros(height_px, np.int64)
+        self._first_lit = np.zeros(height_px, np.intp)
+        self._end_lit = np.full(height_px, self._width, np.intp)
         self._belows = np.zeros(height_px, np.int64)
 
     def add(self, row0: int, samples: NDArray[np.uint16]) -> None:
@@ -122,7 +127,10 @@ class WholenessCheck:
             return
         rows = flat if len(low) == len(flat) else flat[low]
         at = row0 + low
-        self._zeros[at] = np.count_nonzero(rows <= self._lowest, axis=1)
+        lit = rows > self._lowest
+        self._zeros[at] = self._width - np.count_nonzero(lit, axis=1)
+        self._first_lit[at] = lit.argmax(axis=1)
+        self._end_lit[at] = self._width - lit[:, ::-1].argmax(axis=1)
         if self._below > self._lowest:
             self._belows[at] = np.count_nonzero(rows <= self._below, axis=1)
         self._empty[at] = np.maximum.reduceat(rows, self._starts, axis=1) <= self._limit
@@ -146,10 +154,15 @@ class WholenessCheck:
     def _find_empty(self) -> Iterator[EmptyBlock]:
         empty = self._empty
         if self._clipped:
-            found = list(_find_cut_rows(empty, fewest=_FEWEST_ROWS, rendered=self._rendered))
+            rows = _find_black_rows(empty, fewest=_FEWEST_ROWS, rendered=self._rendered)
+            found = [
+                (*run, 0, empty.shape[1])
+                for run in rows
+                if _begins_beside_light(empty, *run) or self._begins_amid_a_row(*run)
+            ]
             if not self._rendered:
-                cut = _find_cut_rows(empty.T, fewest=1, rendered=False)
-                found += [(top, bottom, left, right) for left, right, top, bottom in cut]
+                cols = _find_black_rows(empty.T, fewest=1, rendered=False)
+                found += [(0, self._height, *run) for run in cols if _begins_beside_light(empty.T, *run)]
         else:
             found = list(_find_rows(empty))
         for row0, row_end, span0, span_end in found[:_MOST_BLOCKS]:
@@ -160,6 +173,20 @@ class WholenessCheck:
                 rows=row_end - row0,
                 cols=-(-col_end // self._channels) - col0 // self._channels,
             )
+
+    def _begins_amid_a_row(self, row0: int, row_end: int) -> bool:
+        """Return True if a row beside is lit up to where the damage begins, or from where it ends.
+
+        Only asked of a row beyond which nothing is lit either: any other one has a whole row beside it.
+        """
+        lit = self._width - self._zeros
+        before, after = row0 - 1, row_end
+        alone = before == 0 or (before > 0 and self._empty[before - 1].all())
+        if alone and lit[before] >= max(_FEWEST_LEFT_PX, _LIT_SHARE * self._end_lit[before]):
+            return True
+        alone = after == self._height - 1 or (after < self._height and self._empty[after + 1].all())
+        reach = self._width - self._first_lit[min(after, self._height - 1)]
+        return bool(alone and lit[after] >= max(_FEWEST_LEFT_PX, _LIT_SHARE * reach))
 
     def _end(self, span_end: int) -> int:
         """The last span holds what is left of the row."""
@@ -183,19 +210,19 @@ def _find_rows(empty: NDArray[np.bool_]) -> Iterator[_Box]:
         yield row0, row_end, int(spans[0]), int(spans[-1]) + 1
 
 
-def _find_cut_rows(empty: NDArray[np.bool_], *, fewest: int, rendered: bool) -> Iterator[_Box]:
-    """Find the whole empty rows that begin or end beside light."""
-    height, across = empty.shape
+def _find_black_rows(empty: NDArray[np.bool_], *, fewest: int, rendered: bool) -> Iterator[tuple[int, int]]:
+    """Find the whole empty rows in which a camera's own black is not expected."""
     runs = _find_runs(empty.all(axis=1))
     for row0, row_end in runs:
-        if row_end - row0 < fewest:
-            continue
         # a picture may have been set in black; that it ends in black below alone is another thing
-        if rendered and (row_end < height or runs[0][0] == 0):
-            continue
-        beside = (*empty[max(0, row0 - _EDGE_ROWS) : row0], *empty[row_end : row_end + _EDGE_ROWS])
-        if any(1.0 - row.mean() >= _LIT_SHARE for row in beside):
-            yield row0, row_end, 0, across
+        set_in_black = rendered and (row_end < len(empty) or runs[0][0] == 0)
+        if row_end - row0 >= fewest and not set_in_black:
+            yield row0, row_end
+
+
+def _begins_beside_light(empty: NDArray[np.bool_], row0: int, row_end: int) -> bool:
+    beside = (*empty[max(0, row0 - _EDGE_ROWS) : row0], *empty[row_end : row_end + _EDGE_ROWS])
+    return any(1.0 - row.mean() >= _LIT_SHARE for row in beside)
 
 
 def _find_runs(marked: NDArray[np.bool_] | np.bool_) -> list[tuple[int, int]]:

@@ -111,6 +111,31 @@ def test_zeros_that_begin_beside_light_are_missing_also_where_black_is_zero(slic
     assert _look(_zeroed(_noisy(300, 15), *slices), black=0.0).empty == (block,)
 
 
+@pytest.mark.parametrize("left", [40, 62, 150, 390])
+@pytest.mark.parametrize("at_end", [False, True])
+def test_one_row_cut_in_its_middle_proves_that_the_rest_is_missing(left, at_end):
+    """Of the whole image only a part of its first row is left, or of its last one."""
+    samples = _noisy(300, 15).reshape(-1)
+    samples[slice(0, -left) if at_end else slice(left, None)] = 0
+    block = EmptyBlock(row0=0 if at_end else 1, col0=0, rows=ROWS - 1, cols=COLS)
+    assert _look(samples.reshape(ROWS, COLS), black=0.0).empty == (block,)
+
+
+def test_row_cut_in_its_middle_between_empty_rows():
+    samples = np.zeros(ROWS * COLS, np.uint16)
+    samples[50 * COLS : 50 * COLS + 150] = 300
+    assert len(_look(samples.reshape(ROWS, COLS), black=0.0).empty) == 1
+
+
+@pytest.mark.parametrize("row", [0, ROWS - 1])
+@pytest.mark.parametrize("cols", [slice(0, 16), slice(120, 280), slice(0, 300, 150)])
+def test_marks_in_a_border_row_of_a_black_frame_are_no_cut(row, cols):
+    """A camera's counter, a defect amid the row, and single hot pixels."""
+    dark = np.zeros((ROWS, COLS), np.uint16)
+    dark[row, cols] = 50
+    assert _look(dark, black=0.0).empty == ()
+
+
 def test_dark_noise_that_ends_at_once_is_cut_off():
     """A dark frame of a camera without black level: noise above, nothing at all below."""
     dark = _noisy(1.0, 2.0)
