@@ -23,7 +23,7 @@ _UNTOLD = "nobody has said what is photographed: describe the board in the campa
 
 def make_params(session: Session, campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the method's own)
     """A fit's parameters: what somebody says, what campaign and camera say, and the method's defaults."""
-    kind = methods.describe(campaign.method).params
+    kind = methods.get_method(campaign.method).params
     if campaign.method == "luminance":
         said["panel_rho"] = campaign.surface_reflectance
     if "pixel_pitch_um" in {field.name for field in fields(kind)}:
@@ -32,7 +32,7 @@ def make_params(session: Session, campaign: Campaign, **said: Any) -> Any:  # no
 
 
 def read_params(campaign: Campaign, stored: dict[str, Any]) -> Any:  # noqa: ANN401 (the method's own)
-    return decode(methods.describe(campaign.method).params, stored)
+    return decode(methods.get_method(campaign.method).params, stored)
 
 
 def leave_out_doubtful(params: Any, evidence: Evidence) -> Any:  # noqa: ANN401 (the method's own)
@@ -48,8 +48,7 @@ def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[st
     """What a fit still needs, by name; empty when it can start."""
     return [
         *(() if is_told(campaign) else [_UNTOLD]),
-        *methods.missing(
-            campaign.method,
+        *methods.get_method(campaign.method).missing(
             evidence.frames,
             evidence.readings,
             leave_out_doubtful(params, evidence),
@@ -87,19 +86,19 @@ def write_version(
         version=next_version(session, campaign.camera_id, campaign.method),
         configuration={
             **_configuration(session.get_one(Camera, campaign.camera_id)),
-            **methods.configure(campaign.method, fit),
+            **methods.get_method(campaign.method).configure(fit),
         },
         parameters=parameters,
         inputs=inputs,
         result=_result(fit, evidence),
-        result_schema=methods.describe(campaign.method).schema_version,
+        result_schema=methods.get_method(campaign.method).schema_version,
         software=_software(extractor_of(campaign)),
         content_sha256=content_sha256,
         created_by=by,
     )
     session.add(calibration)
     session.flush()
-    for position, figure in enumerate(methods.list_figures(campaign.method, fit)):
+    for position, figure in enumerate(methods.get_method(campaign.method).list_coefficients(fit)):
         columns = encode(figure) | {"flags": list(figure.flags)}
         session.add(CoefficientRow(calibration_id=calibration.id, position=position, **columns))
     session.flush()

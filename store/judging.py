@@ -26,12 +26,11 @@ class Stock:
 def take_stock(session: Session, campaign: Campaign) -> Stock:
     params = make_params(session, campaign)
     every = gather(session, campaign, applied=True)
-    fitted = gather(session, campaign) if methods.describe(campaign.method).applied_roles else every
+    spec = methods.get_method(campaign.method)
+    fitted = gather(session, campaign) if spec.applied_roles else every
     return Stock(
         missing=list_missing(campaign, fitted, params),
-        advice=list(
-            methods.plan(campaign.method, every.frames, every.readings, leave_out_doubtful(params, every))
-        ),
+        advice=list(spec.plan(every.frames, every.readings, leave_out_doubtful(params, every))),
     )
 
 
@@ -47,7 +46,7 @@ def judge_frames(session: Session, campaign: Campaign) -> dict[str, Verdict]:
     names = {row.id: evidence.names.get(row.id, row.id) for row in rows}
     taken = [_take(row, campaign, names[row.id], regions.get(of_frame[row.id])) for row in rows]
     params = leave_out_doubtful(make_params(session, campaign), evidence)
-    verdicts = methods.judge(campaign.method, taken, evidence.frames, evidence.readings, params)
+    verdicts = methods.get_method(campaign.method).judge(taken, evidence.frames, evidence.readings, params)
     return {row.id: verdicts[names[row.id]] for row in rows}
 
 
@@ -60,8 +59,8 @@ def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdic
 
 def _region(row: FrameRow, campaign: Campaign, drawn: Polygon | None) -> Polygon | None:
     """What is drawn, or the whole of a frame that needs no drawing."""
-    room = methods.describe(campaign.method)
-    if drawn is None and row.header is not None and room.whole_frame and row.role in room.roles:
+    room = methods.get_method(campaign.method)
+    if drawn is None and row.header is not None and room.whole_frame and row.role in room.role_names:
         return whole_frame_of(row)
     return drawn
 
@@ -72,8 +71,8 @@ def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None
 
 
 def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -> Taken:
-    room = methods.describe(campaign.method)
-    drawn_for = room.roles if room.whole_frame else {row.role} - room.applied_roles
+    room = methods.get_method(campaign.method)
+    drawn_for = room.role_names if room.whole_frame else {row.role} - room.applied_role_names
     return Taken(
         frame=name,
         role=row.role,
@@ -84,7 +83,7 @@ def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -
         format=_read_format(row.header),
         region=_region(row, campaign, drawn),
         needs_region=row.role in drawn_for,
-        roles=room.roles | room.applied_roles,
+        roles=room.role_names | room.applied_role_names,
         told=is_told(campaign),
     )
 

@@ -94,7 +94,7 @@ def _figures(certificate: Node, found: Recomputed) -> Iterator[Row]:
     for name in sorted(stated.keys() | result.keys()):
         yield from compare(name, stated.get(name, ABSENT), result.get(name, ABSENT), name)
     method = certificate["method"]
-    figures = [encode(figure) for figure in methods.list_figures(method, found.fit)]
+    figures = [encode(figure) for figure in methods.get_method(method).list_coefficients(found.fit)]
     stored = encode(found.fit)
     coefficients = state_coefficients(method, stored, figures)
     yield from compare("coefficients", certificate["coefficients"], coefficients, "coefficients")

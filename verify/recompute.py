@@ -53,8 +53,8 @@ class Recomputed:
 
 def recompute(certificate: Node, data: Data, decoders: DecoderPool, on_frame: OnFrame) -> Recomputed:
     """Decode, measure and fit again, with the certificate's parameters and the data's frames and readings."""
-    method: methods.Method = certificate["method"]
-    params = decode(methods.describe(method).params, certificate["parameters"])
+    method: str = certificate["method"]
+    params = decode(methods.get_method(method).params, certificate["parameters"])
     regions = {region["sha256"]: region for region in data.regions}
     frames = []
     for number, stated in enumerate(certificate["frames"], start=1):
@@ -62,13 +62,13 @@ def recompute(certificate: Node, data: Data, decoders: DecoderPool, on_frame: On
         on_frame(number, len(certificate["frames"]))
     readings = _readings(method, data)
     try:
-        fit = methods.fit(method, [frame.row for frame in frames if frame.row], readings, params)
+        fit = methods.get_method(method).fit([frame.row for frame in frames if frame.row], readings, params)
     except InputRejected as refusal:
         return Recomputed(params=params, frames=frames, readings=readings, fit=None, trouble=refusal.message)
     return Recomputed(params=params, frames=frames, readings=readings, fit=fit, trouble="")
 
 
-def _readings(method: methods.Method, data: Data) -> list[Any]:
+def _readings(method: str, data: Data) -> list[Any]:
     if method == "reflectance":
         return [
             reflectance.Reading(
@@ -101,8 +101,7 @@ def _read(
             around = Polygon.from_points(region["points"])
             window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
             pixels = decoders.read_window(path, (window.row0, window.col0, window.height, window.width))
-        extracted = methods.extract(
-            certificate["method"],
+        extracted = methods.get_method(certificate["method"]).extract(
             pixels,
             _parts(region),
             header=header,
@@ -129,7 +128,7 @@ def _parts(region: Node) -> list[Region]:
 
 
 def _target(certificate: Node) -> Any:  # noqa: ANN401 (the method's own)
-    kind = methods.describe(certificate["method"]).target
+    kind = methods.get_method(certificate["method"]).target
     return decode(kind, certificate["target"]) if kind and certificate.get("target") else None
 
 
@@ -141,7 +140,7 @@ def _make_row(
     extracted: Extracted[Any],
     around: Polygon,
 ) -> Any:  # noqa: ANN401 (the method's own)
-    kind = methods.describe(certificate["method"]).features
+    kind = methods.get_method(certificate["method"]).features
     evidence = FrameEvidence(
         frame=stated["frame"],
         role=stated["role"],
@@ -152,7 +151,7 @@ def _make_row(
         # by way of JSON, as the service keeps them
         features=decode(kind, encode(extracted.features)) if kind else None,
     )
-    row = methods.make_row(certificate["method"], evidence)
+    row = methods.get_method(certificate["method"]).make_row(evidence)
     if not certificate.get("falloff") or stated["role"] != "light" or exposure is None:
         return row
     if stated["frame"] in {exclusion["frame"] for exclusion in certificate["parameters"]["exclude"]}:

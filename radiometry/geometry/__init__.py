@@ -1,1 +1,44 @@
 """The camera's geometry from pictures of a board: principal distance, principal point, distortion."""
+
+from typing import Final
+
+from radiometry.geometry import method
+from radiometry.geometry.camera import UNITS
+from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
+from radiometry.specification.roles import CHART
+
+__all__ = ["SPEC"]
+
+_LABELS: Final = {
+    "fx_px": "Focal length fx",
+    "fy_px": "Focal length fy",
+    "cx_px": "Principal point cx",
+    "cy_px": "Principal point cy",
+}
+
+SPEC: Final = MethodSpec(
+    name="geometry",
+    label="Geometry",
+    description="Focal length, principal point and distortion, from views of a plane board.",
+    schema_version=1,
+    roles=(CHART,),
+    params=method.Params,
+    result=method.Fit,
+    features=method.Features,
+    target=method.Target,
+    whole_frame=True,
+    manual_exposure=False,
+    coefficients=(
+        *(
+            CoefficientKind(name=name, label=_LABELS.get(name, name), units=(unit,))
+            for name, unit in UNITS.items()
+        ),
+        CoefficientKind(name="rms_px", label="Root mean square residual", units=("px",)),
+    ),
+    extract=method.extract,
+    missing=drop_readings(method.missing),
+    judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
+    plan=drop_readings(method.plan),
+    fit=drop_readings(method.fit),
+    list_coefficients=method.list_figures,
+)

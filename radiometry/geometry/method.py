@@ -23,15 +23,13 @@ from radiometry.geometry.fit import fit_geometry as fit
 from radiometry.geometry.fit import list_figures
 from radiometry.geometry.planning import plan_views as plan
 from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, Point
-from radiometry.geometry.rows import CHART, FrameRow, Params
+from radiometry.geometry.rows import FrameRow, Params
 from radiometry.geometry.target import Target
 from radiometry.geometry.undistortion import Undistorted, require_size, undistort, undistort_frame
 from radiometry.geometry.verdicts import judge_frames
 from radiometry.geometry.views import list_missing as missing
 
 __all__ = [
-    "ROLES",
-    "SCHEMA_VERSION",
     "CameraModel",
     "Coefficient",
     "Coverage",
@@ -56,9 +54,6 @@ __all__ = [
     "undistort",
     "undistort_frame",
 ]
-
-SCHEMA_VERSION = 1
-ROLES = frozenset({CHART})
 
 
 def extract(

@@ -1,11 +1,11 @@
 """What goes into a geometry fit: parameters, and pictures of a board with their corners."""
 
-import math
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.geometry.features import Features
+from radiometry.specification.parameters import check_parameters, parameter
 
 CHART: Final = "chart"
 Window = Literal["fixed", "fitted"]
@@ -16,31 +16,54 @@ FrameRow = FrameEvidence[Features]
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    """What a person may decide about a geometry fit.
+    """Parameters of a geometry fit."""
 
-    ``pixel_pitch_um`` : of the sensor; without it nothing is reported in millimetres and micrometres
-    ``corner_window`` : of a checkerboard; fixed: corners placed as OpenCV's own sample places them; fitted:
-        in a window that keeps clear of neighbours where they are closer than 28 pixels
-    ``fix_aspect_ratio`` : pixels are square, fx = fy; free, the two differ by their noise
-    ``radial_terms`` : how many of k1, k2, k3 are free, the others 0; ``tangential`` : whether p1, p2 are
-    ``reject_above_px`` : a view that fits worse than this (rms) is left out, the worst first, and the others
-        are fitted anew; None keeps every view
-    """
-
-    pixel_pitch_um: float | None = None
-    corner_window: Window = "fixed"
-    fix_aspect_ratio: bool = True
-    radial_terms: RadialTerms = 3
-    tangential: bool = True
-    reject_above_px: float | None = 2.0
+    pixel_pitch_um: float | None = parameter(
+        None,
+        label="Pixel pitch",
+        description="Distance of neighbouring pixels; without it nothing is reported in millimetres and "
+        "micrometres.",
+        unit="um",
+        default_text="the camera's, where it is registered",
+        minimum=0.1,
+        maximum=100.0,
+    )
+    corner_window: Window = parameter(
+        "fixed",
+        label="Window of the corner search",
+        description="For a checkerboard: fixed as OpenCV's own sample places corners, or fitted to keep "
+        "clear of neighbours where they are closer than 28 pixels.",
+        labels={"fixed": "Fixed", "fitted": "Fitted to the spacing"},
+    )
+    fix_aspect_ratio: bool = parameter(
+        default=True,
+        label="Square pixels",
+        description="fx = fy; if free, the two differ by their noise.",
+    )
+    radial_terms: RadialTerms = parameter(
+        3,
+        label="Radial terms",
+        description="How many of k1, k2, k3 are free; the others are 0.",
+        labels={0: "None", 1: "k1", 2: "k1, k2", 3: "k1, k2, k3"},
+    )
+    tangential: bool = parameter(
+        default=True,
+        label="Tangential terms",
+        description="p1 and p2 are free; otherwise they are 0.",
+    )
+    reject_above_px: float | None = parameter(
+        2.0,
+        label="Rejection limit of a view",
+        description="A view with a larger rms residual is rejected, the worst first, and the others are "
+        "fitted again; `none` keeps every view.",
+        unit="px",
+        none_allowed=True,
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1000.0,
+    )
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
-        if self.corner_window not in get_args(Window) or self.radial_terms not in get_args(RadialTerms):
-            raise ValueError(f"an unknown choice: {self}")
-        pitch, limit = self.pixel_pitch_um, self.reject_above_px
-        if pitch is not None and not 0.1 <= pitch <= 100.0:
-            raise ValueError("pixel_pitch_um must lie between 0.1 and 100")
-        if limit is not None and not (math.isfinite(limit) and limit > 0.0):
-            raise ValueError("reject_above_px must be above 0")
+        """Check every parameter against its range and choices."""
+        check_parameters(self)

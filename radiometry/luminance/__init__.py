@@ -1,1 +1,35 @@
 """The parts of the luminance calibration; `radiometry.luminance.method` is its door."""
+
+from typing import Final
+
+from radiometry.fitting.evidence import Extracted
+from radiometry.luminance import method
+from radiometry.specification.method import CoefficientKind, MethodSpec
+from radiometry.specification.roles import DARK, LIGHT
+
+__all__ = ["SPEC"]
+
+SPEC: Final = MethodSpec(
+    name="luminance",
+    label="Luminance",
+    description="The coefficient K, per ISO value, that converts raw signal into cd/m², from lit surfaces "
+    "with a luminance meter's readings, and dark frames.",
+    schema_version=1,
+    roles=(LIGHT, DARK),
+    params=method.Params,
+    result=method.Fit,
+    reference="meter",
+    coefficients=(
+        CoefficientKind(name="luminance_k", label="Luminance K", units=("DN*m2/(cd*s)",)),
+        CoefficientKind(name="dark_signal_dn", label="Dark signal", units=("DN",)),
+    ),
+    extract=lambda frame, regions, **_: Extracted(
+        statistics=method.extract(frame, regions[0].polygon), features=None
+    ),
+    make_row=method.make_row,
+    missing=method.missing,
+    judge=method.judge,
+    plan=method.plan,
+    fit=method.fit,
+    list_coefficients=method.list_figures,
+)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Coefficient, IsoFit, ModelFit, Point
-from radiometry.luminance.rows import MODELS, Params
+from radiometry.luminance.rows import Model, Params
 
 _NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
 
@@ -29,7 +30,7 @@ def fit_series(
     """
     coefficient, chosen = fit_coefficient(series, params, calibration_u_rel=calibration_u_rel)
     curve = _curve(series, params)
-    others = [fit_curve(curve, model=model) if model != params.model else chosen for model in MODELS]
+    others = [fit_curve(curve, model=model) if model != params.model else chosen for model in get_args(Model)]
     points = _points(series, chosen)
     largest = max(abs(point.residual_rel) for point in points if point.residual_rel is not None)
     return IsoFit(

@@ -49,8 +49,6 @@ from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, s
 from radiometry.luminance.verdicts import judge
 
 __all__ = [
-    "ROLES",
-    "SCHEMA_VERSION",
     "AppliedLuminance",
     "Coefficient",
     "Fit",
@@ -72,8 +70,6 @@ __all__ = [
     "plan",
 ]
 
-SCHEMA_VERSION = 1
-ROLES = frozenset({"light", "dark"})
 
 _NONLINEARITY = 0.02
 _IMPLAUSIBLE_RATIO = 4.0

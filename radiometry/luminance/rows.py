@@ -1,58 +1,106 @@
 """What goes into a luminance fit: parameters, frames with their statistics, meter readings."""
 
-import math
 from dataclasses import dataclass
+from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import ChannelStatistics
+from radiometry.specification.parameters import check_parameters, parameter
 
-MODELS = ("proportional", "affine", "power", "semilog")
-CHANNELS = ("green", "grey")
-BASES = ("nominal", "apex")
+Model = Literal["proportional", "affine", "power", "semilog"]
+Signal = Literal["green", "grey"]
+Basis = Literal["nominal", "apex"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    """What a person may decide about a luminance fit. The defaults are the procedure's.
+    """Parameters of a luminance fit. The defaults are the procedure's."""
 
-    ``model`` : proportional | affine | power | semilog: the one whose K is reported; all four are fitted
-    ``tolerance_rel`` : largest |L_fit - L_meter| / L_meter that passes; the procedure asks for 4 %
-    ``channel`` : green | grey, the signal
-    ``exposure_basis`` : nominal | apex, see `radiometry.frame.exposure.Exposure.on_basis`
-    ``meter_repeatability_rel`` : standard uncertainty of one luminance reading apart from the meter's
-        calibration: aim, spot, digits. None: estimated from the scatter between scenes.
-    ``f_number_u_rel`` : standard uncertainty of a marked f-number. 1.5 %: markings are rounded by up to 2.8 %
-        (f/11 for 11.314), which as a rectangular distribution is 2.8 / sqrt(3).
-    ``exposure_time_u_rel`` : standard uncertainty of a marked time, 0.5 %: electronic shutters are timed by a
-        quartz; what is left is the choice of 1/60 or 1/64 s, for which there is the basis.
-    ``panel_rho`` : luminance factor of the target, for the cross-check L = rho E / pi; None where unknown
-    ``vignetting`` : content hash of the vignetting version that the signals are divided by; None: none
-    """
-
-    model: str = "proportional"
-    tolerance_rel: float = 0.04
-    channel: str = "green"
-    exposure_basis: str = "nominal"
-    meter_repeatability_rel: float | None = None
-    f_number_u_rel: float = 0.015
-    exposure_time_u_rel: float = 0.005
-    panel_rho: float | None = None
+    model: Model = parameter(
+        "proportional",
+        label="Model",
+        description="Curve whose K is reported; all four are fitted.",
+        labels={
+            "proportional": "Proportional: N = K X",
+            "affine": "Affine: N = K X + b",
+            "power": "Power: ln N = ln K + g ln X",
+            "semilog": "Semilog: only to reproduce an old report",
+        },
+    )
+    tolerance_rel: float = parameter(
+        0.04,
+        name="tolerance",
+        label="Tolerance",
+        description="Largest |L_fit - L_meter| / L_meter that passes; the procedure asks for 4 %.",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1.0,
+        below_maximum=True,
+    )
+    channel: Signal = parameter(
+        "green",
+        label="Signal",
+        description="Pixels whose mean is the signal of a region.",
+        labels={"green": "Both greens", "grey": "All sites"},
+    )
+    exposure_basis: Basis = parameter(
+        "nominal",
+        label="Exposure values",
+        description="Which values of a file are used for exposure time and f-number.",
+        labels={"nominal": "Nominal (f/11, 1/60 s)", "apex": "APEX (f/11.3, 1/64 s)"},
+    )
+    meter_repeatability_rel: float | None = parameter(
+        None,
+        label="Meter repeatability",
+        description="Relative standard uncertainty of one luminance reading apart from the meter's "
+        "calibration: aim, spot, digits.",
+        default_text="estimated from the scatter between scenes",
+        minimum=0.0,
+        maximum=1.0,
+        below_maximum=True,
+    )
+    f_number_u_rel: float = parameter(
+        0.015,
+        label="Uncertainty of the f-number",
+        description="Relative standard uncertainty of a nominal f-number. Nominal values are rounded by up "
+        "to 2.8 % (f/11 for 11.314), which as a rectangular distribution is 2.8 / sqrt(3) %.",
+        minimum=0.0,
+        maximum=1.0,
+        below_maximum=True,
+    )
+    exposure_time_u_rel: float = parameter(
+        0.005,
+        label="Uncertainty of the exposure time",
+        description="Relative standard uncertainty of a nominal exposure time. Electronic shutters are "
+        "timed by a quartz; what is left is the choice of 1/60 or 1/64 s (parameter exposure_basis).",
+        minimum=0.0,
+        maximum=1.0,
+        below_maximum=True,
+    )
+    panel_rho: float | None = parameter(
+        None,
+        label="Luminance factor of the target",
+        description="rho of the taped surface, for the cross-check L = rho E / pi.",
+        default_text="no cross-check",
+        given_by="campaign",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=1.0,
+    )
     exclude: tuple[Exclusion, ...] = ()
-    vignetting: str | None = None
+    vignetting: str | None = parameter(
+        None,
+        name="vignetting_id",
+        label="Vignetting version",
+        description="Vignetting version that the signals are divided by, or `in_force`: the one in force "
+        "when the light frames were taken. Stored as the version's content hash.",
+        default_text="no correction",
+    )
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
-        shares = (
-            self.tolerance_rel,
-            self.f_number_u_rel,
-            self.exposure_time_u_rel,
-            self.meter_repeatability_rel or 0.0,
-        )
-        if self.model not in MODELS or self.channel not in CHANNELS or self.exposure_basis not in BASES:
-            raise ValueError(f"unknown model, channel or basis: {self}")
-        if not all(math.isfinite(share) and 0.0 <= share < 1.0 for share in shares):
-            raise ValueError(f"a relative uncertainty or tolerance is outside [0, 1): {self}")
+        """Check every parameter against its range and choices."""
+        check_parameters(self)
 
 
 @dataclass(frozen=True, kw_only=True)

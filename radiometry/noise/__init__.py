@@ -1,1 +1,42 @@
 """Noise after EMVA 1288: photon transfer, linearity, dark current and nonuniformity from stacks of frames."""
+
+from typing import Final
+
+from radiometry.noise import method
+from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
+from radiometry.specification.roles import DARK, FLAT, LIGHT
+
+__all__ = ["SPEC"]
+
+SPEC: Final = MethodSpec(
+    name="noise",
+    label="Noise and linearity",
+    description="System gain, read noise, dynamic range and linearity, from pairs of equal frames.",
+    schema_version=1,
+    roles=(FLAT, LIGHT, DARK),
+    params=method.Params,
+    result=method.Fit,
+    features=method.Features,
+    whole_frame=True,
+    coefficients=(
+        CoefficientKind(name="system_gain_dn_per_e", label="System gain", units=("DN/e-",)),
+        CoefficientKind(name="read_noise_e", label="Read noise", units=("e-",)),
+        CoefficientKind(name="read_noise_dn", label="Read noise", units=("DN",)),
+        CoefficientKind(name="full_well_e", label="Saturation capacity", units=("e-",)),
+        CoefficientKind(name="linearity_error_rel", label="Linearity error", units=("1",)),
+        CoefficientKind(name="snr_max", label="Largest signal-to-noise ratio", units=("1",)),
+        CoefficientKind(name="dynamic_range_db", label="Dynamic range", units=("dB",)),
+        CoefficientKind(name="dynamic_range_stops", label="Dynamic range", units=("stops",)),
+        CoefficientKind(name="dark_current_e_per_s", label="Dark current", units=("e-/s",)),
+        CoefficientKind(name="dark_current_dn_per_s", label="Dark current", units=("DN/s",)),
+        CoefficientKind(name="dsnu_e", label="Dark signal nonuniformity", units=("e-",)),
+        CoefficientKind(name="dsnu_dn", label="Dark signal nonuniformity", units=("DN",)),
+        CoefficientKind(name="prnu_rel", label="Photo response nonuniformity", units=("1",)),
+    ),
+    extract=drop_target(method.extract),
+    missing=drop_readings(method.missing),
+    judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
+    plan=drop_readings(method.plan),
+    fit=drop_readings(method.fit),
+    list_coefficients=method.list_figures,
+)

@@ -20,12 +20,10 @@ from radiometry.noise.fit import fit_channel
 from radiometry.noise.planning import plan
 from radiometry.noise.points import collect_stacks, describe_points, list_missing
 from radiometry.noise.results import TRANSFER_EQUATION, ChannelFit, Fit, LevelResult, Point
-from radiometry.noise.rows import DARK, FLAT, LIGHT, Params
+from radiometry.noise.rows import Params
 from radiometry.noise.verdicts import judge
 
 __all__ = [
-    "ROLES",
-    "SCHEMA_VERSION",
     "ChannelFit",
     "Features",
     "Fit",
@@ -41,8 +39,6 @@ __all__ = [
     "plan",
 ]
 
-SCHEMA_VERSION = 1
-ROLES = frozenset({LIGHT, FLAT, DARK})
 
 FIGURES = (
     "system_gain_dn_per_e",

@@ -1,1 +1,37 @@
 """The parts of the reflectance calibration; `radiometry.reflectance.method` is its door."""
+
+from typing import Final
+
+from radiometry.reflectance import method
+from radiometry.specification.method import CoefficientKind, MethodSpec, drop_target
+from radiometry.specification.roles import FIELD, PANEL
+
+__all__ = ["SPEC"]
+
+SPEC: Final = MethodSpec(
+    name="reflectance",
+    label="Reflectance",
+    description="The coefficient K of each band of a multispectral camera with its sunshine sensor, from a "
+    "panel of known reflectance.",
+    schema_version=1,
+    roles=(PANEL,),
+    applied_roles=(FIELD,),
+    params=method.Params,
+    result=method.Fit,
+    features=method.Features,
+    reference="panel",
+    finds_region=True,
+    manual_exposure=False,
+    coefficients=(
+        CoefficientKind(name="reflectance_k", label="Reflectance K", units=("1/s", "1", "sr", "m2*sr*nm/W")),
+    ),
+    extract=drop_target(method.extract),
+    find_region=method.find_region,
+    make_row=method.make_row,
+    missing=method.missing,
+    judge=method.judge,
+    plan=method.plan,
+    fit=method.fit,
+    list_coefficients=method.list_figures,
+    configure=method.configure,
+)

@@ -58,10 +58,7 @@ from radiometry.reflectance.tilt import TiltParams
 from radiometry.reflectance.verdicts import judge, plan
 
 __all__ = [
-    "APPLIED_ROLES",
     "INDICES",
-    "ROLES",
-    "SCHEMA_VERSION",
     "AppliedReflectance",
     "BandFit",
     "BandMap",
@@ -100,10 +97,6 @@ __all__ = [
     "name_bands",
     "plan",
 ]
-
-SCHEMA_VERSION = 1
-ROLES = frozenset({"panel"})
-APPLIED_ROLES = frozenset({"field"})
 
 
 def extract(

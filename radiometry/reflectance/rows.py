@@ -1,8 +1,7 @@
 """What goes into a reflectance fit: parameters, panel frames with features, the panel's reflectances."""
 
-import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame import FrameHeader
@@ -10,6 +9,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.reflectance.features import Features
 from radiometry.reflectance.sunshine import Choice
 from radiometry.reflectance.tilt import TiltParams
+from radiometry.specification.parameters import check_parameters, parameter
 
 Normalisation = Literal["sunshine", "panel_only"]
 Interpolation = Literal["constant", "linear"]
@@ -17,38 +17,60 @@ Interpolation = Literal["constant", "linear"]
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    """What a person may decide about a reflectance fit.
+    """Parameters of a reflectance fit."""
 
-    ``normalisation`` : sunshine: K carries the sunshine sensor's reading, so it holds while the light
-        changes; panel_only: it does not, and K holds for the panel capture's own light
-    ``sunshine_choice`` : mean of a file's valid readings | the last | the nearest to the exposure in time
-    ``interpolation`` : constant: the mean of all panel captures, their drift in u(K); linear: K(t) between
-        them
-    ``incidence_angle_deg`` : between the panel's normal and the sun. The procedure calls it the angle of
-        observation; for a diffuse panel the cosine belongs to the incoming light. 0: the panel lies as the
-        sunshine sensor does, which is the usual way, and both see the same cosine.
-    ``incidence_angle_u_deg`` : its standard uncertainty; 2 degrees is a panel levelled by eye
-    ``tilt`` : corrects the sunshine sensor's own tilt by the sun's position; None, the default, does not
-    """
-
-    normalisation: Normalisation = "sunshine"
-    sunshine_choice: Choice = "mean"
-    interpolation: Interpolation = "constant"
-    incidence_angle_deg: float = 0.0
-    incidence_angle_u_deg: float = 2.0
-    tilt: TiltParams | None = None
+    normalisation: Normalisation = parameter(
+        "sunshine",
+        label="Normalised by",
+        description="With the sunshine sensor K holds while the light changes; by the panel alone K holds "
+        "for the light of the panel capture.",
+        labels={"sunshine": "The sunshine sensor", "panel_only": "The panel alone: holds for one light"},
+    )
+    sunshine_choice: Choice = parameter(
+        "mean",
+        label="Sunshine reading",
+        description="Which of a file's valid readings of the sunshine sensor is used.",
+        labels={"mean": "Mean of the valid ones", "last": "The last", "nearest": "The nearest in time"},
+    )
+    interpolation: Interpolation = parameter(
+        "constant",
+        label="Between panel captures",
+        description="Constant: the mean of all panel captures, with their drift in u(K). Linear: K(t) "
+        "between them.",
+        labels={"constant": "One K", "linear": "K linear in time"},
+    )
+    incidence_angle_deg: float = parameter(
+        0.0,
+        label="Incidence angle",
+        description="Angle between the panel's normal and the sun. The procedure calls it the angle of "
+        "observation; for a diffuse panel the cosine belongs to the incoming light. 0: the panel lies as the "
+        "sunshine sensor does, which is the usual way, and both see the same cosine.",
+        unit="deg",
+        minimum=0.0,
+        maximum=90.0,
+        below_maximum=True,
+    )
+    incidence_angle_u_deg: float = parameter(
+        2.0,
+        label="Uncertainty of the incidence angle",
+        description="Its standard uncertainty; 2 degrees is a panel levelled by eye.",
+        unit="deg",
+        minimum=0.0,
+        maximum=90.0,
+        below_maximum=True,
+    )
+    tilt: TiltParams | None = parameter(
+        None,
+        label="Tilt correction",
+        description="Corrects the sunshine sensor's own tilt by the sun's position; `{}` takes a clear sky "
+        "and a PTFE diffuser.",
+        default_text="no correction",
+    )
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
-        chosen = (
-            self.normalisation in get_args(Normalisation),
-            self.sunshine_choice in get_args(Choice),
-            self.interpolation in get_args(Interpolation),
-        )
-        angles = (self.incidence_angle_deg, self.incidence_angle_u_deg)
-        if not all(chosen) or not all(math.isfinite(angle) and 0.0 <= angle < 90.0 for angle in angles):
-            raise ValueError(f"an unknown choice, or an angle outside [0, 90): {self}")
+        """Check every parameter against its range and choices."""
+        check_parameters(self)
 
 
 @dataclass(frozen=True, kw_only=True)

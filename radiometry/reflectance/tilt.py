@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from radiometry.findings.errors import Code, InputRejected
 from radiometry.reflectance.sun import SunPosition
+from radiometry.specification.parameters import check_parameters, parameter
 
 LOWEST_SUN_DEG = 10.0
 FURTHEST_FROM_SUN_DEG = 80.0
@@ -12,19 +13,26 @@ FURTHEST_FROM_SUN_DEG = 80.0
 
 @dataclass(frozen=True, kw_only=True)
 class TiltParams:
-    """What the sun and the sensor are taken for.
+    """Assumptions about sky and sensor of the tilt correction."""
 
-    ``diffuse_share`` : of the horizontal irradiance, 1/6 under a clear sky
-    ``refractive_index`` : of the sensor's diffuser, 1.38 for PTFE
-    """
-
-    diffuse_share: float = 1.0 / 6.0
-    refractive_index: float = 1.38
+    diffuse_share: float = parameter(
+        1.0 / 6.0,
+        label="Diffuse fraction",
+        description="Diffuse fraction of the horizontal irradiance, 1/6 under a clear sky.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    refractive_index: float = parameter(
+        1.38,
+        label="Refractive index",
+        description="Refractive index of the sensor's diffuser, 1.38 for PTFE.",
+        minimum=1.0,
+        maximum=3.0,
+    )
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
-        if not (0.0 <= self.diffuse_share <= 1.0 and 1.0 <= self.refractive_index <= 3.0):
-            raise ValueError(f"a diffuse share or refractive index that cannot be: {self}")
+        """Check every parameter against its range and choices."""
+        check_parameters(self)
 
 
 @dataclass(frozen=True, kw_only=True)

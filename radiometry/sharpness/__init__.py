@@ -1,1 +1,56 @@
 """Sharpness: the response to slanted edges and Siemens stars, in cycles per pixel."""
+
+from typing import Final
+
+from radiometry.sharpness import method
+from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
+from radiometry.specification.roles import CHART
+
+__all__ = ["SPEC"]
+
+_FREQUENCIES = (
+    ("cycles_per_pixel", "cycles/pixel"),
+    ("lp_per_mm", "lp/mm"),
+    ("lp_per_ph", "LP/PH"),
+    ("lw_per_ph", "LW/PH"),
+)
+
+SPEC: Final = MethodSpec(
+    name="sharpness",
+    label="Sharpness",
+    description="The MTF from slanted edges or Siemens stars, in the centre and towards the corners.",
+    schema_version=1,
+    roles=(CHART,),
+    params=method.Params,
+    result=method.Fit,
+    features=method.Features,
+    target=method.Target,
+    manual_exposure=False,
+    coefficients=(
+        *(
+            CoefficientKind(name=f"mtf50_{name}", label=f"MTF50 in {unit}", units=(unit,))
+            for name, unit in _FREQUENCIES
+        ),
+        *(
+            CoefficientKind(
+                name=f"resolving_power_{name}", label=f"Limiting resolution in {unit}", units=(unit,)
+            )
+            for name, unit in _FREQUENCIES
+        ),
+        CoefficientKind(name="edge_rise_10_90_px", label="Edge rise 10 to 90 %", units=("px",)),
+        CoefficientKind(name="lsf_fwhm_px", label="Width of the line spread function", units=("px",)),
+        CoefficientKind(name="mtf_nyquist", label="MTF at the Nyquist frequency", units=("1",)),
+        CoefficientKind(name="overshoot", label="Overshoot", units=("1",)),
+        CoefficientKind(name="undershoot", label="Undershoot", units=("1",)),
+        CoefficientKind(
+            name="unresolved_diameter_px", label="Diameter of the unresolved disc", units=("px",)
+        ),
+        CoefficientKind(name="corner_falloff", label="Loss towards the corners", units=("1",)),
+    ),
+    extract=method.extract,
+    missing=drop_readings(method.missing),
+    judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
+    plan=drop_readings(method.plan),
+    fit=drop_readings(method.fit),
+    list_coefficients=method.list_figures,
+)

@@ -26,8 +26,6 @@ from radiometry.sharpness.rows import FrameRow, Params, StarCentre, Target
 from radiometry.sharpness.verdicts import judge, plan
 
 __all__ = [
-    "ROLES",
-    "SCHEMA_VERSION",
     "Features",
     "Fit",
     "Params",
@@ -44,9 +42,6 @@ __all__ = [
     "plan",
     "unresolved_diameter",
 ]
-
-SCHEMA_VERSION = 1
-ROLES = frozenset({"chart"})
 
 
 def extract(

@@ -6,6 +6,7 @@ from typing import Literal, get_args
 
 from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.sharpness.features import Features
+from radiometry.specification.parameters import check_parameters, parameter
 
 Kind = Literal["slanted_edge", "siemens_star"]
 ToneCurve = Literal["linear", "srgb", "gamma"]
@@ -62,19 +63,27 @@ class Target:
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    """What a person may decide about a sharpness fit.
+    """Parameters of a sharpness fit."""
 
-    ``pixel_pitch_um`` : of the sensor; without it nothing is said in line pairs per millimetre
-    ``star_contrast`` : at which a star counts as resolved, relative to its contrast far outside
-    """
-
-    pixel_pitch_um: float | None = None
-    star_contrast: float = 0.1
+    pixel_pitch_um: float | None = parameter(
+        None,
+        label="Pixel pitch",
+        description="Distance of neighbouring pixels; without it nothing is reported in line pairs per "
+        "millimetre.",
+        unit="um",
+        default_text="the camera's, where it is registered",
+        minimum=0.1,
+        maximum=100.0,
+    )
+    star_contrast: float = parameter(
+        0.1,
+        label="Contrast at the limiting resolution",
+        description="Contrast at which a star counts as resolved, relative to its contrast far outside.",
+        minimum=0.01,
+        maximum=0.9,
+    )
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        """Hold what cannot be, in sentences for whoever typed it in."""
-        if self.pixel_pitch_um is not None and not 0.1 <= self.pixel_pitch_um <= 100.0:
-            raise ValueError("pixel_pitch_um must lie between 0.1 and 100")
-        if not 0.01 <= self.star_contrast <= 0.9:
-            raise ValueError("star_contrast must lie between 0.01 and 0.9")
+        """Check every parameter against its range and choices."""
+        check_parameters(self)

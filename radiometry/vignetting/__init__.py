@@ -1,1 +1,35 @@
 """The parts of the vignetting calibration; `radiometry.vignetting.method` is its door."""
+
+from typing import Final
+
+from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
+from radiometry.specification.roles import DARK, FLAT
+from radiometry.vignetting import method
+
+__all__ = ["SPEC"]
+
+SPEC: Final = MethodSpec(
+    name="vignetting",
+    label="Vignetting",
+    description="The light falloff of a lens towards the corners, per f-number, from flat fields.",
+    schema_version=1,
+    roles=(FLAT, DARK),
+    params=method.Params,
+    result=method.Fit,
+    features=method.Features,
+    whole_frame=True,
+    coefficients=(
+        CoefficientKind(name="corner_falloff", label="Corner falloff", units=("1",)),
+        CoefficientKind(name="k1", label="k1", units=("1",)),
+        CoefficientKind(name="k2", label="k2", units=("1",)),
+        CoefficientKind(name="k3", label="k3", units=("1",)),
+        CoefficientKind(name="centre_row_px", label="Centre row", units=("px",)),
+        CoefficientKind(name="centre_col_px", label="Centre column", units=("px",)),
+    ),
+    extract=drop_target(method.extract),
+    missing=drop_readings(method.missing),
+    judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
+    plan=drop_readings(method.plan),
+    fit=drop_readings(method.fit),
+    list_coefficients=method.list_figures,
+)

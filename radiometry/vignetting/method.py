@@ -45,12 +45,10 @@ from radiometry.vignetting.results import (
     Spot,
     Threshold,
 )
-from radiometry.vignetting.rows import DARK, FLAT, Params
+from radiometry.vignetting.rows import Params
 from radiometry.vignetting.verdicts import judge
 
 __all__ = [
-    "ROLES",
-    "SCHEMA_VERSION",
     "ChannelFit",
     "Coefficient",
     "Conventions",
@@ -80,9 +78,6 @@ __all__ = [
     "read_residuals",
     "select_channels",
 ]
-
-SCHEMA_VERSION = 1
-ROLES = frozenset({FLAT, DARK})
 
 
 def extract(

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from radiometry.methods import Method
 from service.certificate.texts import describe_method
 from service.schemas.certificates import UsedMeter, UsedPanel
 from store.stating import COVERAGE_FACTOR
@@ -32,7 +31,7 @@ _SUFFICE = (
 _WHOLE = "This certificate may be reproduced only in full."
 
 
-def list_statements(method: Method, vignetting: str) -> list[str]:
+def list_statements(method: str, vignetting: str) -> list[str]:
     """Return the statements that the laboratory makes with every certificate of a method."""
     corrected = f"The signals were corrected for vignetting with {vignetting}."
     return [
@@ -45,7 +44,7 @@ def list_statements(method: Method, vignetting: str) -> list[str]:
     ]
 
 
-def format_traceability(method: Method, meters: Sequence[UsedMeter], panels: Sequence[UsedPanel]) -> str:
+def format_traceability(method: str, meters: Sequence[UsedMeter], panels: Sequence[UsedPanel]) -> str:
     """Return the sentence on the certificates that link the coefficients to their units."""
     match method:
         case "luminance":
@@ -56,7 +55,7 @@ def format_traceability(method: Method, meters: Sequence[UsedMeter], panels: Seq
             return describe_method(method).traceability
 
 
-def format_vignetting(method: Method, content_sha256: str | None) -> str:
+def format_vignetting(method: str, content_sha256: str | None) -> str:
     """Return the vignetting correction of the signals.
 
     ``content_sha256`` : of the vignetting version that the luminance coefficient is valid with

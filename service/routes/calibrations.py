@@ -221,7 +221,7 @@ def _read_params(
     session: Session, body: NewCalibration, campaign: Campaign, evidence: Evidence, caller: Caller
 ) -> Any:  # noqa: ANN401
     said = body.parameters()
-    known = {field.name for field in fields(methods.describe(campaign.method).params)}
+    known = {field.name for field in fields(methods.get_method(campaign.method).params)}
     names = {parameter: name for name, parameter in PARAMETERS.items()}
     foreign = sorted({names.get(name, name) for name in said.keys() - known})
     if foreign:

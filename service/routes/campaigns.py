@@ -126,9 +126,9 @@ def read_roi(body: NewRoi) -> Drawing:
     return Drawing(polygon=polygon, corners=polygon.points)
 
 
-def _read_target(method: methods.Method, said: dict[str, Any] | None) -> dict[str, Any] | None:
+def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | None:
     """What is photographed, as the method wants it said, defaults written out; None: to be said later."""
-    kind = methods.describe(method).target
+    kind = methods.get_method(method).target
     if kind is None and said is None:
         return None
     if kind is None:

@@ -7,13 +7,12 @@ from fastapi import APIRouter, Query, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy import RowMapping
 
-from radiometry.methods import Method
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem
 from service.routes import problems
-from service.schemas.base import BandName, Form, Instant, PositiveText, Text, rfc3339
+from service.schemas.base import BandName, Form, Instant, Method, PositiveText, Text, rfc3339
 from service.schemas.calibrations import (
     Coefficient,
     CoefficientInForce,

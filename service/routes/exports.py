@@ -14,7 +14,6 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from radiometry.geometry import method as geometry
-from radiometry.methods import Method
 from radiometry.vignetting import method as vignetting
 from service.auth import Caller, Reader
 from service.context import UsesContext
@@ -29,7 +28,7 @@ from store.tables import Calibration, Camera
 
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
 
-EXPORTS: dict[Method, tuple[str, ...]] = {
+EXPORTS: dict[str, tuple[str, ...]] = {
     "vignetting": ("lensfun.xml", "dng.json", "correction.tif", "residuals.tif"),
     "geometry": ("opencv.yaml", "ros.yaml", "camera.json"),
 }
@@ -185,7 +184,7 @@ def get_camera_json(calibration_id: Id, request: Request, caller: Reader, contex
     return _send(request, calibration, text, "application/json")
 
 
-def _owned(session: Session, calibration_id: str, caller: Caller, method: Method) -> Calibration:
+def _owned(session: Session, calibration_id: str, caller: Caller, method: str) -> Calibration:
     calibration = owned(session, Calibration, calibration_id, caller)
     if calibration.method != method:
         known = EXPORTS.get(calibration.method, ())

@@ -9,14 +9,13 @@ from radiometry.fleet.determinations import Determination
 from radiometry.fleet.drift import judge_drift
 from radiometry.fleet.meaning import PERCENT, give_meaning, main_unit
 from radiometry.fleet.verdict import judge_fleet
-from radiometry.methods import Method
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem, invalid
 from service.routes import problems
 from service.routes.tools import stateless
-from service.schemas.base import PositiveText
+from service.schemas.base import Method, PositiveText
 from service.schemas.drift import DriftAnswer
 from service.schemas.fleet import FleetVerdictAnswer, NewFleetVerdict
 from store.queries.fleet import list_determinations

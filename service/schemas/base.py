@@ -2,7 +2,7 @@
 
 import re
 from datetime import date, datetime
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from fastapi.responses import JSONResponse
 from pydantic import (
@@ -20,6 +20,8 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from radiometry.frame.multispectral import name_band
+from radiometry.methods import METHODS
+from radiometry.specification.roles import ROLES
 from service.wording import SHA256
 
 # a NUL cannot be stored in PostgreSQL, and no honest name holds a control character
@@ -38,6 +40,13 @@ Positive = Annotated[Number, Field(gt=0, lt=1e9)]
 PositiveText = Annotated[float, Field(gt=0, lt=1e9)]
 """The same in an address, where everything is text."""
 PixelPitch = Annotated[Number, Field(ge=0.1, le=100, description="Distance of neighbouring pixels.")]
+
+if TYPE_CHECKING:
+    Method = str
+    FrameRole = str
+else:
+    Method = Literal[tuple(spec.name for spec in METHODS)]
+    FrameRole = Literal[tuple(role.name for role in ROLES)]
 
 _ISO_DAY = re.compile(r"\d{4}-\d\d-\d\d", re.ASCII)
 

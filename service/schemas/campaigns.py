@@ -4,13 +4,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from radiometry.methods import Method
-from service.schemas.base import Answer, Form, Instant, LongText, Number, Text
+from service.schemas.base import Answer, Form, FrameRole, Instant, LongText, Method, Number, Text
 from store.judging import Stock
 from store.queries.campaigns import Counts
 from store.tables import Campaign, Reading, Roi
 
-Role = Literal["light", "dark", "flat", "panel", "chart", "field"]
+Role = FrameRole
 Coordinate = Annotated[Number, Field(ge=-1e6, le=1e6)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Reflectance = Annotated[Number, Field(gt=0, le=1)]

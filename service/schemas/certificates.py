@@ -5,8 +5,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from radiometry.methods import Method
-from service.schemas.base import Answer, Instant
+from service.schemas.base import Answer, Instant, Method
 from service.schemas.calibrations import Gap, State
 from service.schemas.equipment import Certificate as MeterCertificate
 from service.schemas.equipment import Lens

@@ -6,8 +6,7 @@ from pydantic import ConfigDict, Field
 
 from radiometry.fleet.determinations import Determination, LeftOut
 from radiometry.fleet.drift import Drift
-from radiometry.methods import Method
-from service.schemas.base import Answer, Instant, Quantity
+from service.schemas.base import Answer, Instant, Method, Quantity
 from service.schemas.fleet import PARAMETER_EXAMPLE, Parameter, ToleranceMeant, VersionLeftOut
 from store.tables import Camera
 

@@ -7,8 +7,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 from radiometry.fleet.determinations import Determination, Key, LeftOut
 from radiometry.fleet.results import Effect, FleetVerdict, ParameterVerdict
 from radiometry.fleet.verdicts import Outcome
-from radiometry.methods import Method
-from service.schemas.base import Answer, Form, Positive, Quantity, Text
+from service.schemas.base import Answer, Form, Method, Positive, Quantity, Text
 from service.wording import AS_NUMBER, BY_NAME
 from store.tables import Camera
 

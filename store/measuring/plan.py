@@ -7,7 +7,6 @@ from typing import Any
 from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
-from radiometry import methods
 from radiometry.findings.errors import Code, InputRejected
 from radiometry.findings.flags import Flag
 from radiometry.frame.proof import Proof
@@ -88,9 +87,9 @@ def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Capt
     return captures.find(frame, reflectance.name_bands(asked.index)[0])
 
 
-def _refuse_foreign_options(method: methods.Method, asked: Asked) -> None:
+def _refuse_foreign_options(method: str, asked: Asked) -> None:
     """What only another method could do is said, not left out in silence."""
-    options: dict[methods.Method, dict[str, object]] = {
+    options: dict[str, dict[str, object]] = {
         "luminance": {"grid": asked.grid, "reflectance": asked.reflectance},
         "reflectance": {"incidence_angle_deg": asked.incidence_angle_deg, "index": asked.index},
         "geometry": {},
@@ -194,7 +193,7 @@ def read_request(parameters: dict[str, Any]) -> Request:
     )
 
 
-def _require_read(frame: FrameRow, method: methods.Method) -> None:
+def _require_read(frame: FrameRow, method: str) -> None:
     if frame.state == "refused":
         raise InputRejected(
             Code.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"

@@ -40,8 +40,8 @@ def gather(session: Session, campaign: Campaign, *, applied: bool = False) -> Ev
 
     ``applied``: those too that no fit sees, which are only judged and measured.
     """
-    room = methods.describe(campaign.method)
-    roles = room.roles | room.applied_roles if applied else room.roles
+    room = methods.get_method(campaign.method)
+    roles = room.role_names | room.applied_role_names if applied else room.role_names
     rows = list(
         session.scalars(
             select(FrameRow)
@@ -58,8 +58,7 @@ def gather(session: Session, campaign: Campaign, *, applied: bool = False) -> Ev
     reference: Reference = find_reference(session, campaign, read)
     return Evidence(
         frames=[
-            methods.make_row(
-                campaign.method,
+            methods.get_method(campaign.method).make_row(
                 _describe_frame(
                     campaign, row, names[row.id], regions[row.id], current.get(row.id), statistics
                 ),
@@ -116,7 +115,7 @@ def _describe_frame(
     extraction: Extraction | None,
     statistics: dict[str, list[ChannelStatistics]],
 ) -> FrameEvidence[Any]:
-    room = methods.describe(campaign.method)
+    room = methods.get_method(campaign.method)
     features = extraction.features if extraction else None
     return FrameEvidence(
         frame=name,

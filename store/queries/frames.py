@@ -85,11 +85,11 @@ def extractor_of(campaign: Campaign) -> str:
 
 def is_told(campaign: Campaign) -> bool:
     """Whether what is photographed has been said, where the method must know."""
-    return campaign.target is not None or methods.describe(campaign.method).target is None
+    return campaign.target is not None or methods.get_method(campaign.method).target is None
 
 
-def name_extractor(method: methods.Method, target: Json | None) -> str:
-    if methods.describe(method).features is None:
+def name_extractor(method: str, target: Json | None) -> str:
+    if methods.get_method(method).features is None:
         return EXTRACTOR
     text = json.dumps(target, sort_keys=True) if target else ""
     told = f"+{hashlib.sha256(text.encode()).hexdigest()[:16]}" if text else ""
@@ -105,7 +105,7 @@ def current_roi(session: Session, frame: FrameRow, campaign: Campaign) -> Roi | 
 def region_ids(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> dict[str, str | None]:
     """The region that holds for each frame now, by the frame's id; None where there is none yet."""
     ids = {frame.id: frame.roi_id or campaign.roi_id for frame in frames}
-    if campaign.roi_id is not None or not methods.describe(campaign.method).whole_frame:
+    if campaign.roi_id is not None or not methods.get_method(campaign.method).whole_frame:
         return ids
     keys = {frame.id: whole_frame_of(frame).sha256 for frame in frames if frame.header is not None}
     rois = session.execute(

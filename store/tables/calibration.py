@@ -5,7 +5,6 @@ from datetime import datetime
 from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from radiometry.methods import Method
 from store.columns import UtcDateTime, new_id, utc_now
 from store.tables.base import Audited, AuditedTogether, Base, Json
 
@@ -25,7 +24,7 @@ class Calibration(Audited, Base):
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     camera_id: Mapped[str] = mapped_column(ForeignKey("camera.id"))
     campaign_id: Mapped[str] = mapped_column(ForeignKey("campaign.id"))
-    method: Mapped[Method] = mapped_column(String)
+    method: Mapped[str] = mapped_column(String)
     version: Mapped[int]
     configuration: Mapped[Json]
     parameters: Mapped[Json]

@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from radiometry.methods import Method
 from store.blobs.errors import Damage
 from store.columns import UtcDateTime, new_id, utc_now
 from store.tables.base import Audited, AuditedTogether, Base, Json
@@ -21,7 +20,7 @@ class Campaign(Audited, Base):
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("cmp"))
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     camera_id: Mapped[str] = mapped_column(ForeignKey("camera.id"), index=True)
-    method: Mapped[Method] = mapped_column(String)
+    method: Mapped[str] = mapped_column(String)
     project_number: Mapped[str | None]
     recorder: Mapped[str | None]
     customer: Mapped[str | None]

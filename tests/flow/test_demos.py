@@ -14,7 +14,7 @@ def go(method, team, folder):
     return play(method, stage)
 
 
-@pytest.mark.parametrize("method", [method for method in METHODS if method != "luminance"])
+@pytest.mark.parametrize("method", [spec.name for spec in METHODS if spec.name != "luminance"])
 def test_the_truth_is_found(embedded, method, tmp_path, capsys):
     with embedded.team() as team:
         assert go(method, team, tmp_path), capsys.readouterr().out

@@ -1,6 +1,6 @@
-"""The list of methods forwards, and nothing else."""
+"""The specifications of the methods, and what luminance makes of frames and fits."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,34 +10,27 @@ from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, Opcode
 from radiometry.frame.roi import Polygon
 from radiometry.luminance import method as luminance
-from tests.radiometry.evidence import taken
 from tests.radiometry.frame.test_acceptance import HEADER
 
 POLYGON = Polygon.from_points([(0, 0), (4, 0), (4, 4), (0, 4)])
 
 
-@pytest.mark.parametrize("method", methods.METHODS)
-def test_every_method_is_described(method):
-    room = methods.describe(method)
-    assert room.schema_version >= 1
-    assert room.roles
-    assert room.params() == room.params(exclude=())
-
-
-def test_luminance_is_forwarded(drawn):
-    params = luminance.Params()
-    assert methods.missing("luminance", (), (), params) == luminance.missing((), (), params)
-    assert methods.plan("luminance", drawn.rows, drawn.readings, params) == luminance.plan(
-        drawn.rows, drawn.readings, params
-    )
-    frames = [taken(row) for row in drawn.rows]
-    assert methods.judge("luminance", frames, drawn.rows, drawn.readings, params) == luminance.judge(
-        frames, drawn.rows, drawn.readings, params
-    )
-    fit = methods.fit("luminance", drawn.rows, drawn.readings, params)
-    assert fit == luminance.fit(drawn.rows, drawn.readings, params)
-    assert methods.list_figures("luminance", fit) == luminance.list_figures(fit)
-    assert methods.configure("luminance", fit) == {}
+@pytest.mark.parametrize("spec", methods.METHODS, ids=lambda spec: spec.name)
+def test_a_specification_is_complete(spec):
+    assert spec.schema_version >= 1
+    assert spec.label
+    assert spec.description.endswith(".")
+    assert spec.roles
+    assert spec.params() == spec.params(exclude=())
+    stated = {each.field for each in spec.parameters}
+    assert stated == {field.name for field in fields(spec.params)} - {"exclude"}
+    assert len({each.name for each in spec.parameters}) == len(spec.parameters)
+    for each in spec.parameters:
+        assert each.label
+        assert each.description.endswith((".", "%."))
+        assert each.default is not None or each.default_text
+        assert not each.choices or each.default in {choice.value for choice in each.choices}
+    assert len({each.name for each in spec.coefficients}) == len(spec.coefficients)
 
 
 def test_extraction_is_forwarded():
@@ -51,8 +44,8 @@ def test_extraction_is_forwarded():
         black_level_dn=(0.0,),
         white_level_dn=(4095.0,),
     )
-    extracted = methods.extract(
-        "luminance", frame, [Region(name="", polygon=POLYGON)], header=HEADER, exposure=None
+    extracted = methods.get_method("luminance").extract(
+        frame, [Region(name="", polygon=POLYGON)], header=HEADER, exposure=None
     )
     assert extracted == Extracted(statistics=luminance.extract(frame, POLYGON), features=None)
 
@@ -73,7 +66,7 @@ def test_a_row_of_luminance_names_its_gain_maps_alone(drawn):
         features=None,
         has_region=False,
     )
-    made = methods.make_row("luminance", evidence)
+    made = methods.get_method("luminance").make_row(evidence)
     assert made == replace(row, rendered=True, gain_maps=("a" * 64,), has_region=False)
 
 

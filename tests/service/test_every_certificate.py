@@ -23,7 +23,7 @@ from tests.support.every_method import (
     register_panel,
 )
 
-OTHERS = [method for method in methods.METHODS if method != "luminance"]
+OTHERS = [spec.name for spec in methods.METHODS if spec.name != "luminance"]
 # with a point, and no part of a name, a version or a date
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
 
@@ -69,7 +69,7 @@ def test_it_carries_what_the_version_rests_on(sqlite_house, version_of, certific
         stored = {each["channel"]: each["mean_dn"] for each in row["statistics"]}
         assert {each["channel"]: each["mean_dn"] for each in frame["statistics"]} == stored
     columns = {column.name for column in describe_method(method).columns}
-    assert columns <= getattr(methods, method).Point.__dataclass_fields__.keys()
+    assert columns <= methods.get_method(method).point.__dataclass_fields__.keys()
     assert certificate["traceability"]
     assert certificate["checklist"] == {"items": []}
 

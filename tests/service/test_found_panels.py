@@ -1,5 +1,7 @@
 """A panel with a code needs no drawing: five real frames without a region, and what people draw beside it."""
 
+from dataclasses import replace
+
 import pytest
 
 from radiometry import methods
@@ -124,14 +126,14 @@ def test_a_region_drawn_later_takes_the_found_one_s_place(sqlite_house):
 
 def test_a_region_drawn_while_the_code_is_looked_for_stays(sqlite_house, monkeypatch):
     """Somebody draws between the worker's first look at the frame and the end of its work."""
-    look, drawn = methods.find_region, []
+    spec, drawn = methods.get_method("reflectance"), []
 
     def draw(*args, **kwargs):
         drawn.append(put(sqlite_house, f"/v1/frames/{frame['id']}/roi", DRAWN))
-        return look(*args, **kwargs)
+        return spec.find_region(*args, **kwargs)
 
     frame = send(sqlite_house, start(sqlite_house), "blue")
-    monkeypatch.setattr(methods, "find_region", draw)
+    monkeypatch.setattr(methods, "get_method", lambda _: replace(spec, find_region=draw))
     between = read(sqlite_house, frame)
     assert len(drawn) == 1
     assert (between["roi_id"], between["roi_origin"]) == (drawn[0]["roi_id"], "drawn")

@@ -13,7 +13,7 @@ from tests.support.every_method import make_version
 from tests.support.house import House
 from tests.verify.changing import change, nudge, run
 
-OTHERS = [method for method in methods.METHODS if method != "luminance"]
+OTHERS = [spec.name for spec in methods.METHODS if spec.name != "luminance"]
 
 
 @pytest.fixture(autouse=True)

@@ -113,7 +113,7 @@ def _copy(session: Session, extraction: Extraction) -> _Extracted:
 
 
 def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -> _Found:
-    frame, room = subject.frame, methods.describe(subject.campaign.method)
+    frame, room = subject.frame, methods.get_method(subject.campaign.method)
     header = decode_header(frame.header) if frame.header else context.decoders.read_header(file)
     acceptance = accept_frame(
         header,
@@ -127,7 +127,7 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
     extracted, region_refused = subject.equal, None
     panel = _find_panel(context, subject, header, file)
     drawn = subject.roi is not None or panel is not None
-    wanted = is_told(subject.campaign) and (drawn or (room.whole_frame and frame.role in room.roles))
+    wanted = is_told(subject.campaign) and (drawn or (room.whole_frame and frame.role in room.role_names))
     if wanted and not subject.done and extracted is None:
         try:
             regions = _regions(subject.roi, panel, header)
@@ -152,11 +152,12 @@ def _find_panel(
     context: Context, subject: _Subject, header: FrameHeader, file: StoredFile
 ) -> FoundPanel | None:
     frame, method = subject.frame, subject.campaign.method
-    room = methods.describe(method)
-    if subject.roi is not None or not room.finds_region or frame.role not in room.roles:
+    room = methods.get_method(method)
+    if subject.roi is not None or not room.finds_region or frame.role not in room.role_names:
         return None
     whole = context.decoders.read_window(file, (0, 0, header.height_px, header.width_px))
-    return methods.find_region(method, whole, header=header)
+    found: FoundPanel | None = methods.get_method(method).find_region(whole, header=header)
+    return found
 
 
 def _measure(
@@ -167,13 +168,12 @@ def _measure(
     exposure: Exposure | None,
     file: StoredFile,
 ) -> _Extracted:
-    room = methods.describe(subject.campaign.method)
+    room = methods.get_method(subject.campaign.method)
     around = Polygon.from_points(subject.roi.points) if subject.roi else regions[0].polygon
     window = bounding_window(around, height_px=header.height_px, width_px=header.width_px)
     pixels = context.decoders.read_window(file, (window.row0, window.col0, window.height, window.width))
     target = subject.campaign.target
-    extracted = methods.extract(
-        subject.campaign.method,
+    extracted = methods.get_method(subject.campaign.method).extract(
         pixels,
         regions,
         header=header,
@@ -229,7 +229,7 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
 
 def _keep_panel(session: Session, frame: FrameRow, campaign: Campaign, panel: FoundPanel) -> Roi | None:
     """Make it the frame's own region, unless somebody has drawn one, or changed the role, meanwhile."""
-    roles = methods.describe(campaign.method).roles
+    roles = methods.get_method(campaign.method).role_names
     if current_roi(session, frame, campaign) is not None or frame.role not in roles:
         return None
     drawing = Drawing(polygon=panel.region, corners=panel.region.points)

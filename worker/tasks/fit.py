@@ -22,7 +22,7 @@ def fit(context: Context, claim: Claim) -> Outcome:
         gathered = gather(session, campaign)
         params = leave_out_doubtful(params, gathered)
         evidence = correct(session, campaign, gathered, params)
-    fitted = methods.fit(campaign.method, evidence.frames, evidence.readings, params)
+    fitted = methods.get_method(campaign.method).fit(evidence.frames, evidence.readings, params)
 
     def store(session: Session) -> dict[str, Any]:
         calibration = write_version(session, campaign, evidence, params, fitted, by=claim.created_by)

@@ -5,12 +5,11 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Response
 from sqlalchemy import select
 
-from radiometry.methods import Method
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem
-from service.schemas.base import Text
+from service.schemas.base import Method, Text
 from service.web.plots.drift import draw_drift
 from service.web.plots.figures import Theme, send_plot
 from service.web.rendering import SignedInPage

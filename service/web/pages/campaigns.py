@@ -39,15 +39,15 @@ def show_campaign(campaign_id: Id, page: SignedInPage, context: UsesContext) -> 
 
 
 def _methods() -> list[dict[str, Any]]:
-    return [_describe(method) for method in methods.METHODS]
+    return [_describe(spec.name) for spec in methods.METHODS]
 
 
-def _describe(method: methods.Method) -> dict[str, Any]:
+def _describe(method: str) -> dict[str, Any]:
     """What the pages must know of a method; its roles as a campaign meets them."""
-    room = methods.describe(method)
+    room = methods.get_method(method)
     return {
         "method": method,
-        "roles": sorted(room.roles | room.applied_roles),
+        "roles": sorted(room.role_names | room.applied_role_names),
         "target": room.target is not None,
         "whole_frame": room.whole_frame,
         "finds_region": room.finds_region,

@@ -1,0 +1,158 @@
+"""The specification of a calibration method: all that the rest of the product may know of it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args, get_type_hints
+
+from radiometry.specification.parameters import Parameter, list_parameters
+from radiometry.specification.roles import Role
+
+Reference = Literal["meter", "panel"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoefficientKind:
+    """A coefficient that a method reports.
+
+    Attributes
+    ----------
+    units : tuple of str
+        Its unit; several if it depends on the camera or on a parameter.
+    """
+
+    name: str
+    label: str
+    units: tuple[str, ...]
+
+
+def _nothing(*_: Any, **__: Any) -> None:  # noqa: ANN401  takes what the function that it replaces takes
+    return None
+
+
+def _same(evidence: Any) -> Any:  # noqa: ANN401  any evidence
+    return evidence
+
+
+def _empty(_: Any) -> Mapping[str, Any]:  # noqa: ANN401  any fit
+    return {}
+
+
+def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function of a method that is not measured against anything, with readings as an argument."""
+
+    def without(rows: Any, readings: Any, params: Any, **named: Any) -> Any:  # noqa: ANN401  the method's own
+        del readings
+        return call(rows, params, **named)
+
+    return without
+
+
+def drop_target(call: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the `extract` of a method that needs no target, with the target as an argument."""
+
+    def without(frame: Any, regions: Any, *, target: Any = None, **named: Any) -> Any:  # noqa: ANN401
+        del target
+        return call(frame, regions, **named)
+
+    return without
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodSpec:
+    """A calibration method.
+
+    Attributes
+    ----------
+    name, label, description : str
+        Name in the API, label on pages, and one sentence: what is calibrated, from what.
+    schema_version : int
+        Version of the form in which parameters and results are stored.
+    roles : tuple of Role
+        Roles of the frames that the fit uses; the first is the default of a frame.
+    applied_roles : tuple of Role
+        Roles of frames that the coefficients are applied to; they are judged beside the others and need
+        no region.
+    params, result : type
+        Frozen dataclasses of the parameters and of the fit. The result has ``points``, each with its
+        ``frame``, and ``flags``.
+    features : type or None
+        Frozen dataclass of what `extract` returns beside statistics, None if statistics are enough.
+    target : type or None
+        Frozen dataclass that describes what is photographed, None if no description is needed.
+    reference : {"meter", "panel"} or None
+        What a campaign is measured against: meter readings of scenes, or a panel's reflectances.
+    coefficients : tuple of CoefficientKind
+        What the method reports, the most looked-for first.
+    whole_frame : bool
+        True if the whole frame is used where no region is drawn.
+    finds_region : bool
+        True if `find_region` looks for the region where none is drawn.
+    manual_exposure : bool
+        True if a camera that chooses its exposure deserves a flag.
+    extract : callable
+        ``(frame, regions, *, header, exposure, target) -> Extracted``. ``exposure`` is None only for a
+        frame of a chart whose file has none. Raises InputRejected.
+    find_region : callable
+        ``(frame, *, header) -> found or None``.
+    make_row : callable
+        ``(evidence) -> row``, a frame in the form that the fit takes.
+    missing : callable
+        ``(rows, readings, params, *, unread) -> tuple of str``, what a fit still needs, by name; ``unread``
+        names frames that have not been read.
+    judge : callable
+        ``(frames, rows, readings, params) -> dict of Verdict`` by the frame's name.
+    plan : callable
+        ``(rows, readings, params) -> tuple of str``, suggestions for a better fit.
+    fit : callable
+        ``(rows, readings, params) -> result``. Raises InputRejected.
+    list_coefficients : callable
+        ``(fitted) -> tuple of Figure``.
+    configure : callable
+        ``(fitted) -> mapping``, what a version holds for beside camera and lens, ready for JSON.
+    """
+
+    name: str
+    label: str
+    description: str
+    schema_version: int
+    roles: tuple[Role, ...]
+    params: type[Any]
+    result: type[Any]
+    coefficients: tuple[CoefficientKind, ...]
+    extract: Callable[..., Any]
+    missing: Callable[..., tuple[str, ...]]
+    judge: Callable[..., Mapping[str, Any]]
+    plan: Callable[..., tuple[str, ...]]
+    fit: Callable[..., Any]
+    list_coefficients: Callable[..., tuple[Any, ...]]
+    applied_roles: tuple[Role, ...] = ()
+    features: type[Any] | None = None
+    target: type[Any] | None = None
+    reference: Reference | None = None
+    whole_frame: bool = False
+    finds_region: bool = False
+    manual_exposure: bool = True
+    find_region: Callable[..., Any] = field(default=_nothing)
+    make_row: Callable[..., Any] = field(default=_same)
+    configure: Callable[..., Mapping[str, Any]] = field(default=_empty)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters of a fit, in the order in which a form shows them."""
+        return list_parameters(self.params)
+
+    @property
+    def point(self) -> type[Any]:
+        """Frozen dataclass of one point of a fit."""
+        point: type[Any] = get_args(get_type_hints(self.result)["points"])[0]
+        return point
+
+    @property
+    def role_names(self) -> frozenset[str]:
+        """Names of the roles that the fit uses."""
+        return frozenset(role.name for role in self.roles)
+
+    @property
+    def applied_role_names(self) -> frozenset[str]:
+        """Names of the roles of frames that the coefficients are only applied to."""
+        return frozenset(role.name for role in self.applied_roles)
