@@ -30,7 +30,7 @@ from service.schemas.certificates import (
 )
 from service.schemas.equipment import CameraAnswer
 from store.codec import drop_absent, encode_statistics
-from store.queries.dossier import Dossier
+from store.queries.calibration_record import CalibrationRecord
 from store.stating import state_budgets, state_coefficients
 from store.tables import Calibration
 
@@ -40,16 +40,16 @@ _SI = {"luminance": "cd/m2", "illuminance": "lx"}
 _MEANINGS = {flag.value: flag.meaning for flag in Flag}
 
 
-def build_certificate(dossier: Dossier) -> CertificateAnswer:
+def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
     """Build the whole document, with the items that it lacks."""
-    row = dossier.calibration
-    meters, panels = describe_meters(dossier), _panels(dossier)
+    row = record.calibration
+    meters, panels = describe_meters(record), _panels(record)
     result, text = drop_absent(row.result), describe_method(row.method)
     vignetting = format_vignetting(row.method, row.parameters.get("vignetting"))
     certificate = CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
-        number=_number(dossier, row),
+        number=_number(record, row),
         calibration_id=row.id,
         content_sha256=row.content_sha256,
         version=row.version,
@@ -57,68 +57,68 @@ def build_certificate(dossier: Dossier) -> CertificateAnswer:
         procedure=text.procedure,
         equation=text.equation,
         configuration=row.configuration,
-        laboratory=Laboratory(name=dossier.organisation.name, address=dossier.organisation.address),
-        item=Item(**CameraAnswer.of(dossier.camera).model_dump(exclude_none=True)),
-        work=describe_work(dossier),
+        laboratory=Laboratory(name=record.organisation.name, address=record.organisation.address),
+        item=Item(**CameraAnswer.of(record.camera).model_dump(exclude_none=True)),
+        work=describe_work(record),
         meters=meters,
         panels=panels,
         traceability=format_traceability(row.method, meters, panels),
-        readings=_readings(dossier),
-        regions=_regions(dossier),
-        frames=[_frame(dossier, used) for used in row.inputs["frames"]],
+        readings=_readings(record),
+        regions=_regions(record),
+        frames=[_frame(record, used) for used in row.inputs["frames"]],
         target=row.inputs.get("target"),
         parameters=drop_absent(row.parameters),
         result=result,
-        coefficients=_coefficients(dossier),
+        coefficients=_coefficients(record),
         budgets=[Budget(**budget) for budget in state_budgets(row.method, row.result)],
         vignetting=vignetting,
         falloff=row.inputs.get("vignetting"),
         flags=[FlagInWords(**flag, meaning=_MEANINGS[flag["flag"]]) for flag in result["flags"]],
-        checklist=_checklist(dossier),
+        checklist=_checklist(record),
         software={**row.software, "extractor": row.inputs["extractor"]},
-        author=_name(dossier, row.created_by),
+        author=_name(record, row.created_by),
         created_at=row.created_at,
-        published=_published(dossier),
-        validity=_validity(dossier),
+        published=_published(record),
+        validity=_validity(record),
         statements=list_statements(row.method, vignetting),
     )
     gaps = [Gap(code=found.code.value, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
 
 
-def _number(dossier: Dossier, version: Calibration) -> str:
-    return f"{dossier.camera.serial}-{version.method}-{version.version}"
+def _number(record: CalibrationRecord, version: Calibration) -> str:
+    return f"{record.camera.serial}-{version.method}-{version.version}"
 
 
-def _name(dossier: Dossier, key_id: str) -> str:
+def _name(record: CalibrationRecord, key_id: str) -> str:
     """Of the key that acted; a process that acted by itself is named as it is."""
-    return dossier.names.get(key_id, key_id)
+    return record.names.get(key_id, key_id)
 
 
-def _panels(dossier: Dossier) -> list[UsedPanel]:
-    return [UsedPanel.model_validate(panel) for panel in dossier.calibration.inputs.get("panels", [])]
+def _panels(record: CalibrationRecord) -> list[UsedPanel]:
+    return [UsedPanel.model_validate(panel) for panel in record.calibration.inputs.get("panels", [])]
 
 
-def _regions(dossier: Dossier) -> list[Region]:
-    inputs = dossier.calibration.inputs
+def _regions(record: CalibrationRecord) -> list[Region]:
+    inputs = record.calibration.inputs
     parts = inputs.get("roi_parts", {})
     return [Region(sha256=key, points=points, parts=parts.get(key)) for key, points in inputs["rois"].items()]
 
 
-def _coefficients(dossier: Dossier) -> list[CertifiedCoefficient]:
-    version = dossier.calibration
+def _coefficients(record: CalibrationRecord) -> list[CertifiedCoefficient]:
+    version = record.calibration
     figures = [
-        {name: getattr(row, name) for name in Figure.__dataclass_fields__} for row in dossier.coefficients
+        {name: getattr(row, name) for name in Figure.__dataclass_fields__} for row in record.coefficients
     ]
     stated = state_coefficients(version.method, version.result, figures)
     return [CertifiedCoefficient(**figure) for figure in stated]
 
 
-def _readings(dossier: Dossier) -> list[UsedReading]:
+def _readings(record: CalibrationRecord) -> list[UsedReading]:
     """Of meters; a panel's reflectances stand with the panel."""
-    if dossier.calibration.method != "luminance":
+    if record.calibration.method != "luminance":
         return []
-    found = zip(dossier.calibration.inputs["readings"], dossier.readings, strict=True)
+    found = zip(record.calibration.inputs["readings"], record.readings, strict=True)
     return [
         UsedReading(
             **used,
@@ -132,8 +132,8 @@ def _readings(dossier: Dossier) -> list[UsedReading]:
     ]
 
 
-def _frame(dossier: Dossier, used: dict[str, Any]) -> UsedFrame:
-    found = dossier.frames[used["sha256"]]
+def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
+    found = record.frames[used["sha256"]]
     return UsedFrame(
         id=found.row.id,
         frame=used["frame"],
@@ -147,14 +147,14 @@ def _frame(dossier: Dossier, used: dict[str, Any]) -> UsedFrame:
         roi_origin="found" if found.panel_found else None,
         panel_serial=found.panel_found,
         warnings=[_MEANINGS[flag] for flag in found.row.warnings if flag in _MEANINGS],
-        **_measured(dossier, found.statistics),
+        **_measured(record, found.statistics),
     )
 
 
-def _measured(dossier: Dossier, statistics: list[ChannelStatistics]) -> dict[str, Any]:
+def _measured(record: CalibrationRecord, statistics: list[ChannelStatistics]) -> dict[str, Any]:
     """The statistics of a frame; of luminance also the signal that entered the fit."""
     stored = {"statistics": [encode_statistics(row) for row in statistics]}
-    version = dossier.calibration
+    version = record.calibration
     if version.method != "luminance":
         return stored
     signal = measure_signal(statistics, channel=version.parameters["channel"])
@@ -165,24 +165,24 @@ def _measured(dossier: Dossier, statistics: list[ChannelStatistics]) -> dict[str
     }
 
 
-def _checklist(dossier: Dossier) -> Checklist:
-    signature = dossier.signature
+def _checklist(record: CalibrationRecord) -> Checklist:
+    signature = record.signature
     return Checklist(
         items=[
             CheckedItem(
                 key=item.key,
                 section=item.section,
                 text=item.text,
-                done_by=_name(dossier, item.done_by) if item.done_by else None,
+                done_by=_name(record, item.done_by) if item.done_by else None,
                 done_at=item.done_at,
                 evidence=item.evidence,
                 note=item.note,
             )
-            for item in dossier.checklist
+            for item in record.checklist
         ],
         signature=Signature(
             name=signature.name,
-            signed_by=_name(dossier, signature.signed_by),
+            signed_by=_name(record, signature.signed_by),
             signed_at=signature.signed_at,
         )
         if signature
@@ -190,25 +190,25 @@ def _checklist(dossier: Dossier) -> Checklist:
     )
 
 
-def _published(dossier: Dossier) -> list[PublishedBy]:
+def _published(record: CalibrationRecord) -> list[PublishedBy]:
     return [
         PublishedBy(
-            by=_name(dossier, act.by),
+            by=_name(record, act.by),
             at=act.publication.known_from,
             valid_from=act.publication.valid_from,
             valid_to=act.publication.valid_to,
             reason=act.publication.reason,
         )
-        for act in dossier.acts
+        for act in record.acts
     ]
 
 
-def _validity(dossier: Dossier) -> Validity:
-    standing, revocation = dossier.standing, dossier.revocation
+def _validity(record: CalibrationRecord) -> Validity:
+    standing, revocation = record.standing, record.revocation
     revoked = None
     if revocation is not None:
         revoked = Revoked(
-            by=_name(dossier, revocation.revoked_by),
+            by=_name(record, revocation.revoked_by),
             at=revocation.revoked_at,
             reason=revocation.reason,
         )
@@ -217,6 +217,6 @@ def _validity(dossier: Dossier) -> Validity:
         valid_from=standing.valid_from,
         valid_to=standing.valid_to,
         superseded_by=standing.superseded_by,
-        superseded_by_number=_number(dossier, dossier.successor) if dossier.successor else None,
+        superseded_by_number=_number(record, record.successor) if record.successor else None,
         revoked=revoked,
     )

@@ -5,13 +5,13 @@ from sqlalchemy.orm import Session
 from service.certificate.document import build_certificate
 from service.problems import HttpCode, Problem
 from service.schemas.calibrations import Gap
-from store.queries.dossier import gather_dossier
+from store.queries.calibration_record import read_calibration_record
 from store.tables import Calibration, Organisation
 
 
 def warn_of_gaps(session: Session, calibration: Calibration) -> list[Gap]:
     """The gaps of a version's certificate; 409 when its organisation publishes nothing that has any."""
-    gaps = build_certificate(gather_dossier(session, calibration)).gaps
+    gaps = build_certificate(read_calibration_record(session, calibration)).gaps
     organisation = session.get_one(Organisation, calibration.organisation_id)
     if gaps and organisation.refuses_incomplete_certificates:
         raise Problem(

@@ -5,13 +5,13 @@ from datetime import date
 
 from service.schemas.certificates import DaysFrom, UsedMeter, Work
 from service.schemas.equipment import Certificate
-from store.queries.dossier import Dossier
+from store.queries.calibration_record import CalibrationRecord
 
 
-def describe_work(dossier: Dossier) -> Work:
+def describe_work(record: CalibrationRecord) -> Work:
     """The campaign's own words, and the days on which it was done."""
-    campaign = dossier.campaign
-    days, days_from = _days(dossier)
+    campaign = record.campaign
+    days, days_from = _days(record)
     return Work(
         campaign_id=campaign.id,
         project_number=campaign.project_number,
@@ -28,12 +28,12 @@ def describe_work(dossier: Dossier) -> Work:
     )
 
 
-def describe_meters(dossier: Dossier) -> list[UsedMeter]:
+def describe_meters(record: CalibrationRecord) -> list[UsedMeter]:
     """Each meter with its certificate of then and the days on which it was read."""
-    campaign_days, _ = _days(dossier)
+    campaign_days, _ = _days(record)
     meters = []
-    for meter in dossier.meters.values():
-        readings = [reading for reading in dossier.readings if reading and reading.meter_id == meter.row.id]
+    for meter in record.meters.values():
+        readings = [reading for reading in record.readings if reading and reading.meter_id == meter.row.id]
         days = [reading.taken_at.date() for reading in readings if reading.taken_at] or campaign_days
         meters.append(
             UsedMeter(
@@ -51,14 +51,14 @@ def describe_meters(dossier: Dossier) -> list[UsedMeter]:
     return meters
 
 
-def _days(dossier: Dossier) -> tuple[list[date], DaysFrom]:
+def _days(record: CalibrationRecord) -> tuple[list[date], DaysFrom]:
     """The days of the readings; else the day the campaign began; else those of the frames' own clock."""
-    taken = [reading.taken_at.date() for reading in dossier.readings if reading and reading.taken_at]
+    taken = [reading.taken_at.date() for reading in record.readings if reading and reading.taken_at]
     if taken:
         return taken, "readings"
-    if dossier.campaign.started_at:
-        return [dossier.campaign.started_at.date()], "campaign"
-    headers = [frame.row.header or {} for frame in dossier.frames.values()]
+    if record.campaign.started_at:
+        return [record.campaign.started_at.date()], "campaign"
+    headers = [frame.row.header or {} for frame in record.frames.values()]
     return list(_read_days(header.get("taken_at") for header in headers)), "frames"
 
 

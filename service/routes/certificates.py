@@ -14,7 +14,7 @@ from service.lookup import Id, owned
 from service.routes import UNCHANGED, problems, sends_stored_file
 from service.schemas.certificates import CertificateAnswer
 from store.files import Files
-from store.queries.dossier import Dossier, gather_dossier
+from store.queries.calibration_record import CalibrationRecord, read_calibration_record
 from store.tables import Calibration
 
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}", tags=["certificates"])
@@ -38,22 +38,22 @@ def get_certificate_pdf(
 ) -> Response:
     """The certificate on paper (PDF/A): the very numbers of certificate.json, with plots and the region."""
     with context.database.reading() as session:
-        dossier = _gather(session, calibration_id, caller)
-    certificate = build_certificate(dossier).dump()
-    pdf = render_pdf(certificate, _draw_preview(dossier, context.files))
+        record = _gather(session, calibration_id, caller)
+    certificate = build_certificate(record).dump()
+    pdf = render_pdf(certificate, _draw_preview(record, context.files))
     name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in certificate["number"])
     return _answer(request, pdf, "application/pdf", {"Content-Disposition": f'inline; filename="{name}.pdf"'})
 
 
-def _gather(session: Session, calibration_id: str, caller: Caller) -> Dossier:
-    return gather_dossier(session, owned(session, Calibration, calibration_id, caller))
+def _gather(session: Session, calibration_id: str, caller: Caller) -> CalibrationRecord:
+    return read_calibration_record(session, owned(session, Calibration, calibration_id, caller))
 
 
-def _draw_preview(dossier: Dossier, files: Files) -> str:
+def _draw_preview(record: CalibrationRecord, files: Files) -> str:
     """The largest frame of something lit that has a preview, with the region in which it was measured."""
-    inputs = dossier.calibration.inputs
+    inputs = record.calibration.inputs
     candidates = [
-        (used, dossier.frames[used["sha256"]].row) for used in inputs["frames"] if used["role"] != "dark"
+        (used, record.frames[used["sha256"]].row) for used in inputs["frames"] if used["role"] != "dark"
     ]
     shown = [(used, row, row.header) for used, row in candidates if row.header and row.preview_sha256]
     if not shown:

@@ -48,7 +48,7 @@ class FrameAsUsed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dossier:
+class CalibrationRecord:
     """``readings``: of each reading in the version's inputs, the row it was; None where no row fits.
 
     ``coefficients``: in the version's order. ``frames``: by content hash. ``names``: of every key that
@@ -72,12 +72,12 @@ class Dossier:
     names: dict[str, str]
 
 
-def gather_dossier(session: Session, calibration: Calibration) -> Dossier:
+def read_calibration_record(session: Session, calibration: Calibration) -> CalibrationRecord:
     """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
     campaign = session.get_one(Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
     standing = standings(session, [calibration.id])[calibration.id]
-    return Dossier(
+    return CalibrationRecord(
         calibration=calibration,
         camera=session.get_one(Camera, calibration.camera_id),
         campaign=campaign,
