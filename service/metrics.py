@@ -10,13 +10,13 @@ from store.blobs import Damage
 from store.jobs import Dependency
 from store.parts import Kind
 from store.parts import State as PartState
-from store.queries.census import Census
+from store.queries.resource_counts import ResourceCounts
 from store.software import read_version
 
 
-def render(census: Census, *, free_bytes: int) -> str:
+def render(counts: ResourceCounts, *, free_bytes: int) -> str:
     """Every state has its line, also where it counts none: a graph then falls to zero, not to nothing."""
-    return "".join(f"{line}\n" for line in (*_lines(census), *_of_this_process(free_bytes)))
+    return "".join(f"{line}\n" for line in (*_lines(counts), *_of_this_process(free_bytes)))
 
 
 def _of_this_process(free_bytes: int) -> Iterator[str]:
@@ -26,50 +26,50 @@ def _of_this_process(free_bytes: int) -> Iterator[str]:
     yield f"stilb_data_free_bytes {free_bytes}"
 
 
-def _lines(census: Census) -> Iterator[str]:
-    yield from _by_state("stilb_jobs", "Jobs by state.", census.jobs, get_args(JobState))
+def _lines(counts: ResourceCounts) -> Iterator[str]:
+    yield from _by_state("stilb_jobs", "Jobs by state.", counts.jobs, get_args(JobState))
     yield from _head(
         "stilb_oldest_queued_job_age_seconds", "How long the job that waits longest has been due."
     )
-    yield f"stilb_oldest_queued_job_age_seconds {census.oldest_queued_s:.3f}"
+    yield f"stilb_oldest_queued_job_age_seconds {counts.oldest_queued_s:.3f}"
     yield from _head("stilb_jobs_due_later", "Queued jobs whose time to be tried again has not come.")
-    yield f"stilb_jobs_due_later {census.due_later}"
+    yield f"stilb_jobs_due_later {counts.due_later}"
     yield from _head("stilb_parts", "Processes by kind and by whether their work goes on.")
     for kind, state in product(get_args(Kind), get_args(PartState)):
-        yield f'stilb_parts{{kind="{kind}",state="{state}"}} {census.parts.get((kind, state), 0)}'
+        yield f'stilb_parts{{kind="{kind}",state="{state}"}} {counts.parts.get((kind, state), 0)}'
     yield from _head("stilb_jobs_failed", "Jobs that failed or were quarantined, by the code of their error.")
-    for code, count in census.failures.items():
+    for code, count in counts.failures.items():
         yield f'stilb_jobs_failed{{code="{code}"}} {count}'
     yield from _head("stilb_jobs_waiting_for", "Queued jobs whose last attempt found this not to serve.")
-    yield from _by_dependency("stilb_jobs_waiting_for", census.waiting_for)
+    yield from _by_dependency("stilb_jobs_waiting_for", counts.waiting_for)
     yield from _head("stilb_workers_without", "Workers that hold jobs back, as this does not serve.")
-    yield from _by_dependency("stilb_workers_without", census.workers_without)
+    yield from _by_dependency("stilb_workers_without", counts.workers_without)
     yield from _head("stilb_worker_sandbox", "Workers by the level of their decoders' sandbox.")
-    for level, count in census.sandboxes.items():
+    for level, count in counts.sandboxes.items():
         yield f'stilb_worker_sandbox{{level="{level}"}} {count}'
-    yield from _by_state("stilb_frames", "Frames by state.", census.frames, get_args(FrameState))
+    yield from _by_state("stilb_frames", "Frames by state.", counts.frames, get_args(FrameState))
     yield from _head("stilb_uploads", "Files that were ever received.")
-    yield f"stilb_uploads {sum(census.frames.values())}"
+    yield f"stilb_uploads {sum(counts.frames.values())}"
     yield from _head("stilb_refusals", "Refused frames by the code of their refusal.")
-    for code, count in census.refusals.items():
+    for code, count in counts.refusals.items():
         yield f'stilb_refusals{{code="{code}"}} {count}'
     yield from _by_state(
         "stilb_damaged_files",
         "Stored files that are not what was uploaded; the same upload heals one.",
-        census.damaged_files,
+        counts.damaged_files,
         get_args(Damage),
     )
     yield from _head(
         "stilb_scrub_age_seconds", "How long ago the stored file was proven whose proof is the oldest."
     )
-    yield f"stilb_scrub_age_seconds {census.proof_age_s:.0f}"
+    yield f"stilb_scrub_age_seconds {counts.proof_age_s:.0f}"
     yield from _head("stilb_stored_bytes", "Size of the files of all frames.")
-    yield f"stilb_stored_bytes {census.stored_bytes}"
+    yield f"stilb_stored_bytes {counts.stored_bytes}"
     yield from _head("stilb_largest_organisation", "The most that any one organisation uses of a quota.")
-    for quota, used in census.largest_organisation.items():
+    for quota, used in counts.largest_organisation.items():
         yield f'stilb_largest_organisation{{quota="{quota}"}} {used}'
     yield from _head("stilb_versions_published", "Calibration versions in force at some time.")
-    yield f"stilb_versions_published {census.versions_published}"
+    yield f"stilb_versions_published {counts.versions_published}"
 
 
 def _head(name: str, meaning: str) -> Iterator[str]:

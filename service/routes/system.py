@@ -14,7 +14,7 @@ from service.routes import problems
 from service.schemas.base import Answer
 from service.stopping import stopping
 from store.parts import Part
-from store.queries.census import take_census
+from store.queries.resource_counts import count_resources
 
 router = APIRouter(tags=["system"])
 
@@ -106,5 +106,5 @@ def get_metrics(context: UsesContext) -> PlainTextResponse:
     """Jobs, frames and versions, counted for Prometheus; the version; the room on the disk."""
     free_bytes = shutil.disk_usage(context.settings.data).free
     with context.database.reading() as session:
-        text = render(take_census(session), free_bytes=free_bytes)
+        text = render(count_resources(session), free_bytes=free_bytes)
     return PlainTextResponse(text, media_type="text/plain; version=0.0.4")

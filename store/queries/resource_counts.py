@@ -14,7 +14,7 @@ from store.tables import FrameRow, Job, Publication, Usage
 
 
 @dataclass(frozen=True, kw_only=True)
-class Census:
+class ResourceCounts:
     jobs: dict[str, int]
     oldest_queued_s: float
     due_later: int
@@ -42,7 +42,7 @@ class Census:
     """The most that any one organisation uses, to be held against the quotas; not which."""
 
 
-def take_census(session: Session) -> Census:
+def count_resources(session: Session) -> ResourceCounts:
     """Jobs and frames by state, and the versions that are in force at some time, over all organisations."""
     in_force = select(func.count(Publication.calibration_id.distinct())).where(
         Publication.known_to.is_(None), Publication.superseded_by.is_(None)
@@ -55,7 +55,7 @@ def take_census(session: Session) -> Census:
             func.coalesce(func.max(Usage.frames), 0),
         )
     ).one()
-    return Census(
+    return ResourceCounts(
         jobs=_count_by(session, Job.state),
         oldest_queued_s=oldest_wait_s(session),
         due_later=session.scalar(due_later) or 0,
