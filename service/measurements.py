@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from service.schemas.base import Text
 from service.schemas.measured import MeasurementAnswer
-from store.queries.calibrations import standings
+from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, FrameRow, Measurement
 
 OfCalibration = Annotated[Text | None, Query(description="Only those made with this version.")]
@@ -22,14 +22,14 @@ def answer_measurements(session: Session, rows: list[Measurement]) -> list[Measu
     wanted = select(Calibration).where(Calibration.id.in_(version_ids))
     versions = {version.id: version for version in session.scalars(wanted)}
     falloff_ids = {named["calibration_id"] for named in corrected.values()}
-    standing = standings(session, sorted({*versions, *falloff_ids}))
+    status = read_version_statuses(session, sorted({*versions, *falloff_ids}))
     return [
         MeasurementAnswer.of(
             row,
             frames[row.frame_id],
             versions[row.calibration_id],
-            standing[row.calibration_id],
-            standing[corrected[row.id]["calibration_id"]] if row.id in corrected else None,
+            status[row.calibration_id],
+            status[corrected[row.id]["calibration_id"]] if row.id in corrected else None,
         )
         for row in rows
     ]

@@ -15,7 +15,7 @@ from store.columns import utc_now
 from store.errors import Conflict
 from store.impact import Touched, list_touched
 from store.publications import revoke
-from store.queries.calibrations import Standing, standings
+from store.queries.calibrations import VersionStatus, read_version_statuses
 from store.tables import AuditEntry, Calibration, Camera, Campaign, Meter, Reading, Recall
 
 _ENGRAVED = ("kind", "make", "model", "serial")
@@ -27,7 +27,7 @@ class Condemned:
 
     calibration: Calibration
     camera: Camera
-    standing: Standing
+    status: VersionStatus
     measurements: list[Touched]
 
 
@@ -83,7 +83,7 @@ def confirm(session: Session, recall: Recall, *, by: str) -> None:
 def review(session: Session, recall: Recall) -> list[Condemned]:
     """Return every version of a recall with its status, and its measurements with their successors."""
     ids = recall.calibration_ids
-    standing = standings(session, ids)
+    status = read_version_statuses(session, ids)
     rows = session.execute(
         select(Calibration, Camera)
         .join(Camera, Camera.id == Calibration.camera_id)
@@ -94,7 +94,7 @@ def review(session: Session, recall: Recall) -> list[Condemned]:
         Condemned(
             calibration=row[0],
             camera=row[1],
-            standing=standing[row[0].id],
+            status=status[row[0].id],
             measurements=list_touched(session, row[0], without=ids),
         )
         for row in rows

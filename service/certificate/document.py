@@ -204,7 +204,7 @@ def _published(record: CalibrationRecord) -> list[PublishedBy]:
 
 
 def _validity(record: CalibrationRecord) -> Validity:
-    standing, revocation = record.standing, record.revocation
+    status, revocation = record.status, record.revocation
     revoked = None
     if revocation is not None:
         revoked = Revoked(
@@ -213,10 +213,10 @@ def _validity(record: CalibrationRecord) -> Validity:
             reason=revocation.reason,
         )
     return Validity(
-        state=standing.state,
-        valid_from=standing.valid_from,
-        valid_to=standing.valid_to,
-        superseded_by=standing.superseded_by,
+        state=status.state,
+        valid_from=status.valid_from,
+        valid_to=status.valid_to,
+        superseded_by=status.superseded_by,
         superseded_by_number=_number(record, record.successor) if record.successor else None,
         revoked=revoked,
     )

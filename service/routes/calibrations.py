@@ -37,7 +37,7 @@ from store.codec import encode
 from store.falloff import choose_falloff
 from store.fitting import leave_out_doubtful, list_missing, make_params
 from store.impact import list_touched
-from store.queries.calibrations import coefficients_of, history, standings
+from store.queries.calibrations import coefficients_of, history, read_version_statuses
 from store.queries.evidence import Evidence, gather
 from store.tables import Calibration, Camera, Campaign, Panel
 
@@ -253,10 +253,8 @@ def _read_params(
 def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> Response:  # noqa: ANN401
     def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
         ids = [row.id for row in found]
-        standing, coefficients = standings(session, ids), coefficients_of(session, ids)
-        return [
-            CalibrationAnswer.of(row, standing[row.id], coefficients[row.id], whole=False) for row in found
-        ]
+        status, coefficients = read_version_statuses(session, ids), coefficients_of(session, ids)
+        return [CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False) for row in found]
 
     return page(
         session,
@@ -271,6 +269,6 @@ def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str
 
 
 def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:
-    standing = standings(session, [calibration.id])[calibration.id]
+    status = read_version_statuses(session, [calibration.id])[calibration.id]
     coefficients = coefficients_of(session, [calibration.id])[calibration.id]
-    return CalibrationAnswer.of(calibration, standing, coefficients, whole=True)
+    return CalibrationAnswer.of(calibration, status, coefficients, whole=True)

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from service.schemas.base import Answer, Form, Instant, LongText, Number, PixelPitch, Text
-from store.queries.calibrations import Standing
+from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, CoefficientRow
 
 IN_FORCE = "in_force"
@@ -248,7 +248,7 @@ class CalibrationAnswer(Answer):
 
     @classmethod
     def of(
-        cls, row: Calibration, standing: Standing, coefficients: list[CoefficientRow], *, whole: bool
+        cls, row: Calibration, status: VersionStatus, coefficients: list[CoefficientRow], *, whole: bool
     ) -> "CalibrationAnswer":
         """``whole``: with points, diagnostics and inputs, which a list leaves out."""
         detail: dict[str, Any] = {}
@@ -257,12 +257,12 @@ class CalibrationAnswer(Answer):
             detail = {"points": result.pop("points", []), "diagnostics": result, "inputs": row.inputs}
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
-            state=standing.state,
+            state=status.state,
             coefficients=[Coefficient.of(c) for c in coefficients],
-            valid_from=standing.valid_from,
-            valid_to=standing.valid_to,
-            superseded_by=standing.superseded_by,
-            revoked_reason=standing.revoked_reason,
+            valid_from=status.valid_from,
+            valid_to=status.valid_to,
+            superseded_by=status.superseded_by,
+            revoked_reason=status.revoked_reason,
             **detail,
         )
 

@@ -19,7 +19,7 @@ from service.schemas.measured_parts import (
     ReflectedAnswer,
     UndistortedAnswer,
 )
-from store.queries.calibrations import Standing
+from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, FrameRow, Measurement
 
 _CORNERS: list[Any] = [[2200, 1600], [3100, 1620], [3160, 2300], [2140, 2290]]
@@ -148,13 +148,13 @@ class MeasurementAnswer(Answer):
         row: Measurement,
         frame: FrameRow,
         calibration: Calibration,
-        standing: Standing,
-        of_vignetting: Standing | None = None,
+        status: VersionStatus,
+        of_vignetting: VersionStatus | None = None,
     ) -> "MeasurementAnswer":
         result, header = row.result, frame.header or {}
         place: dict[str, Any] = {name: header.get(name) for name in _FROM_HEADER}
         flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]]
-        flags += _flags_of(standing) + _flags_of_vignetting(of_vignetting)
+        flags += _flags_of(status) + _flags_of_vignetting(of_vignetting)
         budget = [(share["source"], share["variance_share"]) for share in result.get("budget", [])]
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
@@ -166,9 +166,9 @@ class MeasurementAnswer(Answer):
                 id=calibration.id,
                 version=calibration.version,
                 why=result["why"],
-                state=standing.state,
-                superseded_by=standing.superseded_by,
-                revoked_reason=standing.revoked_reason,
+                state=status.state,
+                superseded_by=status.superseded_by,
+                revoked_reason=status.revoked_reason,
             ),
             region=row.parameters["polygon"],
             region_origin=row.parameters["region_origin"],
@@ -249,24 +249,24 @@ def _links(row: Measurement) -> dict[str, str]:
     return links
 
 
-def _flags_of_vignetting(standing: Standing | None) -> list[FlagAnswer]:
+def _flags_of_vignetting(status: VersionStatus | None) -> list[FlagAnswer]:
     """Only that it was revoked: a K belongs to its own vignetting version, whatever is in force since."""
-    if standing is None or standing.state != "revoked":
+    if status is None or status.state != "revoked":
         return []
-    detail = f"Of vignetting, because: {standing.revoked_reason}."
+    detail = f"Of vignetting, because: {status.revoked_reason}."
     return [FlagAnswer(flag=Flag.CALIBRATION_REVOKED.value, where="", detail=detail)]
 
 
-def _flags_of(standing: Standing) -> list[FlagAnswer]:
+def _flags_of(status: VersionStatus) -> list[FlagAnswer]:
     """What has become of the version since."""
-    match standing.state:
+    match status.state:
         case "draft":
             flag, detail = Flag.CALIBRATION_NOT_PUBLISHED, "It is a draft."
         case "superseded":
-            newer = f"version {standing.successor}" if standing.successor else "another version"
+            newer = f"version {status.successor}" if status.successor else "another version"
             flag, detail = Flag.CALIBRATION_SUPERSEDED, f"By {newer}."
         case "revoked":
-            flag, detail = Flag.CALIBRATION_REVOKED, f"Because: {standing.revoked_reason}."
+            flag, detail = Flag.CALIBRATION_REVOKED, f"Because: {status.revoked_reason}."
         case _:
             return []
     return [FlagAnswer(flag=flag.value, where="", detail=detail)]

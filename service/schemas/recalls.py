@@ -72,17 +72,17 @@ class CondemnedVersion(Answer):
 
     @classmethod
     def of(cls, row: Condemned) -> "CondemnedVersion":
-        camera, standing = row.camera, row.standing
+        camera, status = row.camera, row.status
         return cls(
             calibration_id=row.calibration.id,
             camera_id=camera.id,
             camera=f"{camera.make} {camera.model} {camera.serial}",
             method=row.calibration.method,
             version=row.calibration.version,
-            state=standing.state,
-            in_force=standing.valid_from is not None,
-            valid_from=standing.valid_from,
-            valid_to=standing.valid_to,
+            state=status.state,
+            in_force=status.valid_from is not None,
+            valid_from=status.valid_from,
+            valid_to=status.valid_to,
             measurements=[TouchedMeasurement.of(each) for each in row.measurements],
         )
 

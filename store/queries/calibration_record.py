@@ -8,7 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.frame.statistics import ChannelStatistics
-from store.queries.calibrations import Standing, coefficients_of, standings
+from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.checklist import ChecklistItem, read_checklist, read_signature
 from store.queries.decisions import Act, key_names, list_publishings
 from store.queries.frames import statistics_of
@@ -59,7 +59,7 @@ class CalibrationRecord:
     camera: Camera
     campaign: Campaign
     organisation: Organisation
-    standing: Standing
+    status: VersionStatus
     successor: Calibration | None
     revocation: Revocation | None
     acts: list[Act]
@@ -76,14 +76,14 @@ def read_calibration_record(session: Session, calibration: Calibration) -> Calib
     """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
     campaign = session.get_one(Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
-    standing = standings(session, [calibration.id])[calibration.id]
+    status = read_version_statuses(session, [calibration.id])[calibration.id]
     return CalibrationRecord(
         calibration=calibration,
         camera=session.get_one(Camera, calibration.camera_id),
         campaign=campaign,
         organisation=session.get_one(Organisation, calibration.organisation_id),
-        standing=standing,
-        successor=session.get_one(Calibration, standing.superseded_by) if standing.superseded_by else None,
+        status=status,
+        successor=session.get_one(Calibration, status.superseded_by) if status.superseded_by else None,
         revocation=session.get(Revocation, calibration.id),
         acts=_acts(session, calibration),
         coefficients=coefficients_of(session, [calibration.id])[calibration.id],

@@ -15,7 +15,7 @@ State = Literal["draft", "published", "superseded", "revoked"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing:
+class VersionStatus:
     """What was decided of a version since it was made."""
 
     state: State
@@ -27,7 +27,7 @@ class Standing:
     revoked_reason: str | None = None
 
 
-def standings(session: Session, calibration_ids: list[str]) -> dict[str, Standing]:
+def read_version_statuses(session: Session, calibration_ids: list[str]) -> dict[str, VersionStatus]:
     """How each version stands now."""
     revoked = {
         row.calibration_id: row
@@ -42,34 +42,34 @@ def standings(session: Session, calibration_ids: list[str]) -> dict[str, Standin
     for row in rows:
         published[row.calibration_id].append(row)
     return _name_successors(
-        session, {key: _standing(published[key], revoked.get(key)) for key in calibration_ids}
+        session, {key: _find_status(published[key], revoked.get(key)) for key in calibration_ids}
     )
 
 
-def _name_successors(session: Session, found: dict[str, Standing]) -> dict[str, Standing]:
-    ids = {standing.superseded_by for standing in found.values()} - {None}
+def _name_successors(session: Session, found: dict[str, VersionStatus]) -> dict[str, VersionStatus]:
+    ids = {status.superseded_by for status in found.values()} - {None}
     if not ids:
         return found
     rows = session.execute(select(Calibration.id, Calibration.version).where(Calibration.id.in_(ids)))
     numbers = {row[0]: row[1] for row in rows}
     return {
-        key: replace(standing, successor=numbers.get(standing.superseded_by or ""))
-        for key, standing in found.items()
+        key: replace(status, successor=numbers.get(status.superseded_by or ""))
+        for key, status in found.items()
     }
 
 
-def _standing(rows: list[Publication], revocation: Revocation | None) -> Standing:
+def _find_status(rows: list[Publication], revocation: Revocation | None) -> VersionStatus:
     if revocation is not None:
-        return Standing(state="revoked", revoked_reason=revocation.reason)
+        return VersionStatus(state="revoked", revoked_reason=revocation.reason)
     if not rows:
-        return Standing(state="draft")
+        return VersionStatus(state="draft")
     in_force = [row for row in rows if row.known_to is None]
     superseded_by = next((row.superseded_by for row in reversed(rows) if row.superseded_by), None)
     state: State = "published" if any(row.superseded_by is None for row in in_force) else "superseded"
     if not in_force:
-        return Standing(state=state, superseded_by=superseded_by)
+        return VersionStatus(state=state, superseded_by=superseded_by)
     ends = [row.valid_to for row in in_force]
-    return Standing(
+    return VersionStatus(
         state=state,
         valid_from=min(row.valid_from for row in in_force),
         valid_to=max((end for end in ends if end), default=None) if all(ends) else None,

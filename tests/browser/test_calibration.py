@@ -50,7 +50,7 @@ def draft(night, **params):
 
 def test_what_was_found_stands_there_with_its_uncertainty(shown):
     expect(shown.get_by_role("heading", level=1)).to_have_text("Luminance version 1")
-    expect(shown.locator("#standing")).to_contain_text("published")
+    expect(shown.locator("#version-status")).to_contain_text("published")
     rows = shown.locator("#verdict").get_by_role("row")
     expect(rows).to_have_count(1 + len(ISOS))
     expect(rows.filter(has_text="3200").first).to_contain_text(
@@ -106,7 +106,7 @@ def test_a_point_is_left_out_with_a_reason_and_the_version_before_stays(shown, n
     shown.get_by_role("button", name="Show all").click()
     row = shown.locator("#points").get_by_role("row").filter(has_text=found["frame"])
     expect(row).to_contain_text("somebody walked through the light")
-    expect(shown.locator("#standing")).to_contain_text("draft")
+    expect(shown.locator("#version-status")).to_contain_text("draft")
     expect(shown.locator("#siblings").get_by_role("row").filter(has_text="1 left out").first).to_be_visible()
     # once more, with what was left out kept and another model
     second = shown.url
@@ -141,20 +141,20 @@ def test_what_publishing_changes_is_seen_before_it_is_decided(night_page, night)
     dialog.get_by_label("Until (UTC)").fill("2025-02-01T00:00")
     dialog.get_by_label("Why").fill("a rehearsal")
     dialog.get_by_role("button", name="Publish", exact=True).click()
-    expect(night_page.locator("#standing")).to_contain_text(re.compile("2025-01-01 . 2025-02-01"))
+    expect(night_page.locator("#version-status")).to_contain_text(re.compile("2025-01-01 . 2025-02-01"))
     expect(night_page.locator("#said")).to_contain_text("What its certificate lacks")
     expect(night_page.locator("#history")).to_contain_text("a rehearsal")
     night_page.get_by_role("button", name="Revoke…").click()
     expect(dialog).to_contain_text("No measurement was made with it")
     dialog.get_by_label("Why").fill("it was a rehearsal")
     dialog.get_by_role("button", name="Revoke for good").click()
-    expect(night_page.locator("#standing")).to_contain_text("it was a rehearsal")
+    expect(night_page.locator("#version-status")).to_contain_text("it was a rehearsal")
     expect(night_page.get_by_role("button", name="Publish")).to_have_count(0)
 
 
 def test_the_certificate_and_the_points_can_be_downloaded(shown):
     for name, kind in (("PDF", "application/pdf"), ("JSON", "application/json")):
-        address = shown.locator("#standing").get_by_role("link", name=name).get_attribute("href")
+        address = shown.locator("#version-status").get_by_role("link", name=name).get_attribute("href")
         answer = shown.request.get(address)
         assert (answer.status, answer.headers["content-type"]) == (200, kind)
     with shown.expect_download() as download:

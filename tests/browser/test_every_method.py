@@ -40,7 +40,9 @@ def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(servic
             expect(page.get_by_role("heading", level=1)).to_have_text(f"{method.capitalize()} version 1")
             expect(page.locator("#verdict")).to_be_visible()
             expect(page.locator("#drawn img")).to_be_visible()
-            certificate = page.locator("#standing").get_by_role("link", name="PDF").get_attribute("href")
+            certificate = (
+                page.locator("#version-status").get_by_role("link", name="PDF").get_attribute("href")
+            )
             assert page.request.get(certificate).body().startswith(b"%PDF-")
             expect(page.locator("#points").get_by_role("row")).not_to_have_count(0)
             check_access(page)

@@ -167,7 +167,7 @@ def publish(page: Page) -> None:
     dialog.get_by_label("Why").fill("spring calibration, reviewed by B. Keller")
     passed(page, "procedure-8-publish")
     dialog.get_by_role("button", name="Publish", exact=True).click()
-    expect(page.locator("#standing")).to_contain_text("published")
+    expect(page.locator("#version-status")).to_contain_text("published")
     settle(page)
 
 
@@ -227,7 +227,7 @@ def read_the_map(page: Page) -> None:
 def download_the_certificate(page: Page) -> None:
     page.locator("#with").get_by_role("link").first.click()
     settle(page)
-    certificate = page.locator("#standing").get_by_role("link", name="PDF").get_attribute("href")
+    certificate = page.locator("#version-status").get_by_role("link", name="PDF").get_attribute("href")
     assert page.request.get(certificate).body().startswith(b"%PDF-")
 
 

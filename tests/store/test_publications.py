@@ -10,7 +10,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 from store.columns import utc_now
 from store.errors import Conflict
 from store.publications import in_force, publish, revoke
-from store.queries.calibrations import standings
+from store.queries.calibrations import read_version_statuses
 from store.tables import Calibration, Publication
 from tests.support.versions import add_versions
 
@@ -37,9 +37,9 @@ def held(database, version_id, at, known_at=None):
     return found[0].calibration.version if found else None
 
 
-def standing(database, version_id):
+def status(database, version_id):
     with database.reading() as session:
-        return standings(session, [version_id])[version_id]
+        return read_version_statuses(session, [version_id])[version_id]
 
 
 def test_validity_is_half_open(database):
@@ -53,10 +53,10 @@ def test_a_newer_version_takes_over_from_its_start(database):
     decide(database, one, JAN)
     decide(database, two, JUN)
     assert [held(database, one, at) for at in (MAR, JUN - TICK, JUN, SEP)] == [1, 1, 2, 2]
-    assert standing(database, one).state == "superseded"
-    assert standing(database, one).superseded_by == two
-    assert standing(database, one).valid_to == JUN
-    assert standing(database, two).state == "published"
+    assert status(database, one).state == "superseded"
+    assert status(database, one).superseded_by == two
+    assert status(database, one).valid_to == JUN
+    assert status(database, two).state == "published"
 
 
 def test_what_was_published_before_the_clock_was_set_back_is_in_force(database, monkeypatch):
@@ -74,9 +74,9 @@ def test_a_version_between_interrupts_without_superseding(database):
     decide(database, one, JAN)
     decide(database, two, MAR, JUN)
     assert [held(database, one, at) for at in (JAN, MAR, JUN)] == [1, 2, 1]
-    assert standing(database, one).state == "published"
-    assert standing(database, one).superseded_by is None
-    assert standing(database, one).valid_to is None
+    assert status(database, one).state == "published"
+    assert status(database, one).superseded_by is None
+    assert status(database, one).valid_to is None
 
 
 def test_as_known_then_shows_what_was_said_then(database):
@@ -97,7 +97,7 @@ def test_revoking_leaves_a_gap_and_is_for_good(database):
     decide(database, two, MAR)
     decide(database, two)
     assert [held(database, one, at) for at in (JAN, MAR)] == [1, None]
-    assert standing(database, two).state == "revoked"
+    assert status(database, two).state == "revoked"
     with pytest.raises(Conflict, match="revoked"):
         decide(database, two, JAN)
 
@@ -108,7 +108,7 @@ def test_a_superseded_version_can_be_published_again(database):
     decide(database, two, JAN)
     decide(database, one, JAN)
     assert held(database, one, MAR) == 1
-    assert [standing(database, v).state for v in (one, two)] == ["published", "superseded"]
+    assert [status(database, v).state for v in (one, two)] == ["published", "superseded"]
 
 
 def test_twenty_who_publish_at_once_leave_one_in_force(database):
@@ -119,7 +119,7 @@ def test_twenty_who_publish_at_once_leave_one_in_force(database):
     with database.reading() as session:
         rows = list(session.scalars(select(Publication)))
     assert len([row for row in rows if row.known_to is None]) == 1
-    assert sorted(standing(database, v).state for v in versions) == ["published"] + ["superseded"] * 19
+    assert sorted(status(database, v).state for v in versions) == ["published"] + ["superseded"] * 19
     # knowledge has one order: each row is closed exactly when the next is opened
     starts = sorted(row.known_from for row in rows)
     assert sorted(row.known_to for row in rows if row.known_to) == starts[1:]

@@ -17,7 +17,7 @@ from sqlalchemy import select
 
 from store import publications
 from store.errors import Conflict
-from store.queries.calibrations import history, standings
+from store.queries.calibrations import history, read_version_statuses
 from store.tables import Calibration, Camera, Campaign, Organisation, Publication, Revocation
 from tests.support.versions import bare_version
 
@@ -152,7 +152,7 @@ class World:
 
     def check_states(self, session):
         for slot, versions in self.slots.items():
-            now, hulls = standings(session, versions), self.model.hulls(slot)
+            now, hulls = read_version_statuses(session, versions), self.model.hulls(slot)
             for version in versions:
                 self._check_state(slot, version, now[version], hulls.get(version))
             for state in ("draft", "published", "superseded", "revoked"):
@@ -160,17 +160,17 @@ class World:
                 listed = {row.id for row in rows} & set(versions)
                 assert listed == {version for version in versions if now[version].state == state}
 
-    def _check_state(self, slot, version, standing, hull):
+    def _check_state(self, slot, version, status, hull):
         if version in self.model.revoked:
-            assert standing.state == "revoked"
+            assert status.state == "revoked"
             assert hull is None
         elif version not in self.model.published(slot):
-            assert standing.state == "draft"
+            assert status.state == "draft"
         else:
-            assert standing.state in {"published", "superseded"}
-            assert standing.state == "superseded" or hull
-            assert (standing.valid_from, standing.valid_to) == (hull or (None, None))
-            assert (standing.superseded_by is None) == (standing.state == "published")
+            assert status.state in {"published", "superseded"}
+            assert status.state == "superseded" or hull
+            assert (status.valid_from, status.valid_to) == (hull or (None, None))
+            assert (status.superseded_by is None) == (status.state == "published")
 
 
 def anything_said(world):

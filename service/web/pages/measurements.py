@@ -15,7 +15,7 @@ from store.tables import Calibration, FrameRow, Measurement
 
 router = APIRouter(include_in_schema=False)
 
-_OF_STANDING = (Flag.CALIBRATION_NOT_PUBLISHED, Flag.CALIBRATION_SUPERSEDED, Flag.CALIBRATION_REVOKED)
+_OF_STATUS = (Flag.CALIBRATION_NOT_PUBLISHED, Flag.CALIBRATION_SUPERSEDED, Flag.CALIBRATION_REVOKED)
 
 
 @router.get("/measurements")
@@ -51,5 +51,5 @@ def show_measurement(measurement_id: Id, page: SignedInPage, context: UsesContex
         title=frame.filename,
         measurement=measurement,
         calibration=calibration,
-        meanings=say_flags([*raised, *_OF_STANDING]),
+        meanings=say_flags([*raised, *_OF_STATUS]),
     )

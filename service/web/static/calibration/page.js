@@ -6,7 +6,7 @@ import { empty, failed, load } from "../states.js";
 import { drawFlags } from "../flags.js";
 import { drawBudget, drawModels } from "./detail.js";
 import { offerDecisions } from "./decide.js";
-import { drawStanding, drawVerdict } from "./result.js";
+import { drawStatus, drawVerdict } from "./result.js";
 import { drawHistory, drawMade, drawSiblings } from "./record.js";
 import { drawPlots } from "./curves.js";
 import { drawPoints } from "./points.js";
@@ -20,7 +20,7 @@ start();
 
 async function start() {
   const calibration = get(`/v1/calibrations/${id}`);
-  standing(calibration);
+  showStatus(calibration);
   load(byId("verdict"), () => calibration, drawVerdict);
   load(byId("flags"), () => calibration, (found) => drawFlags(found.diagnostics.flags ?? [], JSON.parse(meanings)));
   load(byId("points"), () => calibration, (found) => drawPoints(found, choice));
@@ -39,8 +39,8 @@ async function start() {
 }
 
 /** State, history and what can be decided: what a decision changes. */
-function standing(calibration) {
-  load(byId("standing"), () => withSuccessor(calibration), drawStanding);
+function showStatus(calibration) {
+  load(byId("version-status"), () => withSuccessor(calibration), drawStatus);
   load(
     byId("history"),
     async () => {
@@ -58,7 +58,7 @@ function standing(calibration) {
     ([found, versions]) => drawSiblings(found, versions),
   );
   calibration.then(
-    (found) => offerDecisions(byId("decide"), found, (said) => (fill(byId("said"), said), standing(get(`/v1/calibrations/${id}`)))),
+    (found) => offerDecisions(byId("decide"), found, (said) => (fill(byId("said"), said), showStatus(get(`/v1/calibrations/${id}`)))),
     () => {},
   );
 }

@@ -6,7 +6,7 @@ import { named } from "../coefficients.js";
 import { shorten } from "../shorten.js";
 
 /** Where the version stands, and what took its place if anything did: a row of facts. */
-export function drawStanding([calibration, successor]) {
+export function drawStatus([calibration, successor]) {
   const { state, valid_from: from, valid_to: to, superseded_by: by } = calibration;
   const facts = [
     ["State", stillHolds(calibration) ? h("span", {}, tag(state), h("span", { class: "sub" }, `from ${day(to)} on; in force until then`)) : tag(state)],
@@ -17,7 +17,7 @@ export function drawStanding([calibration, successor]) {
     ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, calibration.method === "luminance" ? "frames and readings" : "its frames")],
     ["Certificate", h("span", {}, h("a", { href: `/v1/calibrations/${calibration.id}/certificate.pdf` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${calibration.id}/certificate.json` }, "JSON"))],
   ];
-  return h("dl", { class: "facts standing card" }, facts.filter(Boolean).map((each) => figure(...each)));
+  return h("dl", { class: "facts status card" }, facts.filter(Boolean).map((each) => figure(...each)));
 }
 
 /** Of a superseded version: whether what is left of its time is now. */
