@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.frame.roi import Polygon
-from radiometry.frame.verdicts import Taken, Verdict, conclude, inspect_frame
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
 from store.fitting import leave_out_doubtful, list_missing, make_params
 from store.queries.evidence import gather
 from store.queries.frames import current_roi, is_told, region_ids, whole_frame_of
@@ -16,19 +16,19 @@ from store.tables import Campaign, FrameRow, Roi
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stock:
+class Readiness:
     """What a campaign lacks. ``missing``: for any fit; ``advice``: for a good one."""
 
     missing: list[str]
     advice: list[str]
 
 
-def take_stock(session: Session, campaign: Campaign) -> Stock:
+def assess_readiness(session: Session, campaign: Campaign) -> Readiness:
     params = make_params(session, campaign)
     every = gather(session, campaign, applied=True)
     spec = methods.get_method(campaign.method)
     fitted = gather(session, campaign) if spec.applied_roles else every
-    return Stock(
+    return Readiness(
         missing=list_missing(campaign, fitted, params),
         advice=list(spec.plan(every.frames, every.readings, leave_out_doubtful(params, every))),
     )
@@ -70,10 +70,10 @@ def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None
     return {roi.id: Polygon.from_points(roi.points) for roi in rois}
 
 
-def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -> Taken:
+def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -> ReviewedFrame:
     room = methods.get_method(campaign.method)
     drawn_for = room.role_names if room.whole_frame else {row.role} - room.applied_role_names
-    return Taken(
+    return ReviewedFrame(
         frame=name,
         role=row.role,
         scene=row.scene,

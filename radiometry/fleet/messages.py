@@ -20,7 +20,7 @@ def show_limit(tolerance: Tolerance) -> str:
     return f"{tolerance.limit:.3g} {tolerance.unit} {tolerance.of}"
 
 
-def say_shared(key: Key, count: int, tolerance: Tolerance, cost: Quantity, costliest: str) -> str:
+def format_shared(key: Key, count: int, tolerance: Tolerance, cost: Quantity, costliest: str) -> str:
     """One set is enough."""
     return (
         f"{key}: one set serves all {count} cameras. Each lies within {show_limit(tolerance)} of their mean; "
@@ -28,7 +28,7 @@ def say_shared(key: Key, count: int, tolerance: Tolerance, cost: Quantity, costl
     )
 
 
-def say_per_camera(key: Key, count: int, tolerance: Tolerance, cost: Quantity, costliest: str) -> str:
+def format_per_camera(key: Key, count: int, tolerance: Tolerance, cost: Quantity, costliest: str) -> str:
     """One set is not enough."""
     return (
         f"{key}: one set does not serve all {count} cameras. {costliest} lies {show(cost)} off their mean, "
@@ -41,7 +41,7 @@ def does_differ(effect: Effect) -> bool:
     return effect.f_p_value is not None and effect.f_p_value < _SURE
 
 
-def say_neither(
+def format_neither(
     key: Key,
     effects: tuple[Effect, ...],
     tolerance: Tolerance,
@@ -71,7 +71,7 @@ def say_neither(
     return f"{key}: cannot tell. {found}: {costliest} lies the furthest off the mean, {show(cost)}. {more}"
 
 
-def say_parts(effects: tuple[Effect, ...]) -> str:
+def format_parts(effects: tuple[Effect, ...]) -> str:
     """Add which of body and lens does it, where that is known."""
     words = {
         "shared": "agree within the tolerance",
@@ -87,12 +87,12 @@ def say_parts(effects: tuple[Effect, ...]) -> str:
     return f" By themselves {' and '.join(parts)}." if parts else ""
 
 
-def say_one_camera(key: Key) -> str:
+def format_one_camera(key: Key) -> str:
     """Nothing to compare with."""
     return f"{key}: cannot tell. Only one camera has it: publish a version of another."
 
 
-def say_too_few(key: Key, count: int, repeats: int, dof: int) -> str:
+def format_too_few(key: Key, count: int, repeats: int, dof: int) -> str:
     """Not enough to test anything."""
     return (
         f"{key}: cannot tell. {repeats} determinations of {count} cameras leave {dof} degrees of freedom for "
@@ -100,7 +100,7 @@ def say_too_few(key: Key, count: int, repeats: int, dof: int) -> str:
     )
 
 
-def say_identical(key: Key) -> str:
+def format_identical(key: Key) -> str:
     """Repeats that are none."""
     return (
         f"{key}: cannot tell. The repeats of each camera agree to the last digit: they were copied, or held "
@@ -108,22 +108,22 @@ def say_identical(key: Key) -> str:
     )
 
 
-def say_equal(key: Key, count: int) -> str:
+def format_equal(key: Key, count: int) -> str:
     """All the same."""
     return f"{key}: one set serves all {count} cameras. All its values are equal."
 
 
-def say_no_tolerance(key: Key) -> str:
+def format_no_tolerance(key: Key) -> str:
     """Nobody said how much is accepted."""
     return f"{key}: not judged. No tolerance was given for it: name it in `tolerance`."
 
 
-def say_near_zero(key: Key) -> str:
+def format_near_zero(key: Key) -> str:
     """A share of nothing."""
     return f"{key}: cannot tell. Its mean is not clear of 0, so that a share of it means nothing."
 
 
-def say_without_scale(key: Key) -> str:
+def format_without_scale(key: Key) -> str:
     """The conversion is lacking."""
     return (
         f"{key}: cannot tell. What it moves in the corner follows from fx_px, fy_px, cx_px and cy_px, and "
@@ -131,7 +131,7 @@ def say_without_scale(key: Key) -> str:
     )
 
 
-def say_fleet(outcome: Outcome, asked: int, per_camera: list[str], open_questions: list[str]) -> str:
+def format_fleet(outcome: Outcome, asked: int, per_camera: list[str], open_questions: list[str]) -> str:
     """Sum up."""
     match outcome:
         case "shared":

@@ -121,7 +121,7 @@ def _judge_one_camera(
         key=key,
         outcome="cannot_tell",
         judged=limit is not None,
-        said=messages.say_one_camera(key),
+        said=messages.format_one_camera(key),
         cameras=1,
         repeats=len(rows),
         mean=mean,
@@ -195,24 +195,24 @@ def _decide(
 ) -> tuple[Outcome, str]:
     key, tolerance, count = analysis.key, analysis.tolerance, len(analysis.grouping.unit_names)
     if tolerance is None:
-        return "cannot_tell", messages.say_no_tolerance(key)
+        return "cannot_tell", messages.format_no_tolerance(key)
     if analysis.effects.dof < LEAST_DOF:
-        return "cannot_tell", messages.say_too_few(key, count, len(rows), analysis.effects.dof)
+        return "cannot_tell", messages.format_too_few(key, count, len(rows), analysis.effects.dof)
     if len({row.value for row in rows}) == 1:
-        return "shared", messages.say_equal(key, count)
+        return "shared", messages.format_equal(key, count)
     if analysis.effects.within_variance == 0.0:
-        return "cannot_tell", messages.say_identical(key)
+        return "cannot_tell", messages.format_identical(key)
     if judgement is None or cost is None or costliest is None:
-        say = messages.say_near_zero if tolerance.kind == "relative" else messages.say_without_scale
+        say = messages.format_near_zero if tolerance.kind == "relative" else messages.format_without_scale
         return "cannot_tell", say(key)
     match judgement.outcome:
         case "shared":
-            said = messages.say_shared(key, count, tolerance, cost, costliest)
+            said = messages.format_shared(key, count, tolerance, cost, costliest)
         case "per_camera":
-            said = messages.say_per_camera(key, count, tolerance, cost, costliest)
+            said = messages.format_per_camera(key, count, tolerance, cost, costliest)
         case "cannot_tell":
-            said = messages.say_neither(key, listed, tolerance, cost, costliest, needed)
-    return judgement.outcome, said + messages.say_parts(listed)
+            said = messages.format_neither(key, listed, tolerance, cost, costliest, needed)
+    return judgement.outcome, said + messages.format_parts(listed)
 
 
 def _list_effects(analysis: _Analysis) -> tuple[Effect, ...]:

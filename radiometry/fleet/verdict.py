@@ -89,4 +89,4 @@ def _say(
     elif not judged:
         open_questions.append("no coefficient has a tolerance")
     different = [str(each.key) for each in judged if each.outcome == "per_camera"]
-    return messages.say_fleet(outcome, len(cameras), different, open_questions)
+    return messages.format_fleet(outcome, len(cameras), different, open_questions)

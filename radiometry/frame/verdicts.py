@@ -94,7 +94,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Taken:
+class ReviewedFrame:
     """A frame as its campaign knows it at a moment.
 
     ``frame`` : its name, unique in the campaign; ``role`` : "light", "dark", ...
@@ -126,7 +126,7 @@ def conclude(reasons: Iterable[Reason]) -> Verdict:
     return Verdict(outcome=ordered[0].outcome if ordered else "pass", reasons=ordered)
 
 
-def give_whole_frame(frame: Taken) -> Taken:
+def give_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
     """Give the whole frame for its region where none is drawn and one is needed."""
     if frame.region is not None or frame.format is None or not frame.needs_region:
         return frame
@@ -134,13 +134,13 @@ def give_whole_frame(frame: Taken) -> Taken:
     return replace(frame, region=Polygon.from_points([(0, 0), (width, 0), (width, height), (0, height)]))
 
 
-def find_usual_format(frames: Sequence[Taken]) -> Format | None:
+def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
     """Give the format that most frames of a campaign have; of equally many, the smallest by its numbers."""
     counts = Counter(frame.format for frame in frames if frame.format is not None and not frame.refusal)
     return min(counts, key=lambda form: (-counts[form], form), default=None)
 
 
-def inspect_frames(frames: Sequence[Taken]) -> dict[str, list[Reason]]:
+def inspect_frames(frames: Sequence[ReviewedFrame]) -> dict[str, list[Reason]]:
     """Say what can be said of frames of any role and method before their statistics are looked at.
 
     Reasons
@@ -148,7 +148,7 @@ def inspect_frames(frames: Sequence[Taken]) -> dict[str, list[Reason]]:
       not_read, no_region, not_extracted : pending;
       format_differs : fail where frames of another format share the frame's region, else warn
     """
-    sharing: dict[Polygon | None, list[Taken]] = {}
+    sharing: dict[Polygon | None, list[ReviewedFrame]] = {}
     for frame in frames:
         sharing.setdefault(frame.region, []).append(frame)
     usual = find_usual_format(frames)
@@ -159,7 +159,7 @@ def inspect_frames(frames: Sequence[Taken]) -> dict[str, list[Reason]]:
     }
 
 
-def inspect_frame(frame: Taken) -> list[Reason]:
+def inspect_frame(frame: ReviewedFrame) -> list[Reason]:
     """Say what can be said of one frame by itself: all that `inspect_frames` says, but for format_differs."""
     if frame.state == "refused":
         return [Reason(code=ReasonCode.REFUSED, outcome="fail", detail=frame.refusal)]
@@ -188,7 +188,7 @@ def inspect_frame(frame: Taken) -> list[Reason]:
     return reasons
 
 
-def _inspect_role(frame: Taken) -> list[Reason]:
+def _inspect_role(frame: ReviewedFrame) -> list[Reason]:
     """Say so of a frame that no fit will see; a field frame is there to be measured."""
     if not frame.roles or frame.role in {*frame.roles, _FIELD}:
         return []
@@ -200,7 +200,7 @@ def _inspect_role(frame: Taken) -> list[Reason]:
     return [Reason(code=ReasonCode.ROLE_UNUSED, outcome="warn", detail=detail)]
 
 
-def _inspect_format(frame: Taken, of_region: Format | None, usual: Format | None) -> list[Reason]:
+def _inspect_format(frame: ReviewedFrame, of_region: Format | None, usual: Format | None) -> list[Reason]:
     outcome: Outcome
     if frame.format is None or frame.state == "refused" or of_region is None or usual is None:
         return []
@@ -217,7 +217,7 @@ def _inspect_format(frame: Taken, of_region: Format | None, usual: Format | None
     return [Reason(code=ReasonCode.FORMAT_DIFFERS, outcome=outcome, detail=detail)]
 
 
-def _inspect_region(frame: Taken, width_px: int, height_px: int) -> list[Reason]:
+def _inspect_region(frame: ReviewedFrame, width_px: int, height_px: int) -> list[Reason]:
     if frame.region is None and not frame.needs_region:
         return []
     if frame.region is None:

@@ -15,7 +15,7 @@ from radiometry.geometry.features import Features
 from radiometry.geometry.findings import check_solution, check_views
 from radiometry.geometry.results import Coefficient, Fit, Point
 from radiometry.geometry.rows import FrameRow, Params
-from radiometry.geometry.solving import Pose, Solution, choose_freedom, find_pose, require_determined
+from radiometry.geometry.solving import Pose, Solution, choose_free_parameters, find_pose, require_determined
 from radiometry.geometry.target import Target
 from radiometry.geometry.views import (
     Candidate,
@@ -46,7 +46,7 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     if lacking:
         raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, params)
-    freedom = choose_freedom(
+    freedom = choose_free_parameters(
         fix_aspect_ratio=params.fix_aspect_ratio,
         radial_terms=params.radial_terms,
         tangential=params.tangential,

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from radiometry.fitting.evidence import Extracted, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.verdicts import Taken, Verdict
+from radiometry.frame.verdicts import ReviewedFrame, Verdict
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.exports import export_json, export_opencv, export_ros
 from radiometry.geometry.features import Features, extract_features
@@ -69,7 +69,7 @@ def extract(
 
 
 def judge(
-    frames: Sequence[Taken],
+    frames: Sequence[ReviewedFrame],
     rows: Sequence[FrameRow],
     params: Params,  # noqa: ARG001  one picture is judged alike whatever the fit
 ) -> dict[str, Verdict]:

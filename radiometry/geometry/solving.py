@@ -49,7 +49,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Freedom:
+class FreeParameters:
     """Which parameters are free: the camera's nine are ``directions`` times the free ones, or zero.
 
     ``directions`` : (9, free); with square pixels fx and fy are one free parameter
@@ -89,17 +89,17 @@ class _Normal:
     residuals: tuple[NDArray[np.float64], ...]
 
 
-def choose_freedom(*, fix_aspect_ratio: bool, radial_terms: int, tangential: bool) -> Freedom:
+def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangential: bool) -> FreeParameters:
     """Say which of the nine parameters are free."""
     free = [np.eye(len(PARAMETERS))[PARAMETERS.index(name)] for name in ("fx_px", "fy_px")]
     columns = [free[0] + free[1]] if fix_aspect_ratio else free
     names = ["cx_px", "cy_px", *(f"k{term}" for term in range(1, radial_terms + 1))]
     names += ["p1", "p2"] if tangential else []
     columns += [np.eye(len(PARAMETERS))[PARAMETERS.index(name)] for name in names]
-    return Freedom(np.column_stack(columns))
+    return FreeParameters(np.column_stack(columns))
 
 
-def solve(views: Sequence[View], freedom: Freedom, *, height_px: int, width_px: int) -> Solution:
+def solve(views: Sequence[View], freedom: FreeParameters, *, height_px: int, width_px: int) -> Solution:
     """Find the camera and the poses by least squares over all corners.
 
     Minimises S = sum |seen - model|^2, by Levenberg and Marquardt's steps with the poses eliminated (Schur's
@@ -136,7 +136,7 @@ def find_pose(camera: CameraModel, view: View) -> Pose:
 
 
 def _start(
-    views: Sequence[View], freedom: Freedom, *, height_px: int, width_px: int
+    views: Sequence[View], freedom: FreeParameters, *, height_px: int, width_px: int
 ) -> tuple[CameraModel, list[Pose]]:
     points = [view.points_mm.astype(np.float32) for view in views]
     seen = [np.ascontiguousarray(view.seen_px[:, ::-1], np.float32) for view in views]
@@ -155,7 +155,7 @@ def _start(
     return camera, [find_pose(camera, view) for view in views]
 
 
-def _descend(views: Sequence[View], freedom: Freedom, camera: CameraModel, poses: list[Pose]) -> Solution:
+def _descend(views: Sequence[View], freedom: FreeParameters, camera: CameraModel, poses: list[Pose]) -> Solution:
     normal = _linearise(views, freedom, camera, poses)
     damping = 1e-3
     for _ in range(_MOST_STEPS):
@@ -175,7 +175,7 @@ def _descend(views: Sequence[View], freedom: Freedom, camera: CameraModel, poses
 
 
 def _linearise(
-    views: Sequence[View], freedom: Freedom, camera: CameraModel, poses: Sequence[Pose]
+    views: Sequence[View], freedom: FreeParameters, camera: CameraModel, poses: Sequence[Pose]
 ) -> _Normal:
     blocks, residuals, cost = [], [], 0.0
     for view, pose in zip(views, poses, strict=True):
@@ -201,7 +201,7 @@ def _linearise(
 
 
 def _try_step(
-    normal: _Normal, freedom: Freedom, camera: CameraModel, poses: Sequence[Pose], damping: float
+    normal: _Normal, freedom: FreeParameters, camera: CameraModel, poses: Sequence[Pose], damping: float
 ) -> tuple[CameraModel, list[Pose], float]:
     """Give the next state, and the largest change of a parameter relative to itself."""
     free = freedom.directions.shape[1]
@@ -225,7 +225,7 @@ def _try_step(
 
 
 def _conclude(
-    views: Sequence[View], freedom: Freedom, camera: CameraModel, poses: Sequence[Pose], normal: _Normal
+    views: Sequence[View], freedom: FreeParameters, camera: CameraModel, poses: Sequence[Pose], normal: _Normal
 ) -> Solution:
     corners = sum(len(view.points_mm) for view in views)
     free = freedom.directions.shape[1]

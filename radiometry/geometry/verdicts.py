@@ -6,7 +6,7 @@ from typing import Final
 from radiometry.frame.verdicts import (
     Reason,
     ReasonCode,
-    Taken,
+    ReviewedFrame,
     Verdict,
     conclude,
     give_whole_frame,
@@ -19,7 +19,7 @@ BLURRED_RISE_PX: Final = 5.0
 SMALL_SHARE: Final = 0.05
 
 
-def judge_frames(frames: Sequence[Taken], rows: Sequence[FrameRow]) -> dict[str, Verdict]:
+def judge_frames(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow]) -> dict[str, Verdict]:
     """Give the verdict on each frame of a campaign, by name.
 
     Where nobody has drawn a region the board is looked for in the whole frame: no region is no reason.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radiometry.geometry.features import Features
 from radiometry.geometry.rows import CHART, FrameRow, Params
-from radiometry.geometry.solving import Freedom, Solution, View, solve
+from radiometry.geometry.solving import FreeParameters, Solution, View, solve
 from radiometry.geometry.target import locate_corners_mm
 
 FEWEST_VIEWS: Final = 3
@@ -100,7 +100,7 @@ def make_view(features: Features, params: Params) -> View:
     return View(locate_corners_mm(features.target, np.array(features.indices)), np.array(seen))
 
 
-def settle(candidates: Sequence[Candidate], params: Params, freedom: Freedom) -> Settled:
+def settle(candidates: Sequence[Candidate], params: Params, freedom: FreeParameters) -> Settled:
     """Solve, and leave out views that fit worse than the limit: the worst first, then all others anew.
 
     A rejected view never costs the fit: with three views left no more are rejected.
@@ -122,7 +122,7 @@ def measure_rms_px(residual_px: NDArray[np.float64]) -> float:
     return math.sqrt(float((residual_px**2).sum()) / len(residual_px))
 
 
-def _solve(kept: Sequence[Candidate], params: Params, freedom: Freedom) -> Solution:
+def _solve(kept: Sequence[Candidate], params: Params, freedom: FreeParameters) -> Solution:
     views = [make_view(each.features, params) for each in kept if each.features]
     first = kept[0].features
     assert first is not None  # noqa: S101  a candidate that counts has features

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.statistics import ChannelStatistics, select_rows
-from radiometry.frame.verdicts import Reason, Taken, Verdict, conclude, inspect_frames
+from radiometry.frame.verdicts import Reason, ReviewedFrame, Verdict, conclude, inspect_frames
 from radiometry.luminance.agreement import (
     expect_signals,
     find_repeats,
@@ -22,7 +22,7 @@ from radiometry.luminance.rows import FrameRow, Params, Reading
 
 
 def judge(
-    frames: Sequence[Taken], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+    frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> dict[str, Verdict]:
     """Give the verdict on each frame of a campaign, by name.
 

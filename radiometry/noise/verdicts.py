@@ -6,7 +6,7 @@ from radiometry.frame.verdicts import (
     Outcome,
     Reason,
     ReasonCode,
-    Taken,
+    ReviewedFrame,
     Verdict,
     conclude,
     give_whole_frame,
@@ -20,7 +20,7 @@ from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack
 
 
-def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
+def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
     """Give the verdict on each frame of a campaign, by name; a reason of several channels is said once.
 
     Takes

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from radiometry.findings.errors import InputRejected
-from radiometry.frame.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+from radiometry.frame.verdicts import Reason, ReasonCode, ReviewedFrame, Verdict, conclude, inspect_frames
 from radiometry.reflectance.findings import STEEPEST_GRADIENT_REL
 from radiometry.reflectance.points import (
     MOST_SATURATED_SHARE,
@@ -18,7 +18,7 @@ from radiometry.reflectance.sunshine import measure_sunshine
 
 
 def judge(
-    frames: Sequence[Taken], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
+    frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> dict[str, Verdict]:
     """Give the verdict on each frame of a campaign, by name.
 

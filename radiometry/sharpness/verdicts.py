@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from radiometry.frame.verdicts import Reason, ReasonCode, Taken, Verdict, conclude, inspect_frames
+from radiometry.frame.verdicts import Reason, ReasonCode, ReviewedFrame, Verdict, conclude, inspect_frames
 from radiometry.sharpness.candidates import Candidate, collect_candidates
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL, CORNER_RADIUS_REL
 from radiometry.sharpness.merging import merge_position
@@ -14,7 +14,7 @@ BLURRED_REL = 0.1
 _BLURRED_ERRORS = 3.0
 
 
-def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
+def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
     """Give the verdict on each frame of a campaign, by name.
 
     Reasons

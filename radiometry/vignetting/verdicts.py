@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from radiometry.frame.verdicts import (
     Reason,
     ReasonCode,
-    Taken,
+    ReviewedFrame,
     Verdict,
     conclude,
     give_whole_frame,
@@ -26,7 +26,7 @@ _FAILURES = {
 }
 
 
-def judge(frames: Sequence[Taken], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
+def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
     """Give the verdict on each frame of a campaign, by name.
 
     Takes

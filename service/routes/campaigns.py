@@ -19,7 +19,7 @@ from service.routes import problems
 from service.schemas.campaigns import CampaignAnswer, CampaignChange, NewCampaign, NewRoi, RoiAnswer
 from service.writing import Reply, Writes
 from store.codec import read_strictly
-from store.judging import take_stock
+from store.judging import assess_readiness
 from store.queries.campaigns import Drawing, count, find_or_add_roi, renew_extractions, set_roi
 from store.tables import Camera, Campaign, Panel, Roi
 
@@ -143,4 +143,4 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
 
 
 def _whole(session: Session, campaign: Campaign) -> CampaignAnswer:
-    return CampaignAnswer.whole(campaign, count(session, campaign), take_stock(session, campaign))
+    return CampaignAnswer.whole(campaign, count(session, campaign), assess_readiness(session, campaign))

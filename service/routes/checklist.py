@@ -8,7 +8,7 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem, invalid
 from service.routes import problems
-from service.schemas.checklist import ChecklistAnswer, ChecklistChange, say_without_checklist
+from service.schemas.checklist import ChecklistAnswer, ChecklistChange, explain_missing_checklist
 from service.writing import Reply, Writes
 from store.queries.checklist import KEYS, has_checklist, read_checklist, read_signature, set_tick, sign
 from store.tables import Campaign
@@ -33,7 +33,7 @@ def change_checklist(campaign_id: Id, body: ChecklistChange, caller: Calibrator,
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
         if not has_checklist(campaign):
-            raise Problem(409, HttpCode.NO_CHECKLIST, say_without_checklist(campaign.method))
+            raise Problem(409, HttpCode.NO_CHECKLIST, explain_missing_checklist(campaign.method))
         signature = read_signature(session, campaign)
         if signature is not None and body.signature is None:
             raise Problem(
@@ -73,4 +73,4 @@ def _answer(session: Session, campaign: Campaign) -> ChecklistAnswer:
     )
     if has_checklist(campaign):
         return answer
-    return answer.model_copy(update={"said": say_without_checklist(campaign.method)})
+    return answer.model_copy(update={"said": explain_missing_checklist(campaign.method)})

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from service.schemas.base import Answer, Form, FrameRole, Instant, LongText, Method, Number, Text
-from store.judging import Stock
+from store.judging import Readiness
 from store.queries.campaigns import Counts
 from store.tables import Campaign, Reading, Roi
 
@@ -121,7 +121,7 @@ class CampaignAnswer(Answer):
         )
 
     @classmethod
-    def whole(cls, row: Campaign, counts: Counts, stock: Stock) -> "CampaignAnswer":
+    def whole(cls, row: Campaign, counts: Counts, stock: Readiness) -> "CampaignAnswer":
         """With what has arrived and what has not."""
         return cls.of(row).model_copy(
             update={

@@ -113,6 +113,6 @@ class ChecklistAnswer(Answer):
         )
 
 
-def say_without_checklist(method: str) -> str:
+def explain_missing_checklist(method: str) -> str:
     """Why a campaign has no items."""
     return f"The printed checklist is that of the luminance procedure; a {method} campaign has none."

@@ -9,7 +9,7 @@ import typer
 
 from stilb.commands import calibration, campaign, coefficients, doctor, jobs, measuring, motion, push, session
 from stilb.commands.exits import Exit, exit_of, next_step
-from stilb.commands.talk import print_json
+from stilb.commands.output import print_json
 from stilb.problem import Problem, Unclear
 from stilb.version import read_version
 

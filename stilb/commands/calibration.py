@@ -14,7 +14,7 @@ from rich.console import RenderableType
 from stilb.client import Client
 from stilb.commands.moments import read_moment
 from stilb.commands.tables import holds_for, of_coefficients
-from stilb.commands.talk import Talk, talks
+from stilb.commands.output import Output, talks
 from stilb.export import ExportProgress
 from stilb.field.plan import read_macro
 from stilb.problem import Problem, Unclear, missing
@@ -27,7 +27,7 @@ _POINT = re.compile(r"([\d.]+),([\d.]+)")
 
 @talks
 def roi(
-    talk: Talk,
+    talk: Output,
     campaign: CampaignNamed,
     polygon: Annotated[str | None, typer.Option(help='Corners in pixels: "x,y x,y x,y ...".')] = None,
     imagej: Annotated[str | None, typer.Option(help="makePolygon(...), or a file that holds it.")] = None,
@@ -74,7 +74,7 @@ def _current_roi(client: Client, campaign_id: str, named: str) -> dict[str, Any]
 
 @talks
 def calibrate(
-    talk: Talk,
+    talk: Output,
     campaign: CampaignNamed,
     model: Annotated[str | None, typer.Option(help="proportional, affine, power, semilog.")] = None,
     tolerance: Annotated[float | None, typer.Option(help="Largest accepted error of L: 0.04 is 4 %.")] = None,
@@ -102,7 +102,7 @@ def calibrate(
 
 @talks
 def publish(
-    talk: Talk,
+    talk: Output,
     calibration: CalibrationId,
     reason: Annotated[str, typer.Option(help="Why, for the record.")],
     valid_from: Annotated[str, typer.Option("--from", help="In force from: a day, a time, or now.")],
@@ -129,7 +129,7 @@ def publish(
 
 @talks
 def export(
-    talk: Talk,
+    talk: Output,
     calibration: CalibrationId,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made where it is not there.")],
 ) -> None:

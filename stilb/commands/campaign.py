@@ -13,7 +13,7 @@ from stilb.commands.exits import Exit
 from stilb.commands.push import Folder, transfer
 from stilb.commands.showing import lines
 from stilb.commands.tables import table
-from stilb.commands.talk import Talk, talks
+from stilb.commands.output import Output, talks
 from stilb.field.files import sort_files
 from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
 from stilb.field.pushing import Report, as_json
@@ -27,7 +27,7 @@ app = typer.Typer(help="A campaign in a folder: camera, meter, readings and fram
 @app.command("init")
 @talks
 def init(
-    talk: Talk,
+    talk: Output,
     folder: Annotated[Path, typer.Argument(metavar="[FOLDER]", exists=True, file_okay=False)] = Path(),
     make: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
     model: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
@@ -53,7 +53,7 @@ def init(
 @app.command("run")
 @talks
 def run(
-    talk: Talk,
+    talk: Output,
     folder: Folder,
     *,
     fit: Annotated[bool, typer.Option("--fit/--no-fit", help="Fit when all frames are read.")] = True,
@@ -87,7 +87,7 @@ def run(
 
 @app.command("list")
 @talks
-def list_campaigns(talk: Talk) -> None:
+def list_campaigns(talk: Output) -> None:
     """List the campaigns of your organisation, oldest first."""
     with talk.client() as client:
         found = list(client.campaigns())
@@ -102,7 +102,7 @@ def list_campaigns(talk: Talk) -> None:
 
 @app.command("show")
 @talks
-def show(talk: Talk, campaign: Annotated[str, typer.Argument(help="Its id or project number.")]) -> None:
+def show(talk: Output, campaign: Annotated[str, typer.Argument(help="Its id or project number.")]) -> None:
     """Show what has arrived, what a fit lacks, what would be better."""
     with talk.client() as client:
         found = client.campaign(client.find_campaign(campaign).id).raw
@@ -120,7 +120,7 @@ def show(talk: Talk, campaign: Annotated[str, typer.Argument(help="Its id or pro
 @app.command("readings")
 @talks
 def readings(
-    talk: Talk,
+    talk: Output,
     campaign: Annotated[str, typer.Argument(help="Its id or project number.")],
     spreadsheet: Annotated[
         Path,
@@ -138,7 +138,7 @@ def readings(
     talk.answer({"items": added}, table(("scene", "quantity", "value"), rows), f"{len(added)} readings")
 
 
-def _settle(talk: Talk, client: Client, others: list[str], *, replace: bool) -> None:
+def _settle(talk: Output, client: Client, others: list[str], *, replace: bool) -> None:
     """Readings that are not the folder's: typed on the page, or of a spreadsheet that was corrected since."""
     if others and replace:
         for reading_id in others:
@@ -151,7 +151,7 @@ def _settle(talk: Talk, client: Client, others: list[str], *, replace: bool) -> 
         )
 
 
-def _end(talk: Talk, report: Report, more: dict[str, object], shown: Sequence[RenderableType]) -> None:
+def _end(talk: Output, report: Report, more: dict[str, object], shown: Sequence[RenderableType]) -> None:
     talk.answer({**as_json(report), **more}, *(lines(report) if not more else ()), *shown)
     if not report.is_well:
         raise typer.Exit(Exit.FINDINGS)

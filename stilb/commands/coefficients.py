@@ -6,12 +6,12 @@ import typer
 
 from stilb.commands.moments import read_moment
 from stilb.commands.tables import of_coefficients
-from stilb.commands.talk import Talk, talks
+from stilb.commands.output import Output, talks
 
 
 @talks
 def k(
-    talk: Talk,
+    talk: Output,
     camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id, or its serial.")],
     method: Annotated[str, typer.Option(help="Whose coefficients.")] = "luminance",
     iso: Annotated[float | None, typer.Option(help="Only of this ISO.")] = None,

@@ -7,7 +7,7 @@ import typer
 
 from stilb.commands.exits import Exit
 from stilb.commands.tables import table
-from stilb.commands.talk import Talk, talks, without_none
+from stilb.commands.output import Output, talks, without_none
 from stilb.health import Health
 
 _QUEUE_WARNS_S = 60.0
@@ -27,7 +27,7 @@ class Finding:
 
 
 @talks
-def doctor(talk: Talk) -> None:
+def doctor(talk: Output) -> None:
     """Check the service, its queue, disk and clock, and your key."""
     login = talk.login()
     with talk.client(retries=0) as client:

@@ -7,7 +7,7 @@ import typer
 from stilb.client import Client
 from stilb.commands.exits import Exit
 from stilb.commands.tables import table
-from stilb.commands.talk import Talk, talks
+from stilb.commands.output import Output, talks
 from stilb.records import Job
 
 _SHOWN = 20
@@ -15,7 +15,7 @@ _SHOWN = 20
 
 @talks
 def jobs(
-    talk: Talk,
+    talk: Output,
     job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; else the newest.")] = None,
     state: Annotated[
         str | None, typer.Option(help="queued, running, succeeded, failed, quarantined.")
@@ -44,7 +44,7 @@ def jobs(
 
 @talks
 def retry(
-    talk: Talk,
+    talk: Output,
     job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; else all that fit.")] = None,
     state: Annotated[str | None, typer.Option(help="failed, quarantined.")] = None,
     kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
@@ -75,7 +75,7 @@ def _about(client: Client, found: list[Job]) -> dict[str, str]:
     }
 
 
-def _one(talk: Talk, found: Job) -> None:
+def _one(talk: Output, found: Job) -> None:
     result = ", ".join(f"{name} {value}" for name, value in (found.result or {}).items())
     talk.answer(
         found.raw, f"{found.id} {found.kind} {found.state} {found.progress:.0%} {result}{_error(found)}"

@@ -9,7 +9,7 @@ import typer
 from stilb.commands.calibration import read_polygon
 from stilb.commands.exits import Exit
 from stilb.commands.tables import figure, table
-from stilb.commands.talk import Talk, talks
+from stilb.commands.output import Output, talks
 from stilb.records import Grid, MeasureDetails, Measurement
 
 _GRID = re.compile(r"(\d+)x(\d+)")
@@ -17,7 +17,7 @@ _GRID = re.compile(r"(\d+)x(\d+)")
 
 @talks
 def measure(  # noqa: PLR0913, PLR0917 (the command's options)
-    talk: Talk,
+    talk: Output,
     frames: Annotated[list[str] | None, typer.Argument(metavar="[FRAME]...", help="Ids of frames.")] = None,
     campaign: Annotated[str | None, typer.Option(help="Every field frame of this campaign.")] = None,
     calibration: Annotated[str | None, typer.Option(help="Else what was in force when it was taken.")] = None,

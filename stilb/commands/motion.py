@@ -6,14 +6,14 @@ import typer
 
 from stilb.commands.exits import Exit
 from stilb.commands.tables import table
-from stilb.commands.talk import Talk, talks
+from stilb.commands.output import Output, talks
 
 _WORDS = {True: "within", False: "BEYOND", None: "unknown"}
 
 
 @talks
 def motion(
-    talk: Talk,
+    talk: Output,
     campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id, or its project number.")],
     focal_length: Annotated[float, typer.Option(metavar="MM", help="Of the lens [mm].")],
     pixel_pitch: Annotated[

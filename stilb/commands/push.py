@@ -10,7 +10,7 @@ import typer
 
 from stilb.commands.exits import Exit
 from stilb.commands.showing import lines, showing, tell_retry
-from stilb.commands.talk import Talk, config_folder, talks
+from stilb.commands.output import Output, config_folder, talks
 from stilb.field.files import ROLES, USUAL_RULES, FieldFile, Rule, sort_files
 from stilb.field.journal import Journal
 from stilb.field.plan import FILENAME, read_plan
@@ -31,7 +31,7 @@ Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds betwe
 
 @talks
 def push(
-    talk: Talk,
+    talk: Output,
     folder: Folder,
     campaign: Annotated[
         str | None, typer.Option(help="Its id or project number; else what campaign.toml says.")
@@ -61,7 +61,7 @@ def push(
 
 
 def transfer(
-    talk: Talk,
+    talk: Output,
     folder: Path,
     campaign_id: str,
     files: Sequence[FieldFile],
@@ -80,7 +80,7 @@ def transfer(
     return Report(campaign_id=campaign_id, files=report.files, sent=report.sent, left_out=tuple(left_out))
 
 
-def finish(talk: Talk, report: Report) -> None:
+def finish(talk: Output, report: Report) -> None:
     """Tell what became of a push; what is not well is an exit code of its own."""
     talk.answer(as_json(report), *lines(report))
     if not report.is_well:
@@ -88,7 +88,7 @@ def finish(talk: Talk, report: Report) -> None:
 
 
 def follow(
-    talk: Talk,
+    talk: Output,
     folder: Path,
     campaign_id: str,
     list_files: Callable[[], list[FieldFile]],
@@ -116,7 +116,7 @@ def follow(
 
 
 def _try_transfer(
-    talk: Talk, folder: Path, campaign_id: str, files: list[FieldFile], watch: Watch
+    talk: Output, folder: Path, campaign_id: str, files: list[FieldFile], watch: Watch
 ) -> Report | None:
     """A network that is lost in between comes back; whoever watches does not want to start again."""
     try:
@@ -143,7 +143,7 @@ def _lister(
     return partial(sort_files, folder, USUAL_RULES, raw_only=True)
 
 
-def _campaign_id(talk: Talk, folder: Path, named: str | None) -> str:
+def _campaign_id(talk: Output, folder: Path, named: str | None) -> str:
     with talk.client() as client:
         if named is not None:
             return client.find_campaign(named).id

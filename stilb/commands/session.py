@@ -6,14 +6,14 @@ from typing import Annotated
 import typer
 
 from stilb.client import Client
-from stilb.commands.talk import Talk, config_folder, talks
+from stilb.commands.output import Output, config_folder, talks
 from stilb.login import Login, forget_login, keep_login
 from stilb.problem import Problem, Unclear
 from stilb.records import OwnKey
 
 
 @talks
-def login(talk: Talk, address: Annotated[str, typer.Argument(metavar="URL", help="Of the service.")]) -> None:
+def login(talk: Output, address: Annotated[str, typer.Argument(metavar="URL", help="Of the service.")]) -> None:
     """Sign in: the key is checked, then kept for you alone.
 
     It is asked for, unless --key or STILB_KEY gives it, and kept in a file of mode 600.
@@ -50,14 +50,14 @@ def _own_key(client: Client, address: str) -> OwnKey:
 
 
 @talks
-def logout(talk: Talk) -> None:
+def logout(talk: Output) -> None:
     """Forget the key on this machine. It stays valid until an admin revokes it."""
     there = forget_login(config_folder())
     talk.answer({"signed_out": there}, "Signed out." if there else "Nobody was signed in.")
 
 
 @talks
-def whoami(talk: Talk) -> None:
+def whoami(talk: Output) -> None:
     """Tell whose key this machine has, where, and what it may."""
     found = talk.login()
     with talk.client() as client:

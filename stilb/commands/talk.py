@@ -25,7 +25,7 @@ Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Talk:
+class Output:
     """One command's way to the service and to the person: results on stdout, all else on stderr."""
 
     url: str | None
@@ -56,11 +56,11 @@ class Talk:
 
 
 def talks(command: Callable[..., Answer]) -> Callable[..., Answer]:
-    """Give a command the options --url, --key and --json, and itself a ``Talk`` made of them."""
+    """Give a command the options --url, --key and --json, and itself a ``Output`` made of them."""
 
     @functools.wraps(command)
     def with_talk(*, url: str | None, key: str | None, as_json: bool, **given: Any) -> Answer:  # noqa: ANN401
-        return command(Talk(url=url, key=key, as_json=as_json), **given)
+        return command(Output(url=url, key=key, as_json=as_json), **given)
 
     # typer reads the options from the signature; the first parameter, the talk, is not among them.
     own = list(inspect.signature(command, eval_str=True).parameters.values())[1:]

@@ -5,7 +5,7 @@ import dataclasses
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.frame.verdicts import Taken
+from radiometry.frame.verdicts import ReviewedFrame
 from radiometry.luminance.rows import FrameRow, Reading
 
 K, DARK, WHITE = 30.0, 256.0, 4095.0
@@ -71,7 +71,7 @@ def reading(scene, value=None, *, quantity="luminance"):
 
 def taken(row, **changes):
     """A row's frame as its campaign knows it, whatever the method; a panel's row names no scene."""
-    frame = Taken(
+    frame = ReviewedFrame(
         frame=row.frame,
         role=row.role,
         scene=getattr(row, "scene", None),

@@ -314,7 +314,7 @@ def test_every_error_has_its_code(error, code):
 
 
 def test_a_fault_of_ours_looks_like_no_finding(stilb_command, monkeypatch):
-    monkeypatch.setattr("stilb.commands.talk.read_login", lambda _: 1 / 0)
+    monkeypatch.setattr("stilb.commands.output.read_login", lambda _: 1 / 0)
     ended = stilb_command("whoami", "--json")
     assert (ended.code, json.loads(ended.out)["error"]["exit_code"]) == (Exit.BROKEN, 70)
     assert "Traceback" in ended.err

@@ -119,6 +119,6 @@ def test_ctrl_c(stilb_command, monkeypatch):
     def stop(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stilb.commands.talk.read_login", stop)
+    monkeypatch.setattr("stilb.commands.output.read_login", stop)
     ended = stilb_command("whoami")
     assert (ended.code, "goes on where it was" in ended.err) == (Exit.INTERRUPTED, True)

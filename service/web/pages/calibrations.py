@@ -33,7 +33,7 @@ def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContex
         calibration=calibration,
         camera=camera,
         campaign=campaign,
-        meanings=say_flags(raised["flag"] for raised in calibration.result.get("flags", [])),
+        meanings=format_flags(raised["flag"] for raised in calibration.result.get("flags", [])),
         asked=" ".join(NewCalibration.model_fields),
     )
 
@@ -57,7 +57,7 @@ def plot_residuals(
     return send_plot(draw_residuals(_luminance(context, calibration_id, caller).result, theme=theme))
 
 
-def say_flags(flags: Iterable[str]) -> str:
+def format_flags(flags: Iterable[str]) -> str:
     """JSON of what each of these flags means, for the page's module."""
     raised = set(flags)
     return json.dumps({flag.value: flag.meaning for flag in Flag if flag.value in raised})

@@ -9,7 +9,7 @@ from radiometry.reflectance.indices import INDICES
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.schemas.base import Text
-from service.web.pages.calibrations import say_flags
+from service.web.pages.calibrations import format_flags
 from service.web.rendering import SignedInPage
 from store.tables import Calibration, FrameRow, Measurement
 
@@ -51,5 +51,5 @@ def show_measurement(measurement_id: Id, page: SignedInPage, context: UsesContex
         title=frame.filename,
         measurement=measurement,
         calibration=calibration,
-        meanings=say_flags([*raised, *_OF_STATUS]),
+        meanings=format_flags([*raised, *_OF_STATUS]),
     )

@@ -9,12 +9,12 @@ import pytest
 from radiometry.findings.errors import Code, InputRejected
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
-from radiometry.geometry.solving import Pose, choose_freedom, solve
+from radiometry.geometry.solving import Pose, choose_free_parameters, solve
 from radiometry.geometry.views import make_view
 from simulation.geometry import simulate_rows
 from tests.radiometry.geometry.boards import BOARD, CAMERA, FREE, SQUARE, errors, simulate, transpose, values
 
-ALL = choose_freedom(fix_aspect_ratio=False, radial_terms=3, tangential=True)
+ALL = choose_free_parameters(fix_aspect_ratio=False, radial_terms=3, tangential=True)
 
 
 def views_of(rows, params=FREE):
@@ -47,7 +47,7 @@ def test_errors_are_as_large_as_predicted():
 
 @pytest.mark.parametrize("square", [True, False])
 def test_opencv_finds_the_same_and_the_same_errors(square, simulated):
-    freedom = choose_freedom(fix_aspect_ratio=square, radial_terms=3, tangential=True)
+    freedom = choose_free_parameters(fix_aspect_ratio=square, radial_terms=3, tangential=True)
     found = solve_rows(simulated, freedom)
     views = views_of(simulated)
     rms, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
