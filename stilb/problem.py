@@ -87,7 +87,7 @@ def from_transport(error: httpx.TransportError) -> Problem:
     return Problem(
         status=0,
         code="unreachable" if passing else "not_sent",
-        detail=f"{_asked(error)}{_say(error)}",
+        detail=f"{_asked(error)}{_format_error(error)}",
         retryable=passing,
     )
 
@@ -100,7 +100,7 @@ def _asked(error: httpx.TransportError) -> str:
     return f"{url.scheme}://{url.netloc.decode()} does not answer: "
 
 
-def _say(error: httpx.TransportError) -> str:
+def _format_error(error: httpx.TransportError) -> str:
     said = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
     return "it speaks http, not https: begin its address with http://" if "WRONG_VERSION" in said else said
 
