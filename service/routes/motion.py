@@ -21,8 +21,8 @@ from service.schemas.attitudes import (
     FrameMotionAnswer,
     FrameMotionRow,
     FrameOptics,
-    say_forward,
-    say_rotation,
+    format_forward,
+    format_rotation,
 )
 from service.tabular import write_csv
 from store.codec import decode_exposure, decode_header
@@ -108,14 +108,14 @@ def _describe(frame: FrameRow, optics: CampaignOptics, pixel_pitch_um: float) ->
     try:
         header, exposure_time_s = _read(frame)
         case = optics.case(pixel_pitch_um, exposure_time_s)
-        row |= {"taken_at": header.taken_at, "exposure_time_s": exposure_time_s} | say_forward(case)
+        row |= {"taken_at": header.taken_at, "exposure_time_s": exposure_time_s} | format_forward(case)
         blur = blur_of_file(
             header,
             exposure_time_s=exposure_time_s,
             pixel_pitch_um=pixel_pitch_um,
             focal_length_mm=optics.focal_length_mm,
         )
-        row |= say_rotation(case, blur)
+        row |= format_rotation(case, blur)
     except InputRejected as error:
         row |= {"missing_code": error.code, "missing": error.message}
     return FrameMotionRow(**row)

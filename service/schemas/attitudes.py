@@ -183,14 +183,14 @@ class FrameMotionRow(Answer):
 COLUMNS = list(FrameMotionRow.model_fields)
 
 
-def say_forward(case: MotionCase) -> dict[str, Any]:
+def format_forward(case: MotionCase) -> dict[str, Any]:
     """What a frame's exposure tells by itself: too long for the speed, it is so whatever the rotation was."""
     motion = compute_motion(case)
     said = {"forward_blur_px": motion.forward_blur_px, "tolerable_rate_deg_s": motion.tolerable_rate_deg_s}
     return said | ({"within_limit": False} if (motion.forward_blur_px or 0.0) > case.limit_px else {})
 
 
-def say_rotation(case: MotionCase, blur: FrameBlur) -> dict[str, Any]:
+def format_rotation(case: MotionCase, blur: FrameBlur) -> dict[str, Any]:
     """What the rate adds."""
     rate = blur.turn.tilt_rate_deg_s
     theoretical = blur.centre_blur_px + (compute_motion(case).forward_blur_px or 0.0)
