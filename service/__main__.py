@@ -16,7 +16,7 @@ from service.context import Context
 from service.health import Health
 from service.launch.folder import close_to_others
 from service.launch.key import refuse_weak_key
-from service.launch.refusal import Refusal, say
+from service.launch.refusal import Refusal, report
 from service.sessions import sessions_of
 from service.stopping import Server, Traffic
 from service.vitals import Vitals
@@ -58,11 +58,11 @@ def main() -> int:
     settings = Settings()
     secret = settings.key.get_secret_value()
     try:
-        close_to_others(settings.data.absolute(), say)
+        close_to_others(settings.data.absolute(), report)
         if secret:
             refuse_weak_key(secret, "STILB_KEY")
     except Refusal as refusal:
-        say(str(refusal))
+        report(str(refusal))
         return refusal.code
     context = build_context(settings)
     try:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pydantic import ValidationError
 
 from service.launch.lifeline import follow_make
-from service.launch.refusal import Exit, say
+from service.launch.refusal import Exit, report
 from service.launch.run import Roster, launch
 from service.launch.supervisor import Part
 from store.settings import Settings
@@ -33,7 +33,7 @@ def main() -> int:
         settings = Settings()
     except ValidationError as error:
         for wrong in error.errors():
-            say(f"STILB_{'_'.join(map(str, wrong['loc'])).upper()}: {wrong['msg']}")
+            report(f"STILB_{'_'.join(map(str, wrong['loc'])).upper()}: {wrong['msg']}")
         return Exit.CANNOT_START
     follow_make()
     return launch(settings, give_grace(ROSTER, settings.stop_grace_s))

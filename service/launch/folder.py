@@ -17,7 +17,7 @@ REMAINS_S = 10.0
 _OURS = ("lock", "session-secret", "stilb.sqlite")
 
 
-def close_to_others(data: Path, say: Callable[[str], None]) -> None:
+def close_to_others(data: Path, report: Callable[[str], None]) -> None:
     """Make the data folder, or take everybody else's rights away: it holds keys and customers' files."""
     data.mkdir(parents=True, mode=0o700, exist_ok=True)
     mode = stat.S_IMODE(data.stat().st_mode)
@@ -27,21 +27,21 @@ def close_to_others(data: Path, say: Callable[[str], None]) -> None:
     is_ours = not any(data.iterdir()) or any((data / name).exists() for name in _OURS)
     if is_ours and data.stat().st_uid == os.geteuid() and not mode & stat.S_ISVTX:
         data.chmod(0o700)
-        say(f"the data folder {data} was open to other users (mode {mode:o}); it is now 700")
+        report(f"the data folder {data} was open to other users (mode {mode:o}); it is now 700")
     else:
         advice = "name a folder of its own, or chmod 700"
-        say(f"the data folder {data} is open to other users (mode {mode:o}): {advice}")
+        report(f"the data folder {data} is open to other users (mode {mode:o}): {advice}")
 
 
 @contextmanager
-def claimed(data: Path, say: Callable[[str], None]) -> Iterator[int]:
+def claimed(data: Path, report: Callable[[str], None]) -> Iterator[int]:
     """Hold the folder; yields the lock's descriptor, to be inherited by every child.
 
     With the children holding it too, the lock is free only when nothing of an earlier run is left that could
     still write here.
     """
     try:
-        close_to_others(data, say)
+        close_to_others(data, report)
         lock = os.open(data / "lock", os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
         raise Refusal(f"the data folder {data} cannot be written: {error.strerror}") from error

@@ -22,6 +22,6 @@ class Refusal(Exception):  # noqa: N818 (it says what was found)
         self.code = code
 
 
-def say(line: str) -> None:
+def report(line: str) -> None:
     """Print one line for whoever looks at the terminal, or at the log of a container."""
     print(f"stilb: {line}", file=sys.stderr, flush=True)  # noqa: T201 (speaks to the terminal)

@@ -13,7 +13,7 @@ from service.launch.folder import claimed
 from service.launch.key import bootstrap_key
 from service.launch.lifeline import die_with_parent
 from service.launch.port import free_port
-from service.launch.refusal import Exit, Refusal, say
+from service.launch.refusal import Exit, Refusal, report
 from service.launch.room import has_room
 from service.launch.signals import Signals
 from service.launch.supervisor import GaveUp, Part, Supervisor
@@ -36,20 +36,20 @@ def launch(settings: Settings, roster: Roster) -> Exit:
         with Signals() as signals, ExitStack() as stack:
             return _run(settings, roster, signals, stack)
     except Refusal as refusal:
-        say(str(refusal))
+        report(str(refusal))
         return refusal.code
     except GaveUp as failure:
-        say(str(failure))
+        report(str(failure))
         return Exit.GAVE_UP
     except OSError as error:
         # A disk that fills up, a folder that somebody else owns: where it happens, the system knows best.
-        say(str(error))
+        report(str(error))
         return Exit.CANNOT_START
 
 
 def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack) -> Exit:
     data = settings.data.absolute()
-    lock = stack.enter_context(claimed(data, say))
+    lock = stack.enter_context(claimed(data, report))
     key = bootstrap_key(data, settings.key.get_secret_value())
     port = free_port(settings.host, settings.port)
     environment = os.environ | {
@@ -64,7 +64,7 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
         broker = stack.enter_context(valkey.socket_path(data))
         environment["STILB_BROKER_URL"] = f"redis+socket://{broker}"
     supervisor = Supervisor(
-        environment=environment, key=key, data=data, lock=lock, hang_s=settings.hang_s, say=say
+        environment=environment, key=key, data=data, lock=lock, hang_s=settings.hang_s, report=report
     )
     stack.callback(supervisor.stop, signals)
     if broker is not None:

@@ -74,14 +74,14 @@ class Supervisor:
         data: Path,
         lock: int,
         hang_s: float,
-        say: Callable[[str], None],
+        report: Callable[[str], None],
     ) -> None:
         self._environment = dict(environment)
         self._key = key
         self.data = data
         self._lock = lock
         self._hang_s = hang_s
-        self._say = say
+        self._report = report
         self._children: list[_Child] = []
         self._clock = AwakeClock(_LONGEST_TURN_S)
         self._was_full = False
@@ -124,7 +124,9 @@ class Supervisor:
                 while process.poll() is None and signals.stops <= stops:
                     left_s = started + part.stop_within_s - time.monotonic()
                     if left_s <= 0:
-                        self._say(f"{part.name} did not stop within {part.stop_within_s:g} s and is killed")
+                        self._report(
+                            f"{part.name} did not stop within {part.stop_within_s:g} s and is killed"
+                        )
                         break
                     signals.wait(min(left_s, 0.2))
                 _kill_group(process)
@@ -159,7 +161,7 @@ class Supervisor:
         except OSError as error:
             # No memory, no room, no process free: a passing fault of the machine.
             child.start_at = now + LONGEST_PAUSE_S
-            self._say(f"{child.part.name} could not be started and is tried again: {error}")
+            self._report(f"{child.part.name} could not be started and is tried again: {error}")
 
     def _feel(self, child: _Child, process: subprocess.Popen[bytes]) -> None:
         """Kill a part whose pulse has not changed for too long while the launcher looked."""
@@ -171,7 +173,7 @@ class Supervisor:
                 # Perhaps it cannot even leave its beat.
                 child.seen_at = self._clock.now_s
                 return
-            self._say(f"{child.part.name} has done nothing for {child.patience_s:g} s and is killed")
+            self._report(f"{child.part.name} has done nothing for {child.patience_s:g} s and is killed")
             _kill_group(process)
             with suppress(subprocess.TimeoutExpired):
                 process.wait(1.0)
@@ -194,14 +196,14 @@ class Supervisor:
             )
         pause_s = min(FIRST_PAUSE_S * 2 ** (len(child.deaths) - 1), LONGEST_PAUSE_S)
         child.start_at = now + pause_s
-        self._say(f"{child.part.name} {how} and is started again (log: {child.log})")
+        self._report(f"{child.part.name} {how} and is started again (log: {child.log})")
 
     def _wait_for_room(self, child: _Child, now: float) -> None:
         """Try again without counting: nothing that died on a full disk is broken for that."""
         child.deaths.clear()
         child.start_at = now + LONGEST_PAUSE_S
         if not self._was_full:
-            self._say(f"the disk of {self.data} is full: what ends is started again until there is room")
+            self._report(f"the disk of {self.data} is full: what ends is started again until there is room")
         self._was_full = True
 
 

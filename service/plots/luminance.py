@@ -35,9 +35,7 @@ def _row(result: dict[str, Any], fit: dict[str, Any], top: float) -> Iterator[st
         yield from panel.frame()
         yield panel.line([(x, model(x)) for x in _along(panel.x)], "fit")
         for p in points:
-            yield panel.dot(
-                p["rhs"], p["adjusted_signal_dn"], "used" if p["used"] else "out", _format_point(p)
-            )
+            yield panel.dot(p["rhs"], p["adjusted_signal_dn"], "used" if p["used"] else "out", _title_of(p))
     yield from _residuals(name, points, result["tolerance_rel"], top)
 
 
@@ -56,7 +54,7 @@ def _residuals(name: str, points: list[dict[str, Any]], tolerance: float, top: f
     for level, css in ((0.0, "fit"), (limit, "limit"), (-limit, "limit")):
         yield panel.line([(panel.x.low, level), (panel.x.high, level)], css)
     for p in judged:
-        yield panel.dot(p["rhs"], 100 * p["residual_rel"], "used" if p["used"] else "out", _format_point(p))
+        yield panel.dot(p["rhs"], 100 * p["residual_rel"], "used" if p["used"] else "out", _title_of(p))
 
 
 def _x_scale(values: list[float], column: int, *, logarithmic: bool) -> Scale:
@@ -90,6 +88,6 @@ def _model(coefficient: dict[str, Any]) -> Callable[[float], float]:
             return lambda x: p[0] * math.log(x) + p[1] if x > 0 else -math.inf
 
 
-def _format_point(point: dict[str, Any]) -> str:
+def _title_of(point: dict[str, Any]) -> str:
     left_out = f", left out: {point['left_out']}" if point["left_out"] else ""
     return f"{point['frame']}, {point['scene']}{left_out}"
