@@ -46,12 +46,12 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     if lacking:
         raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, params)
-    freedom = choose_free_parameters(
+    free = choose_free_parameters(
         fix_aspect_ratio=params.fix_aspect_ratio,
         radial_terms=params.radial_terms,
         tangential=params.tangential,
     )
-    settled = settle(candidates, params, freedom)
+    settled = settle(candidates, params, free)
     require_determined(settled.solution)
     points = _describe_points(candidates, settled, params)
     return _build(settled, points, params)

@@ -99,7 +99,7 @@ def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangent
     return FreeParameters(np.column_stack(columns))
 
 
-def solve(views: Sequence[View], freedom: FreeParameters, *, height_px: int, width_px: int) -> Solution:
+def solve(views: Sequence[View], free: FreeParameters, *, height_px: int, width_px: int) -> Solution:
     """Find the camera and the poses by least squares over all corners.
 
     Minimises S = sum |seen - model|^2, by Levenberg and Marquardt's steps with the poses eliminated (Schur's
@@ -112,8 +112,8 @@ def solve(views: Sequence[View], freedom: FreeParameters, *, height_px: int, wid
       [1] Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11), 2000
     """
     try:
-        camera, poses = _start(views, freedom, height_px=height_px, width_px=width_px)
-        return _descend(views, freedom, camera, poses)
+        camera, poses = _start(views, free, height_px=height_px, width_px=width_px)
+        return _descend(views, free, camera, poses)
     except (cv2.error, np.linalg.LinAlgError, FloatingPointError) as error:
         raise InputRejected(Code.FIT_FAILED, _ADVICE) from error
 
@@ -136,11 +136,11 @@ def find_pose(camera: CameraModel, view: View) -> Pose:
 
 
 def _start(
-    views: Sequence[View], freedom: FreeParameters, *, height_px: int, width_px: int
+    views: Sequence[View], free: FreeParameters, *, height_px: int, width_px: int
 ) -> tuple[CameraModel, list[Pose]]:
     points = [view.points_mm.astype(np.float32) for view in views]
     seen = [np.ascontiguousarray(view.seen_px[:, ::-1], np.float32) for view in views]
-    square = freedom.directions[:2].any(axis=0).sum() == 1
+    square = free.directions[:2].any(axis=0).sum() == 1
     started = cv2.initCameraMatrix2D(points, seen, (width_px, height_px), 1.0 if square else 0.0)
     matrix = np.asarray(started, np.float64)
     _require_finite(matrix)
@@ -155,12 +155,12 @@ def _start(
     return camera, [find_pose(camera, view) for view in views]
 
 
-def _descend(views: Sequence[View], freedom: FreeParameters, camera: CameraModel, poses: list[Pose]) -> Solution:
-    normal = _linearise(views, freedom, camera, poses)
+def _descend(views: Sequence[View], free: FreeParameters, camera: CameraModel, poses: list[Pose]) -> Solution:
+    normal = _linearise(views, free, camera, poses)
     damping = 1e-3
     for _ in range(_MOST_STEPS):
-        tried, moved, step = _try_step(normal, freedom, camera, poses, damping)
-        then = _linearise(views, freedom, tried, moved)
+        tried, moved, step = _try_step(normal, free, camera, poses, damping)
+        then = _linearise(views, free, tried, moved)
         if np.isfinite(then.cost) and then.cost <= normal.cost:
             gain = normal.cost - then.cost
             camera, poses, normal = tried, moved, then
@@ -171,11 +171,11 @@ def _descend(views: Sequence[View], freedom: FreeParameters, camera: CameraModel
             break
         else:
             damping *= 10.0
-    return _conclude(views, freedom, camera, poses, normal)
+    return _conclude(views, free, camera, poses, normal)
 
 
 def _linearise(
-    views: Sequence[View], freedom: FreeParameters, camera: CameraModel, poses: Sequence[Pose]
+    views: Sequence[View], free: FreeParameters, camera: CameraModel, poses: Sequence[Pose]
 ) -> _Normal:
     blocks, residuals, cost = [], [], 0.0
     for view, pose in zip(views, poses, strict=True):
@@ -184,7 +184,7 @@ def _linearise(
         )
         residual = view.seen_px[:, ::-1] - np.asarray(seen).reshape(-1, 2)
         of_pose = np.asarray(jacobian[:, :_POSE], np.float64)
-        of_camera = np.asarray(jacobian[:, _POSE:], np.float64) @ freedom.directions
+        of_camera = np.asarray(jacobian[:, _POSE:], np.float64) @ free.directions
         error = residual.ravel()
         blocks.append(
             _Block(
@@ -201,11 +201,11 @@ def _linearise(
 
 
 def _try_step(
-    normal: _Normal, freedom: FreeParameters, camera: CameraModel, poses: Sequence[Pose], damping: float
+    normal: _Normal, free: FreeParameters, camera: CameraModel, poses: Sequence[Pose], damping: float
 ) -> tuple[CameraModel, list[Pose], float]:
     """Give the next state, and the largest change of a parameter relative to itself."""
-    free = freedom.directions.shape[1]
-    total, right, ways = np.zeros((free, free)), np.zeros(free), []
+    count = free.directions.shape[1]
+    total, right, ways = np.zeros((count, count)), np.zeros(count), []
     for cc, cp, pp, ce, pe in normal.blocks:
         way = np.linalg.solve(pp + np.diag(np.diag(pp)) * damping, np.column_stack((cp.T, pe)))
         total += cc - cp @ way[:, :-1]
@@ -213,24 +213,24 @@ def _try_step(
         ways.append(way)
     total += np.diag(np.diag(total)) * damping
     step = np.linalg.solve(total, right)
-    values = camera.parameters + freedom.directions @ step
+    values = camera.parameters + free.directions @ step
     _require_finite(values)
     tried = CameraModel.from_parameters(values, height_px=camera.height_px, width_px=camera.width_px)
     moved = []
     for way, pose in zip(ways, poses, strict=True):
         turn = way[:, -1] - way[:, :-1] @ step
         moved.append(Pose(pose.rotation + turn[:3], pose.shift + turn[3:]))
-    change = np.abs(freedom.directions @ step) / np.maximum(np.abs(values), 1e-6)
+    change = np.abs(free.directions @ step) / np.maximum(np.abs(values), 1e-6)
     return tried, moved, float(change.max())
 
 
 def _conclude(
-    views: Sequence[View], freedom: FreeParameters, camera: CameraModel, poses: Sequence[Pose], normal: _Normal
+    views: Sequence[View], free: FreeParameters, camera: CameraModel, poses: Sequence[Pose], normal: _Normal
 ) -> Solution:
     corners = sum(len(view.points_mm) for view in views)
-    free = freedom.directions.shape[1]
-    dof = 2 * corners - free - _POSE * len(views)
-    total = np.zeros((free, free))
+    count = free.directions.shape[1]
+    dof = 2 * corners - count - _POSE * len(views)
+    total = np.zeros((count, count))
     for cc, cp, pp, _, _ in normal.blocks:
         total += cc - cp @ np.linalg.solve(pp, cp.T)
     _require_sense(camera, np.diag(total))
@@ -239,7 +239,7 @@ def _conclude(
     if not np.linalg.cond(scaled) < _WORST_CONDITION:
         raise InputRejected(Code.FIT_FAILED, _ADVICE)
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
-    covariance = freedom.directions @ inverse @ freedom.directions.T * normal.cost / dof
+    covariance = free.directions @ inverse @ free.directions.T * normal.cost / dof
     return Solution(
         camera=camera,
         poses=tuple(poses),

@@ -100,7 +100,7 @@ def make_view(features: Features, params: Params) -> View:
     return View(locate_corners_mm(features.target, np.array(features.indices)), np.array(seen))
 
 
-def settle(candidates: Sequence[Candidate], params: Params, freedom: FreeParameters) -> Settled:
+def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters) -> Settled:
     """Solve, and leave out views that fit worse than the limit: the worst first, then all others anew.
 
     A rejected view never costs the fit: with three views left no more are rejected.
@@ -108,7 +108,7 @@ def settle(candidates: Sequence[Candidate], params: Params, freedom: FreeParamet
     kept = [candidate for candidate in candidates if not candidate.left_out]
     rejected: list[tuple[Candidate, float]] = []
     while True:
-        solution = _solve(kept, params, freedom)
+        solution = _solve(kept, params, free)
         errors = [measure_rms_px(residual) for residual in solution.residuals_px]
         worst = int(np.argmax(errors))
         limit = params.reject_above_px
@@ -122,8 +122,8 @@ def measure_rms_px(residual_px: NDArray[np.float64]) -> float:
     return math.sqrt(float((residual_px**2).sum()) / len(residual_px))
 
 
-def _solve(kept: Sequence[Candidate], params: Params, freedom: FreeParameters) -> Solution:
+def _solve(kept: Sequence[Candidate], params: Params, free: FreeParameters) -> Solution:
     views = [make_view(each.features, params) for each in kept if each.features]
     first = kept[0].features
     assert first is not None  # noqa: S101  a candidate that counts has features
-    return solve(views, freedom, height_px=first.height_px, width_px=first.width_px)
+    return solve(views, free, height_px=first.height_px, width_px=first.width_px)

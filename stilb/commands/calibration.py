@@ -13,8 +13,8 @@ from rich.console import RenderableType
 
 from stilb.client import Client
 from stilb.commands.moments import read_moment
+from stilb.commands.output import Output, command
 from stilb.commands.tables import holds_for, of_coefficients
-from stilb.commands.output import Output, talks
 from stilb.export import ExportProgress
 from stilb.field.plan import read_macro
 from stilb.problem import Problem, Unclear, missing
@@ -25,9 +25,9 @@ CalibrationId = Annotated[str, typer.Argument(metavar="CALIBRATION", help="Its i
 _POINT = re.compile(r"([\d.]+),([\d.]+)")
 
 
-@talks
+@command
 def roi(
-    talk: Output,
+    output: Output,
     campaign: CampaignNamed,
     polygon: Annotated[str | None, typer.Option(help='Corners in pixels: "x,y x,y x,y ...".')] = None,
     imagej: Annotated[str | None, typer.Option(help="makePolygon(...), or a file that holds it.")] = None,
@@ -38,13 +38,13 @@ def roi(
     """Set the region of a campaign's frames, or show it."""
     if polygon is not None and imagej is not None:
         raise typer.BadParameter("give one of --polygon and --imagej")
-    with talk.client() as client:
+    with output.client() as client:
         campaign_id = client.find_campaign(campaign).id
         if frame:
             drawn = read_polygon(polygon) if polygon is not None else _text_or_file(_need(imagej))
             ids = _find_frames(client, campaign_id, frame, "--frame")
             items = [client.set_frame_roi(each, drawn) for each in ids]
-            talk.answer({"items": items}, f"read anew, each with its own region: {len(items)}")
+            output.answer({"items": items}, f"read anew, each with its own region: {len(items)}")
             return
         if polygon is not None:
             found = client.set_roi(campaign_id, polygon=read_polygon(polygon))
@@ -53,7 +53,7 @@ def roi(
         else:
             found = _current_roi(client, campaign_id, campaign)
     corners = " ".join(f"{x:g},{y:g}" for x, y in found["polygon"])
-    talk.answer(found, corners)
+    output.answer(found, corners)
 
 
 def _current_roi(client: Client, campaign_id: str, named: str) -> dict[str, Any]:
@@ -72,9 +72,9 @@ def _current_roi(client: Client, campaign_id: str, named: str) -> dict[str, Any]
         ) from problem
 
 
-@talks
+@command
 def calibrate(
-    talk: Output,
+    output: Output,
     campaign: CampaignNamed,
     model: Annotated[str | None, typer.Option(help="proportional, affine, power, semilog.")] = None,
     tolerance: Annotated[float | None, typer.Option(help="Largest accepted error of L: 0.04 is 4 %.")] = None,
@@ -92,17 +92,17 @@ def calibrate(
     said: dict[str, Any] = {name: _value(text) for name, text in map(_pair, option or ())}
     said |= {} if model is None else {"model": model}
     said |= {} if tolerance is None else {"tolerance": tolerance}
-    with talk.client() as client:
+    with output.client() as client:
         campaign_id = client.find_campaign(campaign).id
         if exclude:
             said["exclude"] = _exclusions(client, campaign_id, exclude)
         calibration = client.calibrate(campaign_id, **said)
-    talk.answer(calibration.raw, *told_calibration(calibration))
+    output.answer(calibration.raw, *format_calibration(calibration))
 
 
-@talks
+@command
 def publish(
-    talk: Output,
+    output: Output,
     calibration: CalibrationId,
     reason: Annotated[str, typer.Option(help="Why, for the record.")],
     valid_from: Annotated[str, typer.Option("--from", help="In force from: a day, a time, or now.")],
@@ -114,22 +114,22 @@ def publish(
 ) -> None:
     """Put a version in force, after showing what that changes."""
     start, end = read_moment(valid_from), read_moment(valid_to)
-    with talk.client() as client:
+    with output.client() as client:
         impact = client.impact(calibration, at=start)
         if dry_run:
-            talk.answer(impact, *_told_impact(impact))
+            output.answer(impact, *_format_impact(impact))
             return
-        for line in _told_impact(impact):
-            talk.note(line)
+        for line in _format_impact(impact):
+            output.note(line)
         found = client.publish(calibration, valid_from=start, valid_to=end, reason=reason)
     gaps = [f"the certificate lacks: {gap['message']}" for gap in found.raw.get("warnings", ())]
     until = f" to {end}" if end else " on"
-    talk.answer(found.raw, *gaps, f"version {found.version} is in force from {start}{until}")
+    output.answer(found.raw, *gaps, f"version {found.version} is in force from {start}{until}")
 
 
-@talks
+@command
 def export(
-    talk: Output,
+    output: Output,
     calibration: CalibrationId,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made where it is not there.")],
 ) -> None:
@@ -139,14 +139,14 @@ def export(
     """
 
     def tell(progress: ExportProgress) -> None:
-        talk.note(f"{progress.files_done}/{progress.files_total} {progress.filename}")
+        output.note(f"{progress.files_done}/{progress.files_total} {progress.filename}")
 
-    with talk.client() as client:
+    with output.client() as client:
         client.export(calibration, folder, on_progress=tell)
-    talk.answer({"folder": str(folder)}, str(folder))
+    output.answer({"folder": str(folder)}, str(folder))
 
 
-def told_calibration(calibration: Calibration) -> list[RenderableType]:
+def format_calibration(calibration: Calibration) -> list[RenderableType]:
     """A version for a person, and what to do next."""
     shown: list[RenderableType] = [of_coefficients(calibration.coefficients)]
     shown.append(f"{calibration.id}: version {calibration.version}, {calibration.state}")
@@ -163,7 +163,7 @@ def read_polygon(text: str) -> list[tuple[float, float]]:
     return [(float(corner[1]), float(corner[2])) for corner in corners if corner]
 
 
-def _told_impact(impact: dict[str, Any]) -> list[str]:
+def _format_impact(impact: dict[str, Any]) -> list[str]:
     changes = [
         f"{holds_for(row)}: {row['change']['value']:+.2f} ± {row['change']['standard_uncertainty']:.2f} %"
         for row in impact["coefficients"]

@@ -8,12 +8,12 @@ import typer
 from rich.console import RenderableType
 
 from stilb.client import Client
-from stilb.commands.calibration import told_calibration
+from stilb.commands.calibration import format_calibration
 from stilb.commands.exits import Exit
+from stilb.commands.output import Output, command
 from stilb.commands.push import Folder, transfer
 from stilb.commands.showing import lines
 from stilb.commands.tables import table
-from stilb.commands.output import Output, talks
 from stilb.field.files import sort_files
 from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
 from stilb.field.pushing import Report, as_json
@@ -25,9 +25,9 @@ app = typer.Typer(help="A campaign in a folder: camera, meter, readings and fram
 
 
 @app.command("init")
-@talks
+@command
 def init(
-    talk: Output,
+    output: Output,
     folder: Annotated[Path, typer.Argument(metavar="[FOLDER]", exists=True, file_okay=False)] = Path(),
     make: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
     model: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
@@ -47,13 +47,13 @@ def init(
             file.write(text)
     except FileExistsError:
         raise Unclear(f"{path} is there already: edit it, or take it away first") from None
-    talk.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {folder}")
+    output.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {folder}")
 
 
 @app.command("run")
-@talks
+@command
 def run(
-    talk: Output,
+    output: Output,
     folder: Folder,
     *,
     fit: Annotated[bool, typer.Option("--fit/--no-fit", help="Fit when all frames are read.")] = True,
@@ -68,28 +68,28 @@ def run(
     """
     plan = read_plan(folder)
     files, left_out = sort_files(folder, plan.rules)
-    with talk.client() as client:
+    with output.client() as client:
         campaign = ensure_campaign(client, plan)
-        talk.note(f"campaign {campaign.id}, {plan.project_number}")
+        output.note(f"campaign {campaign.id}, {plan.project_number}")
         count, others = ensure_readings(client, plan, campaign.id)
-        talk.note(f"readings: {count}")
-        _settle(talk, client, others, replace=replace_readings)
-    report = transfer(talk, folder, campaign.id, files, left_out=left_out)
+        output.note(f"readings: {count}")
+        _settle(output, client, others, replace=replace_readings)
+    report = transfer(output, folder, campaign.id, files, left_out=left_out)
     if not fit:
-        _end(talk, report, {}, [])
+        _end(output, report, {}, [])
         return
-    if not talk.as_json:
-        talk.note("\n".join(lines(report)))
-    with talk.client() as client:
+    if not output.as_json:
+        output.note("\n".join(lines(report)))
+    with output.client() as client:
         calibration = client.calibrate(campaign.id, **plan.fit)
-    _end(talk, report, {"calibration": calibration.raw}, told_calibration(calibration))
+    _end(output, report, {"calibration": calibration.raw}, format_calibration(calibration))
 
 
 @app.command("list")
-@talks
-def list_campaigns(talk: Output) -> None:
+@command
+def list_campaigns(output: Output) -> None:
     """List the campaigns of your organisation, oldest first."""
-    with talk.client() as client:
+    with output.client() as client:
         found = list(client.campaigns())
         cameras = {one.id: f"{one.make} {one.model} {one.serial}" for one in client.cameras()}
     rows = [
@@ -97,17 +97,17 @@ def list_campaigns(talk: Output) -> None:
         for one in found
     ]
     shown = table(("project number", "method", "camera", "campaign"), rows)
-    talk.answer({"items": [one.raw for one in found]}, shown)
+    output.answer({"items": [one.raw for one in found]}, shown)
 
 
 @app.command("show")
-@talks
-def show(talk: Output, campaign: Annotated[str, typer.Argument(help="Its id or project number.")]) -> None:
+@command
+def show(output: Output, campaign: Annotated[str, typer.Argument(help="Its id or project number.")]) -> None:
     """Show what has arrived, what a fit lacks, what would be better."""
-    with talk.client() as client:
+    with output.client() as client:
         found = client.campaign(client.find_campaign(campaign).id).raw
     frames = found["frames"]
-    talk.answer(
+    output.answer(
         found,
         f"{found['id']} {found.get('project_number', '')} {found['method']}",
         f"{frames['received']} frames, {frames['extracted']} extracted, {frames['refused']} refused; "
@@ -118,9 +118,9 @@ def show(talk: Output, campaign: Annotated[str, typer.Argument(help="Its id or p
 
 
 @app.command("readings")
-@talks
+@command
 def readings(
-    talk: Output,
+    output: Output,
     campaign: Annotated[str, typer.Argument(help="Its id or project number.")],
     spreadsheet: Annotated[
         Path,
@@ -132,26 +132,26 @@ def readings(
 ) -> None:
     """Send a spreadsheet of readings. The service converts units; a bad row is named with its line."""
     text = read_spreadsheet(spreadsheet)
-    with talk.client() as client:
+    with output.client() as client:
         added = client.add_readings(client.find_campaign(campaign).id, text, meter_ids=meter or ())
     rows = [(one["scene"], one["quantity"], f"{one['value']:.6g} {one['unit']}") for one in added]
-    talk.answer({"items": added}, table(("scene", "quantity", "value"), rows), f"{len(added)} readings")
+    output.answer({"items": added}, table(("scene", "quantity", "value"), rows), f"{len(added)} readings")
 
 
-def _settle(talk: Output, client: Client, others: list[str], *, replace: bool) -> None:
+def _settle(output: Output, client: Client, others: list[str], *, replace: bool) -> None:
     """Readings that are not the folder's: typed on the page, or of a spreadsheet that was corrected since."""
     if others and replace:
         for reading_id in others:
             client.withdraw_reading(reading_id)
-        talk.note(f"{len(others)} other readings withdrawn")
+        output.note(f"{len(others)} other readings withdrawn")
     elif others:
-        talk.note(
+        output.note(
             f"{len(others)} more readings are in the campaign than the folder holds, and they count. If the "
             "folder's correct them: the same again with --replace-readings"
         )
 
 
-def _end(talk: Output, report: Report, more: dict[str, object], shown: Sequence[RenderableType]) -> None:
-    talk.answer({**as_json(report), **more}, *(lines(report) if not more else ()), *shown)
+def _end(output: Output, report: Report, more: dict[str, object], shown: Sequence[RenderableType]) -> None:
+    output.answer({**as_json(report), **more}, *(lines(report) if not more else ()), *shown)
     if not report.is_well:
         raise typer.Exit(Exit.FINDINGS)

@@ -5,13 +5,13 @@ from typing import Annotated
 import typer
 
 from stilb.commands.moments import read_moment
+from stilb.commands.output import Output, command
 from stilb.commands.tables import of_coefficients
-from stilb.commands.output import Output, talks
 
 
-@talks
+@command
 def k(
-    talk: Output,
+    output: Output,
     camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id, or its serial.")],
     method: Annotated[str, typer.Option(help="Whose coefficients.")] = "luminance",
     iso: Annotated[float | None, typer.Option(help="Only of this ISO.")] = None,
@@ -22,7 +22,7 @@ def k(
 
     And where it comes from. Of another method: every coefficient that is in force.
     """
-    with talk.client() as client:
+    with output.client() as client:
         found = client.coefficients(
             client.find_camera(camera).id,
             method=method,
@@ -32,4 +32,4 @@ def k(
             known_at=read_moment(known_at),
         )
     why = dict.fromkeys(row.why for row in found if row.why)
-    talk.answer({"items": [row.raw for row in found]}, of_coefficients(found), *why)
+    output.answer({"items": [row.raw for row in found]}, of_coefficients(found), *why)

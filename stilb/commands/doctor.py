@@ -6,8 +6,8 @@ from typing import Literal
 import typer
 
 from stilb.commands.exits import Exit
+from stilb.commands.output import Output, command, without_none
 from stilb.commands.tables import table
-from stilb.commands.output import Output, talks, without_none
 from stilb.health import Health
 
 _QUEUE_WARNS_S = 60.0
@@ -26,11 +26,11 @@ class Finding:
     detail: str
 
 
-@talks
-def doctor(talk: Output) -> None:
+@command
+def doctor(output: Output) -> None:
     """Check the service, its queue, disk and clock, and your key."""
-    login = talk.login()
-    with talk.client(retries=0) as client:
+    login = output.login()
+    with output.client(retries=0) as client:
         health = client.health()
         findings = examine_health(health)
         own = client.own_key()
@@ -40,7 +40,7 @@ def doctor(talk: Output) -> None:
         )
     )
     told = {"url": login.url, "checks": [asdict(each) for each in findings], **without_none(asdict(health))}
-    talk.answer(told, table(("check", "", ""), [(f.check, f.state, f.detail) for f in findings]))
+    output.answer(told, table(("check", "", ""), [(f.check, f.state, f.detail) for f in findings]))
     if any(each.state == "fail" for each in findings):
         raise typer.Exit(Exit.FINDINGS)
 

@@ -6,16 +6,16 @@ import typer
 
 from stilb.client import Client
 from stilb.commands.exits import Exit
+from stilb.commands.output import Output, command
 from stilb.commands.tables import table
-from stilb.commands.output import Output, talks
 from stilb.records import Job
 
 _SHOWN = 20
 
 
-@talks
+@command
 def jobs(
-    talk: Output,
+    output: Output,
     job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; else the newest.")] = None,
     state: Annotated[
         str | None, typer.Option(help="queued, running, succeeded, failed, quarantined.")
@@ -26,9 +26,9 @@ def jobs(
     wait: Annotated[bool, typer.Option("--wait", help="Wait until the job has ended.")] = False,
 ) -> None:
     """Show the newest jobs, or one, and what became of it."""
-    with talk.client() as client:
+    with output.client() as client:
         if job is not None:
-            _one(talk, client.wait(job) if wait else client.job(job))
+            _one(output, client.wait(job) if wait else client.job(job))
             return
         found = [each for each, _ in zip(client.jobs(state=state, kind=kind), range(limit), strict=False)]
         about = _about(client, found)
@@ -36,15 +36,15 @@ def jobs(
         (each.kind, about[each.id], each.state, f"{each.progress:.0%}", each.id, _error(each))
         for each in found
     ]
-    talk.answer(
+    output.answer(
         {"items": [each.raw for each in found]},
         table(("kind", "of", "state", "done", "job", "error"), rows),
     )
 
 
-@talks
+@command
 def retry(
-    talk: Output,
+    output: Output,
     job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; else all that fit.")] = None,
     state: Annotated[str | None, typer.Option(help="failed, quarantined.")] = None,
     kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
@@ -54,14 +54,14 @@ def retry(
     """Try a job again that failed, or all in a state (--state) that fit the other options."""
     if (job is None) == (state is None):
         raise typer.BadParameter("name one job, or choose many with --state", param_hint="JOB")
-    with talk.client() as client:
+    with output.client() as client:
         if job is not None:
             found = client.retry_job(job)
-            talk.answer(found.raw, f"{found.id} {found.kind} {found.state}")
+            output.answer(found.raw, f"{found.id} {found.kind} {found.state}")
             return
         campaign_id = client.find_campaign(campaign).id if campaign is not None else None
         count = client.retry_jobs(str(state), kind=kind, code=code, campaign_id=campaign_id)
-    talk.answer({"retried": count}, f"{count} jobs are tried again")
+    output.answer({"retried": count}, f"{count} jobs are tried again")
 
 
 def _about(client: Client, found: list[Job]) -> dict[str, str]:
@@ -75,9 +75,9 @@ def _about(client: Client, found: list[Job]) -> dict[str, str]:
     }
 
 
-def _one(talk: Output, found: Job) -> None:
+def _one(output: Output, found: Job) -> None:
     result = ", ".join(f"{name} {value}" for name, value in (found.result or {}).items())
-    talk.answer(
+    output.answer(
         found.raw, f"{found.id} {found.kind} {found.state} {found.progress:.0%} {result}{_error(found)}"
     )
     if found.state in {"failed", "quarantined"}:

@@ -8,16 +8,16 @@ import typer
 
 from stilb.commands.calibration import read_polygon
 from stilb.commands.exits import Exit
+from stilb.commands.output import Output, command
 from stilb.commands.tables import figure, table
-from stilb.commands.output import Output, talks
 from stilb.records import Grid, MeasureDetails, Measurement
 
 _GRID = re.compile(r"(\d+)x(\d+)")
 
 
-@talks
+@command
 def measure(  # noqa: PLR0913, PLR0917 (the command's options)
-    talk: Output,
+    output: Output,
     frames: Annotated[list[str] | None, typer.Argument(metavar="[FRAME]...", help="Ids of frames.")] = None,
     campaign: Annotated[str | None, typer.Option(help="Every field frame of this campaign.")] = None,
     calibration: Annotated[str | None, typer.Option(help="Else what was in force when it was taken.")] = None,
@@ -44,7 +44,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     if allow:
         details["allow"] = list(allow)
     refused: list[dict[str, Any]] = []
-    with talk.client() as client:
+    with output.client() as client:
         with_map = save_map is not None
         if campaign is not None:
             campaign_id = client.find_campaign(campaign).id
@@ -54,9 +54,9 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         if save_map is not None:
             save_map.mkdir(parents=True, exist_ok=True)
             for one in found:
-                talk.note(str(client.save_map(one.id, save_map / f"{one.id}.tif")))
+                output.note(str(client.save_map(one.id, save_map / f"{one.id}.tif")))
     told = {"items": [one.raw for one in found], "not_measured": refused}
-    talk.answer(
+    output.answer(
         told, _table(found), *(f"{each['filename']} not measured: {each['detail']}" for each in refused)
     )
     if refused:

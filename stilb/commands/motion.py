@@ -5,15 +5,15 @@ from typing import Annotated, Any
 import typer
 
 from stilb.commands.exits import Exit
+from stilb.commands.output import Output, command
 from stilb.commands.tables import table
-from stilb.commands.output import Output, talks
 
 _WORDS = {True: "within", False: "BEYOND", None: "unknown"}
 
 
-@talks
+@command
 def motion(
-    talk: Output,
+    output: Output,
     campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id, or its project number.")],
     focal_length: Annotated[float, typer.Option(metavar="MM", help="Of the lens [mm].")],
     pixel_pitch: Annotated[
@@ -28,7 +28,7 @@ def motion(
 
     From the attitudes that the files of a campaign record, and from the speed over ground where it is given.
     """
-    with talk.client() as client:
+    with output.client() as client:
         found = client.motion(
             client.find_campaign(campaign).id,
             focal_length_mm=focal_length,
@@ -40,7 +40,7 @@ def motion(
         )
     counted = f"{found['within_limit']} within {found['limit_px']:g} px, {found['beyond_limit']} beyond"
     sentence = f"{found['frames']} frames, {found['with_rates']} with rates: {counted}"
-    talk.answer(found, _table(found["rows"]), *_reasons(found["rows"]), sentence)
+    output.answer(found, _table(found["rows"]), *_reasons(found["rows"]), sentence)
     if found["beyond_limit"]:
         raise typer.Exit(Exit.FINDINGS)
 

@@ -1,4 +1,4 @@
-"""What every command shares: --url, --key and --json, a client, and two ways to answer."""
+"""Options that all commands share (--url, --key, --json), and the output of a command as text or JSON."""
 
 import functools
 import inspect
@@ -26,7 +26,7 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """One command's way to the service and to the person: results on stdout, all else on stderr."""
+    """Output of one command: results on stdout, everything else on stderr."""
 
     url: str | None
     key: str | None
@@ -38,12 +38,12 @@ class Output:
         return choose_login(read_login(config_folder()), url=self.url, key=self.key)
 
     def client(self, *, retries: int = _RETRIES, on_retry: OnRetry | None = None) -> Client:
-        """A connection; a person who waits before a screen is told soon that nothing answers."""
+        """Open a client with few retries, so that a user soon sees that the service does not answer."""
         login = self.login()
         return Client(login.url, login.key, retries=retries, on_retry=on_retry)
 
     def answer(self, result: object, *shown: RenderableType) -> None:
-        """The result: as one JSON document, or as it is shown to a person."""
+        """Write the result as one JSON document, or as text."""
         if self.as_json:
             print_json(result)
             return
@@ -51,24 +51,24 @@ class Output:
             self.out.print(each)
 
     def note(self, text: str) -> None:
-        """What is worth knowing beside the result."""
+        """Write a note on stderr."""
         self.err.print(text)
 
 
-def talks(command: Callable[..., Answer]) -> Callable[..., Answer]:
-    """Give a command the options --url, --key and --json, and itself a ``Output`` made of them."""
+def command(function: Callable[..., Answer]) -> Callable[..., Answer]:
+    """Add the options --url, --key and --json to a function, and pass it an ``Output`` made of them."""
 
-    @functools.wraps(command)
-    def with_talk(*, url: str | None, key: str | None, as_json: bool, **given: Any) -> Answer:  # noqa: ANN401
-        return command(Output(url=url, key=key, as_json=as_json), **given)
+    @functools.wraps(function)
+    def with_output(*, url: str | None, key: str | None, as_json: bool, **given: Any) -> Answer:  # noqa: ANN401
+        return function(Output(url=url, key=key, as_json=as_json), **given)
 
-    # typer reads the options from the signature; the first parameter, the talk, is not among them.
-    own = list(inspect.signature(command, eval_str=True).parameters.values())[1:]
+    # typer reads the options from the signature; the first parameter, the output, is not an option.
+    own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
     keyword = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in own]
     signature = inspect.Signature(keyword + _SHARED)
-    with_talk.__signature__ = signature  # type: ignore[attr-defined]
-    with_talk.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
-    return with_talk
+    with_output.__signature__ = signature  # type: ignore[attr-defined]
+    with_output.__annotations__ = {each.name: each.annotation for each in signature.parameters.values()}
+    return with_output
 
 
 def config_folder() -> Path:

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from stilb.commands.exits import Exit
+from stilb.commands.output import Output, command, config_folder
 from stilb.commands.showing import lines, showing, tell_retry
-from stilb.commands.output import Output, config_folder, talks
 from stilb.field.files import ROLES, USUAL_RULES, FieldFile, Rule, sort_files
 from stilb.field.journal import Journal
 from stilb.field.plan import FILENAME, read_plan
@@ -29,9 +29,9 @@ Wait = Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the verdi
 Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds between two looks.")]
 
 
-@talks
+@command
 def push(
-    talk: Output,
+    output: Output,
     folder: Folder,
     campaign: Annotated[
         str | None, typer.Option(help="Its id or project number; else what campaign.toml says.")
@@ -50,18 +50,18 @@ def push(
     level.
     """
     list_files = _lister(folder, role, scene)
-    campaign_id = _campaign_id(talk, folder, campaign)
+    campaign_id = _campaign_id(output, folder, campaign)
     if watch:
-        follow(talk, folder, campaign_id, lambda: list_files()[0], every_s=every, wait=wait)
+        follow(output, folder, campaign_id, lambda: list_files()[0], every_s=every, wait=wait)
         return
     files, left_out = list_files()
     if not files:
         raise Unclear(f"No file in {folder} is a frame by the rules. {_how(left_out)}")
-    finish(talk, transfer(talk, folder, campaign_id, files, left_out=left_out, wait=wait))
+    finish(output, transfer(output, folder, campaign_id, files, left_out=left_out, wait=wait))
 
 
 def transfer(
-    talk: Output,
+    output: Output,
     folder: Path,
     campaign_id: str,
     files: Sequence[FieldFile],
@@ -71,24 +71,24 @@ def transfer(
 ) -> Report:
     """Bring files to a campaign, patiently, before a person's eyes."""
     journal = Journal.of(folder, config_folder() / "journals")
-    on_retry = partial(tell_retry, talk.err)
+    on_retry = partial(tell_retry, output.err)
     with (
-        talk.client(retries=_PATIENT_RETRIES, on_retry=on_retry) as client,
-        showing(talk.err) as listener,
+        output.client(retries=_PATIENT_RETRIES, on_retry=on_retry) as client,
+        showing(output.err) as listener,
     ):
         report = push_files(client, campaign_id, files, journal, listener=listener, wait=wait)
     return Report(campaign_id=campaign_id, files=report.files, sent=report.sent, left_out=tuple(left_out))
 
 
-def finish(talk: Output, report: Report) -> None:
+def finish(output: Output, report: Report) -> None:
     """Tell what became of a push; what is not well is an exit code of its own."""
-    talk.answer(as_json(report), *lines(report))
+    output.answer(as_json(report), *lines(report))
     if not report.is_well:
         raise typer.Exit(Exit.FINDINGS)
 
 
 def follow(
-    talk: Output,
+    output: Output,
     folder: Path,
     campaign_id: str,
     list_files: Callable[[], list[FieldFile]],
@@ -100,31 +100,31 @@ def follow(
     watch, sent = Watch(list_files), dict[Path, FieldFile]()
     total = 0
     try:
-        talk.note(f"watching {folder}; Ctrl-C ends it")
+        output.note(f"watching {folder}; Ctrl-C ends it")
         while True:
             settled = watch.look()
             if settled:
-                report = _try_transfer(talk, folder, campaign_id, settled, watch)
+                report = _try_transfer(output, folder, campaign_id, settled, watch)
                 if report is not None:
                     total += report.sent
                     sent |= {file.path: file for file in settled}
-                    talk.note("\n".join(lines(report)))
+                    output.note("\n".join(lines(report)))
             sleep(every_s)
     except KeyboardInterrupt:
-        report = transfer(talk, folder, campaign_id, list(sent.values()), wait=wait)
-        finish(talk, Report(campaign_id=campaign_id, files=report.files, sent=total + report.sent))
+        report = transfer(output, folder, campaign_id, list(sent.values()), wait=wait)
+        finish(output, Report(campaign_id=campaign_id, files=report.files, sent=total + report.sent))
 
 
 def _try_transfer(
-    talk: Output, folder: Path, campaign_id: str, files: list[FieldFile], watch: Watch
+    output: Output, folder: Path, campaign_id: str, files: list[FieldFile], watch: Watch
 ) -> Report | None:
     """A network that is lost in between comes back; whoever watches does not want to start again."""
     try:
-        return transfer(talk, folder, campaign_id, files)
+        return transfer(output, folder, campaign_id, files)
     except Problem as problem:
         if not problem.retryable:
             raise
-        talk.note(f"{problem}; these files go again at the next look")
+        output.note(f"{problem}; these files go again at the next look")
         watch.take_back(files)
         return None
 
@@ -143,8 +143,8 @@ def _lister(
     return partial(sort_files, folder, USUAL_RULES, raw_only=True)
 
 
-def _campaign_id(talk: Output, folder: Path, named: str | None) -> str:
-    with talk.client() as client:
+def _campaign_id(output: Output, folder: Path, named: str | None) -> str:
+    with output.client() as client:
         if named is not None:
             return client.find_campaign(named).id
         if not (folder / FILENAME).exists():

@@ -6,14 +6,16 @@ from typing import Annotated
 import typer
 
 from stilb.client import Client
-from stilb.commands.output import Output, config_folder, talks
+from stilb.commands.output import Output, command, config_folder
 from stilb.login import Login, forget_login, keep_login
 from stilb.problem import Problem, Unclear
 from stilb.records import OwnKey
 
 
-@talks
-def login(talk: Output, address: Annotated[str, typer.Argument(metavar="URL", help="Of the service.")]) -> None:
+@command
+def login(
+    output: Output, address: Annotated[str, typer.Argument(metavar="URL", help="Address of the service.")]
+) -> None:
     """Sign in: the key is checked, then kept for you alone.
 
     It is asked for, unless --key or STILB_KEY gives it, and kept in a file of mode 600.
@@ -21,11 +23,13 @@ def login(talk: Output, address: Annotated[str, typer.Argument(metavar="URL", he
     address = address.rstrip("/")
     if not address.startswith(("http://", "https://")):
         raise Unclear(f"{address} is no address: it begins with http:// or https://")
-    key = talk.key or _ask_for_key()
+    key = output.key or _ask_for_key()
     with Client(address, key, retries=2) as client:
         own = _own_key(client, address)
     path = keep_login(config_folder(), Login(url=address, key=key))
-    talk.answer({**_told(address, own), "kept_in": str(path)}, f"{_sentence(address, own)}. Kept in {path}")
+    output.answer(
+        {**_describe(address, own), "kept_in": str(path)}, f"{_sentence(address, own)}. Kept in {path}"
+    )
 
 
 def _ask_for_key() -> str:
@@ -49,23 +53,23 @@ def _own_key(client: Client, address: str) -> OwnKey:
         ) from problem
 
 
-@talks
-def logout(talk: Output) -> None:
+@command
+def logout(output: Output) -> None:
     """Forget the key on this machine. It stays valid until an admin revokes it."""
     there = forget_login(config_folder())
-    talk.answer({"signed_out": there}, "Signed out." if there else "Nobody was signed in.")
+    output.answer({"signed_out": there}, "Signed out." if there else "Nobody was signed in.")
 
 
-@talks
-def whoami(talk: Output) -> None:
+@command
+def whoami(output: Output) -> None:
     """Tell whose key this machine has, where, and what it may."""
-    found = talk.login()
-    with talk.client() as client:
+    found = output.login()
+    with output.client() as client:
         own = client.own_key()
-    talk.answer(_told(found.url, own), _sentence(found.url, own))
+    output.answer(_describe(found.url, own), _sentence(found.url, own))
 
 
-def _told(url: str, own: OwnKey) -> dict[str, object]:
+def _describe(url: str, own: OwnKey) -> dict[str, object]:
     return {"url": url, **own.raw}
 
 

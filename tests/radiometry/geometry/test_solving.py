@@ -21,8 +21,8 @@ def views_of(rows, params=FREE):
     return [make_view(row.features, params) for row in rows]
 
 
-def solve_rows(rows, freedom=ALL):
-    return solve(views_of(rows), freedom, height_px=480, width_px=640)
+def solve_rows(rows, free=ALL):
+    return solve(views_of(rows), free, height_px=480, width_px=640)
 
 
 def test_without_noise_the_truth_comes_out():
@@ -47,8 +47,8 @@ def test_errors_are_as_large_as_predicted():
 
 @pytest.mark.parametrize("square", [True, False])
 def test_opencv_finds_the_same_and_the_same_errors(square, simulated):
-    freedom = choose_free_parameters(fix_aspect_ratio=square, radial_terms=3, tangential=True)
-    found = solve_rows(simulated, freedom)
+    free = choose_free_parameters(fix_aspect_ratio=square, radial_terms=3, tangential=True)
+    found = solve_rows(simulated, free)
     views = views_of(simulated)
     rms, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
         [view.points_mm.astype(np.float32) for view in views],
