@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test faults chromium audit export verify verify-backup lint format fuzz bench pictures lock clean
+.PHONY: help demo up test faults chromium audit export verify verify-backup lint format fuzz bench architecture pictures lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -53,6 +53,9 @@ fuzz: $(VENV)/dev  ## damaged files through the decoder, for SECONDS=60: nothing
 
 bench: $(VENV)/dev  ## side by side with what people use today and with the limit
 	@python -m bench
+
+architecture: $(VENV)/dev  ## draw the rooms and their table in docs/architecture.md from the imports
+	@python docs/architecture.py
 
 pictures: $(VENV)/dev chromium  ## take the pictures of the README anew, from the test that drives the whole procedure
 	@STILB_ILLUSTRATIONS=docs/pictures pytest -q tests/browser/test_procedure.py

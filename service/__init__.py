@@ -1,0 +1,1 @@
+"""The HTTP API and the browser pages over it, and the launcher behind `make up`."""

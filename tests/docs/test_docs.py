@@ -132,7 +132,8 @@ def test_every_make_target_exists(page):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_setting_that_is_named_exists(page):
     settings = {f"STILB_{name.upper()}" for name in Settings.model_fields}
-    settings |= set(re.findall(r'envvar="(\w+)"', read(ROOT / "stilb" / "commands" / "talk.py")))
+    for path in sorted((ROOT / "stilb" / "commands").glob("*.py")):
+        settings |= set(re.findall(r'envvar="(\w+)"', read(path)))
     for named in re.findall(r"\bSTILB_[A-Z_*]+", read(page)):
         if named.endswith("*"):
             assert any(setting.startswith(named[:-1]) for setting in settings), named
@@ -145,6 +146,13 @@ def test_every_file_that_is_named_exists(page):
     named = set(re.findall(r"`([\w./-]+/[\w.-]+\.(?:py|md|yml|toml|lock|svg))`", read(page)))
     for path in named:
         assert (ROOT / path).exists(), path
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "adr").glob("*.md")), ids=lambda page: page.name)
+def test_every_file_that_a_decision_lists_exists(page):
+    for room, names in re.findall(r"^    (\w+)/(\w+\.py(?:, \w+\.py)*)  ", read(page), re.MULTILINE):
+        for name in names.split(", "):
+            assert (ROOT / room / name).exists(), name
 
 
 def test_every_page_can_be_reached_from_the_readme():
