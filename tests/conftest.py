@@ -1,5 +1,8 @@
 """What every suite shares: both databases, and the house put together without processes."""
 
+from collections import defaultdict
+from zlib import crc32
+
 import hypothesis
 import pytest
 
@@ -13,6 +16,33 @@ from tests.support.stages import staged, stages  # noqa: F401 (fixtures)
 # the same examples in every run, and no clock: a test fails because of the code, never of the day or the load
 hypothesis.settings.register_profile("house", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("house")
+
+
+def pytest_collection_modifyitems(items):
+    """Keep of each test marked `either_database` the run on one database: which, its name decides.
+
+    Half of such tests run on SQLite and half on PostgreSQL, so that every module meets both.
+    """
+    offered = defaultdict(set)
+    for item in items:
+        if item.get_closest_marker("either_database"):
+            offered[_name_test(item)].add(_read_database(item))
+    items[:] = [item for item in items if _is_kept(item, offered.get(_name_test(item)))]
+
+
+def _is_kept(item, databases):
+    if databases is None or None in databases:
+        return True
+    return _read_database(item) == sorted(databases)[crc32(_name_test(item).encode()) % len(databases)]
+
+
+def _name_test(item):
+    return item.nodeid.partition("[")[0]
+
+
+def _read_database(item):
+    params = item.callspec.params if hasattr(item, "callspec") else {}
+    return params.get("database_url", params.get("shared_house"))
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,8 @@ from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
 from tests.support.certificates import METER, WORK, certificate_of, complete_version
 
+pytestmark = pytest.mark.either_database
+
 PUBLICATION = {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring, reviewed"}
 
 

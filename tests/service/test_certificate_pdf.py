@@ -12,6 +12,8 @@ from service.certificate import draw_region, render_pdf
 from service.certificate.figures import in_step
 from tests.support.certificates import certificate_of, complete_version
 
+pytestmark = pytest.mark.either_database
+
 # with a point, and no part of a name, a version or a date
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w]|\.\d)")
 

@@ -4,6 +4,8 @@ import pytest
 
 from tests.support.campaigns import calibrated_campaign
 
+pytestmark = pytest.mark.either_database
+
 
 def patch(client, campaign, body):
     return client.patch(f"/v1/campaigns/{campaign['id']}/checklist", json=body)

@@ -5,6 +5,8 @@ import pytest
 from radiometry.fitting.models import K_UNITS
 from tests.support.campaigns import calibrate, upload_campaign
 
+pytestmark = pytest.mark.either_database
+
 
 @pytest.mark.parametrize("model", K_UNITS)
 def test_k_has_the_unit_of_its_model(house, staged, model):

@@ -17,6 +17,8 @@ from tests.support.campaigns import (
 )
 from tests.support.every_method import make_version
 
+pytestmark = pytest.mark.either_database
+
 PER_DN = 4.0**2 / (K_TRUE * 0.02 * 3200)
 IN_FORCE = {"valid_from": "2026-04-01T00:00:00Z", "reason": "spring"}
 BROKEN = ["image_part_empty"]

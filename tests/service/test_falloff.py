@@ -16,6 +16,8 @@ from tests.service.test_optics import SERIAL, raw_bytes
 from tests.support.campaigns import calibrate
 from tests.support.frames import write_frame
 
+pytestmark = pytest.mark.either_database
+
 LENS = SimulatedLens(height_px=96, width_px=144, centre_px=(50.0, 68.0))
 K, ISO = 2.0, 3200
 SETTINGS = ((0.005, 2.0), (0.01, 2.8))

@@ -10,6 +10,8 @@ from store.queries.fleet import list_determinations
 from store.tables import Blob, Calibration, Camera, FrameRow
 from tests.support.fleet import START, add_published, take_back
 
+pytestmark = pytest.mark.either_database
+
 ALIKE = {"A": (33.0, 33.2, 32.9), "B": (33.1, 33.0, 33.2), "C": (32.9, 33.0, 33.1)}
 APART = {"A": (30.0, 30.2, 29.9), "B": (33.1, 33.0, 33.2), "C": (36.2, 36.0, 36.1)}
 

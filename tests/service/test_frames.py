@@ -8,6 +8,8 @@ import tifffile
 
 from tests.support.campaigns import calibrate, upload_campaign
 
+pytestmark = pytest.mark.either_database
+
 ROI = [[8, 8], [88, 8], [88, 56], [8, 56]]
 SMALL = [[10, 10], [20, 10], [20, 20]]
 

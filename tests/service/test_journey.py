@@ -15,6 +15,8 @@ from tests.support.campaigns import (
     upload_campaign,
 )
 
+pytestmark = pytest.mark.either_database
+
 
 def test_a_campaign_becomes_coefficients_in_force(house):
     campaign = upload_campaign(house)

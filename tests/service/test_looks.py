@@ -5,6 +5,8 @@ from sqlalchemy import func, select
 
 from store.tables import Extraction
 
+pytestmark = pytest.mark.either_database
+
 CORNERS = [[8, 8], [60, 8], [60, 40]]
 
 

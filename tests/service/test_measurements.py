@@ -14,6 +14,8 @@ from tests.support.blobs import zero
 from tests.support.campaigns import K_TRUE, ROI, calibrate, calibrated_campaign, published_campaign
 from tests.support.frames import forget_time, place_frame, write_frame
 
+pytestmark = pytest.mark.either_database
+
 SETTINGS = {"exposure_time_s": 0.02, "f_number": 4.0, "iso": 3200}
 PER_DN = 4.0**2 / (K_TRUE * 0.02 * 3200)
 CORNERS = [[8, 8], [88, 8], [88, 56], [8, 56]]

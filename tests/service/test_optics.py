@@ -19,6 +19,8 @@ from simulation.noise import SimulatedSensor, expose
 from simulation.vignetting import FALLOFFS, SimulatedLens, simulate_campaign
 from tests.support.data import data_file
 
+pytestmark = pytest.mark.either_database
+
 SERIAL = "0K1XE8"
 F_NUMBERS = (2.0, 4.0)
 EDGE_CAMERA = {"make": "Canon", "model": "EOS 5D", "serial": "1"}

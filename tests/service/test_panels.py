@@ -2,6 +2,8 @@
 
 import pytest
 
+pytestmark = pytest.mark.either_database
+
 PANEL = {
     "serial": "RP02-1603036-SC",
     "measured_on": "2026-03-14",

@@ -4,6 +4,8 @@ import pytest
 
 from tests.support.data import data_file
 
+pytestmark = pytest.mark.either_database
+
 # exposures as a field team would have noted them
 TYPED = {"exposure_time_s": 0.01, "f_number": 4, "iso": 400}
 

@@ -11,6 +11,8 @@ import tifffile
 from store.tables import FrameRow
 from tests.support.data import data_file
 
+pytestmark = pytest.mark.either_database
+
 NAMES = {
     "green": "IMG_180413_080658_0000_GRE.TIF",
     "red": "IMG_180413_080658_0000_RED.TIF",

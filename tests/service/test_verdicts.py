@@ -6,6 +6,8 @@ from sqlalchemy import event
 from store.tables import FrameRow
 from tests.support.campaigns import K_TRUE, LEVELS, ROI
 
+pytestmark = pytest.mark.either_database
+
 SETTINGS = ((0.02, 4.0), (0.02, 2.8), (0.04, 2.8))
 OUTSIDE = "[[8,8],[97,8],[97,56],[8,56]]"
 

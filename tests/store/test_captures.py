@@ -6,6 +6,8 @@ from radiometry.findings.errors import Code, InputRejected
 from store.measuring.captures import Captures
 from store.tables import FrameRow
 
+pytestmark = pytest.mark.either_database
+
 CAPTURE = {"system": "sequoia", "band_name": "", "capture_id": "C-1"}
 
 

@@ -1,9 +1,13 @@
 """What the record ticks of a real campaign, what people tick, and when."""
 
+import pytest
+
 from store.columns import utc_now
 from store.queries.checklist import BY_ITSELF, read_checklist, read_signature, set_tick, sign
 from store.tables import Campaign
 from tests.support.campaigns import calibrate, upload_campaign
+
+pytestmark = pytest.mark.either_database
 
 FROM_THE_VERSION = {
     "dark_median",

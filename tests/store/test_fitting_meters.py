@@ -1,7 +1,11 @@
 """A version remembers the meters as they were when it was fitted."""
 
+import pytest
+
 from tests.support.campaigns import calibrate, upload_campaign
 from tests.support.meters import CERTIFICATE, METER, enter_meter, metered_campaign
+
+pytestmark = pytest.mark.either_database
 
 
 def test_a_version_keeps_the_certificate_that_it_was_made_with(house):

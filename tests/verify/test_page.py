@@ -13,6 +13,8 @@ from service.certificate.gaps import GapCode
 from tests.support.certificates import complete_version
 from tests.support.house import KEY
 
+pytestmark = pytest.mark.either_database
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "certificate.md").read_text(encoding="utf-8")
 

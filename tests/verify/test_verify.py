@@ -14,6 +14,8 @@ from tests.verify.changing import change, nudge, run
 from verify.__main__ import main
 from verify.compare import Row, compare
 
+pytestmark = pytest.mark.either_database
+
 
 @pytest.fixture(autouse=True)
 def wide(monkeypatch):
