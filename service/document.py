@@ -8,6 +8,8 @@ from fastapi.openapi.utils import get_openapi
 
 from service.problems import HttpCode, problem_body
 from service.routes import problems
+from service.schemas.fits import NewCalibration, describe_requests
+from service.schemas.methods import MethodsAnswer, describe_methods, describe_versions
 
 _EXAMPLE_CODES = {
     400: HttpCode.BAD_REQUEST,
@@ -31,6 +33,7 @@ def build_document(app: FastAPI) -> Node:
     """What the service publishes at /openapi.json; built once."""
     if app.openapi_schema is None:
         document = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
+        _add_methods(document)
         for operation in operations(document):
             _summarise(operation)
             _add_body_problems(operation)
@@ -41,6 +44,18 @@ def build_document(app: FastAPI) -> Node:
         _absent_is_not_null(document)
         app.openapi_schema = document
     return app.openapi_schema
+
+
+def _add_methods(document: Node) -> None:
+    """State what each method takes and stores, where a route only knows that it is an object."""
+    schemas = document["components"]["schemas"]
+    forms, body = describe_requests()
+    held, properties = describe_versions()
+    schemas.update({**forms, **held, NewCalibration.__name__: body})
+    schemas[MethodsAnswer.__name__]["examples"] = [describe_methods().dump()]
+    for answer in schemas.values():
+        if {"diagnostics", "points"} <= answer.get("properties", {}).keys():
+            answer["properties"] |= properties
 
 
 def operations(document: Node) -> Iterator[Node]:

@@ -1,6 +1,6 @@
 """Fits, versions and what is decided of them."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -21,13 +21,12 @@ from service.problems import HttpCode, Problem, invalid, located
 from service.routes import problems, sends_file
 from service.schemas.calibrations import (
     IN_FORCE,
-    PARAMETERS,
     CalibrationAnswer,
-    NewCalibration,
     NewPublication,
     NewRevocation,
     State,
 )
+from service.schemas.fits import FitRequest, NewCalibration, read_request
 from service.schemas.history import RevocationAnswer
 from service.schemas.jobs import JobAnswer
 from service.tabular import write_csv
@@ -55,10 +54,13 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
 
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
-        if body.panel_id is not None:
-            campaign.panel_id = owned(session, Panel, body.panel_id, caller).id
+        spec = methods.get_method(campaign.method)
+        request = read_request(body, spec)
+        panel_id = getattr(request, "panel_id", None)
+        if panel_id is not None:
+            campaign.panel_id = owned(session, Panel, panel_id, caller).id
         evidence = gather(session, campaign)
-        params = _read_params(session, body, campaign, evidence, caller)
+        params = _read_params(session, request, campaign, evidence, caller)
         params = leave_out_doubtful(params, evidence)
         missing = list_missing(campaign, evidence, params)
         if missing:
@@ -218,17 +220,11 @@ def revoke_calibration(
 
 
 def _read_params(
-    session: Session, body: NewCalibration, campaign: Campaign, evidence: Evidence, caller: Caller
+    session: Session, request: FitRequest, campaign: Campaign, evidence: Evidence, caller: Caller
 ) -> Any:  # noqa: ANN401
-    said = body.parameters()
-    known = {field.name for field in fields(methods.get_method(campaign.method).params)}
-    names = {parameter: name for name, parameter in PARAMETERS.items()}
-    foreign = sorted({names.get(name, name) for name in said.keys() - known})
-    if foreign:
-        message = f"is no parameter of a {campaign.method} fit"
-        raise invalid([{"type": "parameter", "loc": ("body", name), "msg": message} for name in foreign])
+    said = request.read_parameters(methods.get_method(campaign.method))
     exclusions = []
-    for index, exclusion in enumerate(body.exclude or []):
+    for index, exclusion in enumerate(request.exclude or []):
         if exclusion.frame_id not in evidence.names:
             raise Problem(
                 422,

@@ -1,102 +1,16 @@
 """Fits, versions, publications, and the coefficients in force."""
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.schemas.base import Answer, Form, Instant, LongText, Number, PixelPitch, Text
+from service.schemas.base import Answer, Form, Instant, LongText
+from store.codec import drop_absent
 from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, CoefficientRow
 
 IN_FORCE = "in_force"
 State = Literal["draft", "published", "superseded", "revoked"]
-
-
-class Exclusion(Form):
-    frame_id: Text
-    reason: LongText
-
-
-class Tilt(Form):
-    """How the sunshine sensor's tilt is corrected; `{}` takes a clear sky and a PTFE diffuser."""
-
-    diffuse_share: Annotated[Number | None, Field(ge=0, le=1)] = None
-    refractive_index: Annotated[Number | None, Field(ge=1, le=3)] = None
-
-
-class NewCalibration(Form):
-    """How to fit; what is left out takes the method's default. The campaign's method says what it takes."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "model": "proportional",
-                    "tolerance": 0.04,
-                    "exclude": [{"frame_id": "frm_1", "reason": "somebody walked through the light"}],
-                }
-            ]
-        }
-    )
-
-    model: Literal["proportional", "affine", "power", "semilog"] | None = None
-    tolerance: Annotated[
-        Number | None, Field(gt=0, lt=1, description="Largest accepted error, as a share of L.")
-    ] = None
-    channel: Literal["green", "grey"] | None = None
-    exposure_basis: Literal["nominal", "apex"] | None = None
-    meter_repeatability_rel: Annotated[Number | None, Field(gt=0, lt=1)] = None
-    f_number_u_rel: Annotated[Number | None, Field(ge=0, lt=1)] = None
-    exposure_time_u_rel: Annotated[Number | None, Field(ge=0, lt=1)] = None
-    normalisation: Annotated[
-        Literal["sunshine", "panel_only"] | None,
-        Field(description="panel_only: without the sunshine sensor; K holds for one light."),
-    ] = None
-    sunshine_choice: Literal["mean", "last", "nearest"] | None = None
-    interpolation: Annotated[
-        Literal["constant", "linear"] | None, Field(description="linear: K in time between panel visits.")
-    ] = None
-    incidence_angle_deg: Annotated[
-        Number | None, Field(ge=0, lt=90, description="Between the panel's normal and the sun.")
-    ] = None
-    incidence_angle_u_deg: Annotated[Number | None, Field(ge=0, lt=90)] = None
-    tilt: Annotated[Tilt | None, Field(description="Correct the sunshine sensor's own tilt.")] = None
-    pixel_pitch_um: Annotated[
-        PixelPitch | None, Field(description="Left out: the camera's, where it is registered.")
-    ] = None
-    star_contrast: Annotated[Number | None, Field(ge=0.01, le=0.9)] = None
-    corner_window: Literal["fixed", "fitted"] | None = None
-    fix_aspect_ratio: bool | None = None
-    radial_terms: Literal[0, 1, 2, 3] | None = None
-    tangential: bool | None = None
-    reject_above_px: Annotated[
-        Number | None, Field(gt=0, le=1000, description="A view that fits worse is left out.")
-    ] = None
-    gain_range_share: Annotated[Number | None, Field(gt=0, lt=1)] = None
-    linearity_range_share: Annotated[
-        list[Number] | None, Field(min_length=2, max_length=2, description="From and to, of saturation.")
-    ] = None
-    largest_drift_rel: Annotated[Number | None, Field(gt=0, lt=1)] = None
-    panel_id: Annotated[
-        Text | None, Field(description="Of a reflectance campaign: its panel from now on.")
-    ] = None
-    vignetting_id: Annotated[
-        Text | None,
-        Field(
-            description="Of a luminance fit: the vignetting version that its signals are divided by, or "
-            "`in_force`: the one in force when the light frames were taken. Left out: none."
-        ),
-    ] = None
-    exclude: Annotated[list[Exclusion] | None, Field(max_length=10_000)] = None
-
-    def parameters(self) -> dict[str, Any]:
-        """What is said of the fit itself, as the method's parameters name it."""
-        said = self.model_dump(exclude_none=True, exclude={"exclude", "panel_id"})
-        return {PARAMETERS.get(name, name): value for name, value in said.items()}
-
-
-PARAMETERS = {"tolerance": "tolerance_rel", "vignetting_id": "vignetting"}
-"""What the methods' parameters call otherwise than the form."""
 
 
 class NewPublication(Form):
@@ -253,10 +167,11 @@ class CalibrationAnswer(Answer):
         """``whole``: with points, diagnostics and inputs, which a list leaves out."""
         detail: dict[str, Any] = {}
         if whole:
-            result = dict(row.result)
+            result = drop_absent(row.result)
             detail = {"points": result.pop("points", []), "diagnostics": result, "inputs": row.inputs}
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
+            parameters=drop_absent(row.parameters),
             state=status.state,
             coefficients=[Coefficient.of(c) for c in coefficients],
             valid_from=status.valid_from,
@@ -268,6 +183,6 @@ class CalibrationAnswer(Answer):
 
 
 _FROM_ROW = (
-    *("id", "camera_id", "campaign_id", "method", "version", "configuration", "parameters", "software"),
+    *("id", "camera_id", "campaign_id", "method", "version", "configuration", "software"),
     *("content_sha256", "created_at", "created_by"),
 )

@@ -6,6 +6,7 @@ import re
 
 import pypdf
 import pytest
+from jsonschema import Draft202012Validator
 
 from radiometry import methods
 from service.certificate import render_pdf
@@ -49,6 +50,17 @@ def certificate_by(sqlite_house, version_of):
 def leaves(value):
     members = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
     return [value] if members is None else [leaf for member in members for leaf in leaves(member)]
+
+
+@pytest.mark.parametrize("method", OTHERS)
+def test_a_stored_version_is_as_the_document_describes_it(sqlite_house, version_of, method):
+    version, document = version_of(method), sqlite_house.app.openapi()
+    assert None not in leaves(version)
+    for part, kind in (("parameters", "Params"), ("diagnostics", "Fit"), ("points", "Point")):
+        named = {"$ref": f"#/components/schemas/{method.capitalize()}{kind}"}
+        schema = {"type": "array", "items": named} if part == "points" else named
+        validator = Draft202012Validator({**schema, "components": document["components"]})
+        assert [error.message for error in validator.iter_errors(version[part])] == []
 
 
 @pytest.mark.parametrize("method", OTHERS)

@@ -17,7 +17,7 @@ def house(sqlite_house):
     [
         ("sharpness", {"kind": "slanted_edge"}, {"pixel_pitch_um": 0.00465}, "greater than or equal to 0.1"),
         ("sharpness", {"kind": "slanted_edge"}, {"star_contrast": 0.95}, "less than or equal to 0.9"),
-        ("noise", None, {"linearity_range_share": [0.9, 0.1]}, "two shares above 0 and up to 1, the lower"),
+        ("noise", None, {"linearity_range_share": [0.9, 0.1]}, "two numbers, the lower first"),
     ],
 )
 def test_a_parameter_that_cannot_be_is_named(house, method, target, params, said):

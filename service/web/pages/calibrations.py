@@ -11,7 +11,7 @@ from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem
-from service.schemas.calibrations import NewCalibration
+from service.schemas.fits import FORMS
 from service.web.plots.calibration import Axes, draw_residuals, draw_signal
 from service.web.plots.figures import Theme, send_plot
 from service.web.rendering import SignedInPage
@@ -34,7 +34,7 @@ def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContex
         camera=camera,
         campaign=campaign,
         meanings=format_flags(raised["flag"] for raised in calibration.result.get("flags", [])),
-        asked=" ".join(NewCalibration.model_fields),
+        asked=" ".join(FORMS[calibration.method].model_fields),
     )
 
 

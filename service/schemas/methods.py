@@ -1,0 +1,162 @@
+"""The methods as clients see them, and the schemas of what their versions hold."""
+
+from dataclasses import asdict
+from typing import Any, Literal
+
+from pydantic import Field, TypeAdapter
+
+from radiometry.methods import METHODS
+from radiometry.specification.method import MethodSpec, Reference
+from radiometry.specification.parameters import Kind, Parameter
+from service.schemas.base import Answer, FrameRole, Method
+from store.codec import drop_absent
+
+Node = dict[str, Any]
+
+
+class ChoiceAnswer(Answer):
+    """One of the values that a parameter may have."""
+
+    value: str | int
+    label: str
+
+
+class ParameterAnswer(Answer):
+    """One parameter of a fit."""
+
+    name: str = Field(description="Its name in the request of a fit.")
+    field: str = Field(description="Its name in the `parameters` of a version.")
+    type: Kind
+    label: str
+    description: str
+    unit: str = Field(description="1 for a fraction.")
+    minimum: float | None = None
+    maximum: float | None = None
+    above_minimum: bool = Field(description="Whether the value must lie above the minimum, not at it.")
+    below_maximum: bool
+    choices: list[ChoiceAnswer]
+    default: Any = Field(default=None, description="Left out where there is none; see default_text.")
+    default_text: str = Field(description="What the fit does without it, if it has no default.")
+    given_by: Literal["request", "campaign"]
+    none_allowed: bool = Field(description='Whether "none" switches it off.')
+    members: list["ParameterAnswer"] = Field(description="Of a group: its parameters.")
+
+    @classmethod
+    def of(cls, parameter: Parameter) -> "ParameterAnswer":
+        members = [cls.of(each) for each in parameter.members]
+        return cls.model_validate({**asdict(parameter), "type": parameter.kind, "members": members})
+
+
+class RoleAnswer(Answer):
+    """A role that frames of a campaign may have."""
+
+    name: FrameRole
+    label: str
+    description: str
+    has_scene: bool = Field(description="Whether the frame belongs to a scene, one light level.")
+    used_in_fit: bool
+
+
+class CoefficientKindAnswer(Answer):
+    """A coefficient that the method reports."""
+
+    name: str
+    label: str
+    units: list[str] = Field(description="Several if the unit depends on the camera or on a parameter.")
+
+
+class MethodAnswer(Answer):
+    """A calibration method."""
+
+    name: Method
+    label: str
+    description: str
+    roles: list[RoleAnswer] = Field(description="The first is the role of a frame for which none is given.")
+    reference: Reference | None = Field(
+        default=None, description="What a campaign is measured against: readings of a meter, or a panel."
+    )
+    needs_target: bool = Field(description="Whether the campaign describes what is photographed.")
+    whole_frame: bool = Field(description="Whether the whole frame is used where no region is drawn.")
+    finds_region: bool = Field(description="Whether the region is looked for where none is drawn.")
+    parameters: list[ParameterAnswer]
+    coefficients: list[CoefficientKindAnswer]
+
+    @classmethod
+    def of(cls, spec: MethodSpec) -> "MethodAnswer":
+        roles = [(role, True) for role in spec.roles] + [(role, False) for role in spec.applied_roles]
+        return cls(
+            name=spec.name,
+            label=spec.label,
+            description=spec.description,
+            roles=[RoleAnswer(**asdict(role), used_in_fit=used) for role, used in roles],
+            reference=spec.reference,
+            needs_target=spec.target is not None,
+            whole_frame=spec.whole_frame,
+            finds_region=spec.finds_region,
+            parameters=[ParameterAnswer.of(each) for each in spec.parameters],
+            coefficients=[CoefficientKindAnswer.model_validate(each) for each in spec.coefficients],
+        )
+
+
+class MethodsAnswer(Answer):
+    """Every method that this service knows."""
+
+    items: list[MethodAnswer]
+
+
+def describe_methods() -> MethodsAnswer:
+    """Return every method."""
+    return MethodsAnswer(items=[MethodAnswer.of(spec) for spec in METHODS])
+
+
+def describe_versions() -> tuple[dict[str, Node], dict[str, Node]]:
+    """Describe what the versions of each method hold.
+
+    Returns
+    -------
+    schemas : dict
+        JSON schemas by component name, such as LuminanceParams and LuminanceFit.
+    properties : dict
+        Schemas of the properties `parameters`, `diagnostics` and `points` of a version, each one of the
+        methods' schemas.
+    """
+    schemas: dict[str, Node] = {}
+    properties: dict[str, list[Node]] = {"parameters": [], "diagnostics": [], "points": []}
+    for spec in METHODS:
+        stem = spec.name.capitalize()
+        for name, kind in (("parameters", spec.params), ("diagnostics", spec.result)):
+            schema = _describe(kind, stem, schemas)
+            if kind is spec.result:
+                points = schemas[schema]["properties"].pop("points")
+                schemas[schema]["required"].remove("points")
+                properties["points"].append(points["items"])
+                point = schemas[points["items"]["$ref"].rpartition("/")[2]]
+                point["properties"]["frame_id"] = {"type": "string"}
+            properties[name].append({"$ref": f"#/components/schemas/{schema}"})
+        for parameter in spec.parameters:
+            field = schemas[f"{stem}{spec.params.__name__}"]["properties"][parameter.field]
+            field["description"] = parameter.description
+    any_of: dict[str, Node] = {name: {"anyOf": each} for name, each in properties.items()}
+    return schemas, any_of | {"points": {"type": "array", "items": any_of["points"]}}
+
+
+def _describe(kind: type[Any], stem: str, schemas: dict[str, Node]) -> str:
+    """Add the schemas of a dataclass and of what it is made of, and return its name."""
+    template = f"#/components/schemas/{stem}{{model}}"
+    schema = TypeAdapter(kind).json_schema(mode="serialization", ref_template=template)
+    parts = schema.pop("$defs", {}) | {kind.__name__: schema}
+    for name, part in parts.items():
+        part["title"] = f"{stem}{name}"
+        _let_absent(part)
+        schemas[f"{stem}{name}"] = drop_absent(part)
+    return f"{stem}{kind.__name__}"
+
+
+def _let_absent(schema: Node) -> None:
+    """What may be null is left out of an answer, so that no client may require it."""
+    optional = {
+        name
+        for name, each in schema.get("properties", {}).items()
+        if {"type": "null"} in each.get("anyOf", ())
+    }
+    schema["required"] = [name for name in schema.get("required", ()) if name not in optional]
