@@ -21,7 +21,7 @@ class BrokenMessageError(Exception):
 
 
 def send(descriptor: int, message: dict[str, Any], body: bytes | memoryview = b"") -> None:
-    encoded = json.dumps(message, allow_nan=False).encode()
+    encoded = encode(message)
     content = memoryview(body).cast("B")
     _write(descriptor, memoryview(_LENGTHS.pack(len(encoded), len(content)) + encoded))
     _write(descriptor, content)
@@ -34,15 +34,22 @@ def receive(
     json_bytes, body_bytes = _LENGTHS.unpack(lengths)
     if json_bytes > MAX_JSON_BYTES or body_bytes > max_body_bytes:
         raise BrokenMessageError("a message longer than was asked for")
+    message = decode(_read(descriptor, json_bytes, deadline))
+    return message, _read(descriptor, body_bytes, deadline)
+
+
+def encode(message: dict[str, Any]) -> bytes:
+    return json.dumps(message, allow_nan=False).encode()
+
+
+def decode(content: bytes | bytearray) -> dict[str, Any]:
     try:
-        message = json.loads(
-            _read(descriptor, json_bytes, deadline), parse_constant=_reject, parse_float=_finite
-        )
+        message = json.loads(content, parse_constant=_reject, parse_float=_finite)
     except (ValueError, RecursionError) as error:
         raise BrokenMessageError("a message that is no JSON") from error
     if not isinstance(message, dict):
         raise BrokenMessageError("a message that is no object")
-    return message, _read(descriptor, body_bytes, deadline)
+    return message
 
 
 def _write(descriptor: int, content: memoryview) -> None:

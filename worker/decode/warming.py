@@ -5,7 +5,6 @@ a cell's first file is slow, and this one, which lies in no folder and shows not
 """
 
 import ctypes
-import json
 import struct
 from dataclasses import asdict
 from typing import Final
@@ -13,7 +12,7 @@ from typing import Final
 import imagecodecs
 import numpy as np
 
-from worker.decode import ljpeg
+from worker.decode import ljpeg, messages
 from worker.decode.budget import allow_all
 from worker.decode.reading import Reader, Window
 from worker.decode.source import Source
@@ -66,6 +65,6 @@ def own_memory() -> None:
 def warm_up(content: bytes, stream: bytes) -> None:
     """Read a file and a compressed piece as a cell does, for the sake of what that touches."""
     reader = Reader(Source(content), allow_all)
-    json.dumps(asdict(reader.read_header()))
+    messages.decode(messages.encode(asdict(reader.read_header())))
     reader.read_window(Window(0, 0, _SIDE_PX, _SIDE_PX))
     ljpeg.decode(stream, samples=_SIDE_PX**2)
