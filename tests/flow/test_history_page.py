@@ -1,4 +1,4 @@
-"""What the page on history tells to type works, word for word, after the README's; and the trail is whole."""
+"""The commands of the page on history work, word for word, after those of the page on HTTP."""
 
 import json
 import os
@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from tests.flow.test_readme import README, write_field_folder
+from tests.flow.test_readme import HTTP_PAGE, write_field_folder
 from tests.support.compose import ROOT
 
 PAGE = (ROOT / "docs" / "history.md").read_text(encoding="utf-8")
@@ -38,7 +38,7 @@ def test_every_command_of_the_page_is_true(embedded, tmp_path):
     write_field_folder(field)
     with embedded.team() as team:
         done = subprocess.run(
-            ["sh", "-euc", f"{commands(README)}\necho -- history\n{commands(PAGE)}"],
+            ["sh", "-euc", f"{commands(HTTP_PAGE)}\necho -- history\n{commands(PAGE)}"],
             check=False,
             cwd=field,
             env=os.environ | {"STILB": team.url, "KEY": team.key},

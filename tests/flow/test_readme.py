@@ -1,4 +1,4 @@
-"""What the README tells a newcomer to type works, word for word, on a running service."""
+"""The commands of README and of the page on HTTP work, word for word, on a running service."""
 
 import json
 import os
@@ -14,10 +14,12 @@ from tests.support.compose import ROOT
 from tests.support.fieldwork import write_campaign
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+HTTP_PAGE = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
+PAGES = (ROOT / "docs" / "pages.md").read_text(encoding="utf-8")
 
 
 def write_field_folder(folder) -> None:
-    """What the README asks for: a folder a light level, one of dark frames, the readings."""
+    """Write the folder of the page: a folder per light level, one of dark frames, the readings."""
     raw = folder / "raw"
     raw.mkdir(parents=True)
     for shot in write_campaign(raw):
@@ -31,7 +33,7 @@ def write_field_folder(folder) -> None:
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="the commands are curl's")
 def test_every_command_of_the_first_calibration_is_true(embedded, tmp_path):
-    blocks = re.findall(r"^```sh\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"^```sh\n(.*?)^```", HTTP_PAGE, re.MULTILINE | re.DOTALL)
     assert len(blocks) == 1
     field = tmp_path / "field"
     write_field_folder(field)
@@ -60,9 +62,10 @@ def test_every_command_of_the_first_calibration_is_true(embedded, tmp_path):
     assert ET.parse(field / "plot.svg").getroot().tag.endswith("svg")
 
 
-def test_its_pictures_are_there_and_small():
-    names = re.findall(r"!\[[^]]+\]\(([^)]+)\)", README) + re.findall(r'<img [^>]*src="([^"]+)"', README)
-    assert len(names) >= 3
-    for name in names:
-        assert (ROOT / name).stat().st_size < 100_000
-        assert (ROOT / name).read_bytes()[8:12] == b"WEBP"
+def test_pictures_exist_and_are_small():
+    for page, folder in ((README, ROOT), (PAGES, ROOT / "docs")):
+        names = re.findall(r"!\[[^]]+\]\(([^)]+)\)", page)
+        assert names
+        for name in names:
+            assert (folder / name).stat().st_size < 100_000
+            assert (folder / name).read_bytes()[8:12] == b"WEBP"

@@ -19,7 +19,12 @@ from tests.support.frames import write_frame
 COMMANDS, CLIENT = (
     (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("command-line.md", "client.md")
 )
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 FIELD = {"signal_dn": 320.0, "seed": 99}
+
+
+def python_blocks(page: str) -> str:
+    return "\n".join(re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL))
 
 
 @pytest.mark.skipif(shutil.which("sh") is None, reason="the commands are a shell's")
@@ -66,7 +71,10 @@ def test_every_example_of_the_client_is_true(live, shots, tmp_path, monkeypatch)
         monkeypatch.chdir(tmp_path)
         monkeypatch.setenv("STILB_URL", team.url)
         monkeypatch.setenv("STILB_KEY", team.key)
-        text = "\n".join(re.findall(r"^```python\n(.*?)^```", CLIENT, re.MULTILINE | re.DOTALL))
+        first = python_blocks(README).replace("<url>", team.url).replace("<key>", team.key)
+        # the demo's camera and its figures are those of `make demo`
+        first = re.sub(r"\d+\.\d\d\b", "...", first.replace("0K8TF1A0010042", "0K1XE8"))
+        text = f"{first}\n{python_blocks(CLIENT)}"
         examples = doctest.DocTestParser().get_doctest(text, {}, "client.md", "client.md", 0)
         runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
         told: list[str] = []
