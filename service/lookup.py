@@ -43,10 +43,13 @@ _WORDS: dict[type[Base], str] = {
 }
 
 
-def owned(session: Session, table: type[Row], row_id: str, caller: Caller) -> Row:
-    """The caller's row with this id; 404 otherwise."""
+def owned(
+    session: Session, table: type[Row], row_id: str, caller: Caller, *, for_update: bool = False
+) -> Row:
+    """Return the caller's row with this id, locked for whoever changes what it holds; 404 otherwise."""
     # ids are plain ASCII; PostgreSQL cannot even be asked for a NUL
-    row = session.get(table, row_id) if row_id.isascii() and row_id.isprintable() else None
+    is_id = row_id.isascii() and row_id.isprintable()
+    row = session.get(table, row_id, with_for_update=for_update or None) if is_id else None
     if row is None or _organisation_of(session, row) != caller.organisation_id:
         raise not_found(_WORDS[table])
     return row

@@ -49,9 +49,10 @@ def publish(
     An older version keeps what lies outside. The slot's row is locked, so publishers take turns; that no two
     versions overlap is held by the database besides.
     """
+    slot = _lock_slot(session, calibration)
+    # under the lock only: whoever held it before may have revoked this version
     if session.get(Revocation, calibration.id):
         raise Conflict("calibration_revoked", "This version was revoked; a revoked version stays revoked.")
-    slot = _lock_slot(session, calibration)
     now = _next_instant(session, slot)
     row = Publication(
         slot_id=slot.id,

@@ -187,7 +187,8 @@ def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: W
     """Correct what was said of a frame; it is then read again."""
 
     def change(session: Session) -> Reply:
-        frame = owned(session, FrameRow, frame_id, caller)
+        # what two who come at once supply is kept together
+        frame = owned(session, FrameRow, frame_id, caller, for_update=True)
         said = body.model_dump(exclude_none=True)
         supplied = {name: said.pop(name) for name in ("exposure_time_s", "f_number", "iso") if name in said}
         changed = describe_anew(frame, {**said, "supplied": {**frame.supplied, **supplied}})

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from sqlalchemy import func, select
 
-from store.tables import Camera, Campaign, Meter, Reading
+from store.tables import Camera, Campaign, FrameRow, Meter, Reading
 from tests.support.campaigns import ROI, calibrated_campaign
 from tests.support.house import CAMERA
 
@@ -60,6 +60,26 @@ def test_requests_sent_at_once_are_done_once(house, headers):
     assert len({answer.json()["id"] for answer in answers}) == 1
     assert sorted(a.status_code for a in answers) == ([201] * 8 if headers else [200] * 7 + [201])
     assert rows(house, Camera) == 1
+
+
+def test_what_two_supply_of_a_frame_at_once_is_kept_of_both(house):
+    frame = house.upload(house.campaign(), b"no raw file", role="light")
+
+    def supply_iso():
+        return house.http.patch(f"/v1/frames/{frame['id']}", json={"iso": 100})
+
+    with ThreadPoolExecutor(1) as threads:
+        with house.database.writing("test") as session:
+            row = session.get_one(FrameRow, frame["id"], with_for_update=True)
+            row.supplied = {**row.supplied, "f_number": 4.0}
+            session.flush()
+            supplied = threads.submit(supply_iso)
+            # long enough to read all that can be read before the lock
+            with pytest.raises(TimeoutError):
+                supplied.result(0.5)
+        assert supplied.result(20).status_code == 200
+    with house.database.reading() as session:
+        assert session.get_one(FrameRow, frame["id"]).supplied == {"f_number": 4.0, "iso": 100.0}
 
 
 def test_every_post_can_be_repeated(house, staged):

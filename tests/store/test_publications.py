@@ -125,6 +125,21 @@ def test_twenty_who_publish_at_once_leave_one_in_force(database):
     assert sorted(row.known_to for row in rows if row.known_to) == starts[1:]
 
 
+def test_a_version_that_is_revoked_meanwhile_is_not_published(database):
+    (version_id,) = add_versions(database, 1)
+    decide(database, version_id, MAR)
+    with ThreadPoolExecutor(1) as threads:
+        with database.writing("test") as session:
+            revoke(session, session.get_one(Calibration, version_id), reason="wrong meter", by="test")
+            published = threads.submit(decide, database, version_id, JAN)
+            # long enough to read all that can be read before the lock
+            with pytest.raises(TimeoutError):
+                published.result(0.5)
+        with pytest.raises(Conflict):
+            published.result(20)
+    assert held(database, version_id, MAR) is None
+
+
 def test_the_database_itself_refuses_an_overlap(database):
     one, two = add_versions(database, 2)
     decide(database, one, JAN, JUN)
