@@ -5,7 +5,7 @@ import re
 from playwright.sync_api import expect
 
 from tests.support.browser import check_access, look, settle
-from tests.support.furnishing import furnish, set_aside
+from tests.support.furnishing import furnish, postpone, set_aside
 
 
 def test_an_empty_house_says_what_to_do(page):
@@ -35,6 +35,16 @@ def test_what_failed_stands_there_with_its_reason_and_is_tried_again(page, servi
     assert retried.value.status == 202
     # it has no frames to fit: the worker says so, and the page without being loaded again
     expect(row.get_by_text("failed", exact=True)).to_be_visible()
+
+
+def test_a_job_that_waits_for_a_passing_fault_says_when_it_is_tried_again(page, service, team):
+    furnish(service.database, team.key)
+    postpone(service.database, team.key)
+    page.goto("/jobs")
+    settle(page)
+    row = page.locator("#recent").get_by_role("row").filter(has_text="next attempt")
+    expect(row).to_contain_text(re.compile(r"next attempt \d{4}-\d\d-\d\d \d\d:\d\d UTC"))
+    check_access(page)
 
 
 def test_a_job_that_ends_is_seen_without_reloading(page, team):

@@ -5,8 +5,9 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy import select
 
 from store import jobs, publications
+from store.columns import utc_now
 from store.queries.keys import find_key
-from store.tables import Camera, Campaign, CoefficientRow, Meter
+from store.tables import Camera, Campaign, CoefficientRow, Job, Meter
 from tests.support.versions import bare_version
 
 ISOS = (100, 400, 1600, 6400)
@@ -39,6 +40,16 @@ def furnish(database, key: str) -> list[str]:
             )
         )
         return [camera.id for camera in cameras]
+
+
+def postpone(database, key: str) -> None:
+    """A job that waits for the store of the files."""
+    job_id = set_aside(database, key)
+    with database.writing("test") as session:
+        job = session.get_one(Job, job_id)
+        job.state, job.lost, job.due_at = "queued", 0, utc_now() + timedelta(seconds=60)
+        detail = "The store of the files did not serve. The job is tried again by itself, for a day at most."
+        job.error = {"code": "temporarily_unavailable", "detail": detail, "retryable": True}
 
 
 def set_aside(database, key: str) -> str:

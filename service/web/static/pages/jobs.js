@@ -104,6 +104,7 @@ function what(job) {
 }
 
 function state(job) {
+  if (job.next_attempt_at) return h("span", { title: job.error.detail }, tag(job.state), " next attempt ", time(job.next_attempt_at));
   if (job.state !== "running") return tag(job.state);
   const bar = h("progress", { max: "1", value: String(job.progress), "aria-label": "Progress" });
   return h("span", { class: "running" }, tag(job.state), bar);
