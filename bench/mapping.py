@@ -12,10 +12,10 @@ import tifffile
 from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale, make_mosaic, write_copies
 from bench.timing import compare, take_turns
-from demo.dng import Compression
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.luminance.maps import MapScale
+from simulation.dng import Compression
 from worker.decode.pool import DecoderPool
 from worker.maps.making import write_map
 from worker.maps.tiff import LEVEL, TILE_PX, MapFacts
@@ -82,7 +82,7 @@ def map_plainly(path: Path, target: Path) -> None:
     green[0::2, 1::2] = green[1::2, 0::2] = True
     signal = np.where(green, mosaic, around / 4)
     luminance = (signal - np.float32(_SCALE.dark_signal_dn)) * np.float32(_SCALE.slope_cd_m2_per_dn)
-    over = np.pad(mosaic >= CAMERA.white_level_dn, 1, mode="reflect")
+    over = np.pad(mosaic >= CAMERA.sensor.white_level_dn, 1, mode="reflect")
     beside = over[:-2, 1:-1] | over[2:, 1:-1] | over[1:-1, :-2] | over[1:-1, 2:]
     luminance[np.where(green, over[1:-1, 1:-1], beside)] = np.nan
     tifffile.imwrite(

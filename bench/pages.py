@@ -90,7 +90,7 @@ def _fill_campaign(scale: Scale, service: Service, folder: Path) -> str:
     """One frame that is uploaded and read; the others are its rows once more, under names of their own."""
     (path,) = write_copies(folder, make_mosaic(_SMALL), "none", names=1)
     with stilb.Client(service.url, KEY) as client:
-        camera = client.create_camera(CAMERA.make, CAMERA.model, CAMERA.serial)
+        camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
         campaign = client.create_campaign(camera.id).id
         client.set_roi(campaign, polygon=draw_roi(_SMALL).points)
         frame = client.push(campaign, path, role="light", scene="level-1")

@@ -17,11 +17,11 @@ from bench import imagej
 from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.timing import compare, take_turns
-from demo.dng import Compression
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.luminance import method as luminance
+from simulation.dng import Compression
 from worker.decode.pool import DecoderPool
 
 Rows = tuple[ChannelStatistics, ...]
@@ -155,9 +155,9 @@ def _as_frame(samples_dn: np.ndarray, window: Window, height_px: int, width_px: 
         col0=window.col0,
         height_px=height_px,
         width_px=width_px,
-        cfa=CAMERA.cfa,
-        black_level_dn=(float(CAMERA.black_level_dn),) * 4,
-        white_level_dn=(float(CAMERA.white_level_dn),) * 4,
+        cfa=CAMERA.sensor.cfa,
+        black_level_dn=(CAMERA.sensor.black_level_dn,) * 4,
+        white_level_dn=(CAMERA.sensor.white_level_dn,) * 4,
     )
 
 

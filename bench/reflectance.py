@@ -13,19 +13,15 @@ import tifffile
 
 from bench.memory import measure_growth
 from bench.report import judge, say, show_times
-from bench.subject import Scale
+from bench.subject import Scale, link_copies
 from bench.timing import compare, take_turns
-from demo.sequoia import name_file, write_sequoia
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import method as reflectance
-from simulation.reflectance import (
-    LENS,
-    SimulatedBand,
-    SimulatedFrame,
-    SimulatedSequoia,
-    simulate_sequoia_capture,
-)
+from simulation.camera import Taken, change
+from simulation.sequoia import FULL_SCALE_DN, LENS, SEQUOIA, Sequoia, capture
+from simulation.sequoia import Band as SimulatedBand
+from simulation.sequoia_file import name_file, write_sequoia
 from worker.decode.pool import DecoderPool
 from worker.maps.making import Subject, write_map
 from worker.maps.tiff import LEVEL, TILE_PX, MapFacts, Plane
@@ -36,7 +32,6 @@ _DECODERS = 2  # as many as a worker has unless it is told otherwise
 _NAMES = 6  # more than the decoding process keeps open
 _SURFACE = {"green": 0.12, "red": 0.08, "red_edge": 0.3, "nir": 0.45}
 _I_SS = 4300.0
-_SATURATED_DN = 65_472
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +49,9 @@ class Band:
 
 def run(scale: Scale) -> list[bool]:
     """Measure one capture; the camera's own 1280 x 960 unless the scale is a test's."""
-    camera = SimulatedSequoia(height_px=min(960, scale.rows), width_px=min(1280, scale.cols))
-    say(f"\nreflectance maps of a capture of four bands, {camera.width_px} x {camera.height_px} px each")
+    height, width = min(960, scale.rows), min(1280, scale.cols)
+    camera = change(SEQUOIA, height_px=height, width_px=width)
+    say(f"\nreflectance maps of a capture of four bands, {width} x {height} px each")
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
         bands = _write_bands(Path(name), camera)
         with open_ours(bands) as (ours, _), open_plain(bands) as (plain, _):
@@ -125,7 +121,7 @@ def map_plainly(band: Band, path: Path) -> None:
     response = model.a * exposure.exposure_time_s * exposure.iso + model.c
     factor = exposure.f_number**2 / response * band.sensor.reflectance_k / _I_SS
     reflected = (samples.astype(np.float32) - np.float32(model.b)) / share * np.float32(factor)
-    reflected[samples >= _SATURATED_DN] = np.nan
+    reflected[samples >= FULL_SCALE_DN] = np.nan
     tifffile.imwrite(
         band.target("plain"),
         reflected,
@@ -137,22 +133,19 @@ def map_plainly(band: Band, path: Path) -> None:
     )
 
 
-def _write_bands(folder: Path, camera: SimulatedSequoia) -> list[Band]:
-    capture = simulate_sequoia_capture(camera, np.random.default_rng(1), reflectance=_SURFACE, i_ss=_I_SS)
-    return [_write_band(folder, name, camera.bands[name], shot) for name, shot in capture.items()]
+def _write_bands(folder: Path, camera: Sequoia) -> list[Band]:
+    taken = capture(camera, np.random.default_rng(1), reflectance=_SURFACE, i_ss=_I_SS)
+    return [_write_band(folder, name, camera.bands[name], shot) for name, shot in taken.items()]
 
 
-def _write_band(folder: Path, name: str, sensor: SimulatedBand, shot: SimulatedFrame) -> Band:
-    first = folder / f"0-{name_file(0, shot.header)}"
+def _write_band(folder: Path, name: str, sensor: SimulatedBand, shot: Taken) -> Band:
+    first = folder / name_file(0, shot.header)
     write_sequoia(first, shot)
-    others = [folder / first.name.replace("0-", f"{number}-", 1) for number in range(1, _NAMES)]
-    for other in others:
-        other.hardlink_to(first)
     k = sensor.reflectance_k
     scale = reflectance.Scale(
         band=name, factor=k / _I_SS, u_rel=0.0, sources=(), reflectance_k=k, i_ss=_I_SS, flags=()
     )
-    return Band(paths=[first, *others], sensor=sensor, exposure=shot.exposure, scale=scale)
+    return Band(paths=link_copies(first, _NAMES), sensor=sensor, exposure=shot.exposure, scale=scale)
 
 
 def _require_equal(ours: Path, plain: Path) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from demo.dng import Camera, Compression, write_dng
-from demo.exif import Exposure
+from radiometry.frame.exposure import Settings
 from radiometry.frame.roi import Polygon
+from simulation.camera import Camera
+from simulation.dng import Compression, write_dng
 
-CAMERA = Camera(black_level_dn=256, white_level_dn=4095, serial="0K8TF1A0010042")
+CAMERA = Camera()
 ROI_SHARE = 0.05
 
 
@@ -30,10 +31,11 @@ def make_mosaic(scale: Scale) -> NDArray[np.uint16]:
     """A surface lit from one side with the noise of photons: it compresses as a real frame does [DN]."""
     random = np.random.default_rng(1)
     light = np.linspace(600.0, 2400.0, scale.cols, dtype=np.float32)[None, :]
+    black_dn = CAMERA.sensor.black_level_dn
     mosaic = np.empty((scale.rows, scale.cols), np.uint16)
     for row in range(scale.rows):
         noise = random.standard_normal(scale.cols, np.float32)
-        mosaic[row] = np.rint(CAMERA.black_level_dn + light[0] + np.sqrt(light[0] * 0.5 + 16.0) * noise)
+        mosaic[row] = np.rint(black_dn + light[0] + np.sqrt(light[0] * 0.5 + 16.0) * noise)
     return mosaic
 
 
@@ -56,19 +58,14 @@ def write_copies(
 ) -> list[Path]:
     """One file under several names: a reader that keeps files open meets a new one each time."""
     first = folder / f"{compression}-0.dng"
-    exposure = Exposure(
-        exposure_time_s=0.01,
-        f_number=4.0,
-        iso=3200,
-        taken_at=datetime(2026, 5, 1, 20, 0, tzinfo=UTC),
-        body_serial=CAMERA.serial,
-        lens_make="DJI",
-        lens_model="DJI MFT 15mm F1.7 ASPH",
-        lens_serial="L0042",
-        focal_length_mm=15.0,
-    )
-    write_dng(first, mosaic, camera=CAMERA, exposure=exposure, compression=compression)
-    others = [folder / f"{compression}-{number}.dng" for number in range(1, names)]
+    settings = Settings(exposure_time_s=0.01, f_number=4.0, iso=3200)
+    taken_at = datetime(2026, 5, 1, 20, 0, tzinfo=UTC)
+    write_dng(first, mosaic, camera=CAMERA, settings=settings, taken_at=taken_at, compression=compression)
+    return link_copies(first, names)
+
+
+def link_copies(first: Path, names: int) -> list[Path]:
+    others = [first.with_stem(f"{first.stem}-{number}") for number in range(1, names)]
     for other in others:
         other.hardlink_to(first)
     return [first, *others]

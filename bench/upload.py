@@ -61,7 +61,7 @@ def run(scale: Scale) -> list[bool]:
 def _measure(
     scale: Scale, path: Path, service: Service, client: stilb.Client, http: httpx.Client
 ) -> list[bool]:
-    camera = client.create_camera(CAMERA.make, CAMERA.model, CAMERA.serial)
+    camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
     campaign = client.create_campaign(camera.id).id
     fresh = itertools.count(1)
     ways: dict[str, Callable[[], object]] = {

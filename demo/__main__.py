@@ -5,6 +5,7 @@ The exit code is 0 only when every figure agrees with the truth within three sta
 without it a new one is made, and removed at the end when nothing went wrong and nothing is kept.
 """
 
+import importlib
 import os
 import shutil
 import signal
@@ -17,16 +18,14 @@ from pathlib import Path
 from rich.console import Console
 
 import stilb
-from demo import geometry, noise, reflectance, sharpness, vignetting
 from demo.child import NotServing, Service, serving
 from demo.display import Display
-from demo.luminance.run import run as run_luminance
-from demo.stage import Stage
+from demo.journey import Stage
 from radiometry.methods import METHODS
 
 
 def main() -> int:
-    """Run the demo and give its exit code."""
+    """Run the demo and return its exit code."""
     # By default Python would end at once and leave everything behind; so it ends as by Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console = Console()
@@ -65,22 +64,8 @@ def _run(method: str, data: Path, display: Display, *, keep: bool) -> int:
 
 
 def play(method: str, stage: Stage) -> bool:
-    """Go a method's whole way; whether everything agrees with its truth."""
-    match method:
-        case "luminance":
-            return run_luminance(stage)
-        case "reflectance":
-            return reflectance.run(stage)
-        case "vignetting":
-            return vignetting.run(stage)
-        case "sharpness":
-            return sharpness.run(stage)
-        case "geometry":
-            return geometry.run(stage)
-        case "noise":
-            return noise.run(stage)
-        case _:
-            raise ValueError(method)
+    """Run the demo of a method, in the module of its name; return True if all agrees with the truth."""
+    return bool(importlib.import_module(f"demo.{method}").run(stage))
 
 
 def _keep_serving(service: Service, display: Display) -> None:

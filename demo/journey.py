@@ -1,22 +1,101 @@
-"""The stretches of the way that every method goes: campaign, frames, fit, publication, what is in force.
+"""Steps that every method's demo takes: campaign, frames, fit, publication, comparison with the truth.
 
-Going them again, with the same files, changes nothing and ends the same.
+Taking them again, with the same files, changes nothing and ends the same.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from datetime import datetime
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
+
+import numpy as np
 
 import stilb
 from demo.display import Display
 from demo.findings import Finding, as_table
-from demo.stage import Stage
-from stilb.records import CampaignDetails
+from radiometry.frame.roi import Polygon, Window
+from simulation.camera import Camera, Shot
+from simulation.camera import take as expose
+from simulation.dng import write_dng
+from stilb.records import CampaignDetails, LensDetails
 
-# numpy's generators give up the interpreter's lock while they draw, which is most of the work.
+STARTED_AT = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
+
+_BETWEEN_SHOTS = timedelta(seconds=20)
+# numpy's generators release the interpreter's lock while they draw, which is most of the work.
 _THREADS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """Service, folder and display of one demo; ``quick`` asks for small frames and few, for a test."""
+
+    client: stilb.Client
+    folder: Path
+    display: Display
+    quick: bool = False
+
+
+def register(stage: Stage, camera: Camera, **details: Any) -> str:  # noqa: ANN401  the client's own
+    """Return the camera's id."""
+    body = camera.body
+    lens: LensDetails = {"make": body.lens_make, "model": body.lens_model, "serial": body.lens_serial}
+    return stage.client.create_camera(
+        body.make, body.model, body.serial, lens=lens, pixel_pitch_um=body.pixel_pitch_um, **details
+    ).id
+
+
+def begin(stage: Stage, camera_id: str, method: str, **details: Unpack[CampaignDetails]) -> str:
+    """Return a campaign's id; without a natural key, the project number identifies that of an earlier run."""
+    details = {"project_number": f"DEMO-{method}", "started_at": STARTED_AT, "recorder": "the demo"} | details
+    wanted = (camera_id, method, details["project_number"])
+    for known in stage.client.campaigns():
+        if (known.camera_id, known.method, known.project_number) == wanted:
+            return known.id
+    return stage.client.create_campaign(camera_id, method=method, **details).id
+
+
+def take(
+    stage: Stage,
+    campaign_id: str,
+    shots: Sequence[Shot],
+    *,
+    camera: Camera,
+    seed: int,
+    started_at: datetime = STARTED_AT,
+    roi: Polygon | None = None,
+) -> list[stilb.Frame]:
+    """Expose, write and send every shot; a part of a frame is sent with the region in its own pixels."""
+
+    def write(number: int, shot: Shot) -> Path:
+        path = stage.folder / f"{shot.frame}.DNG"
+        samples = expose(camera, shot, np.random.default_rng([seed, number])).frame.samples_dn
+        taken_at = started_at + number * _BETWEEN_SHOTS
+        write_dng(path, samples, camera=camera, settings=shot.settings, taken_at=taken_at)
+        return path
+
+    paths = write_files(stage, [partial(write, number, shot) for number, shot in enumerate(shots)])
+    return send(
+        stage,
+        [
+            stilb.Upload(
+                campaign_id=campaign_id,
+                path=path,
+                role=shot.role,
+                scene=shot.scene,
+                roi=see_from(shot.window, roi) if roi and shot.window else None,
+            )
+            for shot, path in zip(shots, paths, strict=True)
+        ],
+    )
+
+
+def see_from(window: Window, roi: Polygon) -> tuple[tuple[float, float], ...]:
+    """Return the corners (x, y) of a region of the whole sensor in the window's own pixels."""
+    return tuple((x - window.col0, y - window.row0) for x, y in roi.points)
 
 
 def write_files(stage: Stage, writers: Sequence[Callable[[], Path]]) -> list[Path]:
@@ -33,18 +112,6 @@ def write_files(stage: Stage, writers: Sequence[Callable[[], Path]]) -> list[Pat
     return paths
 
 
-def ensure_campaign(
-    client: stilb.Client, camera_id: str, method: str, **details: Unpack[CampaignDetails]
-) -> str:
-    """Give a campaign's id; without a natural key, the project's number tells an earlier run's."""
-    wanted = (camera_id, method, details["project_number"])
-    for known in client.campaigns():
-        if (known.camera_id, known.method, known.project_number) == wanted:
-            return known.id
-    details["recorder"] = "the demo"
-    return client.create_campaign(camera_id, method=method, **details).id
-
-
 def send(stage: Stage, uploads: Iterable[stilb.Upload]) -> list[stilb.Frame]:
     """Send files and wait until they are read."""
     wanted = list(uploads)
@@ -53,7 +120,11 @@ def send(stage: Stage, uploads: Iterable[stilb.Upload]) -> list[stilb.Frame]:
         frames = stage.client.push_all(
             wanted, on_progress=lambda progress: advance(progress.bytes_sent / progress.bytes_total)
         )
-    _wait_for_statistics(stage.client, frames, stage.display)
+    with stage.display.stage("reading the frames") as advance:
+        for done, frame in enumerate(frames, start=1):
+            if frame.job_id is not None:  # a frame of an earlier run has no job to wait for
+                stage.client.wait(frame.job_id)
+            advance(done / len(frames))
     return frames
 
 
@@ -61,11 +132,11 @@ def calibrate(
     stage: Stage,
     campaign_id: str,
     *,
-    valid_from: datetime,
+    valid_from: datetime = STARTED_AT,
     valid_to: datetime | None = None,
     **params: object,
 ) -> stilb.Calibration:
-    """Fit and put in force; an earlier run's version is in force already."""
+    """Fit and publish; the version of an earlier run is published already."""
     with stage.display.stage("fitting"):
         found = stage.client.calibrate(campaign_id, **params)
         if found.state == "draft":
@@ -75,16 +146,7 @@ def calibrate(
 
 
 def conclude(stage: Stage, calibration: stilb.Calibration, findings: Sequence[Finding]) -> bool:
-    """Show the findings; whether all of them agree with the truth."""
+    """Show the findings; return True if all of them agree with the truth."""
     stage.display.show(as_table(calibration.method, findings))
     stage.display.say(f"version {calibration.version} is {calibration.state}")
     return bool(findings) and all(finding.agrees for finding in findings)
-
-
-def _wait_for_statistics(client: stilb.Client, frames: list[stilb.Frame], display: Display) -> None:
-    """A frame of an earlier run has its statistics, and no job to wait for."""
-    with display.stage("reading the frames") as advance:
-        for done, frame in enumerate(frames, start=1):
-            if frame.job_id is not None:
-                client.wait(frame.job_id)
-            advance(done / len(frames))

@@ -8,21 +8,13 @@ import pytest
 import rawpy
 import tifffile
 
-from demo.dng import Camera, write_dng
-from demo.exif import Exposure
+from radiometry.frame.exposure import Settings
+from simulation.camera import Camera, change
+from simulation.dng import write_dng
 
-CAMERA = Camera(black_level_dn=256, white_level_dn=4095, serial="0K8TF1A0010042")
-EXPOSURE = Exposure(
-    exposure_time_s=1 / 60,
-    f_number=1.7,
-    iso=25600,
-    taken_at=datetime(2025, 3, 1, 21, 4, 5, tzinfo=UTC),
-    body_serial=CAMERA.serial,
-    lens_make="DJI",
-    lens_model="DJI MFT 15mm F1.7 ASPH",
-    lens_serial="L0042",
-    focal_length_mm=15.0,
-)
+CAMERA = Camera()
+SETTINGS = Settings(exposure_time_s=1 / 60, f_number=1.7, iso=25600)
+TAKEN_AT = datetime(2025, 3, 1, 21, 4, 5, tzinfo=UTC)
 
 
 def mosaic(shape=(301, 515)):
@@ -33,7 +25,7 @@ def mosaic(shape=(301, 515)):
 
 def written(tmp_path, samples, **changes):
     path = tmp_path / "DJI_0001.DNG"
-    write_dng(path, samples, **{"camera": CAMERA, "exposure": EXPOSURE, **changes})
+    write_dng(path, samples, **{"camera": CAMERA, "settings": SETTINGS, "taken_at": TAKEN_AT, **changes})
     return path
 
 
@@ -50,7 +42,7 @@ def test_libraw_reads_the_very_samples(tmp_path, shape, compression):
 
 @pytest.mark.parametrize("cfa", ["RGGB", "GBRG", "BGGR", "GRBG"])
 def test_libraw_sees_the_colours_in_their_order(tmp_path, cfa):
-    camera = Camera(black_level_dn=0, white_level_dn=4095, serial="S", cfa=cfa)
+    camera = change(Camera(), black_level_dn=0, serial="S", cfa=cfa)
     with rawpy.imread(str(written(tmp_path, mosaic(), camera=camera))) as raw:
         colours = [raw.color_desc.decode()[index] for index in np.ravel(raw.raw_pattern)]
     assert "".join(colours) == cfa
@@ -71,8 +63,8 @@ def test_the_exif_directory_comes_back(tmp_path):
 @pytest.mark.parametrize("exposure_time_s", [4.0, 1.0, 1 / 8, 1 / 8000])
 @pytest.mark.parametrize("f_number", [1.7, 4.0, 16.0])
 def test_apex_values_agree_with_the_nominal_ones(tmp_path, exposure_time_s, f_number):
-    values = {**EXPOSURE.__dict__, "exposure_time_s": exposure_time_s, "f_number": f_number}
-    with tifffile.TiffFile(written(tmp_path, mosaic(), exposure=Exposure(**values))) as file:
+    settings = Settings(exposure_time_s=exposure_time_s, f_number=f_number, iso=25600)
+    with tifffile.TiffFile(written(tmp_path, mosaic(), settings=settings)) as file:
         exif = file.pages[0].tags["ExifTag"].value
     speed, aperture = (np.divide(*exif[name]) for name in ("ShutterSpeedValue", "ApertureValue"))
     assert 2.0**-speed == pytest.approx(np.divide(*exif["ExposureTime"]), rel=1e-6)
@@ -88,8 +80,7 @@ def test_libraw_reads_the_exposure_too(tmp_path):
 
 def test_the_offset_of_local_time_is_written(tmp_path):
     moment = datetime(2025, 3, 1, 21, 4, 5, tzinfo=timezone(timedelta(hours=-5, minutes=-30)))
-    exposure = Exposure(**{**EXPOSURE.__dict__, "taken_at": moment})
-    with tifffile.TiffFile(written(tmp_path, mosaic(), exposure=exposure)) as file:
+    with tifffile.TiffFile(written(tmp_path, mosaic(), taken_at=moment)) as file:
         assert file.pages[0].tags["ExifTag"].value["OffsetTimeOriginal"] == "-05:30"
 
 

@@ -6,8 +6,7 @@ from rich.console import Console
 import stilb
 from demo.display import Display
 from demo.findings import Finding
-from demo.journey import conclude
-from demo.stage import Stage
+from demo.journey import Stage, conclude
 
 VERSION = stilb.Calibration.of({"id": "k", "method": "noise", "state": "published", "version": 4})
 

@@ -7,12 +7,13 @@ from datetime import datetime, timedelta, timezone
 import numpy as np
 import pytest
 
-from demo.sequoia import name_file, write_sequoia
-from simulation.reflectance import SimulatedSequoia, simulate_sequoia_capture
+from simulation.camera import change
+from simulation.sequoia import SEQUOIA, capture
+from simulation.sequoia_file import name_file, write_sequoia
 from worker.decode import reading
 
 SURFACE = {"green": 0.18, "red": 0.1, "red_edge": 0.3, "nir": 0.5}
-CAMERA = SimulatedSequoia(height_px=72, width_px=101)
+CAMERA = change(SEQUOIA, height_px=72, width_px=101)
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,7 @@ def shots():
     taken_at = datetime(2018, 4, 13, 10, 5, 6, tzinfo=timezone(timedelta(hours=2)))
     random = np.random.default_rng(4)
     indices = (0, 1, 1, 2, 3)
-    return simulate_sequoia_capture(
+    return capture(
         CAMERA, random, reflectance=SURFACE, gain_indices=indices, exposure_time_s=1 / 350, taken_at=taken_at
     )
 

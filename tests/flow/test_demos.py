@@ -5,7 +5,7 @@ from rich.console import Console
 
 from demo.__main__ import play
 from demo.display import Display
-from demo.stage import Stage
+from demo.journey import Stage
 from radiometry.methods import METHODS
 
 

@@ -6,16 +6,19 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
+from radiometry.frame.roi import Window
 from radiometry.frame.statistics import compute_statistics
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.verdicts import judge
-from simulation.luminance import Errors, Sensor, render_frame, simulate_campaign, simulate_row
-from tests.radiometry.campaigns import TRUE_K, draw
+from simulation.camera import change, take
+from simulation.light import Lamp
+from simulation.luminance import X5S, Errors, plan_campaign
+from tests.radiometry.campaigns import draw, draw_row
 from tests.radiometry.evidence import taken
 
 SEEDS = 50
-SENSOR = Sensor(height_px=480, width_px=640)
-HERE = {"row0": 200, "col0": 280, "height": 60, "width": 80}
+CAMERA = change(X5S, height_px=480, width_px=640)
+HERE = Window(row0=200, col0=280, height=60, width=80)
 
 
 def reasons(rows, readings):
@@ -49,8 +52,8 @@ def test_the_lamp_left_on_during_the_dark_frames(seed):
     rows, lit = [], {}
     for shot, row in zip(drawn.campaign.shots, drawn.rows, strict=True):
         if shot.role == "dark":
-            shining = dataclasses.replace(shot, luminance_cd_m2=0.24)
-            rows.append(simulate_row(drawn.campaign, shining, random, true_k=TRUE_K, pixels=20000))
+            shining = dataclasses.replace(shot, lamp=Lamp(luminance_cd_m2=0.24))
+            rows.append(draw_row(drawn.campaign.camera, shining, random, pixels=20000))
             lit[row.frame] = rows[-1].statistics[0].mean_dn - 256.0
         else:
             rows.append(row)
@@ -75,12 +78,10 @@ def test_clipped_frames():
     drawn = draw(4)
     random = np.random.default_rng(4)
     level = [shot for shot in drawn.campaign.shots if shot.scene == "level-1"]
-    shot = min(level, key=lambda shot: shot.stated.f_number)
-    longer = {"exposure_time_s": 4 * shot.stated.exposure_time_s}
-    over = dataclasses.replace(
-        shot, stated=dataclasses.replace(shot.stated, **longer), true=dataclasses.replace(shot.true, **longer)
-    )
-    bright = simulate_row(drawn.campaign, over, random, true_k=TRUE_K, pixels=20000)
+    shot = min(level, key=lambda shot: shot.settings.f_number)
+    longer = dataclasses.replace(shot.settings, exposure_time_s=4 * shot.settings.exposure_time_s)
+    over = dataclasses.replace(shot, settings=longer)
+    bright = draw_row(drawn.campaign.camera, over, random, pixels=20000)
     rows = [bright if row.frame == shot.frame else row for row in drawn.rows]
     assert reasons(rows, drawn.readings) == {shot.frame: {"clipped"}}
 
@@ -95,21 +96,22 @@ def test_a_frame_under_another_scene_s_name():
 
 def render(campaign, shot, random, *, part=0.0):
     """A frame's row from its pixels; ``part`` of the region shows a surface with a tenth of the light."""
-    frame = render_frame(campaign.sensor, shot, random, **HERE)
+    shot = dataclasses.replace(shot, window=HERE)
+    frame = take(campaign.camera, shot, random).frame
     if part:
-        dim = dataclasses.replace(shot, luminance_cd_m2=0.1 * shot.luminance_cd_m2)
-        other = render_frame(campaign.sensor, dim, random, **HERE)
-        cut = round(part * HERE["width"])
-        samples = np.where(np.arange(HERE["width"]) < cut, other.samples_dn, frame.samples_dn)
+        dim = dataclasses.replace(shot, lamp=Lamp(luminance_cd_m2=0.1 * shot.lamp.luminance_cd_m2))
+        other = take(campaign.camera, dim, random).frame
+        cut = round(part * HERE.width)
+        samples = np.where(np.arange(HERE.width) < cut, other.samples_dn, frame.samples_dn)
         frame = dataclasses.replace(frame, samples_dn=samples)
     statistics = compute_statistics(frame, np.ones(frame.samples_dn.shape, np.bool_))
-    row = simulate_row(campaign, shot, random, true_k=TRUE_K, pixels=10)
+    row = draw_row(campaign.camera, shot, random, pixels=10)
     return dataclasses.replace(row, statistics=statistics)
 
 
 def photograph(seed, *, moved=None, part=0.0) -> tuple[list[FrameRow], tuple[Reading, ...]]:
     random = np.random.default_rng(seed)
-    campaign = simulate_campaign(SENSOR, random, errors=Errors(), isos=(3200.0,))
+    campaign = plan_campaign(CAMERA, random, errors=Errors(), isos=(3200.0,))
     rows = [
         render(campaign, shot, random, part=part if number == moved else 0.0)
         for number, shot in enumerate(campaign.shots)

@@ -7,37 +7,42 @@ import numpy as np
 import pytest
 
 from radiometry.frame.exposure import Settings, compute_rhs
-from radiometry.frame.roi import Polygon
+from radiometry.frame.roi import Polygon, Window
 from radiometry.frame.statistics import measure_signal
 from radiometry.luminance import method as luminance
-from simulation.luminance import ISOS, LUMINANCES_CD_M2, Errors, Sensor, Shot, render_frame, simulate_campaign
+from simulation.camera import change, expose, take
+from simulation.light import Lamp
+from simulation.luminance import ISOS, LUMINANCES_CD_M2, X5S, Errors, find_k, plan_campaign
+from simulation.targets import Surface
 from tests.radiometry.campaigns import TRUE_K, draw
 
 NO_ERRORS = Errors(repeatability=0.0, calibration=0.0, f_number=0.0, exposure_time=0.0)
-SMALL = Sensor(height_px=120, width_px=160)
+SMALL = change(X5S, height_px=120, width_px=160)
 SETTINGS = Settings(exposure_time_s=0.125, f_number=4.0, iso=3200.0)
 
 
-def shot(luminance_cd_m2, settings=SETTINGS):
-    return Shot(
-        frame="f", role="light", scene="s", stated=settings, true=settings, luminance_cd_m2=luminance_cd_m2
-    )
+def render(camera, luminance_cd_m2, *, settings=SETTINGS, seed=1):
+    lamp = Lamp(luminance_cd_m2=luminance_cd_m2)
+    return expose(camera, Surface(), lamp, settings, np.random.default_rng(seed))
 
 
-def render(sensor, luminance_cd_m2, *, settings=SETTINGS, seed=1, **window):
-    window = {"row0": 0, "col0": 0, "height": sensor.height_px, "width": sensor.width_px, **window}
-    return render_frame(sensor, shot(luminance_cd_m2, settings), np.random.default_rng(seed), **window)
+TRUTHS = {
+    "falloff": lambda window: SMALL.share(4.0, window),
+    "colour": SMALL.sensor.filter_light,
+    "pattern": SMALL.sensor.pattern,
+    "surface": lambda window: Surface(gradient=(0.1, 0.2), spots=[(40, 60, 9, 0.5)]).draw(SMALL, window),
+}
 
 
-@pytest.mark.parametrize("name", ["falloff", "colour", "pattern"])
+@pytest.mark.parametrize("name", TRUTHS)
 def test_a_window_has_the_truth_of_the_whole(name):
-    whole = getattr(SMALL, name)(row0=0, col0=0, height=120, width=160)
-    part = getattr(SMALL, name)(row0=31, col0=57, height=20, width=11)
+    whole = TRUTHS[name](SMALL.window)
+    part = TRUTHS[name](Window(row0=31, col0=57, height=20, width=11))
     np.testing.assert_array_equal(part, whole[31:51, 57:68])
 
 
 def test_falloff_by_hand():
-    falloff = Sensor(height_px=3, width_px=5).falloff(row0=0, col0=0, height=3, width=5)
+    falloff = change(X5S, height_px=3, width_px=5).share(4.0)
     assert falloff[1, 2] == 1.0
     assert falloff[0, 0] == pytest.approx(1 - 0.55 * (2**2 + 1**2) / ((5**2 + 3**2) / 4))
     np.testing.assert_array_equal(falloff, falloff[::-1, ::-1])
@@ -49,19 +54,21 @@ def test_a_frame_holds_the_true_k_within_its_predicted_error():
     rows = luminance.extract(render(SMALL, 1.2), polygon)
     signal = measure_signal(rows)
     greens = sum(row.n for row in rows if row.channel in ("G1", "G2"))
-    dark = SMALL.black_level_dn + SMALL.gain_dn_per_e(3200.0) * SMALL.dark_current_e_s * 0.125
-    light = SMALL.true_k(polygon) * compute_rhs(SETTINGS, luminance_cd_m2=1.2)
-    predicted = math.hypot(signal.standard_uncertainty_dn, light * SMALL.prnu_rel / math.sqrt(greens))
+    sensor = SMALL.sensor
+    dark = sensor.black_level_dn + sensor.gain(3200.0) * sensor.dark_current_e_s * 0.125
+    light = find_k(SMALL, polygon) * compute_rhs(SETTINGS, luminance_cd_m2=1.2)
+    predicted = math.hypot(signal.standard_uncertainty_dn, light * sensor.prnu_rel / math.sqrt(greens))
     assert abs(signal.value_dn - dark - light) < 4 * predicted
     assert predicted / light < 0.003
 
 
 def test_noise_is_that_of_photons_and_readout():
-    sensor = dataclasses.replace(SMALL, prnu_rel=0.0, corner_share=1.0)
-    frame = render(sensor, 1.2)
+    even = change(SMALL, prnu_rel=0.0, falloff=(0.0, 0.0, 0.0))
+    frame = render(even, 1.2)
+    sensor = even.sensor
     green = frame.samples_dn[0::2, 1::2].astype(float)
-    gain = sensor.gain_dn_per_e(3200.0)
-    light = sensor.centre_k * compute_rhs(SETTINGS, luminance_cd_m2=1.2) / gain
+    gain = sensor.gain(3200.0)
+    light = find_k(even) * compute_rhs(SETTINGS, luminance_cd_m2=1.2) / gain
     variance = gain**2 * (light + sensor.dark_current_e_s * 0.125 + sensor.read_noise_e**2) + 1 / 12
     assert np.var(green) == pytest.approx(variance, rel=5 * math.sqrt(2 / green.size))
 
@@ -69,7 +76,7 @@ def test_noise_is_that_of_photons_and_readout():
 def test_light_clips_at_the_white_level_and_dark_at_zero():
     bright = render(SMALL, 1000.0)
     assert bright.samples_dn.max() == 4095
-    noisy = dataclasses.replace(SMALL, black_level_dn=1.0)
+    noisy = change(SMALL, black_level_dn=1.0)
     assert render(noisy, 0.0, settings=dataclasses.replace(SETTINGS, iso=25600.0)).samples_dn.min() == 0
 
 
@@ -77,9 +84,9 @@ def test_the_short_way_agrees_with_the_pixels():
     """Both draw the same mean and the same spread, within what their sizes allow."""
     drawn = draw(2, errors=NO_ERRORS)
     random = np.random.default_rng(5)
-    sensor = dataclasses.replace(SMALL, centre_k=TRUE_K, corner_share=1.0)
+    camera = change(SMALL, sensitivity_e=TRUE_K / 1.5e-3, falloff=(0.0, 0.0, 0.0))
     for row, one in list(zip(drawn.rows, drawn.campaign.shots, strict=True))[::9]:
-        frame = render_frame(sensor, one, random, row0=0, col0=0, height=120, width=160)
+        frame = take(camera, one, random).frame
         full = luminance.extract(frame, Polygon.from_points([(0, 0), (160, 0), (160, 120), (0, 120)]))
         long, short = measure_signal(full), measure_signal(row.statistics)
         scatter = math.hypot(long.standard_uncertainty_dn, short.standard_uncertainty_dn)
@@ -101,7 +108,7 @@ def test_a_campaign_is_usable_at_every_level():
 
 def test_a_seed_gives_one_campaign():
     first, again, other = (
-        simulate_campaign(Sensor(), np.random.default_rng(seed), errors=Errors()) for seed in (1, 1, 2)
+        plan_campaign(X5S, np.random.default_rng(seed), errors=Errors()) for seed in (1, 1, 2)
     )
     assert first == again
     assert first != other

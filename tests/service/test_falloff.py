@@ -8,7 +8,8 @@ import pytest
 import tifffile
 
 from radiometry.luminance.method import Params
-from simulation.vignetting import SimulatedLens, simulate_campaign
+from simulation.camera import change, take
+from simulation.flats import FAST_LENS, plan_flats
 from store.codec import encode
 from store.fitting import hash_content
 from store.tables import Calibration
@@ -18,7 +19,7 @@ from tests.support.frames import write_frame
 
 pytestmark = pytest.mark.either_database
 
-LENS = SimulatedLens(height_px=96, width_px=144, centre_px=(50.0, 68.0))
+LENS = change(FAST_LENS, height_px=96, width_px=144, centre_px=(50.0, 68.0))
 K, ISO = 2.0, 3200
 SETTINGS = ((0.005, 2.0), (0.01, 2.8))
 LEVELS = {"level-1": 40.0, "level-2": 20.0, "level-3": 5.0}
@@ -30,9 +31,10 @@ def fit_falloff(house, *, f_numbers=(2.0, 4.0), seed=1):
     """The vignetting of the lens; between two f-numbers it is interpolated."""
     campaign = house.campaign(method="vignetting")
     random = np.random.default_rng(seed)
-    for shot in simulate_campaign(LENS, random, f_numbers=f_numbers, flats=2, darks=1):
-        content = raw_bytes(house, shot.frame.samples_dn, f_number=shot.exposure.f_number)
-        house.upload(campaign, content, role=shot.role, filename=f"{shot.name}.DNG")
+    for shot in plan_flats(LENS, f_numbers=f_numbers, flats=2, darks=1):
+        samples = take(LENS, shot, random).frame.samples_dn
+        content = raw_bytes(house, samples, f_number=shot.settings.f_number)
+        house.upload(campaign, content, role=shot.role, filename=f"{shot.frame}.DNG")
     return calibrate(house, campaign)
 
 

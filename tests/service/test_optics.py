@@ -5,7 +5,6 @@ import io
 import json
 import struct
 import xml.etree.ElementTree as ET
-from datetime import UTC, datetime
 
 import cv2
 import numpy as np
@@ -13,11 +12,10 @@ import pytest
 import tifffile
 import yaml
 
-from demo.dng import Camera, write_dng
-from demo.exif import Exposure
-from simulation.noise import SimulatedSensor, expose
-from simulation.vignetting import FALLOFFS, SimulatedLens, simulate_campaign
+from simulation.camera import change, take
+from simulation.flats import COUNTING_SENSOR, FALLOFFS, FAST_LENS, plan_flats, plan_series
 from tests.support.data import data_file
+from tests.support.frames import write_raw
 
 pytestmark = pytest.mark.either_database
 
@@ -26,22 +24,9 @@ F_NUMBERS = (2.0, 4.0)
 EDGE_CAMERA = {"make": "Canon", "model": "EOS 5D", "serial": "1"}
 
 
-def raw_bytes(house, samples, *, exposure_time_s=0.01, f_number=4.0, iso=100, white=4095):
+def raw_bytes(house, samples, **told):
     path = house.folder / "optics.dng"
-    exposure = Exposure(
-        exposure_time_s=exposure_time_s,
-        f_number=f_number,
-        iso=iso,
-        taken_at=datetime(2026, 5, 1, 12, 0, tzinfo=UTC),
-        body_serial=SERIAL,
-        lens_make="DJI",
-        lens_model="15mm",
-        lens_serial="L1",
-        focal_length_mm=15.0,
-    )
-    camera = Camera(black_level_dn=256, white_level_dn=white, serial=SERIAL)
-    write_dng(path, samples, camera=camera, exposure=exposure)
-    return path.read_bytes()
+    return write_raw(path, samples, serial=SERIAL, lens_model="15mm", **told).read_bytes()
 
 
 def begin(house, method, *, camera=None, roi=None, **more):
@@ -71,11 +56,13 @@ def publish(house, version):
 
 
 def test_the_falloff_of_a_lens(house):
-    lens = SimulatedLens(height_px=160, width_px=240, centre_px=(84.0, 110.0))
+    lens = change(FAST_LENS, height_px=160, width_px=240, centre_px=(84.0, 110.0))
+    random = np.random.default_rng(1)
     campaign = begin(house, "vignetting")
-    for shot in simulate_campaign(lens, np.random.default_rng(1), f_numbers=F_NUMBERS, flats=2, darks=2):
-        content = raw_bytes(house, shot.frame.samples_dn, f_number=shot.exposure.f_number)
-        house.upload(campaign, content, role=shot.role, filename=f"{shot.name}.DNG")
+    for shot in plan_flats(lens, f_numbers=F_NUMBERS, flats=2, darks=2):
+        samples = take(lens, shot, random).frame.samples_dn
+        content = raw_bytes(house, samples, f_number=shot.settings.f_number)
+        house.upload(campaign, content, role=shot.role, filename=f"{shot.frame}.DNG")
     version = fit(house, campaign)
     rows = {(row["name"], row["f_number"]): row for row in publish(house, version) if row["channel"] == "G1"}
     assert {key[0] for key in rows} == {
@@ -83,7 +70,7 @@ def test_the_falloff_of_a_lens(house):
     }
     for f_number in F_NUMBERS:
         corner = rows["corner_falloff", f_number]
-        row, col = lens.true_centre_px
+        row, col = lens.centre_px
         radius = np.hypot(160, 240) / 2
         distances = [np.hypot(r - row, c - col) / radius for r in (0, 159) for c in (0, 239)]
         k1, k2, k3 = FALLOFFS[f_number]
@@ -242,16 +229,15 @@ def test_a_region_in_parts_that_changes_is_computed_anew(house):
 
 
 def test_the_noise_of_a_sensor(house):
-    sensor = SimulatedSensor(cfa="RGGB", rows=64, cols=64, white_level_dn=16383.0, system_gain_dn_per_e=0.5)
+    camera = change(COUNTING_SENSOR, cfa="RGGB", height_px=64, width_px=64)
     campaign = begin(house, "noise")
-    rng = np.random.default_rng(2)
-    times = (0.002, 0.004, 0.008, 0.016, 0.03, 0.05)
-    for index, exposure_time_s in enumerate(times):
-        for role, light in (("light", 500_000.0), ("dark", 0.0)):
-            for take in (1, 2):
-                frame = expose(sensor, rng, light_e_per_s=light, exposure_time_s=exposure_time_s)
-                content = raw_bytes(house, frame.samples_dn, exposure_time_s=exposure_time_s, white=16383)
-                house.upload(campaign, content, role=role, filename=f"{role}-{index}-{take}.DNG")
+    random, times = np.random.default_rng(2), (0.002, 0.004, 0.008, 0.016, 0.03, 0.05)
+    light = {"light_e_per_s": 500_000.0, "times_s": times, "dark_times_s": times, "role": "light"}
+    for shot in plan_series(camera, **light):
+        samples = take(camera, shot, random).frame.samples_dn
+        time_s = shot.settings.exposure_time_s
+        content = raw_bytes(house, samples, exposure_time_s=time_s, white_level_dn=16383)
+        house.upload(campaign, content, role=shot.role, filename=f"{shot.frame}.DNG")
     version = fit(house, campaign)
     rows = {(row["name"], row["channel"]): row for row in publish(house, version)}
     gain = rows["system_gain_dn_per_e", "G1"]

@@ -7,19 +7,22 @@ import pytest
 
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.target import Target
-from simulation.geometry import Light, draw_poses, make_frame, render_board
-from simulation.sharpness import SimulatedCamera, SimulatedStar, render_chart, true_mtf
+from simulation.boards import View, draw_poses, set_up
+from simulation.camera import change
+from simulation.targets import CHART_STUDIO, Chart, Picture, Star, true_mtf
 from tests.service.test_optics import begin, fit, publish, raw_bytes
 
 LENS = CameraModel(height_px=240, width_px=320, fx_px=300.0, fy_px=300.0, cx_px=163.0, cy_px=117.0, k1=-0.2)
 BOARD = Target(
     kind="charuco", columns=7, rows=5, square_size_mm=30.0, marker_size_mm=22.0, dictionary="DICT_4X4_50"
 )
-LIGHT = Light(black_dn=400.0, white_dn=3000.0, noise_dn=8.0)
-STAR = SimulatedStar(
+STUDIO = set_up(LENS, dark_dn=400.0, bright_dn=3000.0, noise_dn=8.0, cfa="RGGB")
+STAR = Star(
     name="centre", row0=3, col0=15, size=184, centre_row_px=95.3, centre_col_px=107.7, cycles=36, blur_px=1.0
 )
-CAMERA = SimulatedCamera(height_px=190, width_px=210, cfa="RGGB", gain_dn=0.25)
+STAR_STUDIO = change(
+    CHART_STUDIO, height_px=190, width_px=210, cfa="RGGB", gain_dn_per_e=0.25, photon_noise=True
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +35,9 @@ def test_a_charuco_board_of_which_parts_are_hidden(house):
     campaign = begin(house, "geometry", target=said)
     random = np.random.default_rng(11)
     for number, pose in enumerate(draw_poses(LENS, BOARD, random, count=6)):
-        picture = render_board(LENS, BOARD, pose, random, light=LIGHT)
-        picture[:, : 30 * number] = LIGHT.white_dn
-        frame = make_frame(picture, cfa="RGGB", bits=12)
+        shares = View(board=BOARD, pose=pose).draw(STUDIO.camera, STUDIO.camera.window)
+        shares[:, : 30 * number] = 1.0
+        frame = STUDIO.photograph(Picture(shares), random)
         house.upload(campaign, raw_bytes(house, frame.samples_dn), role="chart", filename=f"{number}.DNG")
     version = fit(house, campaign, corner_window="fitted", radial_terms=1, tangential=False)
     rows = {row["name"]: row for row in publish(house, version)}
@@ -51,9 +54,12 @@ def test_a_star_has_its_resolving_power_by_direction(house):
     roi = {"regions": [{"name": "centre", "polygon": box}]}
     campaign = begin(house, "sharpness", target=target, roi=roi)
     for take in (1, 2):
-        samples = render_chart(CAMERA, [STAR], np.random.default_rng(take)).samples_dn
+        samples = STAR_STUDIO.photograph(Chart([STAR]), np.random.default_rng(take)).samples_dn
         house.upload(
-            campaign, raw_bytes(house, samples, white=16383), role="chart", filename=f"star-{take}.DNG"
+            campaign,
+            raw_bytes(house, samples, white_level_dn=16383),
+            role="chart",
+            filename=f"star-{take}.DNG",
         )
     version = fit(house, campaign, star_contrast=0.5)
     rows = {row["name"]: row for row in publish(house, version) if row["channel"] == "G"}

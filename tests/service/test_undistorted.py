@@ -2,7 +2,6 @@
 
 import io
 import json
-from datetime import UTC, datetime
 
 import cv2
 import numpy as np
@@ -10,10 +9,9 @@ import pytest
 import tifffile
 from PIL import Image
 
-from demo.dng import Camera, write_dng
-from demo.exif import Exposure
 from tests.service.test_optics import EDGE_CAMERA, begin, fit, publish
 from tests.support.data import data_file
+from tests.support.frames import write_raw
 
 VIEWS = (1, 3, 4, 5, 6)
 SHAPE = (480, 640)
@@ -95,20 +93,8 @@ def test_a_raw_field_frame_gives_its_grey_plane_in_raw_numbers(calibrated, tmp_p
     house, campaign, version = calibrated
     rows, cols = np.indices(SHAPE)
     mosaic = (1000 + 3 * rows + 2 * cols + 400 * ((rows % 2) ^ (cols % 2))).astype(np.uint16)
-    exposure = Exposure(
-        exposure_time_s=0.01,
-        f_number=4.0,
-        iso=100,
-        taken_at=datetime(2026, 5, 1, 12, 0, tzinfo=UTC),
-        body_serial="1",
-        lens_make="Canon",
-        lens_model="15mm",
-        lens_serial="L1",
-        focal_length_mm=15.0,
-    )
-    camera = Camera(make="Canon", model="EOS 5D", black_level_dn=256, white_level_dn=4095, serial="1")
-    path = tmp_path / "field.dng"
-    write_dng(path, mosaic, camera=camera, exposure=exposure)
+    names = {"make": "Canon", "model": "EOS 5D", "serial": "1", "lens_make": "Canon", "lens_model": "15mm"}
+    path = write_raw(tmp_path / "field.dng", mosaic, **names)
     frame = house.upload(campaign, path.read_bytes(), role="field", filename="field.DNG")
     house.work()
     found = measure(house, frame, calibration_id=version["id"])

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from demo.sequoia import name_file, write_sequoia
-from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
+from simulation.camera import change
+from simulation.sequoia import BANDS, SEQUOIA, capture
+from simulation.sequoia_file import name_file, write_sequoia
 from stilb.commands.exits import Exit
 from stilb.field.plan import read_plan
 from stilb.field.running import ensure_campaign
@@ -36,10 +37,8 @@ polygon = [[50, 40], [110, 40], [110, 80], [50, 80]]
 
 @pytest.fixture
 def card(tmp_path):
-    camera = SimulatedSequoia(height_px=120, width_px=160)
-    shots = simulate_sequoia_capture(
-        camera, np.random.default_rng(1), reflectance=dict.fromkeys(BANDS, REFLECTS)
-    )
+    camera = change(SEQUOIA, height_px=120, width_px=160)
+    shots = capture(camera, np.random.default_rng(1), reflectance=dict.fromkeys(BANDS, REFLECTS))
     (tmp_path / "panel").mkdir()
     for shot in shots.values():
         write_sequoia(tmp_path / "panel" / name_file(0, shot.header), shot)

@@ -1,15 +1,12 @@
 """A small version of every method but luminance, made over HTTP as a field team would."""
 
-from datetime import UTC, datetime
-
 import numpy as np
 
-from demo.dng import Camera, write_dng
-from demo.exif import Exposure
-from simulation.noise import SimulatedSensor, expose
-from simulation.vignetting import SimulatedLens, simulate_campaign
+from simulation.camera import change, take
+from simulation.flats import COUNTING_SENSOR, FAST_LENS, plan_flats, plan_series
 from tests.support.campaigns import calibrate
 from tests.support.data import data_file
+from tests.support.frames import write_raw
 from tests.support.house import CAMERA, House
 
 LENS = {"make": "DJI", "model": "15mm", "serial": "L1"}
@@ -67,11 +64,13 @@ def _reflectance(house: House) -> dict:
 
 
 def _vignetting(house: House) -> dict:
-    lens = SimulatedLens(height_px=96, width_px=144, centre_px=(50.0, 66.0))
+    lens = change(FAST_LENS, height_px=96, width_px=144, centre_px=(50.0, 66.0))
+    random = np.random.default_rng(1)
     campaign = begin(house, "vignetting", CAMERA | {"lens": LENS})
-    for shot in simulate_campaign(lens, np.random.default_rng(1), f_numbers=F_NUMBERS, flats=2, darks=2):
-        content = _raw_bytes(house, shot.frame.samples_dn, f_number=shot.exposure.f_number)
-        house.upload(campaign, content, role=shot.role, filename=f"{shot.name}.DNG")
+    for shot in plan_flats(lens, f_numbers=F_NUMBERS, flats=2, darks=2):
+        samples = take(lens, shot, random).frame.samples_dn
+        content = _raw_bytes(house, samples, f_number=shot.settings.f_number)
+        house.upload(campaign, content, role=shot.role, filename=f"{shot.frame}.DNG")
     return calibrate(house, campaign)
 
 
@@ -94,21 +93,15 @@ def _geometry(house: House) -> dict:
 
 
 def _noise(house: House) -> dict:
-    sensor = SimulatedSensor(
-        cfa="RGGB",
-        rows=64,
-        cols=64,
-        white_level_dn=16383.0,
-        system_gain_dn_per_e=SYSTEM_GAIN_DN_PER_E,
-    )
+    camera = change(COUNTING_SENSOR, cfa="RGGB", height_px=64, width_px=64)
     campaign = begin(house, "noise", CAMERA)
-    rng = np.random.default_rng(2)
-    for index, exposure_time_s in enumerate((0.002, 0.008, 0.03, 0.05)):
-        for role, light in (("light", 500_000.0), ("dark", 0.0)):
-            for take in (1, 2):
-                frame = expose(sensor, rng, light_e_per_s=light, exposure_time_s=exposure_time_s)
-                content = _raw_bytes(house, frame.samples_dn, exposure_time_s=exposure_time_s, white=16383)
-                house.upload(campaign, content, role=role, filename=f"{role}-{index}-{take}.DNG")
+    random, times = np.random.default_rng(2), (0.002, 0.008, 0.03, 0.05)
+    light = {"light_e_per_s": 500_000.0, "times_s": times, "dark_times_s": times, "role": "light"}
+    for shot in plan_series(camera, **light):
+        samples = take(camera, shot, random).frame.samples_dn
+        time_s = shot.settings.exposure_time_s
+        content = _raw_bytes(house, samples, exposure_time_s=time_s, white_level_dn=16383)
+        house.upload(campaign, content, role=shot.role, filename=f"{shot.frame}.DNG")
     return calibrate(house, campaign)
 
 
@@ -121,19 +114,6 @@ _MAKERS = {
 }
 
 
-def _raw_bytes(house: House, samples, *, exposure_time_s=0.01, f_number=4.0, white=4095) -> bytes:
-    path = house.folder / "every.dng"
-    exposure = Exposure(
-        exposure_time_s=exposure_time_s,
-        f_number=f_number,
-        iso=100,
-        taken_at=datetime(2026, 5, 1, 12, 0, tzinfo=UTC),
-        body_serial=CAMERA["serial"],
-        lens_make=LENS["make"],
-        lens_model=LENS["model"],
-        lens_serial=LENS["serial"],
-        focal_length_mm=15.0,
-    )
-    camera = Camera(black_level_dn=256, white_level_dn=white, serial=CAMERA["serial"])
-    write_dng(path, samples, camera=camera, exposure=exposure)
-    return path.read_bytes()
+def _raw_bytes(house: House, samples, **told) -> bytes:
+    names = {"serial": CAMERA["serial"], "lens_model": LENS["model"]}
+    return write_raw(house.folder / "every.dng", samples, **names, **told).read_bytes()

@@ -1,4 +1,4 @@
-"""Small DNG files as the demo's camera writes them, with a given signal."""
+"""Small DNG files as the simulated camera writes them, with a given signal."""
 
 import struct
 from datetime import UTC, datetime
@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from demo.dng import Camera, write_dng
-from demo.exif import Exposure
+from radiometry.frame.exposure import Settings
+from simulation.camera import Camera, change
+from simulation.dng import write_dng
 
 BLACK, WHITE = 256, 4095
 
@@ -27,19 +28,25 @@ def write_frame(
     """A mosaic of black + signal with normal noise, rounded and clipped as a converter does."""
     noise = np.random.default_rng(seed).normal(BLACK + signal_dn, noise_dn, shape)
     mosaic = np.clip(np.rint(noise), 0, WHITE).astype(np.uint16)
-    exposure = Exposure(
-        exposure_time_s=exposure_time_s,
-        f_number=f_number,
-        iso=iso,
-        taken_at=datetime(2026, 5, 1, 20, 0, tzinfo=UTC),
-        body_serial=serial,
-        lens_make="DJI",
-        lens_model="DJI MFT 15mm F1.7 ASPH",
-        lens_serial="L1",
-        focal_length_mm=15.0,
-    )
-    camera = Camera(black_level_dn=BLACK, white_level_dn=WHITE, serial=serial)
-    write_dng(path, mosaic, camera=camera, exposure=exposure)
+    return write_raw(path, mosaic, exposure_time_s=exposure_time_s, f_number=f_number, iso=iso, serial=serial)
+
+
+def write_raw(
+    path: Path,
+    samples,
+    *,
+    exposure_time_s: float = 0.01,
+    f_number: float = 4.0,
+    iso: int = 100,
+    serial: str = "0K1XE8",
+    compression: str = "none",
+    **changes,
+) -> Path:
+    """Samples as a file of a camera, which ``changes`` describe further."""
+    camera = change(Camera(), **{"serial": serial, "lens_serial": "L1"} | changes)
+    settings = Settings(exposure_time_s=exposure_time_s, f_number=f_number, iso=iso)
+    taken_at = datetime(2026, 5, 1, 20, 0, tzinfo=UTC)
+    write_dng(path, samples, camera=camera, settings=settings, taken_at=taken_at, compression=compression)
     return path
 
 

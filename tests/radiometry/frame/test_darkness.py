@@ -7,6 +7,7 @@ import pytest
 from radiometry.frame.darkness import inspect_black
 from radiometry.noise import method as noise
 from radiometry.vignetting import method as vignetting
+from simulation.camera import change
 from tests.radiometry.noise.series import PARAMS, SMALL, brightened, take
 from tests.radiometry.vignetting import flats
 
@@ -47,15 +48,15 @@ def test_a_lamp_that_burnt_in_all_dark_frames_of_a_noise_campaign():
 
 
 def test_a_warm_sensor_is_a_noise_campaign_s_subject():
-    sensor = dataclasses.replace(SMALL, dark_current_e_per_s=400.0)
+    sensor = change(SMALL, dark_current_e_s=400.0)
     assert not raised(noise.fit(take(sensor, 5, dark_times=(0.02, 2.0)), PARAMS), "dark_not_dark")
 
 
 @pytest.mark.parametrize(("black_level_dn", "flagged"), [(256.0, False), (290.0, True), (956.0, True)])
 def test_lit_dark_frames_of_a_falloff(black_level_dn, flagged):
     """At 956 DN the falloff would come out twice as large, with a small uncertainty."""
-    lens = dataclasses.replace(flats.SMALL, falloffs={4.0: flats.SMALL.falloffs[4.0]})
-    bright = dataclasses.replace(lens, black_level_dn=black_level_dn)
+    lens = change(flats.SMALL, falloffs={4.0: flats.SMALL.lens.falloffs[4.0]})
+    bright = change(lens, black_level_dn=black_level_dn)
     stated = flats.dark(lens, 1)
     darks = [flats.dark(bright, seed, name=f"dark-{seed}") for seed in (2, 3)]
     levels = [channel.black_level_dn for channel in stated.features.channels]

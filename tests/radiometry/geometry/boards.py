@@ -9,8 +9,9 @@ from radiometry.fitting.evidence import FrameEvidence, Region
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
 from radiometry.geometry import method as geometry
-from radiometry.geometry.camera import CameraModel
-from simulation.geometry import draw_poses, make_header, simulate_rows
+from radiometry.geometry.camera import CameraModel, project
+from radiometry.geometry.target import locate_corners_mm, measure_spacing_px
+from simulation.boards import draw_poses, set_up
 
 BOARD = geometry.Target(kind="checkerboard", columns=9, rows=6, square_size_mm=25.0)
 CHARUCO = geometry.Target(
@@ -37,6 +38,75 @@ def simulate(*, seed, count, noise_px, camera=CAMERA, target=BOARD, tilt_deg=35.
     random = np.random.default_rng(seed)
     poses = draw_poses(camera, target, random, count=count, tilt_deg=tilt_deg)
     return simulate_rows(camera, target, poses, random, noise_px=noise_px)
+
+
+def simulate_rows(camera, target, poses, random, *, noise_px):
+    """The board's corners with normal noise of ``noise_px`` in row and in col."""
+    indices = np.arange(target.corners)
+    board = locate_corners_mm(target, indices)
+    rows = []
+    for number, pose in enumerate(poses):
+        seen = project(camera, board, pose.rotation, pose.shift)
+        seen = seen + random.normal(0.0, noise_px, seen.shape)
+        rows.append(make_row(f"view-{number:03}", camera, target, indices, seen))
+    return tuple(rows)
+
+
+def make_row(name, camera, target, indices, seen_px):
+    """Corners, (corner, 2) row before col, as the fit wants them."""
+    places = tuple((float(row), float(col)) for row, col in seen_px)
+    hull = cv2.convexHull(seen_px.astype(np.float32))
+    features = geometry.Features(
+        target=target,
+        not_found="",
+        height_px=camera.height_px,
+        width_px=camera.width_px,
+        indices=tuple(int(index) for index in indices),
+        fixed_px=places,
+        fitted_px=places,
+        fitted_window_px=11,
+        spacing_px=measure_spacing_px(target, indices, seen_px),
+        board_share=float(cv2.contourArea(hull)) / (camera.height_px * camera.width_px),
+    )
+    return FrameEvidence(
+        frame=name,
+        role="chart",
+        scene=None,
+        header=make_header(camera),
+        exposure=None,
+        statistics=(),
+        features=features,
+    )
+
+
+def make_header(camera, *, cfa="grey", bits=12):
+    """The header of a raw frame of the camera; one of 8 bits is a picture."""
+    studio = set_up(camera, dark_dn=0.0, bright_dn=1.0, noise_dn=0.0, cfa=cfa, bits=bits)
+    changes = {"bits_per_sample": bits, "rendered": bits == 8}
+    if bits == 8:
+        changes |= {"container": "png", "decoder": "imagecodecs"}
+    return dataclasses.replace(studio.camera.describe(), **changes)
+
+
+def make_frame(picture, *, cfa="grey", bits=12):
+    """A picture as a frame of whole numbers; a mosaic's sites see it with different strengths."""
+    strength = np.ones(picture.shape)
+    if cfa not in ("grey", "rgb"):
+        for place, colour in enumerate(cfa):
+            strength[place // 2 :: 2, place % 2 :: 2] = {"R": 0.5, "G": 1.0, "B": 0.6}[colour]
+    white = float((1 << bits) - 1)
+    samples = np.clip(np.round(picture * strength), 0.0, white).astype(np.uint16)
+    sites = {"grey": 1, "rgb": 3}.get(cfa, 4)
+    return Frame(
+        samples_dn=np.repeat(samples[:, :, None], 3, axis=2) if cfa == "rgb" else samples,
+        row0=0,
+        col0=0,
+        height_px=picture.shape[0],
+        width_px=picture.shape[1],
+        cfa=cfa,
+        black_level_dn=(0.0,) * sites,
+        white_level_dn=(white,) * sites,
+    )
 
 
 def whole(frame):

@@ -11,22 +11,24 @@ from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import CameraModel, project
 from radiometry.geometry.grey import make_grey
 from radiometry.geometry.target import locate_corners_mm
-from simulation.geometry import Light, draw_poses, make_frame, render_board
-from tests.radiometry.geometry.boards import BOARD, CHARUCO, extract
+from simulation.boards import View, draw_poses, set_up
+from tests.radiometry.geometry.boards import BOARD, CHARUCO, extract, make_frame
 from tests.support.data import data_file
 
 # half of the usual camera in every direction
 SMALL = CameraModel(
     height_px=240, width_px=320, fx_px=260, fy_px=260, cx_px=166, cy_px=114, k1=-0.25, k2=0.08
 )
-RAW = Light(black_dn=200.0, white_dn=3500.0, noise_dn=15.0)
+PICTURE = {"dark_dn": 20.0, "bright_dn": 220.0, "noise_dn": 1.0}
+RAW = {"dark_dn": 200.0, "bright_dn": 3500.0, "noise_dn": 15.0}
 BIG_BOARD = geometry.Target(kind="checkerboard", columns=5, rows=4, square_size_mm=25.0)
 
 
-def render(target, seed, light=None):
+def render(target, seed, light=PICTURE):
     random = np.random.default_rng(seed)
     (pose,) = draw_poses(SMALL, target, random, count=1)
-    return render_board(SMALL, target, pose, random, light=light or Light()), pose
+    frame = set_up(SMALL, **light).photograph(View(board=target, pose=pose), random)
+    return frame.samples_dn.astype(float), pose
 
 
 def truth(target, pose, indices):

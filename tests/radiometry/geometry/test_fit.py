@@ -15,7 +15,7 @@ from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import project
 from radiometry.geometry.solving import Pose
 from radiometry.geometry.target import locate_corners_mm
-from simulation.geometry import draw_poses, make_row, simulate_rows
+from simulation.boards import draw_poses
 from tests.radiometry.geometry.boards import (
     BOARD,
     CAMERA,
@@ -23,8 +23,10 @@ from tests.radiometry.geometry.boards import (
     FREE,
     SQUARE,
     errors,
+    make_row,
     raised,
     simulate,
+    simulate_rows,
     transpose,
     values,
     with_features,

@@ -7,9 +7,8 @@ import pytest
 
 from radiometry.geometry import method as geometry
 from radiometry.geometry.solving import Pose
-from simulation.geometry import simulate_rows
 from tests.radiometry.evidence import taken
-from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, with_features
+from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, simulate_rows, with_features
 
 
 def judge(rows, **changes):

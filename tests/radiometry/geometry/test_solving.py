@@ -11,8 +11,17 @@ from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
 from radiometry.geometry.solving import Pose, choose_free_parameters, solve
 from radiometry.geometry.views import make_view
-from simulation.geometry import simulate_rows
-from tests.radiometry.geometry.boards import BOARD, CAMERA, FREE, SQUARE, errors, simulate, transpose, values
+from tests.radiometry.geometry.boards import (
+    BOARD,
+    CAMERA,
+    FREE,
+    SQUARE,
+    errors,
+    simulate,
+    simulate_rows,
+    transpose,
+    values,
+)
 
 ALL = choose_free_parameters(fix_aspect_ratio=False, radial_terms=3, tangential=True)
 

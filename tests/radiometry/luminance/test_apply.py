@@ -9,9 +9,12 @@ import pytest
 from radiometry.findings.errors import Code, InputRejected
 from radiometry.findings.flags import Flag
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.roi import Polygon
+from radiometry.frame.roi import Polygon, Window
 from radiometry.luminance import method as luminance
-from simulation.luminance import Sensor, Shot, render_frame
+from simulation.camera import change, expose
+from simulation.light import Lamp
+from simulation.luminance import X5S
+from simulation.targets import Surface
 from tests.radiometry.luminance.exact import (
     DARK,
     LIGHTS,
@@ -101,10 +104,11 @@ def test_the_map_scale_agrees_with_apply():
 
 
 def test_extract_measures_the_region_in_a_window():
-    sensor = Sensor(height_px=80, width_px=90)
-    settings = dataclasses.replace(LIGHTS[0].exposure).on_basis("nominal")
-    shot = Shot(frame="f", role="light", scene="s", stated=settings, true=settings, luminance_cd_m2=0.05)
-    frame = render_frame(sensor, shot, np.random.default_rng(1), row0=11, col0=20, height=30, width=40)
+    camera = change(X5S, height_px=80, width_px=90)
+    settings = LIGHTS[0].exposure.on_basis("nominal")
+    window = Window(row0=11, col0=20, height=30, width=40)
+    lamp = Lamp(luminance_cd_m2=0.05)
+    frame = expose(camera, Surface(), lamp, settings, np.random.default_rng(1), window=window)
     polygon = Polygon.from_points([(25, 15), (50, 18), (45, 38)])
     rows = luminance.extract(frame, polygon)
     assert [row.channel for row in rows] == ["R", "G1", "G2", "B", "grey"]

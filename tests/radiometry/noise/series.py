@@ -5,19 +5,45 @@ import dataclasses
 import numpy as np
 import pytest
 
+from radiometry.fitting.evidence import Region
 from radiometry.frame.packing import pack, unpack
+from radiometry.frame.roi import Polygon
 from radiometry.noise import method as noise
-from simulation.noise import SimulatedSensor, shoot
+from simulation.camera import change
+from simulation.camera import take as expose
+from simulation.flats import COUNTING_SENSOR, plan_series
 
 PARAMS = noise.Params()
 TIMES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6)
 LIGHT = 30_000.0
-SMALL = SimulatedSensor(rows=32, cols=32, read_noise_e=6.0)
+SMALL = change(COUNTING_SENSOR, height_px=32, width_px=32, read_noise_e=6.0)
 
 
-def take(sensor, seed, *, times=TIMES, dark_times=(0.02,), light=LIGHT, frames=2):
+def shoot(camera, seed, *, times=TIMES, dark_times=(0.02,), light=LIGHT, frames=2):
     rng = np.random.default_rng(seed)
-    return shoot(sensor, rng, light_e_per_s=light, times_s=times, dark_times_s=dark_times, frames=frames)
+    shots = plan_series(camera, light_e_per_s=light, times_s=times, dark_times_s=dark_times, frames=frames)
+    return [expose(camera, shot, rng) for shot in shots]
+
+
+def take(camera, seed, **series):
+    return tuple(make_row(taken) for taken in shoot(camera, seed, **series))
+
+
+def make_row(taken):
+    """A frame as the fit sees it, its whole picture the region."""
+    height, width = taken.frame.height_px, taken.frame.width_px
+    corners = [(0, 0), (width, 0), (width, height), (0, height)]
+    region = Region(name="", polygon=Polygon.from_points(corners))
+    extracted = noise.extract(taken.frame, [region], header=taken.header, exposure=taken.exposure)
+    return noise.FrameRow(
+        frame=taken.name,
+        role=taken.role,
+        scene=None,
+        header=taken.header,
+        exposure=taken.exposure,
+        statistics=extracted.statistics,
+        features=extracted.features,
+    )
 
 
 def only(fit):

@@ -12,9 +12,9 @@ from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
 from radiometry.noise import method as noise
-from simulation.noise import SimulatedSensor, describe
+from simulation.flats import COUNTING_SENSOR
 
-HEADER = describe(SimulatedSensor())
+HEADER = COUNTING_SENSOR.describe()
 
 
 def frame(samples, *, row0=0, col0=0, cfa="RGGB", whole=None):

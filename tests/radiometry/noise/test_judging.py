@@ -7,21 +7,17 @@ import pytest
 
 from radiometry.frame.packing import pack, unpack
 from radiometry.noise import method as noise
-from simulation.noise import SimulatedSensor, shoot
+from simulation.camera import change
+from simulation.flats import COUNTING_SENSOR
 from tests.radiometry.evidence import taken
+from tests.radiometry.noise.series import take
 
-SENSOR = SimulatedSensor(rows=32, cols=32)
+SENSOR = change(COUNTING_SENSOR, height_px=32, width_px=32)
 
 
 @pytest.fixture(scope="module")
 def rows():
-    return shoot(
-        SENSOR,
-        np.random.default_rng(1),
-        light_e_per_s=30_000.0,
-        times_s=(0.1, 0.3, 2.0),
-        dark_times_s=(0.1,),
-    )
+    return take(SENSOR, 1, times=(0.1, 0.3, 2.0), dark_times=(0.1,))
 
 
 def verdicts(rows):

@@ -10,6 +10,7 @@ from radiometry.frame.packing import pack, unpack
 from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.points import collect_stacks
+from simulation.camera import change
 from tests.radiometry.noise.series import (
     LIGHT,
     PARAMS,
@@ -36,7 +37,7 @@ def bent_error(times, share):
 
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_a_bent_sensor_has_the_linearity_error_of_its_bend(share):
-    sensor = dataclasses.replace(SMALL, rows=96, cols=96, bend_rel=share)
+    sensor = change(SMALL, height_px=96, width_px=96, bend_rel=share)
     times = (0.07, 0.15, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0)
     linearity = only(noise.fit(take(sensor, 9, times=times), PARAMS)).linearity
     agrees(linearity.error_rel, bent_error(times, share), errors=4.0)
@@ -45,7 +46,7 @@ def test_a_bent_sensor_has_the_linearity_error_of_its_bend(share):
 
 
 def test_dark_frames_of_another_time_serve_through_their_line():
-    sensor = dataclasses.replace(SMALL, rows=96, cols=96, dark_current_e_per_s=200.0)
+    sensor = change(SMALL, height_px=96, width_px=96, dark_current_e_s=200.0)
     fit = noise.fit(take(sensor, 15, times=(*TIMES, 0.9), dark_times=(0.01, 0.5, 2.0)), PARAMS)
     assert Flag.DARK_EXPOSURE_DIFFERS not in flags_of(fit)
     linearity = only(fit).linearity
@@ -56,7 +57,7 @@ def test_dark_frames_of_another_time_serve_through_their_line():
 
 def test_what_dark_current_adds_beyond_the_dark_times_is_in_the_uncertainty():
     """200 e- a second at 0.5 DN/e-: from darks of 0.01 and 0.11 s to 0.9 s it is 79 DN."""
-    sensor = dataclasses.replace(SMALL, dark_current_e_per_s=200.0)
+    sensor = change(SMALL, dark_current_e_s=200.0)
 
     def read(dark_times):
         rows = take(sensor, 15, times=(*TIMES, 0.9), dark_times=dark_times)
@@ -70,7 +71,7 @@ def test_what_dark_current_adds_beyond_the_dark_times_is_in_the_uncertainty():
 
 
 def test_a_compensated_dark_current_is_seen_in_the_noise():
-    sensor = dataclasses.replace(SMALL, rows=64, cols=64, dark_current_e_per_s=50.0, compensates_dark=True)
+    sensor = change(SMALL, height_px=64, width_px=64, dark_current_e_s=50.0, compensates_dark=True)
     fit = noise.fit(take(sensor, 10, dark_times=(0.02, 1.0, 2.0, 4.0)), PARAMS)
     current = only(fit).dark_current
     agrees(current.from_variance_e_per_s, 50.0)
@@ -79,12 +80,12 @@ def test_a_compensated_dark_current_is_seen_in_the_noise():
 
 
 def test_a_dark_signal_cut_at_zero_is_flagged():
-    sensor = dataclasses.replace(SMALL, black_level_dn=2.0)
+    sensor = change(SMALL, black_level_dn=2.0)
     assert Flag.DARK_CLIPPED in flags_of(noise.fit(take(sensor, 11), PARAMS))
 
 
 def test_the_pattern_of_the_dark_is_no_part_of_the_prnu():
-    sensor = dataclasses.replace(SMALL, rows=64, cols=64, dsnu_e=80.0, prnu_rel=0.005)
+    sensor = change(SMALL, height_px=64, width_px=64, dsnu_e=80.0, prnu_rel=0.005)
     channel = only(noise.fit(take(sensor, 24, frames=4), PARAMS))
     agrees(channel.prnu_rel, 0.005)
     agrees(channel.transfer.dsnu_e, 80.0)

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from radiometry.frame import Frame
-from radiometry.frame.exposure import Exposure
+from radiometry.frame.exposure import Exposure, Settings
 from radiometry.noise.stacks import make_stacks
-from simulation.noise import SimulatedSensor, make_row
+from simulation.camera import Taken, change
+from simulation.flats import COUNTING_SENSOR
+from tests.radiometry.noise.series import make_row
 
-SENSOR = SimulatedSensor(rows=32, cols=32, black_level_dn=0.0)
+SENSOR = change(COUNTING_SENSOR, height_px=32, width_px=32, black_level_dn=0.0)
 
 
 def row(samples, name, *, role="flat", time_s=1.0, **changes):
@@ -22,9 +24,17 @@ def row(samples, name, *, role="flat", time_s=1.0, **changes):
         width_px=32,
         cfa="grey",
         black_level_dn=(0.0,),
-        white_level_dn=(SENSOR.white_level_dn,),
+        white_level_dn=(SENSOR.sensor.white_level_dn,),
     )
-    made = make_row(SENSOR, picture, name=name, role=role, exposure_time_s=time_s)
+    settings = Settings(exposure_time_s=time_s, f_number=4.0, iso=100.0)
+    taken = Taken(
+        name=name,
+        role=role,
+        header=SENSOR.describe(settings),
+        exposure=Exposure(**dataclasses.asdict(settings)),
+        frame=picture,
+    )
+    made = make_row(taken)
     return dataclasses.replace(made, **changes)
 
 
@@ -116,7 +126,7 @@ def test_a_copy_shows_no_noise_and_is_named():
 
 
 def test_white_frames_are_equal_and_no_copies():
-    white = np.full((32, 32), SENSOR.white_level_dn)
+    white = np.full((32, 32), SENSOR.sensor.white_level_dn)
     (stack,) = make_stacks([row(white, "a"), row(white, "b")])
     assert (stack.frames, stack.copies, stack.clipped) == (("a", "b"), {}, True)
 

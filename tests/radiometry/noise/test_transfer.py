@@ -13,8 +13,20 @@ from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.stacks import make_stacks
 from radiometry.noise.transfer import find_saturation, fit_gain
-from simulation.noise import expose, make_row
-from tests.radiometry.noise.series import LIGHT, PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
+from simulation.camera import change
+from tests.radiometry.noise.series import (
+    LIGHT,
+    PARAMS,
+    SMALL,
+    TIMES,
+    agrees,
+    flags_of,
+    make_row,
+    only,
+    repack,
+    shoot,
+    take,
+)
 
 
 def test_figures_scatter_as_they_say():
@@ -40,7 +52,7 @@ def test_figures_scatter_as_they_say():
 
 def test_faint_levels_share_the_error_of_their_dark_frames():
     """Where light adds less noise than the dark has, its error is in every level, and in the read noise."""
-    sensor = dataclasses.replace(SMALL, read_noise_e=20.0, rows=48, cols=48)
+    sensor = change(SMALL, read_noise_e=20.0, height_px=48, width_px=48)
     times = (0.002, 0.004, 0.006, 0.008, 0.010)
     pulls = []
     for seed in range(40):
@@ -52,7 +64,7 @@ def test_faint_levels_share_the_error_of_their_dark_frames():
 
 
 def test_a_dark_stack_moves_the_gain_as_its_covariance_says():
-    sensor = dataclasses.replace(SMALL, read_noise_e=20.0)
+    sensor = change(SMALL, read_noise_e=20.0)
     stacks = make_stacks(take(sensor, 25, times=(0.002, 0.005, 0.01), dark_times=(0.002, 0.01)))
 
     def fit(shift_dn2):
@@ -90,9 +102,7 @@ def shift_left(samples, block):
 
 @pytest.mark.parametrize("read_noise_e", [20.0, 3.0])
 def test_numbers_in_steps_of_sixteen_are_the_same_electrons(read_noise_e):
-    sensor = dataclasses.replace(
-        SMALL, system_gain_dn_per_e=0.1, read_noise_e=read_noise_e, white_level_dn=4095.0
-    )
+    sensor = change(SMALL, gain_dn_per_e=0.1, read_noise_e=read_noise_e, white_level_dn=4095.0)
     rows = take(sensor, 5, times=(*TIMES, 1.5), dark_times=(0.02, 1.0))
     plain, steps = (
         {figure.name: figure for figure in noise.list_figures(noise.fit(each, PARAMS))}
@@ -106,7 +116,7 @@ def test_numbers_in_steps_of_sixteen_are_the_same_electrons(read_noise_e):
 
 
 def test_noise_below_rounding_is_a_limit():
-    quiet = dataclasses.replace(SMALL, system_gain_dn_per_e=0.05, read_noise_e=2.0)
+    quiet = change(SMALL, gain_dn_per_e=0.05, read_noise_e=2.0)
     fit = noise.fit(take(quiet, 6, light=10 * LIGHT), PARAMS)
     channel = only(fit)
     assert Flag.READ_NOISE_BELOW_ROUNDING in flags_of(fit)
@@ -116,7 +126,7 @@ def test_noise_below_rounding_is_a_limit():
 
 
 def test_a_full_well_below_white_is_where_the_variance_falls():
-    sensor = dataclasses.replace(SMALL, full_well_e=20_000.0)
+    sensor = change(SMALL, full_well_e=20_000.0)
     times = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.8)
     fit = noise.fit(take(sensor, 7, times=times), PARAMS)
     transfer = only(fit).transfer
@@ -135,29 +145,23 @@ def test_a_sensor_that_nobody_saturated_says_so():
 def test_light_that_brings_no_noise_has_no_gain():
     """Rendered and smoothed pictures: signal without shot noise."""
     rng = np.random.default_rng(19)
-    rows = [
-        make_row(
-            SMALL,
-            dataclasses.replace(
-                expose(SMALL, rng, light_e_per_s=0.0, exposure_time_s=time),
-                samples_dn=np.asarray(
-                    256 + level + (9 if not level else 2) * rng.standard_normal((32, 32)), np.uint16
-                ),
-            ),
-            name=f"{time}-{n}",
-            role="flat" if level else "dark",
-            exposure_time_s=time,
+
+    def smooth(one):
+        level = 1e4 * one.exposure.exposure_time_s if one.role == "flat" else 0.0
+        samples = 256 + level + (2 if level else 9) * rng.standard_normal((32, 32))
+        return dataclasses.replace(
+            one, frame=dataclasses.replace(one.frame, samples_dn=samples.astype(np.uint16))
         )
-        for time, level in ((0.1, 0), (0.2, 2000), (0.3, 3000), (0.4, 4000), (0.5, 5000))
-        for n in range(2)
-    ]
+
+    taken = shoot(SMALL, 19, times=(0.2, 0.3, 0.4, 0.5), dark_times=(0.1,))
+    rows = [make_row(smooth(one)) for one in taken]
     with pytest.raises(InputRejected, match="noise grows with its signal") as refused:
         noise.fit(rows, PARAMS)
     assert refused.value.code is Code.FIT_FAILED
 
 
 def test_an_iso_without_levels_still_has_its_dark_figures():
-    rows = take(SMALL, 20) + take(dataclasses.replace(SMALL, iso=800.0), 21, times=(0.1,))
+    rows = take(SMALL, 20) + take(change(SMALL, base_iso=800.0), 21, times=(0.1,))
     fit = noise.fit(rows, PARAMS)
     poor = fit.channel_fits[1]
     assert (poor.iso, poor.transfer) == (800.0, None)

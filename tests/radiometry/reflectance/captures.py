@@ -11,10 +11,11 @@ from radiometry.frame.multispectral import Multispectral, SunshineCounts, Sunshi
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.gains import GainMeasurement
-from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
+from simulation.camera import change
+from simulation.sequoia import BANDS, SEQUOIA, capture
 
 NAMES = tuple(BANDS)
-CAMERA = SimulatedSequoia(height_px=120, width_px=160)
+CAMERA = change(SEQUOIA, height_px=120, width_px=160)
 NOON = datetime(2018, 6, 13, 11, 0, tzinfo=UTC)
 PANEL = Polygon.from_points([(50, 40), (110, 40), (110, 80), (50, 80)])
 PANEL_R = {"green": 0.18, "red": 0.18, "red_edge": 0.19, "nir": 0.20}
@@ -32,7 +33,7 @@ TABLE = tuple(
 def take(random, surface, *, camera=CAMERA, minutes=0.0, role="panel", polygon=PANEL, prefix="", **light):
     """Rows of one capture; ``surface`` per band."""
     prefix = prefix or f"{role}-{minutes:g}"
-    shots = simulate_sequoia_capture(
+    shots = capture(
         camera,
         random,
         reflectance=surface,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from radiometry.findings.errors import InputRejected
 from radiometry.reflectance import method as reflectance
-from simulation.reflectance import BANDS, simulate_sequoia_capture
+from simulation.sequoia import BANDS, capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
     NOON,
@@ -183,7 +183,7 @@ def test_saturated_dark_and_impossible_regions_are_flagged():
 
 
 def expose(surface, name="green", seed=3):
-    return simulate_sequoia_capture(CAMERA, seeded(seed), reflectance={name: surface}, taken_at=NOON)[name]
+    return capture(CAMERA, seeded(seed), reflectance={name: surface}, taken_at=NOON)[name]
 
 
 def map_of(shot, frame=None):

@@ -11,7 +11,8 @@ from radiometry.findings.errors import InputRejected
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.fit import compute_k
-from simulation.reflectance import BANDS, SimulatedSequoia, simulate_sequoia_capture
+from simulation.camera import change
+from simulation.sequoia import BANDS, SEQUOIA, capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
     NAMES,
@@ -58,9 +59,7 @@ def test_the_round_trip_gives_k_back_within_its_uncertainty(band):
 
 
 def test_an_exact_camera_gives_k_to_the_steps_it_counts_in():
-    exact = dataclasses.replace(
-        CAMERA, read_noise_dn=0.0, electrons_at_full_scale=1e12, sunshine_noise_rel=0.0
-    )
+    exact = change(CAMERA, read_noise_e=0.0, gain_dn_per_e=65_472e-12, sunshine_noise_rel=0.0)
     rows = take(seeded(), PANEL_R, camera=exact, i_ss=4300.0)
     for fit in reflectance.fit(rows, READINGS, PARAMS).band_fits:
         truth = BANDS[fit.coefficient.band].reflectance_k
@@ -187,7 +186,7 @@ def test_the_tilt_correction_is_used_when_asked_for():
     ],
 )
 def test_parameters_that_cannot_be(wrong):
-    with pytest.raises(ValueError, match="must be"):
+    with pytest.raises(ValueError, match="unknown choice, or an angle"):
         reflectance.Params(**wrong)
 
 
@@ -200,9 +199,7 @@ def test_reflectances_that_cannot_be(wrong):
 
 
 def test_the_simulated_camera_s_time_is_its_captures():
-    shot = simulate_sequoia_capture(
-        SimulatedSequoia(height_px=16, width_px=16), seeded(), reflectance={"red": 0.1}
-    )
+    shot = capture(change(SEQUOIA, height_px=16, width_px=16), seeded(), reflectance={"red": 0.1})
     assert shot["red"].header.taken_at.startswith("2018-04-13")
     assert NOON.isoformat() == panel()[0].header.taken_at
 

@@ -12,7 +12,9 @@ from radiometry.frame.multispectral import Multispectral, RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.alignment import _rotation, align, find_directions, move_region, project
-from simulation.reflectance import SimulatedSequoia, simulate_sequoia_capture
+from simulation.camera import change as resize
+from simulation.sequoia import SEQUOIA
+from simulation.sequoia import capture as expose
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 
 FISHEYE = RigGeometry(
@@ -37,8 +39,8 @@ def turn(lens, omega=0.0, phi=0.0, kappa=0.0):
 
 def capture(surface, rotate=None):
     """Maps of known reflectance in all bands; ``rotate`` of the rig's bands."""
-    size = SimulatedSequoia(height_px=60, width_px=80)
-    shots = simulate_sequoia_capture(size, seeded(), reflectance=dict.fromkeys(CAMERA.bands, 0.1))
+    size = resize(SEQUOIA, height_px=60, width_px=80)
+    shots = expose(size, seeded(), reflectance=dict.fromkeys(CAMERA.bands, 0.1))
     return {
         name: reflectance.BandMap(
             header=_turned(shot.header, rotate),

@@ -9,7 +9,7 @@ import pytest
 from radiometry.findings.errors import InputRejected
 from radiometry.fitting.evidence import Exclusion
 from radiometry.reflectance import method as reflectance
-from simulation.reflectance import simulate_sequoia_capture
+from simulation.sequoia import capture
 from tests.radiometry.reflectance.captures import (
     CAMERA,
     PANEL_R,
@@ -29,7 +29,7 @@ PARAMS = reflectance.Params()
 
 
 def test_a_saturated_panel_is_left_out_by_name():
-    bright = simulate_sequoia_capture(CAMERA, seeded(), reflectance={"green": 0.6})["green"]
+    bright = capture(CAMERA, seeded(), reflectance={"green": 0.6})["green"]
     rows = [row("bright", bright), *panel()[:1]]
     found = reflectance.fit(rows, READINGS, PARAMS)
     points = {point.frame: point for point in found.points}
@@ -43,9 +43,7 @@ def test_a_saturated_panel_is_left_out_by_name():
 
 
 def test_an_uneven_panel_is_flagged_and_counted():
-    ramp = (
-        0.18 * (1 + 0.06 * (np.arange(CAMERA.width_px) - 80) / 60)[None, :] * np.ones((CAMERA.height_px, 1))
-    )
+    ramp = np.tile(0.18 * (1 + 0.06 * (np.arange(160) - 80) / 60), (120, 1))
     rows = take(seeded(), {"green": ramp, "red": 0.18})
     found = reflectance.fit(rows, READINGS, PARAMS)
     uneven = [raised for raised in found.flags if raised.flag == "panel_uneven"]

@@ -23,7 +23,8 @@ from radiometry.reflectance import micasense, sequoia
 from radiometry.reflectance.features import extract_features, measure_gradient
 from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial, evaluate_radial
-from simulation.reflectance import LENS, simulate_sequoia_capture
+from simulation.camera import change
+from simulation.sequoia import LENS, capture
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
 
 SETTINGS = Settings(exposure_time_s=0.003, f_number=2.2, iso=206.0)
@@ -130,7 +131,7 @@ def test_a_window_gives_what_the_whole_frame_gives(row0, col0, height, width, ra
 
 
 def make_sequoia():
-    shot = simulate_sequoia_capture(CAMERA, seeded(), reflectance={"red": 0.2})["red"]
+    shot = capture(CAMERA, seeded(), reflectance={"red": 0.2})["red"]
     return shot.header, shot.frame, shot.exposure
 
 
@@ -172,8 +173,8 @@ def test_vignetting_before_black_is_the_public_scripts_mistake():
 
 def test_an_even_surface_is_even_after_black_then_vignetting():
     """The order decides: dividing by the lens before black leaves the corners of an even surface brighter."""
-    quiet = dataclasses.replace(CAMERA, read_noise_dn=0.0, electrons_at_full_scale=1e12)
-    shot = simulate_sequoia_capture(quiet, seeded(), reflectance={"nir": 0.2})["nir"]
+    quiet = change(CAMERA, read_noise_e=0.0, gain_dn_per_e=65_472e-12)
+    shot = capture(quiet, seeded(), reflectance={"nir": 0.2})["nir"]
     signal = compute_signal(shot.frame, header=shot.header, settings=shot.exposure.on_basis("nominal"))
     # only steps of 64 numbers are left, in the darkest corner 32 / (0.66 * 23000)
     assert np.ptp(signal) / signal.mean() < 2 * 32 / (0.66 * 15000)

@@ -7,10 +7,11 @@ import numpy as np
 from radiometry.fitting.evidence import FrameEvidence
 from radiometry.frame.exposure import Exposure
 from radiometry.sharpness import method as sharpness
-from simulation.sharpness import SimulatedCamera, SimulatedEdge, render_chart
+from simulation.camera import change
+from simulation.targets import CHART_STUDIO, Chart, Edge
 
-CAMERA = SimulatedCamera()
-SMALL = SimulatedCamera(height_px=110, width_px=110)
+CAMERA = CHART_STUDIO
+SMALL = change(CHART_STUDIO, height_px=110, width_px=110)
 EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=100.0)
 EDGES = sharpness.Target()
 STRAIGHT = sharpness.Target(edge_order=1)
@@ -21,7 +22,7 @@ def seeded(seed=1):
 
 
 def edge(**changes):
-    return SimulatedEdge(**({"name": "centre", "row0": 3, "col0": 20} | changes))
+    return Edge(**({"name": "centre", "row0": 3, "col0": 20} | changes))
 
 
 def transpose(frame):
@@ -42,8 +43,12 @@ def transpose(frame):
 
 
 def extract(frame, regions, *, camera=CAMERA, target=EDGES, header=None):
-    header = header or camera.header
+    header = header or camera.camera.describe()
     return sharpness.extract(frame, regions, header=header, exposure=None, target=target).features
+
+
+def render_chart(studio, parts, random):
+    return studio.photograph(Chart(parts), random)
 
 
 def measure(one, *, camera=SMALL, random=None, target=EDGES):
@@ -63,7 +68,7 @@ def row(name, features, *, exposure=EXPOSURE, camera=CAMERA, **changes):
         frame=name,
         role="chart",
         scene=None,
-        header=camera.header,
+        header=camera.camera.describe(),
         exposure=exposure,
         statistics=(),
         features=features,

@@ -15,7 +15,8 @@ from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.spectrum import find_crossing, list_frequencies
-from simulation.sharpness import SimulatedCamera, render_chart, true_mtf
+from simulation.camera import change
+from simulation.targets import CHART_STUDIO, true_mtf
 from tests.radiometry.sharpness.shots import (
     EDGES,
     SMALL,
@@ -24,6 +25,7 @@ from tests.radiometry.sharpness.shots import (
     extract,
     measure,
     measure_only,
+    render_chart,
     seeded,
     transpose,
 )
@@ -31,7 +33,7 @@ from tests.radiometry.sharpness.shots import (
 FREQUENCY = list_frequencies()
 BELOW_NYQUIST = FREQUENCY <= 0.5
 GAUSSIANS = {0.5: (0.3748, 1.2816), 0.7: (0.2677, 1.7942), 1.0: (0.1874, 2.5631)}
-NOISY = dataclasses.replace(SMALL, read_noise_dn=160.0)  # 2 % of the step
+NOISY = change(SMALL, read_noise_e=160.0)  # 2 % of the step
 
 
 # --- the reference
@@ -65,7 +67,7 @@ def reference(real_data):
 @pytest.mark.parametrize("order", [1, 5])
 def test_the_whole_curve_of_every_channel_is_sfrmat5_s(reference, order):
     frame, regions, curves = reference
-    header = dataclasses.replace(SMALL.header, rendered=True)
+    header = dataclasses.replace(SMALL.camera.describe(), rendered=True)
     (region,) = extract(frame, regions, header=header, target=sharpness.Target(edge_order=order)).regions
     assert [each.channel for each in region.edges] == ["R", "G", "B", "luminance"]
     frequency = curves[order][:, 0]
@@ -173,7 +175,7 @@ def numbers(response):
 
 @pytest.mark.parametrize("cfa", ["grey", "rgb", "RGGB", "GRBG"])
 def test_the_transposed_picture_gives_the_same_to_the_last_bit(cfa):
-    camera = dataclasses.replace(NOISY, cfa=cfa, bright_dn=12000.0)
+    camera = change(NOISY, cfa=cfa, bright_dn=12000.0)
     one = edge(row0=5)
     frame = render_chart(camera, [one], seeded())
     turned = transpose(frame)
@@ -216,7 +218,7 @@ def test_overshoot_is_on_the_bright_side_whichever_way_the_edge_runs():
 @pytest.mark.parametrize("cfa", ["RGGB", "GBRG"])
 @pytest.mark.parametrize("horizontal", [False, True])
 def test_each_colour_of_a_mosaic_answers_in_pixels_of_the_sensor(cfa, horizontal):
-    camera = dataclasses.replace(SMALL, cfa=cfa)
+    camera = change(SMALL, cfa=cfa)
     shape = {"height": 64, "width": 100, "row0": 7, "col0": 3} if horizontal else {"row0": 7}
     found = measure(edge(horizontal=horizontal, angle_deg=6.0, blur_px=1.0, **shape), camera=camera)
     assert list(found) == ["R", "G", "B"]
@@ -228,7 +230,7 @@ def test_each_colour_of_a_mosaic_answers_in_pixels_of_the_sensor(cfa, horizontal
 
 def test_a_window_of_the_frame_is_as_good_as_all_of_it():
     one = edge(row0=6, col0=31)
-    camera = dataclasses.replace(NOISY, cfa="RGGB")
+    camera = change(NOISY, cfa="RGGB")
     frame = render_chart(camera, [one], seeded())
     part = dataclasses.replace(frame, samples_dn=frame.samples_dn[5:107, 30:98], row0=5, col0=30)
     assert extract(frame, [one.region]) == extract(part, [one.region])
@@ -236,7 +238,7 @@ def test_a_window_of_the_frame_is_as_good_as_all_of_it():
 
 def test_a_tone_curve_is_undone_where_it_is_stated():
     one = edge(blur_px=1.0)
-    camera = dataclasses.replace(SMALL, cfa="rgb", black_level_dn=0.0)
+    camera = change(SMALL, cfa="rgb", black_level_dn=0.0)
     linear = render_chart(camera, [one], seeded())
     share = linear.samples_dn / 16383.0
     bent = dataclasses.replace(linear, samples_dn=np.round(65535 * share ** (1 / 2.2)).astype(np.uint16))
@@ -257,7 +259,7 @@ def test_a_tone_curve_is_undone_where_it_is_stated():
 
 def test_srgb_is_undone_on_both_of_its_branches():
     one = edge(blur_px=1.0)
-    camera = dataclasses.replace(SMALL, cfa="rgb", black_level_dn=0.0, dark_dn=30.0)
+    camera = change(SMALL, cfa="rgb", black_level_dn=0.0, dark_dn=30.0)
     linear = render_chart(camera, [one], seeded())
     share = linear.samples_dn / 16383.0
     coded = np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
@@ -314,7 +316,7 @@ def test_noise_does_not_move_the_mean(noisy):
 
 
 def test_more_noise_is_more_uncertainty():
-    quiet = measure_only(edge(), camera=dataclasses.replace(SMALL, read_noise_dn=10.0))
+    quiet = measure_only(edge(), camera=change(SMALL, read_noise_e=10.0))
     loud = measure_only(edge(), camera=NOISY)
     assert loud.mtf50.standard_uncertainty > 4 * quiet.mtf50.standard_uncertainty
     assert np.mean(loud.mtf_u) > 4 * np.mean(quiet.mtf_u)
@@ -337,12 +339,12 @@ def test_more_noise_is_more_uncertainty():
         (Code.CHART_CLIPPED, {}, {"bright_dn": 20000.0}),
         (Code.CHART_CLIPPED, {}, {"dark_dn": -300.0}),
         (Code.CHART_CONTRAST_TOO_LOW, {}, {"dark_dn": 7000.0}),
-        (Code.EDGE_TOO_NOISY, {}, {"read_noise_dn": 600.0, "black_level_dn": 3000.0, "dark_dn": 5000.0}),
+        (Code.EDGE_TOO_NOISY, {}, {"read_noise_e": 600.0, "black_level_dn": 3000.0, "dark_dn": 5000.0}),
     ],
 )
 def test_an_edge_that_cannot_be_measured_is_refused_by_name(code, changes, camera):
     with pytest.raises(InputRejected) as refused:
-        measure(edge(**changes), camera=dataclasses.replace(SMALL, **camera), target=STRAIGHT)
+        measure(edge(**changes), camera=change(SMALL, **camera), target=STRAIGHT)
     assert refused.value.code is code
     assert refused.value.message.endswith(".")
 
@@ -359,7 +361,7 @@ def test_two_edges_are_not_one():
 
 def test_an_empty_field_has_no_edge():
     one = edge()
-    frame = render_chart(dataclasses.replace(SMALL, bright_dn=1000.0), [one], seeded())
+    frame = render_chart(change(SMALL, bright_dn=1000.0), [one], seeded())
     with pytest.raises(InputRejected, match="Contrast") as refused:
         extract(frame, [one.region])
     assert refused.value.code is Code.CHART_CONTRAST_TOO_LOW
@@ -375,7 +377,7 @@ def test_one_bad_region_leaves_the_others():
 
 
 def test_a_clipped_channel_leaves_the_others():
-    camera = SimulatedCamera(height_px=110, width_px=110, cfa="RGGB", bright_dn=20000.0)
+    camera = change(CHART_STUDIO, height_px=110, width_px=110, cfa="RGGB", bright_dn=20000.0)
     assert list(measure(edge(), camera=camera)) == ["R", "B"]
 
 

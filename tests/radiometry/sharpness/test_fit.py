@@ -13,17 +13,18 @@ from radiometry.fitting.evidence import Exclusion
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.features import Estimate
 from radiometry.sharpness.merging import merge_estimates
-from simulation.sharpness import SimulatedCamera, SimulatedEdge, SimulatedStar, render_chart
+from simulation.camera import change
+from simulation.targets import CHART_STUDIO, Edge, Star
 from tests.radiometry.evidence import taken
-from tests.radiometry.sharpness.shots import EXPOSURE, extract, row, seeded
+from tests.radiometry.sharpness.shots import EXPOSURE, extract, render_chart, row, seeded
 
 # The corners' blur takes a quarter off MTF50, as the source found of its camera.
 MIDDLE_PX, CORNER_PX = 0.72, 0.96
-CAMERA = SimulatedCamera(read_noise_dn=40.0)
+CAMERA = change(CHART_STUDIO, read_noise_e=40.0)
 CHART = (
-    SimulatedEdge(name="centre", row0=80, col0=130, height=80, width=60, blur_px=MIDDLE_PX),
-    SimulatedEdge(name="top-left", row0=2, col0=2, height=60, width=90, blur_px=CORNER_PX, horizontal=True),
-    SimulatedEdge(name="bottom-right", row0=155, col0=255, height=80, width=60, blur_px=CORNER_PX),
+    Edge(name="centre", row0=80, col0=130, height=80, width=60, blur_px=MIDDLE_PX),
+    Edge(name="top-left", row0=2, col0=2, height=60, width=90, blur_px=CORNER_PX, horizontal=True),
+    Edge(name="bottom-right", row0=155, col0=255, height=80, width=60, blur_px=CORNER_PX),
 )
 REGIONS = [each.region for each in CHART]
 PARAMS = sharpness.Params(pixel_pitch_um=4.65)
@@ -233,7 +234,7 @@ def test_repeats_that_differ_are_flagged(rows, shaken):
 
 
 def test_rendered_frames_are_flagged():
-    camera = dataclasses.replace(CAMERA, cfa="rgb", bright_dn=12000.0)
+    camera = change(CAMERA, cfa="rgb", bright_dn=12000.0)
     fit = sharpness.fit([row("a", shoot(seeded(), camera=camera))], PARAMS)
     assert ("rendered", "") in flags_of(fit)
     assert {each.channel for each in fit.positions} == {"R", "G", "B", "luminance"}
@@ -290,10 +291,8 @@ def test_corners_alone_have_nothing_to_be_compared_with(rows):
 
 
 def test_stars_have_their_own_figures():
-    camera = SimulatedCamera(height_px=200, width_px=200)
-    star = SimulatedStar(
-        name="centre", row0=8, col0=8, size=184, centre_row_px=100.0, centre_col_px=99.0, cycles=36
-    )
+    camera = change(CHART_STUDIO, height_px=200, width_px=200)
+    star = Star(name="centre", row0=8, col0=8, size=184, centre_row_px=100.0, centre_col_px=99.0, cycles=36)
     target = sharpness.Target(kind="siemens_star", cycles=36)
     features = extract(render_chart(camera, [star], seeded()), [star.region], camera=camera, target=target)
     fit = sharpness.fit([row("a", features)], sharpness.Params(star_contrast=0.2, pixel_pitch_um=5.0))

@@ -11,11 +11,12 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.resolution import find_resolving_power
-from simulation.sharpness import SimulatedCamera, SimulatedStar, render_chart, true_mtf
-from tests.radiometry.sharpness.shots import extract, seeded, transpose
+from simulation.camera import change
+from simulation.targets import CHART_STUDIO, Star, true_mtf
+from tests.radiometry.sharpness.shots import extract, render_chart, seeded, transpose
 
-CAMERA = SimulatedCamera(height_px=190, width_px=210)
-STAR = SimulatedStar(
+CAMERA = change(CHART_STUDIO, height_px=190, width_px=210)
+STAR = Star(
     name="centre", row0=3, col0=15, size=184, centre_row_px=95.3, centre_col_px=107.7, cycles=36, blur_px=0.8
 )
 TARGET = sharpness.Target(kind="siemens_star", cycles=36)
@@ -90,7 +91,7 @@ def test_bars_and_odd_cycles_do_as_well(changes):
 def test_uneven_light_does_not_hide_the_centre():
     """Three times as bright on the right as on the left."""
     frame = photograph()
-    light = np.linspace(0.5, 1.5, CAMERA.width_px)
+    light = np.linspace(0.5, 1.5, CAMERA.camera.sensor.width_px)
     signal = (frame.samples_dn - 256.0) * light + 256.0
     (region,) = extract(
         dataclasses.replace(frame, samples_dn=np.round(signal).astype(np.uint16)),
@@ -133,7 +134,7 @@ def test_the_transposed_star_has_its_directions_mirrored():
 
 
 def test_a_mosaic_ends_at_each_channel_s_own_nyquist_frequency():
-    found = measure(camera=dataclasses.replace(CAMERA, cfa="RGGB"))
+    found = measure(camera=change(CAMERA, cfa="RGGB"))
     ends = {name: each.frequency[-1] for name, each in found.items()}
     assert ends == {"R": pytest.approx(0.25), "G": pytest.approx(0.35355, abs=1e-4), "B": pytest.approx(0.25)}
     for each in found.values():
@@ -142,7 +143,7 @@ def test_a_mosaic_ends_at_each_channel_s_own_nyquist_frequency():
 
 def test_noise_is_taken_off_the_contrast_and_told_by_the_uncertainty():
     """With u^2 = 8 u_whole^2 in b and in c, noise alone would show as 16 u_whole^2."""
-    camera = dataclasses.replace(CAMERA, read_noise_dn=800.0)
+    camera = change(CAMERA, read_noise_e=800.0)
     one = dataclasses.replace(STAR, blur_px=1.5)
     unresolved, errors = [], []
     for seed in range(3):
@@ -166,6 +167,6 @@ def test_noise_is_taken_off_the_contrast_and_told_by_the_uncertainty():
 )
 def test_a_star_that_cannot_be_measured_is_refused_by_name(code, camera, target):
     with pytest.raises(InputRejected) as refused:
-        measure(camera=dataclasses.replace(CAMERA, **camera), target=dataclasses.replace(TARGET, **target))
+        measure(camera=change(CAMERA, **camera), target=dataclasses.replace(TARGET, **target))
     assert refused.value.code is code
     assert refused.value.message.startswith("Region centre: ")

@@ -9,9 +9,11 @@ from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.grid import Grid, Site, average_radial
 from radiometry.vignetting.results import Coefficient
 from radiometry.vignetting.solving import Blocks
-from simulation.vignetting import SimulatedLens, simulate_dark, simulate_flat
+from simulation.camera import change, take
+from simulation.flats import FAST_LENS, plan_dark, plan_flat
+from simulation.targets import Surface
 
-SMALL = SimulatedLens(height_px=192, width_px=288, centre_px=(88.0, 155.0))
+SMALL = change(FAST_LENS, height_px=192, width_px=288, centre_px=(88.0, 155.0))
 NONE = vignetting.Params()
 WHOLE = Site(row0=0, col0=0, step=1)
 
@@ -37,12 +39,16 @@ def row(shot, *, regions=None, name=None, **changes):
 
 
 def flat(lens, seed, f_number=1.4, *, name="flat", target=None, **changes):
-    shot = simulate_flat(lens, np.random.default_rng(seed), f_number=f_number, name=name, target=target)
-    return row(shot, **changes)
+    shot = plan_flat(lens, f_number=f_number, name=name, surface=target)
+    return row(take(lens, shot, np.random.default_rng(seed)), **changes)
+
+
+def surface(share=0.7, **changes):
+    return Surface(share=share, **changes)
 
 
 def dark(lens, seed, *, name="dark", time_s=0.01, iso=100.0):
-    shot = simulate_dark(lens, np.random.default_rng(seed), name=name, iso=iso)
+    shot = take(lens, plan_dark(name=name, iso=iso), np.random.default_rng(seed))
     return row(shot, exposure=Exposure(exposure_time_s=time_s, f_number=8.0, iso=iso))
 
 

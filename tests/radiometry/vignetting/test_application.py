@@ -11,7 +11,8 @@ from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.application import require_format
 from radiometry.vignetting.curve import evaluate_slopes
-from simulation.vignetting import FALLOFFS, simulate_flat
+from simulation.camera import change, take
+from simulation.flats import FALLOFFS, plan_flat
 from tests.radiometry.vignetting.flats import NONE, SMALL, coefficient, dark, flat
 
 AT_2 = coefficient()
@@ -142,11 +143,11 @@ def test_uncertainty_of_a_mean_does_not_average_out():
 
 
 def test_a_correction_makes_another_flat_even():
-    lens = dataclasses.replace(SMALL, falloffs={1.4: FALLOFFS[1.4]})
+    lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
     fit = vignetting.fit([flat(lens, 1), *(dark(lens, n, name=f"d{n}") for n in (2, 3))], NONE)
     gains = vignetting.compute_correction(fit.coefficients, cfa="RGGB", f_number=1.4)
     assert (gains.dtype, gains.shape) == (np.float32, (192, 288))
-    shot = simulate_flat(lens, np.random.default_rng(9), f_number=1.4).frame
+    shot = take(lens, plan_flat(lens, f_number=1.4), np.random.default_rng(9)).frame
     even = (shot.samples_dn - 256.0) * gains
     green = even[0::2, 1::2]
     blocks = green.reshape(12, 8, 12, 12).mean(axis=(1, 3))

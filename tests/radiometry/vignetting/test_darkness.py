@@ -15,6 +15,7 @@ from radiometry.vignetting.darkness import (
 )
 from radiometry.vignetting.fit import fit_channel
 from radiometry.vignetting.grid import Grid
+from simulation.camera import change
 from tests.radiometry.vignetting.flats import NONE, SMALL, dark, exact_blocks, flat
 
 K, CENTRE = (-0.4, 0.1, -0.05), (88.0, 155.0)
@@ -75,13 +76,13 @@ def test_dark_frames_that_wander_are_in_the_uncertainty_of_every_channel():
     """Darks at 250, 256 and 262 DN: s = 6; of their mean 6 / sqrt 3, of the flat's own 6."""
     bright = flat(SMALL, 1, 2.0)
     levels = (250.0, 256.0, 262.0)
-    lenses = [dataclasses.replace(SMALL, black_level_dn=level) for level in levels]
+    lenses = [change(SMALL, black_level_dn=level) for level in levels]
     wandering = [dark(lens, 10 + n, name=f"dark-{n}") for n, lens in enumerate(lenses)]
     steady = [dark(SMALL, 10 + n, name=f"dark-{n}") for n in range(3)]
     restless, calm = (vignetting.fit([bright, *each], NONE).channel_fits for each in (wandering, steady))
     assert len(restless) == 4
     for one, other in zip(restless, calm, strict=True):
-        light_dn = 0.7 * 3839.0 * SMALL.sensitivities[one.coefficient.channel[0]]
+        light_dn = 0.7 * 3839.0 * SMALL.sensor.colours[one.coefficient.channel[0]]
         assert one.dark_u_rel == pytest.approx(math.hypot(6.0, 6.0 / math.sqrt(3.0)) / light_dn, rel=0.03)
         assert other.dark_u_rel < 0.05 * one.dark_u_rel
         added = np.array(one.coefficient.covariance) - np.array(other.coefficient.covariance)
@@ -109,7 +110,7 @@ def test_the_drift_between_two_times_by_hand():
 
 def warm(time_s, *, per_s=200.0, seed=1):
     """A dark frame of a sensor whose level grows by so many DN a second."""
-    lens = dataclasses.replace(SMALL, black_level_dn=256.0 + per_s * time_s)
+    lens = change(SMALL, black_level_dn=256.0 + per_s * time_s)
     return dark(lens, seed, name=f"dark-{time_s}-{seed}", time_s=time_s)
 
 
@@ -124,7 +125,7 @@ def test_dark_current_between_the_times_at_hand_is_in_the_uncertainty():
     assert known.flags[0].detail.endswith("is in the uncertainty, from the times that there are.")
     for before, after in zip(blind.channel_fits, known.channel_fits, strict=True):
         assert after.coefficient.k == before.coefficient.k
-        light_dn = 0.7 * 3839.0 * SMALL.sensitivities[after.coefficient.channel[0]]
+        light_dn = 0.7 * 3839.0 * SMALL.sensor.colours[after.coefficient.channel[0]]
         assert after.dark_u_rel == pytest.approx(18.0 / light_dn, rel=0.03)
         assert before.dark_u_rel < 0.1 * after.dark_u_rel
     assert not vignetting.fit([bright, *right, *longer], NONE).flags

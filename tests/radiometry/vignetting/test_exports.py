@@ -11,7 +11,7 @@ import pytest
 
 from radiometry.findings.errors import InputRejected
 from radiometry.vignetting import method as vignetting
-from simulation.vignetting import FALLOFFS
+from simulation.flats import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient
 
 HEIGHT, WIDTH = 300, 400

@@ -13,7 +13,8 @@ from radiometry.frame.packing import unpack
 from radiometry.frame.roi import Polygon
 from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.grid import Grid, Site, average_radial
-from simulation.vignetting import SimulatedLens, simulate_flat
+from simulation.camera import change, take
+from simulation.flats import FAST_LENS, plan_flat
 from tests.radiometry.vignetting.flats import SMALL, row, whole
 
 
@@ -34,7 +35,7 @@ def make_frame(samples, cfa="RGGB", **changes):
 
 @pytest.fixture(scope="module")
 def header():
-    return simulate_flat(SMALL, np.random.default_rng(0), f_number=8.0).header
+    return take(SMALL, plan_flat(SMALL, f_number=8.0), np.random.default_rng(0)).header
 
 
 def extract(frame, header, *polygons):
@@ -120,14 +121,14 @@ def test_transposing_the_picture_transposes_the_blocks(header):
 
 
 def test_features_survive_json():
-    features = row(simulate_flat(SMALL, np.random.default_rng(1), f_number=2.8)).features
+    features = row(take(SMALL, plan_flat(SMALL, f_number=2.8), np.random.default_rng(1))).features
     adapter = TypeAdapter(vignetting.Features)
     assert adapter.validate_json(adapter.dump_json(features)) == features
 
 
 def test_a_rendered_picture_has_three_planes():
-    lens = dataclasses.replace(SMALL, cfa="rgb")
-    features = row(simulate_flat(lens, np.random.default_rng(1), f_number=8.0)).features
+    lens = change(SMALL, cfa="rgb")
+    features = row(take(lens, plan_flat(lens, f_number=8.0), np.random.default_rng(1))).features
     assert [each.channel for each in features.channels] == ["R", "G", "B"]
     levels = [np.median(unpack(each.mean_dn)) - 256.0 for each in features.channels]
     assert levels[0] / levels[1] == pytest.approx(0.6, rel=0.01)
@@ -163,7 +164,7 @@ def test_block_means_and_slopes_are_those_of_the_pixels():
 
 
 def test_the_simulated_lens_is_what_it_says():
-    lens = SimulatedLens(height_px=300, width_px=400, centre_px=(100.0, 200.0))
+    lens = change(FAST_LENS, height_px=300, width_px=400, centre_px=(100.0, 200.0))
     share = lens.share(1.4)
     assert share[100, 200] == 1.0
     # 150 rows below the centre: r^2 = 0.36 of R = 250 px

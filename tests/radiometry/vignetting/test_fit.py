@@ -17,26 +17,40 @@ from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.fit import fit_channel
 from radiometry.vignetting.grid import Site
 from radiometry.vignetting.solving import is_gradient_significant, solve_falloff
-from simulation.vignetting import FALLOFFS, SimulatedLens, Target, simulate_campaign
-from tests.radiometry.vignetting.flats import NONE, SMALL, dark, exact_blocks, flags_of, flat, grid_of, row
+from simulation.camera import change, take
+from simulation.flats import FALLOFFS, FAST_LENS, plan_flats
+from tests.radiometry.vignetting.flats import (
+    NONE,
+    SMALL,
+    dark,
+    exact_blocks,
+    flags_of,
+    flat,
+    grid_of,
+    row,
+    surface,
+)
 
 F_NUMBERS = (1.4, 2.0, 4.0, 8.0)
-LENS = SimulatedLens(height_px=320, width_px=480, centre_px=(171.0, 222.0))
+LENS = change(FAST_LENS, height_px=320, width_px=480, centre_px=(171.0, 222.0))
 
 
 def true_corner(lens, f_number):
     """1 - V at the far corner, worked out without the code under test."""
-    row0, col0 = lens.true_centre_px
-    corners = [(r, c) for r in (-0.5, lens.height_px - 0.5) for c in (-0.5, lens.width_px - 0.5)]
+    row0, col0 = lens.centre_px
+    corners = [
+        (r, c) for r in (-0.5, lens.sensor.height_px - 0.5) for c in (-0.5, lens.sensor.width_px - 0.5)
+    ]
     squared = max((r - row0) ** 2 + (c - col0) ** 2 for r, c in corners)
-    squared /= (lens.height_px**2 + lens.width_px**2) / 4
-    k1, k2, k3 = lens.falloffs[f_number]
+    squared /= (lens.sensor.height_px**2 + lens.sensor.width_px**2) / 4
+    k1, k2, k3 = lens.lens.falloffs[f_number]
     return -(k1 * squared + k2 * squared**2 + k3 * squared**3)
 
 
 @pytest.fixture(scope="module")
 def rows():
-    shots = simulate_campaign(LENS, np.random.default_rng(12), f_numbers=F_NUMBERS, flats=2)
+    random = np.random.default_rng(12)
+    shots = [take(LENS, shot, random) for shot in plan_flats(LENS, f_numbers=F_NUMBERS, flats=2)]
     return [row(shot) for shot in shots]
 
 
@@ -58,7 +72,7 @@ def test_truth_comes_back_within_its_error(fitted):
     distances = []
     for each in fitted.channel_fits:
         found = each.coefficient
-        truth = [*LENS.falloffs[found.f_number], *LENS.centre_px]
+        truth = [*LENS.lens.falloffs[found.f_number], *LENS.lens.centre_px]
         pull = np.array([*found.k, *found.centre_px]) - truth
         distances.append(float(pull @ np.linalg.solve(np.array(found.covariance), pull)))
         off = found.corner_falloff - true_corner(LENS, found.f_number)
@@ -133,7 +147,8 @@ def test_exact_light_gives_exact_parameters_and_transposes(gradient, height, wid
 
 def test_a_transposed_campaign_gives_the_transposed_fit():
     """The same photons, turned over: rows become columns, G1 becomes G2."""
-    shots = simulate_campaign(SMALL, np.random.default_rng(2), f_numbers=(1.4,), flats=1, darks=0)
+    plan = plan_flats(SMALL, f_numbers=(1.4,), flats=1, darks=0)
+    shots = [take(SMALL, shot, np.random.default_rng(2)) for shot in plan]
     (shot,) = shots
     turned = dataclasses.replace(
         shot,
@@ -153,8 +168,8 @@ def test_a_transposed_campaign_gives_the_transposed_fit():
 
 
 def test_uneven_light_is_told_from_an_off_centre_lens():
-    lens = dataclasses.replace(LENS, falloffs={1.4: FALLOFFS[1.4]})
-    uneven = vignetting.fit([flat(lens, 5, target=Target(gradient=(0.02, 0.03)))], NONE)
+    lens = change(LENS, falloffs={1.4: FALLOFFS[1.4]})
+    uneven = vignetting.fit([flat(lens, 5, target=surface(gradient=(0.02, 0.03)))], NONE)
     found = of(uneven, 1.4)
     assert found.gradient_fitted
     extent = (320 * 0.02 + 480 * 0.03) / np.hypot(320, 480) * 2
@@ -173,9 +188,11 @@ def test_uneven_light_is_told_from_an_off_centre_lens():
 @pytest.mark.parametrize(("depth", "flagged"), [(0.02, False), (0.05, True)])
 def test_what_no_curve_describes_is_said_and_counted(depth, flagged):
     """A hood dims the corners at once: the rest of half a per cent goes by, of one per cent does not."""
-    lens = dataclasses.replace(LENS, falloffs={1.4: FALLOFFS[1.4]})
-    hood = [(row, col, 90.0, depth) for row in (0, lens.height_px) for col in (0, lens.width_px)]
-    found = vignetting.fit([flat(lens, 5, target=Target(spots=hood))], NONE)
+    lens = change(LENS, falloffs={1.4: FALLOFFS[1.4]})
+    hood = [
+        (row, col, 90.0, depth) for row in (0, lens.sensor.height_px) for col in (0, lens.sensor.width_px)
+    ]
+    found = vignetting.fit([flat(lens, 5, target=surface(spots=hood))], NONE)
     assert 0.003 < of(found, 1.4).coefficient.model_u_rel < 0.015
     assert (of(found, 1.4).coefficient.model_u_rel > 0.005) is flagged
     assert ("vignetting_misfit" in flags_of(found.flags)) is flagged
@@ -219,9 +236,9 @@ def test_a_curve_that_does_not_fit_says_by_how_much():
 
 
 def test_frames_of_one_f_number_are_merged_whatever_their_level():
-    lens = dataclasses.replace(SMALL, falloffs={2.0: FALLOFFS[2.0]})
+    lens = change(SMALL, falloffs={2.0: FALLOFFS[2.0]})
     flats = [
-        flat(lens, seed, 2.0, name=f"flat-{seed}", target=Target(level_share=level))
+        flat(lens, seed, 2.0, name=f"flat-{seed}", target=surface(level))
         for seed, level in ((1, 0.7), (2, 0.5), (3, 0.3))
     ]
     alone, together = vignetting.fit(flats[:1], NONE), vignetting.fit(flats, NONE)
@@ -238,7 +255,7 @@ def test_frames_of_one_f_number_are_merged_whatever_their_level():
 
 
 def test_dark_frames_take_the_place_of_a_black_level_that_is_wrong():
-    lens = dataclasses.replace(SMALL, falloffs={1.4: FALLOFFS[1.4]})
+    lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
     shots = [flat(lens, 1), *(dark(lens, seed, name=f"dark-{seed}") for seed in (2, 3, 4))]
     wrong = [
         dataclasses.replace(
@@ -261,7 +278,7 @@ def test_dark_frames_take_the_place_of_a_black_level_that_is_wrong():
 
 
 def test_darks_of_another_time_are_used_and_flagged_and_of_another_iso_are_not():
-    lens = dataclasses.replace(SMALL, falloffs={1.4: FALLOFFS[1.4]})
+    lens = change(SMALL, falloffs={1.4: FALLOFFS[1.4]})
     slow, other = dark(lens, 2, name="slow", time_s=0.1), dark(lens, 3, name="other", iso=800.0)
     fit = vignetting.fit([flat(lens, 1), slow, other], NONE)
     assert flags_of(fit.flags) == {"dark_exposure_differs"}
@@ -282,10 +299,8 @@ def test_from_which_f_number_on(fitted):
 
 def test_a_falloff_that_grows_again_is_said_and_ends_the_range():
     """As of the report's 6 mm lens: below 2 % at f/4, above it at f/8."""
-    lens = dataclasses.replace(
-        SMALL, falloffs={2.0: (-0.12, 0.0, 0.0), 4.0: (-0.012, 0.0, 0.0), 8.0: (-0.035, 0.0, 0.0)}
-    )
-    rows = [flat(lens, 7 + int(f), f, name=f"flat-{f:g}") for f in lens.falloffs]
+    lens = change(SMALL, falloffs={2.0: (-0.12, 0.0, 0.0), 4.0: (-0.012, 0.0, 0.0), 8.0: (-0.035, 0.0, 0.0)})
+    rows = [flat(lens, 7 + int(f), f, name=f"flat-{f:g}") for f in lens.lens.falloffs]
     fit = vignetting.fit(rows, NONE)
     two, ten = fit.thresholds
     assert (two.lowest_f_number, two.from_f_number) == (4.0, None)
@@ -296,14 +311,14 @@ def test_a_falloff_that_grows_again_is_said_and_ends_the_range():
 
 
 def test_light_that_grows_outwards_is_said():
-    lens = dataclasses.replace(SMALL, falloffs={2.0: (-0.3, 0.5, -0.1)})
+    lens = change(SMALL, falloffs={2.0: (-0.3, 0.5, -0.1)})
     fit = vignetting.fit([flat(lens, 3, 2.0)], NONE)
     assert "falloff_not_monotonic" in flags_of(fit.flags)
     assert of(fit, 2.0).largest_falloff > of(fit, 2.0).coefficient.corner_falloff + 0.05
 
 
 def test_a_dark_corner_is_no_falloff():
-    lens = dataclasses.replace(SMALL, falloffs={1.4: (-0.71, 0.0, -0.1)})
+    lens = change(SMALL, falloffs={1.4: (-0.71, 0.0, -0.1)})
     with pytest.raises(InputRejected, match="edge of the image circle") as refusal:
         vignetting.fit([flat(lens, 3)], NONE)
     assert refusal.value.code == "fit_failed"

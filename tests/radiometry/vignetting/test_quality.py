@@ -9,9 +9,10 @@ from radiometry.findings.errors import InputRejected
 from radiometry.fitting.evidence import Exclusion, Region
 from radiometry.frame.roi import Polygon
 from radiometry.vignetting import method as vignetting
-from simulation.vignetting import SimulatedLens, Target
+from simulation.camera import change
+from simulation.flats import FAST_LENS
 from tests.radiometry.evidence import taken
-from tests.radiometry.vignetting.flats import NONE, SMALL, dark, flags_of, flat
+from tests.radiometry.vignetting.flats import NONE, SMALL, dark, flags_of, flat, surface
 
 DARKS = [dark(SMALL, seed, name=f"dark-{seed}") for seed in (91, 92, 93)]
 
@@ -36,7 +37,7 @@ def reasons(verdict):
 
 
 def test_a_clipped_flat_is_left_out_and_named():
-    clipped = flat(SMALL, 1, name="bright", target=Target(level_share=1.02))
+    clipped = flat(SMALL, 1, name="bright", target=surface(1.02))
     message = refuse(clipped)
     assert "bright: " in message
     assert "of channel G" in message
@@ -49,10 +50,8 @@ def test_a_clipped_flat_is_left_out_and_named():
 
 def test_too_little_signal_is_refused_and_little_is_flagged():
     # blue is at 0.7 of green: 1.4 % and 5.6 % of the span, times a median V of 0.87
-    assert "faint: the light of channel" in refuse(
-        flat(SMALL, 1, name="faint", target=Target(level_share=0.02))
-    )
-    weak = fit(flat(SMALL, 1, name="weak", target=Target(level_share=0.08)))
+    assert "faint: the light of channel" in refuse(flat(SMALL, 1, name="faint", target=surface(0.02)))
+    weak = fit(flat(SMALL, 1, name="weak", target=surface(0.08)))
     assert flags_of(weak.flags) == {"weak_flat"}
     assert fit(flat(SMALL, 1)).flags == ()
 
@@ -62,13 +61,13 @@ def test_too_little_signal_is_refused_and_little_is_flagged():
     [((0.12, 0.0), "bottom"), ((-0.12, 0.02), "top"), ((0.0, 0.12), "right"), ((0.0, -0.12), "left")],
 )
 def test_strongly_uneven_light_is_refused_with_its_direction(gradient, towards):
-    message = refuse(flat(SMALL, 1, name="slope", target=Target(gradient=gradient)))
+    message = refuse(flat(SMALL, 1, name="slope", target=surface(gradient=gradient)))
     assert "slope: the light of channel G" in message
     assert f"brighter towards the {towards}" in message
 
 
 def test_an_off_centre_lens_is_not_refused_for_uneven_light():
-    lens = SimulatedLens(height_px=192, width_px=288, centre_px=(60.0, 190.0))
+    lens = change(FAST_LENS, height_px=192, width_px=288, centre_px=(60.0, 190.0))
     found = vignetting.fit([flat(lens, 4)], NONE)
     assert flags_of(found.flags) <= {"dark_from_black_level"}
     row, col = found.coefficients[1].centre_px
@@ -77,13 +76,15 @@ def test_an_off_centre_lens_is_not_refused_for_uneven_light():
 
 def test_a_centre_that_a_plane_explains_as_well_is_flagged():
     """A faint falloff under uneven light: without the plane the centre would lie near a border."""
-    lens = dataclasses.replace(SMALL, falloffs={8.0: (-0.03, 0.0, 0.0)}, centre_px=None, dn_per_e=2.0)
-    found = vignetting.fit([flat(lens, 3, 8.0, target=Target(gradient=(0.0, 0.012)))], NONE)
+    lens = change(
+        SMALL, falloffs={8.0: (-0.03, 0.0, 0.0)}, centre_px=None, gain_dn_per_e=2.0, read_noise_e=1.0
+    )
+    found = vignetting.fit([flat(lens, 3, 8.0, target=surface(gradient=(0.0, 0.012)))], NONE)
     assert "centre_uncertain" in flags_of(found.flags)
 
 
 def test_dust_is_found_where_it_lies_and_left_out():
-    dust = Target(spots=[(52.0, 200.0, 7.0, 0.3), (120.0, 60.0, 6.0, 0.5)])
+    dust = surface(spots=[(52.0, 200.0, 7.0, 0.3), (120.0, 60.0, 6.0, 0.5)])
     spoilt = fit(flat(SMALL, 1, target=dust))
     point = next(point for point in spoilt.points if point.frame == "flat")
     assert point.used
@@ -99,7 +100,7 @@ def test_dust_is_found_where_it_lies_and_left_out():
 
 
 def test_the_residual_map_does_not_know_what_was_left_out():
-    target = Target(spots=((60.0, 100.0, 6.0, 0.3),))
+    target = surface(spots=((60.0, 100.0, 6.0, 0.3),))
     fits = vignetting.fit([flat(SMALL, 1, 2.0, target=target)], NONE).channel_fits
     found, residuals = vignetting.read_residuals(fits, f_number=2.0, channel="G1")
     row, col = (int(place // found.block_px) for place in (60.0, 100.0))
@@ -112,11 +113,11 @@ def test_the_residual_map_does_not_know_what_was_left_out():
 
 def test_a_pattern_on_the_target_is_refused():
     dots = [(r, c, 6.0, 0.4) for r in range(20, 190, 36) for c in range(20, 280, 36)]
-    assert "of its blocks are spots" in refuse(flat(SMALL, 1, name="dots", target=Target(spots=dots)))
+    assert "of its blocks are spots" in refuse(flat(SMALL, 1, name="dots", target=surface(spots=dots)))
 
 
 def test_another_picture_size_is_left_out():
-    crop = SimulatedLens(height_px=160, width_px=288)
+    crop = change(FAST_LENS, height_px=160, width_px=288)
     found = fit(flat(SMALL, 1, name="a"), flat(SMALL, 2, name="b"), flat(crop, 3, name="crop"))
     assert found.height_px == 192
     (left,) = [point for point in found.points if not point.used]
@@ -138,15 +139,15 @@ def test_too_small_a_region_is_refused():
 def test_verdicts_say_the_same_as_the_fit():
     cases = {
         "good": ({}, "pass", []),
-        "bright": ({"target": Target(level_share=1.02)}, "fail", ["clipped"]),
-        "faint": ({"target": Target(level_share=0.02)}, "fail", ["too_dark"]),
-        "weak": ({"target": Target(level_share=0.08)}, "warn", ["weak_signal"]),
-        "slope": ({"target": Target(gradient=(0.12, 0.0))}, "fail", ["uneven"]),
-        "tilted": ({"target": Target(gradient=(0.0, 0.04))}, "warn", ["uneven"]),
-        "dusty": ({"target": Target(spots=[(52.0, 200.0, 7.0, 0.3)])}, "warn", ["dust"]),
+        "bright": ({"target": surface(1.02)}, "fail", ["clipped"]),
+        "faint": ({"target": surface(0.02)}, "fail", ["too_dark"]),
+        "weak": ({"target": surface(0.08)}, "warn", ["weak_signal"]),
+        "slope": ({"target": surface(gradient=(0.12, 0.0))}, "fail", ["uneven"]),
+        "tilted": ({"target": surface(gradient=(0.0, 0.04))}, "warn", ["uneven"]),
+        "dusty": ({"target": surface(spots=[(52.0, 200.0, 7.0, 0.3)])}, "warn", ["dust"]),
     }
     rows = [flat(SMALL, 1, name=name, **how) for name, (how, _, _) in cases.items()]
-    lit = flat(SMALL, 5, name="lit", target=Target(level_share=0.3), role="dark")
+    lit = flat(SMALL, 5, name="lit", target=surface(0.3), role="dark")
     verdicts = judge(
         *rows, *DARKS, dataclasses.replace(lit, exposure=dataclasses.replace(lit.exposure, iso=800.0))
     )
@@ -160,7 +161,7 @@ def test_a_frame_that_waits_is_pending_and_an_excluded_one_is_not_judged():
     row = dataclasses.replace(flat(SMALL, 1), features=None)
     waiting = vignetting.judge([taken(row, state="read")], [row], NONE)
     assert reasons(waiting["flat"]) == ["not_extracted"]
-    bright = flat(SMALL, 1, target=Target(level_share=1.02))
+    bright = flat(SMALL, 1, target=surface(1.02))
     params = vignetting.Params(exclude=(Exclusion(frame="flat", reason="clipped", by="Ada"),))
     assert vignetting.judge([taken(bright)], [bright], params)["flat"].outcome == "pass"
 
@@ -176,7 +177,7 @@ def test_the_plan_says_what_to_add():
         "f/4 has 1 usable flat frame: add 2 more",
         "f/1.4 and f/4 are more than a stop apart: add one between",
     )
-    clipped = flat(SMALL, 1, name="bright", target=Target(level_share=1.02))
+    clipped = flat(SMALL, 1, name="bright", target=surface(1.02))
     (again,) = vignetting.plan([clipped], NONE)
     assert again.startswith("take bright again: ")
     assert "no dark frames at ISO 100: add 3 with the lens covered" in vignetting.plan(rows, NONE)
@@ -191,6 +192,6 @@ def test_a_rendered_flat_is_flagged():
 
 
 def test_numbers_of_a_point_are_finite():
-    for point in fit(flat(SMALL, 1), flat(SMALL, 2, name="bright", target=Target(level_share=1.02))).points:
+    for point in fit(flat(SMALL, 1), flat(SMALL, 2, name="bright", target=surface(1.02))).points:
         for value in (point.saturated_share, point.signal_share, point.gradient_rel):
             assert value is None or np.isfinite(value)

@@ -4,7 +4,6 @@ import dataclasses
 import json
 import subprocess
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,9 @@ import tifffile
 from PIL import ExifTags, Image
 
 from bench.subject import Scale, make_mosaic
-from demo.dng import Camera, write_dng
-from demo.exif import Exposure as Taken
 from radiometry.frame.exposure import Exposure
 from radiometry.luminance.maps import MapScale, compute_map
+from tests.support.frames import write_raw
 from worker.decode.metadata import read_metadata
 from worker.decode.pool import DecoderPool
 from worker.decode.tiff import read_directories
@@ -40,20 +38,16 @@ def decoders():
 
 def save_frame(path, shape, *, compression="none", top=3000):
     mosaic = np.random.default_rng(1).integers(200, top, shape).astype(np.uint16)
-    taken = Taken(
+    return write_raw(
+        path,
+        mosaic,
         exposure_time_s=1 / 60,
         f_number=5.6,
         iso=6400,
-        taken_at=datetime(2026, 5, 1, 20, 0, tzinfo=UTC),
-        body_serial="S-1",
-        lens_make="DJI",
+        serial="S-1",
         lens_model="15mm",
-        lens_serial="L1",
-        focal_length_mm=15.0,
+        compression=compression,
     )
-    camera = Camera(black_level_dn=256, white_level_dn=4095, serial="S-1")
-    write_dng(path, mosaic, camera=camera, exposure=taken, compression=compression)
-    return path
 
 
 def make(decoders, path, *, scale=SCALE, **place):
@@ -180,19 +174,7 @@ print(wide * high, status.partition("VmHWM:")[2].split()[0])
 def test_a_whole_frame_of_20_megapixels_stays_below_600_mb(tmp_path):
     """The whole frame as region and as map, in a process that has imported all that a worker does."""
     path = tmp_path / "frame.dng"
-    camera = Camera(black_level_dn=256, white_level_dn=4095, serial="S-1")
-    taken = Taken(
-        exposure_time_s=0.01,
-        f_number=4.0,
-        iso=3200,
-        taken_at=datetime(2026, 5, 1, tzinfo=UTC),
-        body_serial="S-1",
-        lens_make="DJI",
-        lens_model="15mm",
-        lens_serial="L1",
-        focal_length_mm=15.0,
-    )
-    write_dng(path, make_mosaic(Scale()), camera=camera, exposure=taken)
+    write_raw(path, make_mosaic(Scale()), iso=3200)
     root = Path(__file__).parents[3]
     done = subprocess.run(
         [sys.executable, "-c", PEAK, str(path)], check=True, cwd=root, capture_output=True, text=True

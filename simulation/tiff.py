@@ -1,13 +1,16 @@
-"""TIFF directories as bytes that can stand anywhere in a little-endian file.
+"""EXIF and GPS directories of a little-endian TIFF file.
 
-tifffile writes no directory beside the image's own (its extratags cannot be IFDs), and cameras write EXIF and
-GPS. So tifffile reserves their places, and they are appended afterwards.
+tifffile writes no directory but the image's own (its extratags cannot be IFDs), and cameras write EXIF and
+GPS. tifffile therefore reserves their places, and they are appended afterwards.
 """
 
 import struct
 from collections.abc import Iterable
+from datetime import datetime
 from fractions import Fraction
 from pathlib import Path
+
+from radiometry.frame.exposure import Settings
 
 EXIF, GPS = 34665, 34853
 _NAMES = {EXIF: "ExifTag", GPS: "GPSTag"}  # by their numbers tifffile would refuse them
@@ -19,12 +22,12 @@ Entry = tuple[int, int, int, bytes]  # tag, type, count, value
 
 
 def reserve(tag: int) -> tuple[str, int, int, int, bool]:
-    """Give the extratag that reserves a directory's place in the image's."""
+    """Return the extratag that reserves the place of a directory in that of the image."""
     return _NAMES[tag], _LONG, 1, 0, True
 
 
 def append_directory(path: Path, tag: int, entries: Iterable[Entry]) -> None:
-    """Put a directory at the end of a file, and its place where ``reserve`` kept it."""
+    """Append a directory to a file, and write its offset where ``reserve`` kept a place."""
     with path.open("r+b") as file:
         at = file.seek(0, 2)
         at += file.write(b"\0" * (at % 2))  # a directory begins on a word
@@ -40,7 +43,7 @@ def append_directory(path: Path, tag: int, entries: Iterable[Entry]) -> None:
 
 
 def lay_out(entries: Iterable[Entry], *, offset: int) -> bytes:
-    """Give a directory for the place ``offset`` [bytes]."""
+    """Return a directory as bytes for the place ``offset`` [bytes]."""
     ordered = sorted(entries)
     table = struct.pack("<H", len(ordered))
     values = b""
@@ -56,31 +59,43 @@ def lay_out(entries: Iterable[Entry], *, offset: int) -> bytes:
 
 
 def short(tag: int, value: int) -> Entry:
-    """Give a number of 16 bits."""
+    """Return an entry of 16 bits."""
     return tag, _SHORT, 1, struct.pack("<H", value)
 
 
 def text(tag: int, value: str) -> Entry:
-    """Give a text."""
+    """Return an entry of text."""
     encoded = value.encode("ascii") + b"\0"
     return tag, _ASCII, len(encoded), encoded
 
 
 def undefined(tag: int, value: bytes) -> Entry:
-    """Give bytes of the tag's own meaning."""
+    """Return an entry of bytes whose meaning the tag defines."""
     return tag, _UNDEFINED, len(value), value
 
 
 def rational(tag: int, *values: float) -> Entry:
-    """Give fractions."""
+    """Return an entry of fractions."""
     return tag, _RATIONAL, len(values), b"".join(struct.pack("<II", *ratio(value)) for value in values)
 
 
 def signed_rational(tag: int, value: float) -> Entry:
-    """Give a fraction that may be negative."""
+    """Return an entry of a fraction that may be negative."""
     return tag, _SRATIONAL, 1, struct.pack("<ii", *ratio(value))
 
 
 def ratio(value: float) -> tuple[int, int]:
-    """Give the simplest fraction that is closer than any tolerance: 1/60 s stays 1/60."""
+    """Return the nearest fraction with a denominator of at most 10^6: 1/60 s stays 1/60."""
     return Fraction(value).limit_denominator(_LARGEST_DENOMINATOR).as_integer_ratio()
+
+
+def describe_exposure(settings: Settings, taken_at: datetime) -> list[Entry]:
+    """Return the EXIF entries of nominal settings and of a time with its offset."""
+    offset = f"{taken_at:%z}"
+    return [
+        rational(33434, settings.exposure_time_s),  # ExposureTime
+        rational(33437, settings.f_number),  # FNumber
+        short(34855, round(settings.iso)),  # PhotographicSensitivity
+        text(36867, f"{taken_at:%Y:%m:%d %H:%M:%S}"),  # DateTimeOriginal
+        text(36881, f"{offset[:3]}:{offset[3:5]}"),  # OffsetTimeOriginal
+    ]

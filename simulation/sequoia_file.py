@@ -1,4 +1,4 @@
-"""Writes a band's file as a Parrot Sequoia does: 16 bits, EXIF, GPS, and all else in XMP."""
+"""Files of one band as a Parrot Sequoia writes them: 16 bits, EXIF, GPS, and all else in XMP."""
 
 import base64
 import math
@@ -9,11 +9,21 @@ from xml.sax.saxutils import escape
 
 import tifffile
 
-from demo.directory import EXIF, GPS, Entry, append_directory, rational, reserve, short, text
 from radiometry.frame import FrameHeader
-from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Multispectral, RigGeometry, SunshineCounts, VignettingPolynomial
-from simulation.reflectance import PIXELS_PER_MM, SimulatedFrame
+from simulation.camera import Taken
+from simulation.sequoia import PIXELS_PER_MM
+from simulation.tiff import (
+    EXIF,
+    GPS,
+    Entry,
+    append_directory,
+    describe_exposure,
+    rational,
+    reserve,
+    short,
+    text,
+)
 
 _ASCII, _BYTE, _RATIONAL = 2, 1, 5
 _XMP = 700
@@ -25,13 +35,13 @@ Numbers = tuple[float, ...]
 
 
 def name_file(number: int, header: FrameHeader) -> str:
-    """Give the name that the camera would: IMG_180413_080000_0000_GRE.TIF."""
+    """Return the name that the camera gives: IMG_180413_080000_0000_GRE.TIF."""
     taken = datetime.fromisoformat(header.taken_at or "")
     return f"IMG_{taken:%y%m%d_%H%M%S}_{number:04}_{_FILE_NAMES[_band(header).band]}.TIF"
 
 
-def write_sequoia(path: Path, shot: SimulatedFrame) -> None:
-    """Write one band; a reader finds the header and the very samples again."""
+def write_sequoia(path: Path, shot: Taken) -> None:
+    """Write one band, from which a reader gets the same header and the same samples."""
     header = shot.header
     top, bottom = (round(header.black_level_dn[0] * 10_000), 10_000)
     with tifffile.TiffWriter(path, byteorder="<") as file:
@@ -50,27 +60,22 @@ def write_sequoia(path: Path, shot: SimulatedFrame) -> None:
                 (50735, _ASCII, 0, header.serial, True),  # CameraSerialNumber
             ],
         )
-    append_directory(path, EXIF, _exif_entries(header, shot.exposure))
+    append_directory(path, EXIF, _exif_entries(shot))
     append_directory(path, GPS, _gps_entries(header))
 
 
 def _band(header: FrameHeader) -> Multispectral:
-    assert header.multispectral is not None  # noqa: S101  the simulation's always are
+    assert header.multispectral is not None  # noqa: S101  every simulated Sequoia has one
     return header.multispectral
 
 
-def _exif_entries(header: FrameHeader, exposure: Exposure) -> list[Entry]:
-    taken = datetime.fromisoformat(header.taken_at or "")
-    # The camera writes its monotonic clock, which is the sunshine records', as the time of digitisation.
-    clock = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=_band(header).exposed_at_us or 0)
-    offset = f"{taken:%z}"
+def _exif_entries(shot: Taken) -> list[Entry]:
+    # The camera writes its monotonic clock, that of the sunshine records, as the time of digitisation.
+    clock = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=_band(shot.header).exposed_at_us or 0)
+    taken_at = datetime.fromisoformat(shot.header.taken_at or "")
     return [
-        rational(33434, exposure.exposure_time_s),  # ExposureTime
-        rational(33437, exposure.f_number),  # FNumber
-        short(34855, round(exposure.iso)),  # PhotographicSensitivity
-        text(36867, f"{taken:%Y:%m:%d %H:%M:%S}"),  # DateTimeOriginal
+        *describe_exposure(shot.exposure.on_basis("nominal"), taken_at),
         text(36868, f"{clock:%Y:%m:%d %H:%M:%S}"),  # DateTimeDigitized
-        text(36881, f"{offset[:3]}:{offset[3:5]}"),  # OffsetTimeOriginal
         text(37522, f"{clock:%f}"),  # SubSecTimeDigitized
         rational(41486, PIXELS_PER_MM),  # FocalPlaneXResolution
         rational(41487, PIXELS_PER_MM),  # FocalPlaneYResolution
@@ -89,7 +94,7 @@ def _gps_entries(header: FrameHeader) -> list[Entry]:
 
 
 def _packet(band: Multispectral) -> bytes:
-    """Give the XMP packet; what the band does not know is left out."""
+    """Return the XMP packet, without the properties that are None."""
     values: dict[str, str | Numbers | None] = {
         "BandName": band.band_name,
         "CentralWavelength": _one(band.wavelength_nm),
@@ -134,7 +139,7 @@ def _lens(lens: VignettingPolynomial | None) -> dict[str, str | Numbers | None]:
 
 
 def _sunshine(counts: SunshineCounts | None) -> dict[str, str | Numbers | None]:
-    """Give the readings as records of 28 bytes, and the counts at each gain under one light."""
+    """Return the readings as records of 28 bytes, and the counts at each gain under one light."""
     if counts is None:
         return {}
     records = b"".join(

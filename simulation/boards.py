@@ -1,0 +1,132 @@
+"""Views of calibration boards through a lens that is known."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.frame.roi import Window
+from radiometry.geometry.camera import CameraModel, find_directions, project
+from radiometry.geometry.solving import Pose
+from radiometry.geometry.target import Target as Board
+from radiometry.geometry.target import locate_corners_mm, make_charuco_board
+from simulation.camera import Camera
+from simulation.parts import Lens, Plane, Sensor
+from simulation.targets import Picture, Studio
+
+_PRINT_PX: Final = 40  # of a square, in the print that a ChArUco board's picture is taken of
+_FINE: Final = 4  # rays along each side of a pixel
+_MARGIN_SQUARES: Final = 1.0
+
+
+def set_up(
+    projection: CameraModel,
+    *,
+    dark_dn: float,
+    bright_dn: float,
+    noise_dn: float,
+    cfa: str = "grey",
+    bits: int = 12,
+) -> Studio:
+    """Return a studio with a lens of that projection, a blur of 0.7 px and normal noise alone."""
+    sensor = Sensor(
+        height_px=projection.height_px,
+        width_px=projection.width_px,
+        cfa=cfa,
+        gain_dn_per_e=1.0,
+        read_noise_e=noise_dn,
+        photon_noise=False,
+        black_level_dn=0.0,
+        white_level_dn=float((1 << bits) - 1),
+    )
+    camera = Camera(lens=Lens(projection=projection, blur_px=0.7), sensor=sensor)
+    return Studio(camera=camera, dark_dn=dark_dn, bright_dn=bright_dn)
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A board in a pose, with a white margin around its squares and grey beyond.
+
+    Every pixel is the mean of 4 x 4 rays. Each is followed through the lens to the board's plane, so an edge
+    lies where the lens model puts it and not where a warped bitmap would.
+    """
+
+    board: Board
+    pose: Pose
+
+    def draw(self, camera: Camera, window: Window) -> Plane:
+        """Return the shares of the window's pixels."""
+        lens = camera.lens.projection
+        if lens is None:
+            raise ValueError("a view of a board needs a lens with a projection")
+        directions = _find_rays(lens)
+        turned, _ = cv2.Rodrigues(self.pose.rotation)
+        # the board is z = 0: the ray through (x, y, 1) meets it where turned^T (s ray - shift) has no z
+        rays = np.column_stack((directions, np.ones(len(directions)))) @ turned
+        origin = turned.T @ self.pose.shift
+        on_board = rays * (origin[2] / rays[:, 2:]) - origin
+        bright = _look_up(self.board, on_board[:, 0], on_board[:, 1])
+        whole = bright.reshape(lens.height_px, _FINE, lens.width_px, _FINE).mean(axis=(1, 3))
+        return Picture(whole).draw(camera, window)
+
+
+def draw_poses(
+    lens: CameraModel, board: Board, random: np.random.Generator, *, count: int, tilt_deg: float = 35.0
+) -> tuple[Pose, ...]:
+    """Draw poses that show the whole board, all over the frame, tilted up to ``tilt_deg`` about any axis."""
+    corners = locate_corners_mm(board, np.arange(board.corners))
+    middle, extent = corners.mean(axis=0), float(np.linalg.norm(np.ptp(corners, axis=0)))
+    poses: list[Pose] = []
+    while len(poses) < count:
+        angle = random.uniform(0.0, 2.0 * np.pi)
+        tilt = np.radians(random.uniform(0.3, 1.0) * tilt_deg)
+        turn, _ = cv2.Rodrigues(np.array([0.0, 0.0, random.normal(0.0, 0.2)]))
+        lean, _ = cv2.Rodrigues(np.array([np.cos(angle), np.sin(angle), 0.0]) * tilt)
+        rotation, _ = cv2.Rodrigues(lean @ turn)
+        away = extent * lens.fx_px / lens.width_px * random.uniform(1.4, 2.6)
+        place = np.array([random.uniform(0, lens.height_px), random.uniform(0, lens.width_px)])
+        direction = find_directions(lens, place.reshape(1, 2))[0]
+        pose = Pose(rotation.ravel(), np.array([*direction, 1.0]) * away - lean @ turn @ middle)
+        if _shows_all(lens, corners, pose):
+            poses.append(pose)
+    return tuple(poses)
+
+
+def _shows_all(lens: CameraModel, corners: Plane, pose: Pose) -> bool:
+    """Return True if all corners appear well inside the frame, and where the lens model is one to one."""
+    seen = project(lens, corners, pose.rotation, pose.shift)
+    size = np.array([lens.height_px, lens.width_px])
+    turned, _ = cv2.Rodrigues(pose.rotation)
+    placed = corners @ turned.T + pose.shift
+    if not np.all((seen > 0.03 * size) & (seen < 0.97 * size)) or np.any(placed[:, 2] <= 0.0):
+        return False
+    return bool(np.allclose(find_directions(lens, seen), placed[:, :2] / placed[:, 2:], atol=1e-6))
+
+
+def _find_rays(lens: CameraModel) -> Plane:
+    """Return the directions of 4 x 4 rays in every pixel, linear between those of pixel centres."""
+    shape = (lens.height_px, lens.width_px)
+    places = np.moveaxis(np.indices(shape), 0, -1).reshape(-1, 2).astype(np.float64)
+    centres = find_directions(lens, places).reshape(*shape, 2)
+    size = (lens.width_px * _FINE, lens.height_px * _FINE)
+    return np.asarray(cv2.resize(centres, size, interpolation=cv2.INTER_LINEAR), np.float64).reshape(-1, 2)
+
+
+def _look_up(board: Board, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> Plane:
+    """Return the brightness of the board, 0 to 1, at places from its first inner corner."""
+    across, down = board.corner_columns + 1, board.corner_rows + 1
+    u, v = x_mm / board.square_size_mm + 1.0, y_mm / board.square_size_mm + 1.0
+    inside = (u >= 0.0) & (u < across) & (v >= 0.0) & (v < down)
+    margin = _MARGIN_SQUARES
+    near = (u >= -margin) & (u < across + margin) & (v >= -margin) & (v < down + margin)
+    bright = np.where(near, 1.0, 0.5)
+    if board.kind == "charuco":
+        size = (across * _PRINT_PX, down * _PRINT_PX)
+        printed = np.asarray(make_charuco_board(board).generateImage(size)) / 255.0
+        rows = np.clip((v * _PRINT_PX).astype(np.int64), 0, size[1] - 1)
+        cols = np.clip((u * _PRINT_PX).astype(np.int64), 0, size[0] - 1)
+        return np.where(inside, printed[rows, cols], bright)
+    dark = (np.floor(u) + np.floor(v)) % 2 == 0.0
+    return np.where(inside & dark, 0.0, bright)
