@@ -171,7 +171,7 @@ class Decoder:
         return DecoderCrashed(stage, f"it took longer than {self._wall_s:g} s")
 
     def _autopsy(self, stage: str, fallback: str) -> DecoderCrashed | DecoderKilled | DecoderUnavailable:
-        """How the process ended, once its pipe is closed."""
+        """How the process ended, once its socket is closed."""
         cell, self._cell = self._cell, None
         assert cell is not None  # noqa: S101  it has just been asked
         code = cell.hear_end()

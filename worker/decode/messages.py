@@ -17,7 +17,7 @@ MAX_BODY_BYTES: Final = 6 * 250_000_000  # a whole RGB frame of the largest size
 
 
 class BrokenMessageError(Exception):
-    """The other side closed the pipe, ran out of time, or does not keep to the protocol."""
+    """The other side closed the socket, ran out of time, or does not keep to the protocol."""
 
 
 def send(descriptor: int, message: dict[str, Any], body: bytes | memoryview = b"") -> None:
@@ -67,7 +67,7 @@ def _read(descriptor: int, size: int, deadline: float | None) -> bytearray:
             raise TimeoutError
         count = os.readv(descriptor, [rest])
         if not count:
-            raise BrokenMessageError("the pipe was closed")
+            raise BrokenMessageError("the socket was closed")
         rest = rest[count:]
     return content
 

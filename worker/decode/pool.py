@@ -129,7 +129,7 @@ class DecoderPool:
         self._busy: list[Decoder] = []
 
     def _look_for_fork(self) -> None:
-        """After a fork the pipes lead to the parent's cells, whose answers would be mixed up."""
+        """After a fork the sockets lead to the parent's cells, whose answers would be mixed up."""
         if os.getpid() != self._owner:
             self._nursery.abandon()
             for decoder in (*self._busy, *(each for idle in self._idle.values() for each in idle)):
