@@ -10,7 +10,7 @@ from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from service.wording import describe
 from store.blobs import BlobDamaged, StorageUnavailable
 from store.errors import Conflict

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
@@ -55,7 +55,7 @@ def choose_falloff(
     chosen = named or _find_in_force(session, campaign, lights)
     if chosen.camera_id != campaign.camera_id:
         raise InputRejected(
-            Code.WRONG_CAMERA,
+            shared.WRONG_CAMERA,
             f"Vignetting {chosen.id} is of another camera than this campaign. Name a version of its own.",
         )
     if chosen.method != METHOD:
@@ -169,7 +169,7 @@ def _find_in_force(session: Session, campaign: Campaign, lights: list[_Light]) -
     timeless = [light.row.frame for light in lights if (light.frame.header or {}).get("taken_at") is None]
     if timeless:
         raise InputRejected(
-            Code.FRAME_TIME_MISSING,
+            shared.FRAME_TIME_MISSING,
             f"Frame {timeless[0]} does not say when it was taken, so that no vignetting can be looked up: "
             "name one with vignetting_id.",
         )

@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.fitting.comparison import MeasuredChange
 from radiometry.reflectance.comparison import change_reflectance
 from store.codec import decode_header

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from radiometry import methods
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import FrameHeader
 from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame

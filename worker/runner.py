@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from store import jobs
 from store.blobs import BlobDamaged
 from store.files import STORED_FILE_DAMAGED, describe_damage
@@ -18,7 +18,6 @@ from store.jobs import Claim, Dependency, LeaseLost, Turn
 from store.schema import SchemaDiffers
 from worker.context import Context
 from worker.decode.pool import DecoderKilled
-from worker.decode.refusals import Refusal
 from worker.needs import DATABASE_AWAY, find_dependency
 from worker.tasks import Outcome, work
 
@@ -115,7 +114,7 @@ def _after_kill(claim: Claim, killed: DecoderKilled) -> Ending:
     if claim.attempt < _KILLED_ATTEMPTS:
         log.warning("%s is tried again later: %s", claim.job_id, killed)
         return lambda session: jobs.retry_later(session, claim, waits_for=Dependency.DECODER)
-    error = problem(Refusal.DECODER_CRASHED, killed.message) | {"retryable": True}
+    error = problem(files.DECODER_CRASHED, killed.message) | {"retryable": True}
     return lambda session: jobs.fail(session, claim, error)
 
 

@@ -1,1 +1,126 @@
-"""What can be found in a frame, a fit or a measurement: flags, errors and advice."""
+"""What can be found in a frame, a fit or a measurement: the form of an entry, and of each occurrence."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Self
+
+Outcome = Literal["pass", "warn", "fail", "pending"]
+Severity = Literal["warn", "pending", "fail", "error"]
+Place = Literal["frame", "verdict", "calibration", "measurement", "fleet", "file", "request"]
+
+
+@dataclass(frozen=True, eq=False, repr=False, slots=True)
+class Finding(str):  # noqa: SLOT000  the decorator makes them
+    """One entry of the registry; as a string it is its code, which is stored and stays.
+
+    Attributes
+    ----------
+    code : str
+        Stable name, also the heading in the documentation.
+    severity : {"warn", "pending", "fail", "error"}
+        The gravest that an occurrence can have. "error": there is no result.
+    where : tuple of str
+        Where it occurs: as a warning of a stored "frame", a reason in a frame's "verdict", a flag of a
+        "calibration", "measurement" or "fleet" comparison, or the refusal of a "file" or a "request".
+    sentence : str
+        What was found.
+    remedy : str
+        What to do about it.
+
+    """
+
+    code: str
+    severity: Severity
+    where: tuple[Place, ...]
+    sentence: str
+    remedy: str
+
+    def __new__(cls, code: str, *_: object) -> Self:
+        """Make the code the value of the string."""
+        return str.__new__(cls, code)
+
+    def __hash__(self) -> int:
+        """Return the hash of the code, so that either finds the other in a set."""
+        return str.__hash__(self)
+
+    def at(self, where: str, detail: str) -> "Raised":
+        """Return the flag as raised at a place."""
+        return Raised(flag=self.code, where=where, detail=detail)
+
+    def reason(self, detail: str, outcome: Outcome | None = None) -> "Reason":
+        """Return the reason of a verdict, as grave as the entry unless ``outcome`` is given."""
+        found: Outcome = outcome or ("fail" if self.severity == "error" else self.severity)
+        return Reason(code=self, outcome=found, detail=detail)
+
+    def refuse(self, what_is_wrong: str) -> "InputRejected":
+        """Return the refusal with the remedy; the caller raises it."""
+        return InputRejected(self, f"{what_is_wrong} {self.remedy}")
+
+
+def flag(code: str, sentence: str, remedy: str, where: Place = "calibration", *more: Place) -> Finding:
+    """Declare something to know about a result that can be used."""
+    return Finding(code, "warn", (where, *more), sentence, remedy)
+
+
+def reason(
+    code: str, severity: Literal["warn", "pending", "fail"], sentence: str, remedy: str, *more: Place
+) -> Finding:
+    """Declare a reason why a frame does not simply pass."""
+    return Finding(code, severity, ("verdict", *more), sentence, remedy)
+
+
+def error(code: str, sentence: str, remedy: str, where: Place = "request", *more: Place) -> Finding:
+    """Declare a reason why an input gives no result."""
+    return Finding(code, "error", (where, *more), sentence, remedy)
+
+
+def declared(names: Mapping[str, object]) -> tuple[Finding, ...]:
+    """Return the entries that a module has declared, in their order."""
+    return tuple(each for each in names.values() if isinstance(each, Finding))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Raised:
+    """A flag with the place where it applies and what was found there.
+
+    Attributes
+    ----------
+    flag : str
+        Code of the finding.
+    where : str
+        For example "iso 3200", "scene level-4" or "frame dark-2"; "" for the whole.
+    detail : str
+        One sentence with the numbers.
+
+    """
+
+    flag: str
+    where: str
+    detail: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """A reason in a frame's verdict; ``detail`` is a sentence with the numbers and what to do."""
+
+    code: Finding
+    outcome: Outcome
+    detail: str
+
+
+class InputRejected(Exception):  # noqa: N818  the name says whose fault it is
+    """An input that cannot be used: never retried, always explained.
+
+    Attributes
+    ----------
+    code : Finding
+        The entry of the registry.
+    message : str
+        A sentence for the person who supplied the input: what is wrong and what to do.
+
+    """
+
+    def __init__(self, code: Finding, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message

@@ -1,32 +1,9 @@
-"""What it would take to measure better: one sentence for each thing that stands against a figure."""
+"""What would make a measurement better: the remedy of each finding, and of the largest uncertainty."""
 
 from collections.abc import Iterable, Sequence
 
-from radiometry.findings.flags import Flag
+from radiometry.findings import Finding
 
-_BY_FLAG = {
-    Flag.OUTSIDE_EXPOSURE_TIMES: "Calibrate with this exposure time as well, dark frames included, or "
-    "photograph with one of the times that were calibrated.",
-    Flag.OUTSIDE_F_NUMBERS: "Calibrate with this f-number as well, or photograph with one within the range.",
-    Flag.OUTSIDE_SIGNALS: "Choose time and aperture so that the signal falls within the calibrated range, "
-    "or extend the calibration by light levels that reach it.",
-    Flag.SATURATED: "Take another frame at a quarter of the exposure time: what is saturated is only known "
-    "to be brighter.",
-    Flag.BELOW_DETECTION: "Expose longer or open the aperture, or average several frames: this signal cannot "
-    "be told from dark.",
-    Flag.NO_VIGNETTING_CORRECTION: "Calibrate the vignetting of this lens from flat fields and fit K with "
-    "that version, or keep what is measured where the calibration's region lay.",
-    Flag.ROI_ELSEWHERE: "Turn the camera until the surface lies where the calibration's region lay, or "
-    "calibrate with a region there.",
-    Flag.OBSERVER_DIFFERS: "For figures after EN 13201 or RP-8, measure from the observer's place with a "
-    "luminance meter, and use this one to see the pattern and to compare nights.",
-    Flag.RENDERED: "Send the camera's raw file: a tone curve stands between this one's numbers and "
-    "the light.",
-    Flag.CALIBRATION_NOT_PUBLISHED: "Have the version reviewed and published, or measure with the one "
-    "in force.",
-    Flag.CALIBRATION_SUPERSEDED: "Measure the frame again: another version is in force now.",
-    Flag.CALIBRATION_REVOKED: "Measure the frame again with a version that stands: do not use this figure.",
-}
 _BY_SOURCE = {
     "fit of K": "Calibrate with more light levels, apertures and readings: the fit of K is the largest "
     "source.",
@@ -50,14 +27,23 @@ _BY_SOURCE = {
 }
 
 
-def advise(flags: Iterable[str], *, budget: Sequence[tuple[str, float]]) -> tuple[str, ...]:
-    """Give a sentence for each flag that has a remedy, then one for the largest source of uncertainty.
+def advise(found: Iterable[Finding], *, budget: Sequence[tuple[str, float]]) -> tuple[str, ...]:
+    """Return the remedy of each finding once, then a sentence for the largest source of uncertainty.
 
-    Takes
-      budget : (source, share of the variance) of the region's mean
+    Parameters
+    ----------
+    found : iterable of Finding
+        The entries of the flags that were raised.
+    budget : sequence of (str, float)
+        Source and its share of the variance of the region's mean.
+
+    Returns
+    -------
+    tuple of str
+        One sentence or more each.
+
     """
-    raised = set(flags)
-    sentences = [sentence for flag, sentence in _BY_FLAG.items() if flag.value in raised]
+    sentences = list(dict.fromkeys(finding.remedy for finding in found))
     largest = max(budget, key=lambda entry: entry[1], default=None)
     if largest is not None and largest[1] > 0.0:
         sentences.append(_BY_SOURCE[largest[0]])

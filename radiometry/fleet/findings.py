@@ -6,7 +6,8 @@ from datetime import timedelta
 import numpy as np
 from scipy.special import chdtri
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised
+from radiometry.fleet import codes
 from radiometry.fleet.determinations import Determination
 from radiometry.fleet.effects import Effects
 from radiometry.fleet.grouping import Grouping
@@ -28,26 +29,23 @@ def find_flags(rows: Sequence[Determination], grouping: Grouping, effects: Effec
         ratio = effects.within_variance / stated
         if ratio > float(chdtri(effects.dof, _CHANCE)) / effects.dof:
             found.append(
-                Raised(
-                    flag=Flag.REPEATS_EXCEED_UNCERTAINTY,
-                    where=where,
-                    detail=f"Repeats scatter {ratio**0.5:.2g} times as much as their standard uncertainties.",
+                codes.REPEATS_EXCEED_UNCERTAINTY.at(
+                    where,
+                    f"Repeats scatter {ratio**0.5:.2g} times as much as their standard uncertainties.",
                 )
             )
     if effects.dof > 0 and _are_of_one_day(rows):
         found.append(
-            Raised(
-                flag=Flag.REPEATS_OF_ONE_DAY,
-                where=where,
-                detail="All repeats of each camera lie within 24 hours.",
+            codes.REPEATS_OF_ONE_DAY.at(
+                where,
+                "All repeats of each camera lie within 24 hours.",
             )
         )
     if grouping.confounded:
         found.append(
-            Raised(
-                flag=Flag.BODY_AND_LENS_CONFOUNDED,
-                where=where,
-                detail=f"{len(grouping.unit_names)} pairs of body and lens, and no swaps that link them all.",
+            codes.BODY_AND_LENS_CONFOUNDED.at(
+                where,
+                f"{len(grouping.unit_names)} pairs of body and lens, and no swaps that link them all.",
             )
         )
     return tuple(found)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.findings.flags import Raised
+from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key, LeftOut
 from radiometry.fleet.verdicts import Judgement, Outcome

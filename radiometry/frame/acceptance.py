@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag
+from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import PLAUSIBLE, Exposure, is_plausible
 
@@ -103,7 +102,7 @@ def _refuse_pictures(header: FrameHeader, role: str) -> None:
     picture = _PICTURES.get(header.container)
     if picture is not None and role != "chart":
         raise InputRejected(
-            Code.NOT_A_RAW_FILE,
+            files.NOT_A_RAW_FILE,
             f"The file is a {picture} picture, in which the sensor's numbers are lost; only frames of the "
             f"role chart may be pictures, this one's is {role}. Send the camera's raw file (DNG), or a TIFF.",
         )
@@ -118,7 +117,7 @@ def _refuse_other_camera(header: FrameHeader, camera: Camera) -> None:
     ):
         if _plain(stated) and _plain(stated) != _plain(registered):
             raise InputRejected(
-                Code.WRONG_CAMERA,
+                shared.WRONG_CAMERA,
                 f"This file was taken by another camera: its {word} is {_shown(stated)}, the campaign's "
                 f"camera is {camera.make} {camera.model}, serial number {camera.serial}. Upload the file to "
                 "its own campaign, or register the camera with the names that it writes into its files.",
@@ -137,11 +136,11 @@ def _shown(text: str | None) -> str:
 def _header_flags(header: FrameHeader, *, manual_required: bool) -> list[str]:
     flags: list[str] = []
     if header.rendered:
-        flags.append(Flag.RENDERED.value)
+        flags.append(shared.RENDERED)
     if manual_required and _chosen_by_camera(header):
-        flags.append(Flag.EXPOSURE_NOT_MANUAL.value)
+        flags.append(shared.EXPOSURE_NOT_MANUAL)
     if not _plain(header.serial):
-        flags.append(Flag.SERIAL_UNKNOWN.value)
+        flags.append(shared.SERIAL_UNKNOWN)
     return flags
 
 
@@ -180,13 +179,13 @@ def _choose(name: str, candidates: list[tuple[float | None, str]]) -> _Value:
     if stated:
         low, high = PLAUSIBLE[name]
         raise InputRejected(
-            Code.EXPOSURE_IMPLAUSIBLE,
+            shared.EXPOSURE_IMPLAUSIBLE,
             f"The {word} of this frame cannot be right: {stated[0].number:g} ({_source(stated[0].origin)}). "
             f"It must lie between {low:g} and {high:g}. Upload the frame again with the {word} from your "
             f"notes typed in ({name}).",
         )
     raise InputRejected(
-        Code.EXPOSURE_MISSING,
+        shared.EXPOSURE_MISSING,
         f"The file does not say the {word} of this frame (it is missing or zero). Upload it again with the "
         f"{word} from your notes typed in ({name}), or use the camera's original file.",
     )
@@ -200,13 +199,13 @@ def _exposure_flags(found: dict[str, _Value], supplied: SuppliedExposure) -> lis
     origins = {value.origin for value in found.values()}
     flags: list[str] = []
     if "apex" in origins:
-        flags.append(Flag.EXPOSURE_FROM_APEX.value)
+        flags.append(shared.EXPOSURE_FROM_APEX)
     if "supplied" in origins:
-        flags.append(Flag.EXPOSURE_SUPPLIED.value)
+        flags.append(shared.EXPOSURE_SUPPLIED)
     for name, value in found.items():
         typed = getattr(supplied, name)
         if typed and not abs(typed / value.number - 1.0) <= _SUPPLIED_TOLERANCE_REL:
-            flags.append(Flag.SUPPLIED_EXPOSURE_IGNORED.value)
+            flags.append(shared.SUPPLIED_EXPOSURE_IGNORED)
             break
     return flags
 

@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 
-from radiometry.findings.flags import Flag, Raised
-from radiometry.frame.verdicts import Reason, ReasonCode
+from radiometry.findings import Raised, Reason, shared
 
 ABOVE_BLACK_SHARE = 0.005
 """Of the span, above the stated black level: half of the weakest useful signal. A warm sensor reaches it at
@@ -33,9 +32,9 @@ def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: floa
     )
     if share > LIT_SHARE:
         detail = f"{said}: this frame saw light. {TAKE_AGAIN}"
-        return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=detail)
+        return shared.DARK_NOT_DARK.reason(detail)
     detail = f"{said}. {TAKE_AGAIN} If it stays with the lens covered, the sensor is warm, the frame right."
-    return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="warn", detail=detail)
+    return shared.DARK_NOT_DARK.reason(detail, "warn")
 
 
 def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
@@ -45,7 +44,7 @@ def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
     """
     if not found:
         return []
-    return [Raised(flag=Flag.DARK_NOT_DARK.value, where=where, detail=name_not_dark(found))]
+    return [shared.DARK_NOT_DARK.at(where, name_not_dark(found))]
 
 
 def name_not_dark(found: Mapping[str, Reason]) -> str:

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 
 # Wider than any camera, narrower than nonsense. The shortest electronic shutters reach 1/32000 s, stacked
 # exposures last an hour; lenses run from f/0.7 to f/64, pinholes to f/300; ISO from 1 to a few million.
@@ -78,7 +78,7 @@ def require_plausible(settings: Settings) -> None:
         value = getattr(settings, name)
         if not is_plausible(name, value):
             raise InputRejected(
-                Code.EXPOSURE_IMPLAUSIBLE,
+                shared.EXPOSURE_IMPLAUSIBLE,
                 f"{name} = {value:g} is not a setting of a camera: it must lie between {low:g} and {high:g}.",
             )
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 
 MAX_POINTS = 1000
 MAX_COORDINATE_PX = 1e6
@@ -41,7 +41,9 @@ class Polygon:
         corners = _finite_points(points)
         area_px = _signed_area_px(np.array(corners))
         if np.linalg.matrix_rank(np.array(corners) - corners[0]) < 2:
-            raise InputRejected(Code.ROI_INVALID, "The polygon encloses no area: its points lie on one line.")
+            raise InputRejected(
+                shared.ROI_INVALID, "The polygon encloses no area: its points lie on one line."
+            )
         _refuse_self_intersection(np.array(corners))
         if area_px < 0.0:
             corners.reverse()
@@ -77,7 +79,7 @@ def parse_imagej(text: str) -> Polygon:
     call = _MACRO.fullmatch(text)
     if call is None:
         raise InputRejected(
-            Code.ROI_INVALID,
+            shared.ROI_INVALID,
             "The region is not an ImageJ call: paste a line such as makePolygon(10,10,90,10,90,60) "
             "or makeRectangle(10,10,80,50).",
         )
@@ -86,13 +88,13 @@ def parse_imagej(text: str) -> Polygon:
         numbers = [float(word) for word in arguments.split(",")]
     except ValueError:
         raise InputRejected(
-            Code.ROI_INVALID, f"{name} holds something that is not a number: {arguments.strip()[:80]!r}."
+            shared.ROI_INVALID, f"{name} holds something that is not a number: {arguments.strip()[:80]!r}."
         ) from None
     if name == "makeRectangle":
         return _rectangle(numbers)
     if len(numbers) % 2:
         raise InputRejected(
-            Code.ROI_INVALID,
+            shared.ROI_INVALID,
             f"makePolygon holds {len(numbers)} numbers: every x needs its y.",
         )
     return Polygon.from_points(zip(numbers[::2], numbers[1::2], strict=True))
@@ -107,7 +109,7 @@ def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Windo
     for x, y in polygon.points:
         if not (0.0 <= x <= width_px and 0.0 <= y <= height_px):
             raise InputRejected(
-                Code.ROI_OUTSIDE_FRAME,
+                shared.ROI_OUTSIDE_FRAME,
                 f"The polygon leaves the frame: its point ({x:g}, {y:g}) is outside the "
                 f"{width_px} x {height_px} pixels of the image.",
             )
@@ -117,7 +119,7 @@ def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Windo
     window = Window(row0=row0, col0=col0, height=row1 - row0, width=min(col1, width_px) - col0)
     if min(window.height, window.width) < 1 or not _toggles(polygon, window)[1::2].any():
         raise InputRejected(
-            Code.ROI_EMPTY,
+            shared.ROI_EMPTY,
             "The polygon holds no pixel centre: draw it larger than a pixel each way.",
         )
     return window
@@ -167,11 +169,12 @@ def _edges_downwards(polygon: Polygon) -> tuple[NDArray[np.float64], ...]:
 def _rectangle(numbers: list[float]) -> Polygon:
     if len(numbers) != 4:
         raise InputRejected(
-            Code.ROI_INVALID, f"makeRectangle takes x, y, width and height: four numbers, not {len(numbers)}."
+            shared.ROI_INVALID,
+            f"makeRectangle takes x, y, width and height: four numbers, not {len(numbers)}.",
         )
     x, y, width, height = numbers
     if not (width > 0 and height > 0):
-        raise InputRejected(Code.ROI_INVALID, "makeRectangle needs a width and a height above zero.")
+        raise InputRejected(shared.ROI_INVALID, "makeRectangle needs a width and a height above zero.")
     return Polygon.from_points([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
 
 
@@ -180,23 +183,24 @@ def _finite_points(points: Iterable[Sequence[float]]) -> list[tuple[float, float
     corners: list[tuple[float, float]] = []
     for number, point in enumerate(itertools.islice(points, MAX_POINTS + 1), start=1):
         if len(point) != 2:
-            raise InputRejected(Code.ROI_INVALID, f"Point {number} of the polygon is not a pair (x, y).")
+            raise InputRejected(shared.ROI_INVALID, f"Point {number} of the polygon is not a pair (x, y).")
         x, y = float(point[0]) + 0.0, float(point[1]) + 0.0  # adding zero turns -0.0 into 0.0
         if not (abs(x) <= MAX_COORDINATE_PX and abs(y) <= MAX_COORDINATE_PX):
             raise InputRejected(
-                Code.ROI_INVALID,
+                shared.ROI_INVALID,
                 f"Point {number} of the polygon, ({x:g}, {y:g}), is not a finite position within "
                 f"{MAX_COORDINATE_PX:g} pixels.",
             )
         if number > MAX_POINTS:
-            raise InputRejected(Code.ROI_INVALID, f"The polygon has more than {MAX_POINTS} points.")
+            raise InputRejected(shared.ROI_INVALID, f"The polygon has more than {MAX_POINTS} points.")
         if not corners or corners[-1] != (x, y):
             corners.append((x, y))
     if len(corners) > 1 and corners[-1] == corners[0]:
         corners.pop()
     if len(corners) < 3:
         raise InputRejected(
-            Code.ROI_INVALID, f"A polygon needs at least three different points; this one has {len(corners)}."
+            shared.ROI_INVALID,
+            f"A polygon needs at least three different points; this one has {len(corners)}.",
         )
     return corners
 
@@ -226,7 +230,7 @@ def _refuse_self_intersection(corners: NDArray[np.float64]) -> None:
     if found.size:
         x, y = corners[found[0][0]]
         raise InputRejected(
-            Code.ROI_SELF_INTERSECTING,
+            shared.ROI_SELF_INTERSECTING,
             f"The polygon crosses or touches itself at the edge that starts at ({x:g}, {y:g}): "
             "draw its corners in order around the area.",
         )

@@ -4,7 +4,8 @@ import statistics
 from collections.abc import Sequence
 from typing import Final
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised, shared
+from radiometry.geometry import codes
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.coverage import TILTED_DEG, measure_one_sidedness, measure_tilt_deg
 from radiometry.geometry.curve import find_farthest_radius_px, find_turning_radius_px
@@ -30,8 +31,7 @@ def check_views(used: Sequence[Candidate], points: Sequence[Point], params: Para
     errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
     usual = statistics.median(errors.values())
     flags = [
-        _raise(
-            Flag.VIEW_OUTLIER,
+        codes.VIEW_OUTLIER.at(
             f"frame {frame}",
             f"It fits to {error:.2f} px, the median view to {usual:.2f} px.",
         )
@@ -48,12 +48,12 @@ def check_views(used: Sequence[Candidate], points: Sequence[Point], params: Para
     if wide and params.corner_window == "fixed":
         closest = min(features.spacing_px for features in wide)
         detail = f"Views: {len(wide)} of {len(used)}; the closest corners are {closest:.1f} px apart."
-        flags.append(_raise(Flag.CORNER_WINDOW_WIDE, "", detail))
+        flags.append(codes.CORNER_WINDOW_WIDE.at("", detail))
     rendered = sum(each.row.header.rendered for each in used)
     if rendered:
-        flags.append(_raise(Flag.RENDERED, "", f"Rendered frames: {rendered} of {len(used)}."))
+        flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
     if len(used) < GOOD_VIEWS:
-        flags.append(_raise(Flag.FEW_VIEWS, "", f"Views: {len(used)}."))
+        flags.append(codes.FEW_VIEWS.at("", f"Views: {len(used)}."))
     return flags
 
 
@@ -62,12 +62,8 @@ def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
     flags = _check_coverage(coverage) + _check_tilts(solution) + _check_model(solution.camera)
     if solution.rms_px > LARGEST_RMS_PX:
         detail = f"Root mean square {solution.rms_px:.2f} px."
-        flags.append(_raise(Flag.REPROJECTION_LARGE, "", detail))
+        flags.append(codes.REPROJECTION_LARGE.at("", detail))
     return flags
-
-
-def _raise(flag: Flag, where: str, detail: str) -> Raised:
-    return Raised(flag=flag.value, where=where, detail=detail)
 
 
 def _check_coverage(coverage: Coverage) -> list[Raised]:
@@ -77,7 +73,7 @@ def _check_coverage(coverage: Coverage) -> list[Raised]:
         f"Cells with a corner: {coverage.share:.0%}; the outermost corner lies {coverage.radius_share:.0%} "
         "of the way to the corner of the frame."
     )
-    return [_raise(Flag.COVERAGE_POOR, "", detail)]
+    return [codes.COVERAGE_POOR.at("", detail)]
 
 
 def _check_tilts(solution: Solution) -> list[Raised]:
@@ -85,9 +81,9 @@ def _check_tilts(solution: Solution) -> list[Raised]:
     tilted = sum(tilt >= TILTED_DEG for tilt in tilts)
     if tilted < FEWEST_TILTED:
         detail = f"Views tilted by {TILTED_DEG:g} degrees or more: {tilted}; the steepest {max(tilts):.0f}."
-        return [_raise(Flag.TILT_POOR, "", detail)]
+        return [codes.TILT_POOR.at("", detail)]
     if measure_one_sidedness(solution.poses) > MOST_ONE_SIDED:
-        return [_raise(Flag.TILT_POOR, "", f"All {tilted} tilted views turn about one axis.")]
+        return [codes.TILT_POOR.at("", f"All {tilted} tilted views turn about one axis.")]
     return []
 
 
@@ -95,12 +91,12 @@ def _check_model(camera: CameraModel) -> list[Raised]:
     flags = []
     aspect = camera.fx_px / camera.fy_px
     if abs(aspect - 1.0) > LARGEST_ASPECT_DIFFERENCE:
-        flags.append(_raise(Flag.PIXELS_NOT_SQUARE, "", f"fx / fy is {aspect:.4f}."))
+        flags.append(codes.PIXELS_NOT_SQUARE.at("", f"fx / fy is {aspect:.4f}."))
     turning = find_turning_radius_px(camera)
     if turning is not None:
         farthest = find_farthest_radius_px(camera)
         detail = (
             f"It turns back {turning:.0f} px from the principal point, the corner lies at {farthest:.0f} px."
         )
-        flags.append(_raise(Flag.DISTORTION_FOLDS, "", detail))
+        flags.append(codes.DISTORTION_FOLDS.at("", detail))
     return flags

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Figure, Quantity
 from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, project
 from radiometry.geometry.coverage import find_covered_radius_px, measure_coverage, measure_tilt_deg
@@ -44,7 +44,7 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     """
     lacking = list_missing(rows, params)
     if lacking:
-        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, params)
     free = choose_free_parameters(
         fix_aspect_ratio=params.fix_aspect_ratio,

@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import InputRejected
-from radiometry.findings.flags import Flag
+from radiometry.findings import InputRejected
+from radiometry.geometry import codes
 from radiometry.geometry.coverage import CELLS, count_cells
 from radiometry.geometry.findings import GOOD_SHARE, GOOD_VIEWS
 from radiometry.geometry.fit import fit_geometry
@@ -15,11 +15,11 @@ from radiometry.geometry.rows import FrameRow, Params
 from radiometry.geometry.views import Candidate, collect_candidates, list_missing, make_view
 
 _ADVICE: Final[dict[str, str]] = {
-    Flag.TILT_POOR: "tilt the board by 20 to 45 degrees, to the left, to the right, up and down",
-    Flag.VIEW_OUTLIER: "take {where} again, or leave it out: {detail}",
-    Flag.CORNER_WINDOW_WIDE: "come closer or take larger squares, or fit with corner_window fitted: {detail}",
-    Flag.DISTORTION_FOLDS: "bring the board into the corners of the frame: the distortion there is not held",
-    Flag.REPROJECTION_LARGE: "the board does not fit the model: is it flat, and are the pictures sharp?",
+    codes.TILT_POOR: "tilt the board by 20 to 45 degrees, to the left, to the right, up and down",
+    codes.VIEW_OUTLIER: "take {where} again, or leave it out: {detail}",
+    codes.CORNER_WINDOW_WIDE: "come closer, take larger squares, or fit with corner_window fitted: {detail}",
+    codes.DISTORTION_FOLDS: "bring the board into the frame's corners: it is not determined there",
+    codes.REPROJECTION_LARGE: "the board does not fit the model: is it flat, and are the pictures sharp?",
 }
 _ROWS: Final = ("top", "middle", "bottom")
 _COLS: Final = ("left", "centre", "right")
@@ -66,7 +66,7 @@ def _plan_by_flags(rows: Sequence[FrameRow], params: Params) -> list[str]:
     try:
         fit = fit_geometry(rows, params)
     except InputRejected:
-        return [_ADVICE[Flag.TILT_POOR]]
+        return [_ADVICE[codes.TILT_POOR]]
     return [
         _ADVICE[raised.flag].format(where=raised.where, detail=raised.detail.rstrip("."))
         for raised in fit.flags

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from radiometry.findings.flags import Raised
+from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.rows import Window

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.geometry.camera import PARAMETERS, CameraModel
 
 _MOST_STEPS: Final = 200
@@ -115,7 +115,7 @@ def solve(views: Sequence[View], free: FreeParameters, *, height_px: int, width_
         camera, poses = _start(views, free, height_px=height_px, width_px=width_px)
         return _descend(views, free, camera, poses)
     except (cv2.error, np.linalg.LinAlgError, FloatingPointError) as error:
-        raise InputRejected(Code.FIT_FAILED, _ADVICE) from error
+        raise InputRejected(shared.FIT_FAILED, _ADVICE) from error
 
 
 def require_determined(solution: Solution) -> None:
@@ -124,7 +124,7 @@ def require_determined(solution: Solution) -> None:
     Raises InputRejected(fit_failed)
     """
     if solution.covariance[0, 0] > (_WORST_FOCAL_REL * solution.camera.fx_px) ** 2:
-        raise InputRejected(Code.FIT_FAILED, _ADVICE)
+        raise InputRejected(shared.FIT_FAILED, _ADVICE)
 
 
 def find_pose(camera: CameraModel, view: View) -> Pose:
@@ -237,7 +237,7 @@ def _conclude(
     scale = np.sqrt(np.diag(total))
     scaled = total / np.outer(scale, scale)
     if not np.linalg.cond(scaled) < _WORST_CONDITION:
-        raise InputRejected(Code.FIT_FAILED, _ADVICE)
+        raise InputRejected(shared.FIT_FAILED, _ADVICE)
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
     covariance = free.directions @ inverse @ free.directions.T * normal.cost / dof
     return Solution(
@@ -255,9 +255,9 @@ def _require_sense(camera: CameraModel, information: NDArray[np.float64]) -> Non
     low, high = (factor * max(camera.height_px, camera.width_px) for factor in _PLAUSIBLE_FOCAL)
     plausible = all(low < focal < high for focal in (camera.fx_px, camera.fy_px))
     if not plausible or not np.all(information > 0.0):
-        raise InputRejected(Code.FIT_FAILED, _ADVICE)
+        raise InputRejected(shared.FIT_FAILED, _ADVICE)
 
 
 def _require_finite(values: NDArray[np.float64]) -> None:
     if not np.isfinite(values).all():
-        raise InputRejected(Code.FIT_FAILED, _ADVICE)
+        raise InputRejected(shared.FIT_FAILED, _ADVICE)

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.grey import make_grey
@@ -56,7 +56,7 @@ def require_size(camera: CameraModel, *, height_px: int, width_px: int) -> None:
     """
     if (height_px, width_px) != (camera.height_px, camera.width_px):
         raise InputRejected(
-            Code.WRONG_CAMERA,
+            shared.WRONG_CAMERA,
             f"The picture is {width_px} x {height_px} pixels, the calibration holds for "
             f"{camera.width_px} x {camera.height_px}. Take a picture of the same size and crop.",
         )

@@ -3,15 +3,9 @@
 from collections.abc import Sequence
 from typing import Final
 
-from radiometry.frame.verdicts import (
-    Reason,
-    ReasonCode,
-    ReviewedFrame,
-    Verdict,
-    conclude,
-    give_whole_frame,
-    inspect_frames,
-)
+from radiometry.findings import Reason
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, give_whole_frame, inspect_frames
+from radiometry.geometry import codes
 from radiometry.geometry.features import Features
 from radiometry.geometry.rows import CHART, FrameRow
 
@@ -40,18 +34,18 @@ def _inspect(features: Features) -> list[Reason]:
             f"The board cannot be used: {features.not_found}. Show all of a checkerboard with a white "
             "margin, sharp, flat and free of glare, and check the numbers of its corners in the campaign."
         )
-        return [Reason(code=ReasonCode.BOARD_NOT_FOUND, outcome="fail", detail=detail)]
+        return [codes.BOARD_NOT_FOUND.reason(detail)]
     found = []
     if features.edge_rise_px is not None and features.edge_rise_px > BLURRED_RISE_PX:
         detail = (
             f"The edges of the squares rise over {features.edge_rise_px:.1f} px, {BLURRED_RISE_PX:g} px are "
             "tolerable. Focus, hold still, and take a shorter time."
         )
-        found.append(Reason(code=ReasonCode.BOARD_BLURRED, outcome="warn", detail=detail))
+        found.append(codes.BOARD_BLURRED.reason(detail))
     if features.board_share < SMALL_SHARE:
         detail = (
             f"The board spans {features.board_share:.1%} of the frame: come closer, so that it fills a tenth "
             "to a half."
         )
-        found.append(Reason(code=ReasonCode.BOARD_SMALL, outcome="warn", detail=detail))
+        found.append(codes.BOARD_SMALL.reason(detail))
     return found

@@ -3,9 +3,9 @@
 import statistics as python_statistics
 from collections.abc import Iterable, Sequence
 
-from radiometry.findings.flags import Flag
+from radiometry.findings import Reason, shared
 from radiometry.frame.exposure import compute_rhs
-from radiometry.frame.verdicts import Reason, ReasonCode
+from radiometry.luminance import codes
 from radiometry.luminance.exposing import USEFUL_SHARE
 from radiometry.luminance.messages import show_settings
 from radiometry.luminance.points import Candidate, IsoSeries, is_below_detection, is_saturated
@@ -32,7 +32,7 @@ def inspect_scenes(
     read = sorted({reading.scene for reading in readings if reading.quantity == "luminance"})
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
     drifts = {
-        raised.where: raised.detail for raised in check_scenes(scenes) if raised.flag == Flag.LAMP_DRIFT
+        raised.where: raised.detail for raised in check_scenes(scenes) if raised.flag == codes.LAMP_DRIFT
     }
     found: dict[str, list[Reason]] = {}
     for row in rows:
@@ -41,7 +41,7 @@ def inspect_scenes(
         reasons = found.setdefault(row.frame, [])
         if not row.scene:
             detail = "Nobody said which light level this frame shows: give it its scene."
-            reasons.append(Reason(code=ReasonCode.SCENE_MISSING, outcome="fail", detail=detail))
+            reasons.append(codes.SCENE_MISSING.reason(detail))
             continue
         if row.scene not in read:
             reasons.append(_reading_missing(row.scene, read))
@@ -50,7 +50,7 @@ def inspect_scenes(
                 f"{drifts[f'scene {row.scene}']} The lamp drifted in scene {row.scene}: let it warm up, then "
                 "repeat the frames and the readings of this level."
             )
-            reasons.append(Reason(code=ReasonCode.LAMP_DRIFT, outcome="warn", detail=detail))
+            reasons.append(codes.LAMP_DRIFT.reason(detail))
     return found
 
 
@@ -63,7 +63,7 @@ def _reading_missing(scene: str, read: Sequence[str]) -> Reason:
         f"Scene {scene} has no luminance reading{there}. Read the meter while the lamp still "
         "burns at this level, or correct the name."
     )
-    return Reason(code=ReasonCode.READING_MISSING, outcome="warn", detail=detail)
+    return codes.READING_MISSING.reason(detail)
 
 
 def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
@@ -84,7 +84,7 @@ def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Rea
                 "shares the errors of reading and aperture and adds next to nothing. Change the aperture or "
                 "the level."
             )
-            found[row.frame] = [Reason(code=ReasonCode.REDUNDANT, outcome="warn", detail=detail)]
+            found[row.frame] = [shared.REDUNDANT.reason(detail)]
     return found
 
 
@@ -144,7 +144,7 @@ def _doubtful(scene: str, ratio: float, fitting: str) -> Reason:
         f"{scene} at this ISO. {hint}Check its scene; if that is right, the lamp or the camera "
         "moved: take it again."
     )
-    return Reason(code=ReasonCode.SCENE_DOUBTFUL, outcome="warn", detail=detail)
+    return codes.SCENE_DOUBTFUL.reason(detail)
 
 
 def _per_luminance(candidate: Candidate) -> float:

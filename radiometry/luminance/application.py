@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting import models
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure, Settings, require_plausible
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
+from radiometry.luminance import codes
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
 from radiometry.vignetting.lens import LensShare
@@ -93,13 +93,13 @@ def require_alike(coefficient: Coefficient, *, corrected: bool) -> None:
     """
     if coefficient.vignetting is not None and not corrected:
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED,
+            shared.VIGNETTING_NOT_CALIBRATED,
             "This K holds for signals that are corrected for vignetting: measure with the vignetting version "
             "that it was made with.",
         )
     if coefficient.vignetting is None and corrected:
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED,
+            shared.VIGNETTING_NOT_CALIBRATED,
             "This K was made without correcting vignetting, and holds for uncorrected signals alone.",
         )
 
@@ -114,7 +114,7 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Co
             return coefficient
     known = ", ".join(f"{coefficient.iso:g}" for coefficient in coefficients)
     raise InputRejected(
-        Code.ISO_NOT_CALIBRATED,
+        codes.ISO_NOT_CALIBRATED,
         f"The frame was taken at ISO {iso:g}; this calibration holds ISO {known}. "
         "Every ISO value needs its own.",
     )
@@ -127,7 +127,7 @@ def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
     """
     if coefficient.model != "proportional":
         raise InputRejected(
-            Code.FIT_FAILED,
+            shared.FIT_FAILED,
             f"A map needs a calibration with the proportional model; this one is {coefficient.model}.",
         )
     settings = exposure.on_basis(coefficient.exposure_basis)
@@ -138,7 +138,7 @@ def _invert(coefficient: Coefficient, adjusted_dn: float) -> float:
     rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
     if not math.isfinite(rhs):
         raise InputRejected(
-            Code.FIT_FAILED,
+            shared.FIT_FAILED,
             f"The {coefficient.model} model of this calibration has no luminance for a signal of "
             f"{adjusted_dn:g} DN above dark.",
         )
@@ -186,18 +186,18 @@ def _flags(
     times = coefficient.exposure_times_s
     if not any(abs(settings.exposure_time_s / time - 1.0) <= _SAME_TIME_REL for time in times):
         detail = f"{settings.exposure_time_s:g} s; calibrated: {', '.join(f'{time:g}' for time in times)} s."
-        raised.append(Raised(flag=Flag.OUTSIDE_EXPOSURE_TIMES.value, where="", detail=detail))
+        raised.append(codes.OUTSIDE_EXPOSURE_TIMES.at("", detail))
     for flag, value, (low, high), unit in (
-        (Flag.OUTSIDE_F_NUMBERS, settings.f_number, coefficient.f_number_range, ""),
-        (Flag.OUTSIDE_SIGNALS, adjusted_dn, coefficient.signal_range_dn, " DN above dark"),
+        (codes.OUTSIDE_F_NUMBERS, settings.f_number, coefficient.f_number_range, ""),
+        (codes.OUTSIDE_SIGNALS, adjusted_dn, coefficient.signal_range_dn, " DN above dark"),
     ):
         if not low <= value <= high:
             detail = f"{value:g}{unit}; calibrated: {low:g} to {high:g}{unit}."
-            raised.append(Raised(flag=flag.value, where="", detail=detail))
+            raised.append(flag.at("", detail))
     if signal.saturated_share > MOST_SATURATED_SHARE:
         detail = f"{signal.saturated_share:.2%} of the samples."
-        raised.append(Raised(flag=Flag.SATURATED.value, where="", detail=detail))
+        raised.append(shared.SATURATED.at("", detail))
     if adjusted_dn < DETECTION_ERRORS * u_adjusted_dn:
         detail = f"{adjusted_dn:.3g} DN above dark, standard uncertainty {u_adjusted_dn:.3g} DN."
-        raised.append(Raised(flag=Flag.BELOW_DETECTION.value, where="", detail=detail))
+        raised.append(shared.BELOW_DETECTION.at("", detail))
     return raised

@@ -6,7 +6,7 @@ from typing import get_args
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting import models
 from radiometry.fitting.curve import CurveFit, coverage_factor, fit_curve
 from radiometry.fitting.evidence import BudgetEntry, Quantity
@@ -57,7 +57,7 @@ def fit_coefficient(
     fit = fit_curve(_curve(series, params), model=params.model)
     if fit is None:
         raise InputRejected(
-            Code.FIT_FAILED,
+            shared.FIT_FAILED,
             f"The {params.model} model does not settle on the points of ISO {series.iso:g}: "
             "look at them for a reading or a unit that is wrong, or choose the proportional model.",
         )

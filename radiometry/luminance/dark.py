@@ -5,8 +5,9 @@ import statistics as python_statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised, shared
 from radiometry.frame.statistics import Signal
+from radiometry.luminance import codes
 
 EXPOSURE_RATIO = 2.0
 FEW_DARK_FRAMES = 3
@@ -73,19 +74,19 @@ def check_dark(
     where = f"iso {iso:g}"
     if not dark_times_s:
         detail = "No dark frame: the black level that the files state was subtracted."
-        return [Raised(flag=Flag.DARK_FROM_BLACK_LEVEL.value, where=where, detail=detail)]
+        return [shared.DARK_FROM_BLACK_LEVEL.at(where, detail)]
     raised: list[Raised] = []
     if len(dark_times_s) < FEW_DARK_FRAMES:
         detail = f"Dark frames: {len(dark_times_s)}."
-        raised.append(Raised(flag=Flag.DARK_FROM_FEW_FRAMES.value, where=where, detail=detail))
+        raised.append(codes.DARK_FROM_FEW_FRAMES.at(where, detail))
     if dark.frame_spread_dn > _VARIATION_REL * weakest_signal_dn:
         detail = f"Spread {dark.frame_spread_dn:.3g} DN, weakest signal {weakest_signal_dn:.4g} DN."
-        raised.append(Raised(flag=Flag.DARK_VARIES.value, where=where, detail=detail))
+        raised.append(codes.DARK_VARIES.at(where, detail))
     far = [time for time in sorted(set(light_times_s)) if time_ratio(time, dark_times_s) > EXPOSURE_RATIO]
     if far:
         times = ", ".join(f"{time:g} s" for time in far)
         detail = f"No dark frame within a factor of {EXPOSURE_RATIO:g} of the exposure time {times}."
-        raised.append(Raised(flag=Flag.DARK_EXPOSURE_DIFFERS.value, where=where, detail=detail))
+        raised.append(shared.DARK_EXPOSURE_DIFFERS.at(where, detail))
     return raised
 
 

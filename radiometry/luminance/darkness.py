@@ -3,9 +3,9 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from radiometry.findings import Reason, shared
 from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
 from radiometry.frame.statistics import Signal, measure_signal
-from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.luminance.dark import EXPOSURE_RATIO, time_ratio
 from radiometry.luminance.points import DETECTION_ERRORS
 from radiometry.luminance.rows import FrameRow, Params
@@ -67,7 +67,7 @@ def _above_others(row: FrameRow, darkest: FrameRow, signals: dict[str, Signal]) 
         f"Its mean is {excess:.3g} DN above that of {darkest.frame}, a dark frame of the same ISO and a like "
         f"time: this one saw light. {TAKE_AGAIN}"
     )
-    return Reason(code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=detail)
+    return shared.DARK_NOT_DARK.reason(detail)
 
 
 def _above_black(signal: Signal) -> Reason | None:

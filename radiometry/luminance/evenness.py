@@ -3,8 +3,8 @@
 import math
 from collections.abc import Mapping, Sequence
 
+from radiometry.findings import Reason, shared
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.luminance.points import Candidate, IsoSeries, is_below_detection, is_saturated
 
 UNEVEN_REL = 0.05
@@ -100,4 +100,4 @@ def _uneven(unevenness: float, skew: float) -> Reason:
         "surface, without tape, edge or shadow? Draw it anew, give this frame a region of its own, or even "
         "out the light."
     )
-    return Reason(code=ReasonCode.UNEVEN, outcome="warn", detail=detail)
+    return shared.UNEVEN.reason(detail)

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from statistics import NormalDist
 
+from radiometry.findings import Reason, shared
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.frame.verdicts import Reason, ReasonCode
+from radiometry.luminance import codes
 from radiometry.luminance.dark import Dark
 from radiometry.luminance.messages import show_stops
 from radiometry.luminance.points import (
@@ -64,7 +65,7 @@ def inspect_exposure(
             f"The highlights of the region reach {min(share, 1.0):.0%} of white. Give it "
             f"{show_stops(share / AIM_SHARE)} less light: {_LESS}."
         )
-        return [Reason(code=ReasonCode.NEARLY_CLIPPED, outcome="warn", detail=detail)]
+        return [codes.NEARLY_CLIPPED.reason(detail)]
     return _inspect_weakness(candidate, dark, span)
 
 
@@ -79,13 +80,13 @@ def _inspect_weakness(candidate: Candidate, dark: Dark, span: float) -> list[Rea
             f"The signal is {adjusted:.3g} DN above dark, with a standard error of {error:.2g} DN: the fit "
             f"leaves it out. Give it at least {stops} more light: {_MORE}."
         )
-        return [Reason(code=ReasonCode.TOO_DARK, outcome="fail", detail=detail)]
+        return [shared.TOO_DARK.reason(detail)]
     if adjusted < useful:
         detail = (
             f"The signal is {adjusted:.3g} DN above dark; from {useful:.3g} DN on it is useful. "
             f"Give it {show_stops(useful / adjusted)} more light: {_MORE}."
         )
-        return [Reason(code=ReasonCode.WEAK_SIGNAL, outcome="warn", detail=detail)]
+        return [shared.WEAK_SIGNAL.reason(detail)]
     return []
 
 
@@ -107,7 +108,7 @@ def _clipped(
         f"{candidate.signal.saturated_share:.2%} of the region is clipped, more than "
         f"{MOST_SATURATED_SHARE:.1%}: the fit leaves it out. Give it {amount} less light: {_LESS}."
     )
-    return Reason(code=ReasonCode.CLIPPED, outcome="fail", detail=detail)
+    return shared.CLIPPED.reason(detail)
 
 
 def _estimate_highlights(row: ChannelStatistics) -> float:

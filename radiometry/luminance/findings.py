@@ -3,9 +3,10 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised, shared
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
+from radiometry.luminance import codes
 from radiometry.luminance.results import AppliedLuminance
 
 Corners = Sequence[tuple[float, float]]
@@ -13,9 +14,9 @@ Corners = Sequence[tuple[float, float]]
 # As well as a hand draws the same region twice, of the frame's diagonal.
 _NEAR_SHARE = 0.02
 _OF_CELLS = {
-    Flag.SATURATED.value: "Saturated",
-    Flag.BELOW_DETECTION.value: "Below detection",
-    Flag.OUTSIDE_SIGNALS.value: "Outside the calibrated signals",
+    shared.SATURATED: "Saturated",
+    shared.BELOW_DETECTION: "Below detection",
+    codes.OUTSIDE_SIGNALS: "Outside the calibrated signals",
 }
 
 
@@ -36,16 +37,16 @@ def find_flags(
     """
     flags = [] if corrected else _find_falloff(frame, measured, calibrated)
     if rendered:
-        flags.append(Raised(flag=Flag.RENDERED.value, where="", detail="The frame is no raw file."))
+        flags.append(shared.RENDERED.at("", "The frame is no raw file."))
     detail = "Luminance towards the camera, not towards a driver 60 m or a pedestrian 1.5 m away."
-    flags.append(Raised(flag=Flag.OBSERVER_DIFFERS.value, where="", detail=detail))
+    flags.append(codes.OBSERVER_DIFFERS.at("", detail))
     return tuple(flags)
 
 
 def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> list[Raised]:
     """Say that K holds where it was found, and how far from there the measurement reaches."""
     detail = "Vignetting was corrected with: none."
-    flags = [Raised(flag=Flag.NO_VIGNETTING_CORRECTION.value, where="", detail=detail)]
+    flags = [codes.NO_VIGNETTING_CORRECTION.at("", detail)]
     distance = _farthest_px(measured, calibrated)
     diagonal = math.hypot(frame.height_px, frame.width_px)
     if distance > _NEAR_SHARE * diagonal:
@@ -53,7 +54,7 @@ def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequenc
             f"It reaches {distance:.0f} px beyond the calibration's region, "
             f"{distance / diagonal:.0%} of the frame's diagonal."
         )
-        flags.append(Raised(flag=Flag.ROI_ELSEWHERE.value, where="", detail=detail))
+        flags.append(codes.ROI_ELSEWHERE.at("", detail))
     return flags
 
 
@@ -62,20 +63,16 @@ def summarise_cells(applied: Iterable[Iterable[AppliedLuminance]]) -> tuple[Rais
 
     Flags  saturated, below_detection, outside_signals
     """
-    found: dict[str, list[str]] = {flag: [] for flag in _OF_CELLS}
+    found: dict[str, list[str]] = {finding.code: [] for finding in _OF_CELLS}
     for row, line in enumerate(applied):
         for col, one in enumerate(line):
             for raised in one.flags:
                 if raised.flag in found:
                     found[raised.flag].append(f"row {row + 1}, column {col + 1}")
     return tuple(
-        Raised(
-            flag=flag,
-            where="grid",
-            detail=f"{_OF_CELLS[flag]}: {len(cells)} of the cells, the first in {cells[0]}.",
-        )
-        for flag, cells in found.items()
-        if cells
+        finding.at("grid", f"{what}: {len(cells)} of the cells, the first in {cells[0]}.")
+        for finding, what in _OF_CELLS.items()
+        if (cells := found[finding.code])
     )
 
 

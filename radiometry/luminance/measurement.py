@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Raised
+from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
-from radiometry.luminance import method
+from radiometry.luminance import codes, method
 from radiometry.luminance.application import apply_to_signal, choose_coefficient
 from radiometry.luminance.findings import find_flags, summarise_cells
 from radiometry.luminance.lens import correct_signal
@@ -196,7 +195,7 @@ def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> t
     """A cell between the green sites would be measured with another colour than was calibrated."""
     if "G" in frame.cfa and not any(row.channel in _GREENS for row in statistics):
         raise InputRejected(
-            Code.GRID_INVALID,
+            codes.GRID_INVALID,
             "A cell of the grid holds no green pixel: take fewer rows or columns, or fly lower.",
         )
     return statistics

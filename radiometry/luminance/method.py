@@ -14,13 +14,13 @@ from typing import Any
 
 from scipy.special import chdtri
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Figure, FrameEvidence
 from radiometry.frame import Frame
 from radiometry.frame.darkness import flag_not_dark
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.luminance import codes
 from radiometry.luminance.application import apply_coefficient as apply
 from radiometry.luminance.application import luminance_per_dn
 from radiometry.luminance.curves import fit_series
@@ -84,7 +84,7 @@ def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
     height, width = frame.samples_dn.shape[:2]
     inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
     if not inside.any():
-        raise InputRejected(Code.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
     return compute_statistics(frame, inside)
 
 
@@ -133,7 +133,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     """
     lacking = list_missing(rows, readings, params)
     if lacking:
-        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     require_shares(rows, params)
     calibration_u_rel, certified = meter_calibration_u_rel(readings)
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
@@ -144,9 +144,9 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     for one, iso_fit in zip(series, iso_fits, strict=True):
         flags += _check_series(one, rows, params) + _check_fit(one, iso_fit, params)
     if not certified:
-        flags.append(_raise(Flag.METER_CERTIFICATE_MISSING, "", "A reading's meter has no certificate."))
+        flags.append(codes.METER_CERTIFICATE_MISSING.at("", "A reading's meter has no certificate."))
     if params.model == "semilog":
-        flags.append(_raise(Flag.SEMILOG_MODEL, "", "Chosen by the parameters of this fit."))
+        flags.append(codes.SEMILOG_MODEL.at("", "Chosen by the parameters of this fit."))
     return Fit(
         iso_fits=iso_fits,
         points=tuple(itertools.chain.from_iterable(points for _, points in fitted)),
@@ -192,10 +192,6 @@ def list_figures(fitted: Fit) -> tuple[Figure, ...]:
     return (*ks, *darks)
 
 
-def _raise(flag: Flag, where: str, detail: str) -> Raised:
-    return Raised(flag=flag.value, where=where, detail=detail)
-
-
 def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -> list[Raised]:
     """Look at the frames that went in."""
     where = f"iso {series.iso:g}"
@@ -213,16 +209,16 @@ def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -
     doubted = {frame: reason for frame, (reason,) in inspect_darks(mine, params).items()}
     flags += flag_not_dark({frame: why for frame, why in doubted.items() if why.outcome == "fail"}, where)
     if len(used) < FEW_POINTS:
-        flags.append(_raise(Flag.FEW_POINTS, where, f"Points: {len(used)}."))
+        flags.append(shared.FEW_POINTS.at(where, f"Points: {len(used)}."))
     rendered = sum(row.rendered for row in light)
     if rendered:
-        flags.append(_raise(Flag.RENDERED, where, f"Rendered frames: {rendered} of {len(light)}."))
+        flags.append(shared.RENDERED.at(where, f"Rendered frames: {rendered} of {len(light)}."))
     maps = {tuple(sorted(row.gain_maps)) for row in light}
     if len(maps) > 1:
-        flags.append(_raise(Flag.GAIN_MAPS_DIFFER, where, f"Different sets of gain maps: {len(maps)}."))
+        flags.append(codes.GAIN_MAPS_DIFFER.at(where, f"Different sets of gain maps: {len(maps)}."))
     without = sum(not row.exposure.has_apex for row in light)
     if params.exposure_basis == "apex" and without:
-        flags.append(_raise(Flag.APEX_MISSING, where, f"Frames without APEX values: {without}."))
+        flags.append(codes.APEX_MISSING.at(where, f"Frames without APEX values: {without}."))
     return flags
 
 
@@ -233,19 +229,19 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
     flags: list[Raised] = []
     if "power" in by_model and abs(by_model["power"].parameters[1] - 1.0) > _NONLINEARITY:
         exponent, error = by_model["power"].parameters[1], by_model["power"].covariance[1][1] ** 0.5
-        flags.append(_raise(Flag.NONLINEAR, where, f"Exponent {exponent:.4f}, standard error {error:.4f}."))
+        flags.append(codes.NONLINEAR.at(where, f"Exponent {exponent:.4f}, standard error {error:.4f}."))
     k = by_model["proportional"].parameters[0]  # one parameter, points above dark: it always settles
     if not 1 / _IMPLAUSIBLE_RATIO <= k / iso_fit.expected_k <= _IMPLAUSIBLE_RATIO:
-        flags.append(_raise(Flag.IMPLAUSIBLE_K, where, f"K {k:.4g}, expected {iso_fit.expected_k:.4g}."))
+        flags.append(codes.IMPLAUSIBLE_K.at(where, f"K {k:.4g}, expected {iso_fit.expected_k:.4g}."))
     flags += _check_scatter(by_model[params.model], where)
     if params.meter_repeatability_rel is None and params.model != "semilog":
         estimate = by_model[params.model].meter_repeatability_rel or 0.0
-        flags.append(_raise(Flag.METER_REPEATABILITY_ESTIMATED, where, f"Estimated: {estimate:.2%}."))
+        flags.append(codes.METER_REPEATABILITY_ESTIMATED.at(where, f"Estimated: {estimate:.2%}."))
     if not iso_fit.passed:
         detail = (
             f"Largest error in L {iso_fit.largest_residual_rel:.1%}, tolerance {params.tolerance_rel:.1%}."
         )
-        flags.append(_raise(Flag.TOLERANCE_EXCEEDED, where, detail))
+        flags.append(codes.TOLERANCE_EXCEEDED.at(where, detail))
     return flags
 
 
@@ -261,4 +257,4 @@ def _check_scatter(chosen: ModelFit, where: str) -> list[Raised]:
         f"chi^2 / dof by the stated sources {stated / chosen.dof:.3g}{between}; "
         f"Birge ratio {chosen.birge_ratio:.3f}."
     )
-    return [_raise(Flag.SCATTER_EXCEEDS_UNCERTAINTY, where, detail)]
+    return [shared.SCATTER_EXCEEDS_UNCERTAINTY.at(where, detail)]

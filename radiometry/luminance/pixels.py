@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.frame.statistics import GREY, name_site
@@ -95,7 +95,7 @@ def order_pixels(
     inside &= find_measured(frame, channel=channel)
     if not inside.any():
         raise InputRejected(
-            Code.ROI_EMPTY, f"The region holds no {channel} pixel of the frame: draw it larger."
+            shared.ROI_EMPTY, f"The region holds no {channel} pixel of the frame: draw it larger."
         )
     noise = estimate_pixel_noise(sums, inside, parts=parts, lag=4 if channel == GREY else 2)
     if correction is None:

@@ -5,7 +5,8 @@ import math
 import statistics as python_statistics
 from collections.abc import Sequence
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised, shared
+from radiometry.luminance import codes
 from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
 from radiometry.luminance.dark import check_dark
 from radiometry.luminance.points import (
@@ -57,9 +58,9 @@ def _plan_darks(series: IsoSeries) -> list[str]:
         weakest_signal_dn=min(c.signal.value_dn for c in series.used) - series.dark.signal_dn,
     )
     advice: dict[str, str] = {
-        Flag.DARK_FROM_FEW_FRAMES: "fewer than three dark frames at {iso}: add some at other apertures",
-        Flag.DARK_VARIES: "the dark frames at {iso} differ too much for its weakest signal: repeat them",
-        Flag.DARK_EXPOSURE_DIFFERS: "no dark frames at {iso} with a like exposure time: {detail}",
+        codes.DARK_FROM_FEW_FRAMES: "fewer than three dark frames at {iso}: add some at other apertures",
+        codes.DARK_VARIES: "the dark frames at {iso} differ too much for its weakest signal: repeat them",
+        shared.DARK_EXPOSURE_DIFFERS: "no dark frames at {iso} with a like exposure time: {detail}",
     }
     return [_say(advice[found.flag], series, found) for found in raised]
 
@@ -137,8 +138,8 @@ def _plan_readings(rows: Sequence[FrameRow], readings: Sequence[Reading], params
     if scenes and len(illuminances) == len(set(illuminances)):
         found.append("no scene has two illuminance readings: a drifting lamp cannot be seen")
     advice: dict[str, str] = {
-        Flag.LAMP_DRIFT: "the lamp drifted in {where}: repeat its frames and readings",
-        Flag.RHO_CROSS_CHECK: "luminance and illuminance of {where} disagree: check both readings and rho",
+        codes.LAMP_DRIFT: "the lamp drifted in {where}: repeat its frames and readings",
+        codes.RHO_CROSS_CHECK: "luminance and illuminance of {where} disagree: check both readings and rho",
     }
     found += [advice[raised.flag].format(where=raised.where) for raised in check_scenes(scenes)]
     meters = sorted(

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Settings, compute_rhs
 from radiometry.frame.statistics import Signal, measure_signal
@@ -191,7 +191,7 @@ def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
     lacking = [row.frame for row in light if row.lens_share is None]
     if params.vignetting is not None and lacking:
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED,
+            shared.VIGNETTING_NOT_CALIBRATED,
             f"The fit corrects vignetting, and {_name_frames(sorted(lacking), 'has', 'have')} no V of its "
             "region: give it the vignetting version.",
         )

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised
+from radiometry.luminance import codes
 from radiometry.luminance.results import SceneSummary
 from radiometry.luminance.rows import Reading
 
@@ -57,14 +58,14 @@ def check_scenes(scenes: Sequence[SceneSummary]) -> list[Raised]:
         drift = scene.illuminance_spread_rel
         if drift is not None and drift > _LAMP_DRIFT_REL:
             detail = f"The illuminance readings spread over {drift:.1%} of their mean."
-            raised.append(Raised(flag=Flag.LAMP_DRIFT.value, where=where, detail=detail))
+            raised.append(codes.LAMP_DRIFT.at(where, detail))
         expected = scene.rho_e_pi_cd_m2
         if (
             expected is not None
             and not abs(scene.luminance_cd_m2 - expected) <= _RHO_TOLERANCE_REL * expected
         ):
             detail = f"L is {scene.luminance_cd_m2:.4g} cd/m2, rho E / pi is {expected:.4g} cd/m2."
-            raised.append(Raised(flag=Flag.RHO_CROSS_CHECK.value, where=where, detail=detail))
+            raised.append(codes.RHO_CROSS_CHECK.at(where, detail))
     return raised
 
 

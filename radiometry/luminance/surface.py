@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.roi import MAX_COORDINATE_PX, Polygon
+from radiometry.luminance import codes
 
 MAX_CELLS_A_SIDE = 50
 
@@ -104,7 +105,7 @@ def _lattice(grid: Grid) -> Lattice:
     """Give the lattice points (x, y), (rows + 1, columns + 1, 2); neighbours share theirs to the last bit."""
     if not (1 <= grid.rows <= MAX_CELLS_A_SIDE and 1 <= grid.columns <= MAX_CELLS_A_SIDE):
         raise InputRejected(
-            Code.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
+            codes.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
         )
     _require_convex(grid.corners)
     h = _homography(grid.corners)
@@ -133,13 +134,13 @@ def _require_convex(corners: Sequence[tuple[float, float]]) -> None:
     """Refuse what cannot be the image of a rectangle in front of the camera."""
     points = np.array(corners, np.float64)
     if points.shape != (4, 2) or not np.all(np.abs(points) <= MAX_COORDINATE_PX):
-        raise InputRejected(Code.GRID_INVALID, "A grid has four corners [x, y] in pixels.")
+        raise InputRejected(codes.GRID_INVALID, "A grid has four corners [x, y] in pixels.")
     edges = np.roll(points, -1, axis=0) - points
     following = np.roll(edges, -1, axis=0)
     turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     if not (np.all(turns > 0) or np.all(turns < 0)):
         raise InputRejected(
-            Code.GRID_INVALID,
+            codes.GRID_INVALID,
             "The grid's corners are not those of a surface seen in perspective: give them in order around it "
             "(top-left, top-right, bottom-right, bottom-left), no three on one line.",
         )

@@ -4,9 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from radiometry.findings import Reason
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.statistics import ChannelStatistics, select_rows
-from radiometry.frame.verdicts import Reason, ReviewedFrame, Verdict, conclude, inspect_frames
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
 from radiometry.luminance.agreement import (
     expect_signals,
     find_repeats,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
@@ -62,7 +62,7 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     window = Window(row0=frame.row0, col0=frame.col0, height=height, width=width)
     inside = mask(regions[0].polygon, window)
     if not inside.any():
-        raise InputRejected(Code.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
     step = 1 if frame.cfa in (GREY, "rgb") else 2
     skip_row, skip_col = frame.row0 % step, frame.col0 % step
     cells = _join_cells(inside[skip_row:, skip_col:], step)
@@ -98,7 +98,7 @@ def _find_square(cells: NDArray[np.bool_]) -> tuple[int, int, int]:
             if cells[row : row + side, col : col + side].all():
                 return row, col, side
     raise InputRejected(
-        Code.ROI_EMPTY,
+        shared.ROI_EMPTY,
         f"The region holds no square of {SMALLEST_SIDE} x {SMALLEST_SIDE} samples of every channel in its "
         "middle: draw it larger.",
     )

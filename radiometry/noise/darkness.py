@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import Reason, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
-from radiometry.frame.verdicts import Reason, ReasonCode
 from radiometry.noise.rows import DARK
 from radiometry.noise.stacks import Stack
 
@@ -106,7 +106,7 @@ def find_not_dark(stack: Stack) -> dict[str, Reason]:
                 f"Its mean is {mean - darkest:.3g} DN above that of a dark frame of the same ISO and time: "
                 f"this one saw light. {TAKE_AGAIN}"
             )
-            reason = Reason(code=ReasonCode.DARK_NOT_DARK, outcome="fail", detail=detail)
+            reason = shared.DARK_NOT_DARK.reason(detail)
         if reason is not None and reason.outcome == "fail":
             found[frame] = reason
     return found

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Finding, Raised, shared
 from radiometry.frame.darkness import name_not_dark
+from radiometry.noise import codes
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.darkness import find_not_dark
 from radiometry.noise.fit import FittedChannel
@@ -31,7 +32,7 @@ def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
     for each in fitted:
         where = f"iso {each.fit.iso:g} {each.fit.channel}"
         for flag, detail in (*_check_stacks(each), *_check_transfer(each), *_check_figures(each)):
-            found.append(Raised(flag=flag.value, where=where, detail=detail))
+            found.append(flag.at(where, detail))
     return tuple(found)
 
 
@@ -39,68 +40,68 @@ def check_rendered(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
     """Say whether somebody's tone curve stands between light and numbers."""
     rendered = sum(row.header.rendered for row in rows)
     detail = f"Rendered frames: {rendered} of {len(rows)}."
-    return (Raised(flag=Flag.RENDERED.value, where="", detail=detail),) if rendered else ()
+    return (shared.RENDERED.at("", detail),) if rendered else ()
 
 
-def _check_stacks(each: FittedChannel) -> list[tuple[Flag, str]]:
+def _check_stacks(each: FittedChannel) -> list[tuple[Finding, str]]:
     found = []
     drifting = max((level.lit.drift_rel for level in each.levels), default=0.0)
     if drifting > DRIFT_REL:
         detail = f"The means of frames of one setting differ by up to {drifting:.1%}."
-        found.append((Flag.PAIR_LIGHT_DRIFT, detail))
+        found.append((codes.PAIR_LIGHT_DRIFT, detail))
     ratios = [level.time_ratio for level in each.levels if not level.left_out]
     if max(ratios, default=1.0) > TIME_RATIO:
-        found.append((Flag.DARK_EXPOSURE_DIFFERS, f"By up to a factor of {max(ratios):.3g}."))
+        found.append((shared.DARK_EXPOSURE_DIFFERS, f"By up to a factor of {max(ratios):.3g}."))
     darks = [stack for stack in each.stacks if stack.setting.role == DARK]
     doubted = {frame: why for stack in darks for frame, why in find_not_dark(stack).items()}
     if doubted:
-        found.append((Flag.DARK_NOT_DARK, name_not_dark(doubted)))
+        found.append((shared.DARK_NOT_DARK, name_not_dark(doubted)))
     zeros = max(stack.zero_share for stack in darks)
     if zeros > UNDERFLOW_SHARE:
-        found.append((Flag.DARK_CLIPPED, f"Up to {zeros:.1%} of a dark frame's samples are 0."))
+        found.append((codes.DARK_CLIPPED, f"Up to {zeros:.1%} of a dark frame's samples are 0."))
     return found
 
 
-def _check_transfer(each: FittedChannel) -> list[tuple[Flag, str]]:
+def _check_transfer(each: FittedChannel) -> list[tuple[Finding, str]]:
     transfer = each.transfer
     if transfer is None:
-        return [(Flag.NO_PHOTON_TRANSFER, _count_levels(each))]
+        return [(codes.NO_PHOTON_TRANSFER, _count_levels(each))]
     found = []
     if len(transfer.levels) < GOOD_LEVELS:
-        found.append((Flag.FEW_POINTS, f"Levels in the photon transfer: {len(transfer.levels)}."))
+        found.append((shared.FEW_POINTS, f"Levels in the photon transfer: {len(transfer.levels)}."))
     if transfer.birge_ratio > 1.0 and transfer.chi_squared > _chi_squared_limit(len(transfer.levels) - 1):
         detail = f"Birge ratio {transfer.birge_ratio:.3f}: the noise does not follow the photon transfer."
-        found.append((Flag.SCATTER_EXCEEDS_UNCERTAINTY, detail))
+        found.append((shared.SCATTER_EXCEEDS_UNCERTAINTY, detail))
     line = each.fit.linearity
     if line and max(-line.lowest_rel, line.highest_rel) > OFF_LINE_REL:
         detail = f"Levels lie {line.lowest_rel:+.1%} to {line.highest_rel:+.1%} off the line."
-        found.append((Flag.LINEARITY_ERROR_LARGE, detail))
+        found.append((codes.LINEARITY_ERROR_LARGE, detail))
     figures = each.fit.transfer
     if figures and figures.saturation_origin == "white_level_assumed":
         top = max((level.signal_dn for level in each.levels), default=0.0)
         found.append(
             (
-                Flag.FULL_WELL_NOT_REACHED,
+                codes.FULL_WELL_NOT_REACHED,
                 f"The brightest level is {top / figures.saturation_dn.value:.0%} of white.",
             )
         )
     return found
 
 
-def _check_figures(each: FittedChannel) -> list[tuple[Flag, str]]:
+def _check_figures(each: FittedChannel) -> list[tuple[Finding, str]]:
     fit, found = each.fit, []
     if each.rounding_dominates:
         detail = f"Given is the limit, {fit.read_noise_dn.value:.2g} DN."
-        found.append((Flag.READ_NOISE_BELOW_ROUNDING, detail))
+        found.append((codes.READ_NOISE_BELOW_ROUNDING, detail))
     if fit.prnu_rel and fit.prnu_rel.value > UNEVEN_REL:
-        found.append((Flag.PRNU_LARGE, f"PRNU {fit.prnu_rel.value:.1%}."))
+        found.append((codes.PRNU_LARGE, f"PRNU {fit.prnu_rel.value:.1%}."))
     names = [
         name
         for name, resolved in (("DSNU", each.dsnu_resolved), ("PRNU", each.prnu_resolved))
         if not resolved
     ]
     if names:
-        found.append((Flag.PATTERN_NOT_RESOLVED, f"{' and '.join(names)}: add frames of one setting."))
+        found.append((codes.PATTERN_NOT_RESOLVED, f"{' and '.join(names)}: add frames of one setting."))
     current = fit.dark_current
     mean = current.dark_current_e_per_s if current else None
     variance = current.from_variance_e_per_s if current else None
@@ -108,7 +109,7 @@ def _check_figures(each: FittedChannel) -> list[tuple[Flag, str]]:
         u = math.hypot(mean.standard_uncertainty, variance.standard_uncertainty)
         if variance.value - mean.value > _ERRORS * u:
             detail = f"From the mean {mean.value:.3g} e-/s, from the variance {variance.value:.3g} e-/s."
-            found.append((Flag.DARK_CURRENT_COMPENSATED, detail))
+            found.append((codes.DARK_CURRENT_COMPENSATED, detail))
     return found
 
 

@@ -9,7 +9,7 @@ not measured here, so there is no quantum efficiency and no threshold in photons
 
 from collections.abc import Sequence
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Extracted, Figure, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
@@ -90,13 +90,13 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """
     lacking = list_missing(rows, params)
     if lacking:
-        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     by_channel = collect_stacks(rows, params)
     fitted = [each for stacks in by_channel.values() if (each := fit_channel(stacks, params))]
     if not any(each.transfer for each in fitted):
         reasons = dict.fromkeys(level.left_out for each in fitted for level in each.fit.levels)
         raise InputRejected(
-            Code.FIT_FAILED,
+            shared.FIT_FAILED,
             "No channel's noise grows with its signal over three levels or more, so there is no system gain. "
             f"Left out: {'; '.join(reason for reason in reasons if reason) or 'nothing'}.",
         )

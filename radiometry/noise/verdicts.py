@@ -2,16 +2,9 @@
 
 from collections.abc import Sequence
 
-from radiometry.frame.verdicts import (
-    Outcome,
-    Reason,
-    ReasonCode,
-    ReviewedFrame,
-    Verdict,
-    conclude,
-    give_whole_frame,
-    inspect_frames,
-)
+from radiometry.findings import Finding, Outcome, Reason, shared
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, give_whole_frame, inspect_frames
+from radiometry.noise import codes
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.darkness import find_not_dark
 from radiometry.noise.findings import DRIFT_REL
@@ -29,7 +22,7 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
 
     """
     reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
-    found: dict[str, dict[ReasonCode, Reason]] = {}
+    found: dict[str, dict[Finding, Reason]] = {}
     for stacks in collect_stacks(rows, params).values():
         for stack in stacks:
             for frame, reason in _inspect(stack, params):
@@ -41,10 +34,10 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
 
 def _inspect(stack: Stack, params: Params) -> list[tuple[str, Reason]]:
     found = [
-        (copy, _reason(ReasonCode.REDUNDANT, "fail", f"Its samples are those of {original}: it is a copy."))
+        (copy, shared.REDUNDANT.reason(f"Its samples are those of {original}: it is a copy.", "fail"))
         for copy, original in stack.copies.items()
     ]
-    shared = [*_inspect_pairing(stack, params)]
+    of_all = _inspect_pairing(stack, params)
     if stack.setting.role == DARK:
         found += find_not_dark(stack).items()
     elif stack.clipped:
@@ -52,8 +45,8 @@ def _inspect(stack: Stack, params: Params) -> list[tuple[str, Reason]]:
             f"{stack.clipped_share:.1%} of {stack.setting.channel} is at white: that shows where the signal "
             "ends, and no noise. Expose the others shorter."
         )
-        shared.append(_reason(ReasonCode.CLIPPED, "warn", detail))
-    return [*found, *((frame, reason) for frame in stack.frames for reason in shared)]
+        of_all.append(shared.CLIPPED.reason(detail, "warn"))
+    return [*found, *((frame, reason) for frame in stack.frames for reason in of_all)]
 
 
 def _inspect_pairing(stack: Stack, params: Params) -> list[Reason]:
@@ -62,7 +55,7 @@ def _inspect_pairing(stack: Stack, params: Params) -> list[Reason]:
             "No other frame has its role, scene, ISO, exposure time and f-number: noise is seen between two "
             "frames alike. Take it again with the same settings."
         )
-        return [_reason(ReasonCode.UNPAIRED, "warn", detail)]
+        return [codes.UNPAIRED.reason(detail)]
     if stack.setting.role == DARK or stack.drift_rel <= DRIFT_REL:
         return []
     outcome: Outcome = "fail" if stack.drift_rel > params.largest_drift_rel else "warn"
@@ -70,8 +63,4 @@ def _inspect_pairing(stack: Stack, params: Params) -> list[Reason]:
         f"The means of the frames of this setting differ by {stack.drift_rel:.1%}: the light changed between "
         "them. Let the lamp warm up, and take them one right after the other."
     )
-    return [_reason(ReasonCode.PAIR_DRIFT, outcome, detail)]
-
-
-def _reason(code: ReasonCode, outcome: Outcome, detail: str) -> Reason:
-    return Reason(code=code, outcome=outcome, detail=detail)
+    return [codes.PAIR_DRIFT.reason(detail, outcome)]

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.multispectral import RigGeometry
 from radiometry.frame.roi import Polygon
+from radiometry.reflectance import codes
 
 Grid = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ def move_region(
         )
     except InputRejected as refusal:
         raise InputRejected(
-            Code.ROI_OUTSIDE_FRAME,
+            shared.ROI_OUTSIDE_FRAME,
             "The other band of this capture looks a little aside, and does not see this region. "
             "Draw it nearer to the middle of the frame.",
         ) from refusal
@@ -167,7 +168,7 @@ def _require(lens: RigGeometry | None) -> RigGeometry:
         whole = lens.focal_length_px is not None and lens.focal_length_px > 0.0 and len(lens.distortion) == 5
     if not whole or lens is None:
         raise InputRejected(
-            Code.BANDS_NOT_ALIGNED,
+            codes.BANDS_NOT_ALIGNED,
             "A file of this capture does not say how its band is turned against the others (RigRelatives): "
             "the bands do not lie on one another, and an index of them would compare different places. "
             "Align them with photogrammetry software and compute the index there.",

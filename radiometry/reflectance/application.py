@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Finding, InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Multispectral
+from radiometry.reflectance import codes
 from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.evaluation import KAtTime, evaluate_k
 from radiometry.reflectance.features import Features
@@ -80,11 +80,11 @@ def find_scale_of_frame(
         flags += sunshine.flags
     else:
         detail = "Its light was not compared with this frame's."
-        flags.append(Raised(flag=Flag.PANEL_ONLY.value, where="", detail=detail))
+        flags.append(codes.PANEL_ONLY.at("", detail))
     k = evaluate_k(coefficient, at_s=read_clock_s(header))
     if k.outside:
         detail = "The frame's time is not between two panel captures."
-        flags.append(Raised(flag=Flag.OUTSIDE_PANEL_TIMES.value, where="", detail=detail))
+        flags.append(codes.OUTSIDE_PANEL_TIMES.at("", detail))
     sources = _list_sources(coefficient, k, sunshine)
     cosine = math.cos(math.radians(incidence_angle_deg))
     i_ss = sunshine.i_ss if sunshine else None
@@ -109,7 +109,7 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, band: str) -> Coe
             return coefficient
     known = ", ".join(sorted(coefficient.band for coefficient in coefficients))
     raise InputRejected(
-        Code.BAND_NOT_CALIBRATED,
+        codes.BAND_NOT_CALIBRATED,
         f"The frame shows band {band}; this calibration holds {known}. Every band needs a panel frame of "
         "its own and the panel's reflectance in it.",
     )
@@ -185,22 +185,20 @@ def _check_identity(header: FrameHeader, band: Multispectral, coefficient: Coeff
     flags = []
     if coefficient.normalisation == "sunshine":
         known = _compare(
-            band.sunshine_serial, coefficient.sunshine_serial, "sunshine sensor", Code.WRONG_SUNSHINE_SENSOR
+            band.sunshine_serial, coefficient.sunshine_serial, "sunshine sensor", codes.WRONG_SUNSHINE_SENSOR
         )
         if not known:
-            flags.append(
-                Raised(flag=Flag.SUNSHINE_SERIAL_UNKNOWN.value, where="", detail="No serial number.")
-            )
-    if not _compare(header.serial, coefficient.camera_serial, "camera", Code.WRONG_CAMERA):
-        flags.append(Raised(flag=Flag.SERIAL_UNKNOWN.value, where="", detail="No serial number."))
+            flags.append(codes.SUNSHINE_SERIAL_UNKNOWN.at("", "No serial number."))
+    if not _compare(header.serial, coefficient.camera_serial, "camera", shared.WRONG_CAMERA):
+        flags.append(shared.SERIAL_UNKNOWN.at("", "No serial number."))
     scale = find_scale(band)
     if not math.isclose(scale, coefficient.sensor_model_scale, rel_tol=_SAME_SCALE_REL):
         detail = f"{scale:g}; calibrated with {coefficient.sensor_model_scale:g}."
-        flags.append(Raised(flag=Flag.SENSOR_MODEL_DIFFERS.value, where="", detail=detail))
+        flags.append(codes.SENSOR_MODEL_DIFFERS.at("", detail))
     return flags
 
 
-def _compare(stated: str | None, calibrated: str | None, what: str, code: Code) -> bool:
+def _compare(stated: str | None, calibrated: str | None, what: str, code: Finding) -> bool:
     """Say whether both serial numbers are known; refuse two that differ."""
     if not stated or not calibrated:
         return False
@@ -217,10 +215,10 @@ def _check_features(features: Features, value: float, noise: float) -> list[Rais
     raised = []
     share = features.statistics.saturated_share
     if share > MOST_SATURATED_SHARE:
-        raised.append(Raised(flag=Flag.SATURATED.value, where="", detail=f"{share:.2%} of the samples."))
+        raised.append(shared.SATURATED.at("", f"{share:.2%} of the samples."))
     if value < 3.0 * noise:
         detail = f"Reflectance {value:.3g}, pixel noise {noise:.3g}."
-        raised.append(Raised(flag=Flag.BELOW_DETECTION.value, where="", detail=detail))
+        raised.append(shared.BELOW_DETECTION.at("", detail))
     if not 0.0 <= value <= 1.0:
-        raised.append(Raised(flag=Flag.REFLECTANCE_OUT_OF_RANGE.value, where="", detail=f"{value:.4g}."))
+        raised.append(codes.REFLECTANCE_OUT_OF_RANGE.at("", f"{value:.4g}."))
     return raised

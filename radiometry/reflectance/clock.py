@@ -2,8 +2,9 @@
 
 from datetime import UTC, datetime
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader
+from radiometry.reflectance import codes
 from radiometry.reflectance.sun import locate_sun
 from radiometry.reflectance.tilt import Tilt, TiltParams, require_high_sun
 
@@ -32,7 +33,7 @@ def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:
     at = read_clock(header)
     if at is None or header.latitude_deg is None or header.longitude_deg is None:
         raise InputRejected(
-            Code.TILT_NOT_CORRECTABLE,
+            codes.TILT_NOT_CORRECTABLE,
             "The file does not say when and where it was taken (no GPS fix): where the sun stood is not "
             "known. Fit without the tilt correction.",
         )

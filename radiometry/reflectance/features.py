@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window, mask
@@ -48,7 +48,7 @@ def extract_features(frame: Frame, polygon: Polygon, *, header: FrameHeader, exp
     height, width = frame.samples_dn.shape[:2]
     inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
     if not inside.any():
-        raise InputRejected(Code.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
     (statistics,) = compute_statistics(frame, inside)
     signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
     values = signal[inside]

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised, shared
 from radiometry.frame import FrameHeader
+from radiometry.reflectance import codes
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
 from radiometry.reflectance.results import BandFit
 
@@ -25,7 +26,7 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
     raised = []
     if band.sensor_model.a > _NEWER_SCALE:
         detail = f"A = {band.sensor_model.a:g}."
-        raised.append(Raised(flag=Flag.SENSOR_MODEL_SCALE.value, where=where, detail=detail))
+        raised.append(codes.SENSOR_MODEL_SCALE.at(where, detail))
     black_dn = sum(header.black_level_dn) / len(header.black_level_dn)
     full_dn = min(header.white_level_dn)
     if (
@@ -33,7 +34,7 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
         and abs(band.sensor_model.b - black_dn) > _BLACK_TOLERANCE_REL * full_dn
     ):
         detail = f"SensorModel {band.sensor_model.b:g} DN, black level {black_dn:g} DN; the former was used."
-        raised.append(Raised(flag=Flag.BLACK_LEVEL_DISAGREES.value, where=where, detail=detail))
+        raised.append(codes.BLACK_LEVEL_DISAGREES.at(where, detail))
     return raised
 
 
@@ -45,15 +46,15 @@ def check_candidates(candidates: Sequence[Candidate]) -> list[Raised]:
         features = each.row.features
         if features is not None and features.statistics.saturated_share > MOST_SATURATED_SHARE:
             detail = f"{features.statistics.saturated_share:.1%} of the region. Shorten the exposure."
-            raised.append(Raised(flag=Flag.PANEL_SATURATED.value, where=where, detail=detail))
+            raised.append(codes.PANEL_SATURATED.at(where, detail))
         if not each.left_out:
             raised += check_frame(each.row.header, where=where)
             if not each.row.header.serial:
                 detail = "No serial number."
-                raised.append(Raised(flag=Flag.SERIAL_UNKNOWN.value, where=where, detail=detail))
+                raised.append(shared.SERIAL_UNKNOWN.at(where, detail))
             if each.sunshine and not each.band.sunshine_serial:
                 detail = "No serial number."
-                raised.append(Raised(flag=Flag.SUNSHINE_SERIAL_UNKNOWN.value, where=where, detail=detail))
+                raised.append(codes.SUNSHINE_SERIAL_UNKNOWN.at(where, detail))
     return [*raised, *sunshine_flags(candidates), *_find_missing_bands(candidates)]
 
 
@@ -65,10 +66,9 @@ def _find_missing_bands(candidates: Sequence[Candidate]) -> list[Raised]:
             captures.setdefault(each.band.capture_id, set()).add(each.band.band)
     usual = set().union(*captures.values()) if captures else set()
     return [
-        Raised(
-            flag=Flag.BAND_MISSING.value,
-            where=f"capture {capture}",
-            detail=f"Not there: {', '.join(sorted(usual - bands))}.",
+        codes.BAND_MISSING.at(
+            f"capture {capture}",
+            f"Not there: {', '.join(sorted(usual - bands))}.",
         )
         for capture, bands in sorted(captures.items())
         if usual - bands
@@ -82,16 +82,16 @@ def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
     raised = []
     if steepest > STEEPEST_GRADIENT_REL:
         detail = f"{steepest:.1%} across the region: a shadow, a reflection, or the panel's rim."
-        raised.append(Raised(flag=Flag.PANEL_UNEVEN.value, where=where, detail=detail))
+        raised.append(codes.PANEL_UNEVEN.at(where, detail))
     if any(each.from_file for each in used):
         detail = f"Reflectance {fit.coefficient.panel_reflectance:g}."
-        raised.append(Raised(flag=Flag.PANEL_FROM_FILE.value, where=where, detail=detail))
+        raised.append(codes.PANEL_FROM_FILE.at(where, detail))
     if all(each.panel is None or each.panel.standard_uncertainty is None for each in used):
         detail = "State it with the panel."
-        raised.append(Raised(flag=Flag.PANEL_UNCERTAINTY_MISSING.value, where=where, detail=detail))
+        raised.append(codes.PANEL_UNCERTAINTY_MISSING.at(where, detail))
     if fit.drift_rel is None:
-        raised.append(Raised(flag=Flag.PANEL_ONCE.value, where=where, detail="Visits to the panel: 1."))
+        raised.append(codes.PANEL_ONCE.at(where, "Visits to the panel: 1."))
     elif abs(fit.drift_rel) > LARGEST_DRIFT_REL:
         detail = f"{fit.drift_rel:+.1%} from the first to the last of {fit.visits} visits."
-        raised.append(Raised(flag=Flag.PANEL_DRIFT.value, where=where, detail=detail))
+        raised.append(codes.PANEL_DRIFT.at(where, detail))
     return raised

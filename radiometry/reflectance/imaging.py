@@ -5,12 +5,12 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Settings
 from radiometry.frame.multispectral import Multispectral
 from radiometry.frame.roi import Window
-from radiometry.reflectance import micasense, sequoia
+from radiometry.reflectance import codes, micasense, sequoia
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial, evaluate_radial
 
 Plane = NDArray[np.float64]
@@ -26,7 +26,7 @@ def require_band(header: FrameHeader) -> Multispectral:
     """
     if header.multispectral is None:
         raise InputRejected(
-            Code.SENSOR_MODEL_UNUSABLE,
+            codes.SENSOR_MODEL_UNUSABLE,
             "The file does not say which band it holds nor how its sensor responds: it is not an original "
             "file of a Sequoia, RedEdge or Altum, or its XMP was lost or damaged. Upload the camera's own "
             "file.",
@@ -81,7 +81,7 @@ def _window(frame: Frame) -> Window:
 
 def _lacks(what: str, band: Multispectral) -> InputRejected:
     return InputRejected(
-        Code.SENSOR_MODEL_UNUSABLE,
+        codes.SENSOR_MODEL_UNUSABLE,
         f"The file of band {band.band_name} has no readable {what}: its numbers cannot become irradiance. "
         "Thermal bands have none; for others use the camera's original file and its newest firmware.",
     )

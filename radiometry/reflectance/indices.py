@@ -7,9 +7,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader
 from radiometry.frame.roi import Polygon
+from radiometry.reflectance import codes
 from radiometry.reflectance.alignment import align, move_region
 from radiometry.reflectance.imaging import require_band
 
@@ -62,7 +63,7 @@ def compute_index(index: Index, bands: Mapping[str, BandMap]) -> IndexMap:
     lacking = [name for name in (nir_name, other_name) if name not in bands]
     if lacking:
         raise InputRejected(
-            Code.BAND_NOT_CALIBRATED,
+            codes.BAND_NOT_CALIBRATED,
             f"{index.upper()} needs the bands {nir_name} and {other_name} of one capture; "
             f"{' and '.join(lacking)} is not there. Upload the capture's other files.",
         )
@@ -101,7 +102,7 @@ def _require_one_capture(one: FrameHeader, other: FrameHeader, *, sizes: Collect
     same = captures[0] is not None and captures[0] == captures[1]
     if not same or one.serial != other.serial or len(sizes) > 1:
         raise InputRejected(
-            Code.BANDS_NOT_ALIGNED,
+            codes.BANDS_NOT_ALIGNED,
             "The two files are not bands of one capture (their capture ids, cameras or sizes differ): the "
             "camera had moved between them.",
         )

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import RadialVignetting, VignettingPolynomial
 from radiometry.frame.roi import Window
+from radiometry.reflectance import codes
 
 Plane = NDArray[np.float64]
 
@@ -76,7 +77,7 @@ def _require_lens(share: Plane) -> Plane:
     darkest, brightest = float(share.min()), float(share.max())
     if not (darkest >= _DARKEST_SHARE and brightest <= _BRIGHTEST_SHARE):
         raise InputRejected(
-            Code.SENSOR_MODEL_UNUSABLE,
+            codes.SENSOR_MODEL_UNUSABLE,
             f"The file's vignetting polynomial gives shares of light of {darkest:.3g} to {brightest:.3g} in "
             "this region: it is not a lens's. Use the camera's original file.",
         )

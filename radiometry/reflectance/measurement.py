@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Raised
+from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window, mask
+from radiometry.reflectance import codes
 from radiometry.reflectance.application import apply_features
 from radiometry.reflectance.features import extract_features
 from radiometry.reflectance.imaging import compute_signal
@@ -171,7 +171,7 @@ def measure_index(index: Index, nir: AppliedReflectance, other: AppliedReflectan
     total = a.value + b.value
     if not total > 0.0:
         raise InputRejected(
-            Code.INDEX_UNDEFINED,
+            codes.INDEX_UNDEFINED,
             f"{index.upper()} does not exist here: the reflectances of {nir.band} and {other.band} add up to "
             f"{total:.4g}. Draw the region on something that reflects.",
         )

@@ -11,11 +11,11 @@ the vignetting, in public scripts, are not followed.
 from collections.abc import Sequence
 from typing import Any
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Extracted, Figure, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.reflectance import codes
 from radiometry.reflectance.application import (
     ReflectanceMap,
     Scale,
@@ -156,7 +156,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     require_flat_angle(params.incidence_angle_deg)
     lacking = list_missing(rows, readings, params)
     if lacking:
-        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, readings, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     if not used:
@@ -170,9 +170,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     for band, band_fit in fits.items():
         flags += check_fit(band_fit, [each for each in used if each.band.band == band])
     if params.normalisation == "panel_only":
-        flags.append(
-            Raised(flag=Flag.PANEL_ONLY.value, where="", detail="Chosen by the parameters of this fit.")
-        )
+        flags.append(codes.PANEL_ONLY.at("", "Chosen by the parameters of this fit."))
     return Fit(
         band_fits=tuple(fits.values()),
         points=tuple(describe_point(each, params, fits.get(each.band.band)) for each in candidates),
@@ -212,13 +210,13 @@ def configure(fitted: Fit) -> dict[str, Any]:
 
 def _explain(candidates: Sequence[Candidate]) -> InputRejected:
     """Name what keeps every panel frame out: by its own code where there is one for all."""
-    codes = {candidate.left_out_code for candidate in candidates}
+    found = {candidate.left_out_code for candidate in candidates}
     reasons = sorted({f"{each.band.band}: {each.left_out}" for each in candidates})
-    code = codes.pop() if len(codes) == 1 else None
+    code = found.pop() if len(found) == 1 else None
     what = "; ".join(reasons) or "none of the panel frames is a multispectral camera's"
-    if code is None or code == Code.PANEL_SATURATED:
+    if code is None or code == codes.PANEL_SATURATED:
         what += ". Take the panel again, neither saturated nor dark, and state what it reflects in each band."
-    return InputRejected(code or Code.FIT_INCOMPLETE, f"No panel frame can be used. {what}")
+    return InputRejected(code or shared.FIT_INCOMPLETE, f"No panel frame can be used. {what}")
 
 
 def _require_one_pair(used: Sequence[Candidate], params: Params) -> None:
@@ -226,11 +224,11 @@ def _require_one_pair(used: Sequence[Candidate], params: Params) -> None:
     cameras = {each.row.header.serial for each in used if each.row.header.serial}
     sensors = {each.band.sunshine_serial for each in used if each.band.sunshine_serial}
     for what, found, code in (
-        ("cameras", cameras, Code.WRONG_CAMERA),
+        ("cameras", cameras, shared.WRONG_CAMERA),
         (
             "sunshine sensors",
             sensors if params.normalisation == "sunshine" else set(),
-            Code.WRONG_SUNSHINE_SENSOR,
+            codes.WRONG_SUNSHINE_SENSOR,
         ),
     ):
         if len(found) > 1:

@@ -13,9 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.exposure import Settings
 from radiometry.frame.multispectral import RadianceModel
+from radiometry.reflectance import codes
 
 Plane = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def scale_to_radiance(signal: Plane, *, model: RadianceModel, settings: Settings
     exposure_s = time_s + model.a2 * row - model.a3 * time_s * row
     if not exposure_s.min() > 0.0:
         raise InputRejected(
-            Code.SENSOR_MODEL_UNUSABLE,
+            codes.SENSOR_MODEL_UNUSABLE,
             "The file's RadiometricCalibration leaves rows of the image without exposure. "
             "Use the camera's original file.",
         )

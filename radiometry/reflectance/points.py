@@ -5,9 +5,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Raised
+from radiometry.findings import Finding, InputRejected, Raised
 from radiometry.frame.multispectral import Multispectral
+from radiometry.reflectance import codes
 from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.features import Features
 from radiometry.reflectance.rows import FrameRow, Params, Reading
@@ -38,7 +38,7 @@ class Candidate:
     from_file: bool
     sunshine: Sunshine | None
     left_out: str
-    left_out_code: Code | None = None
+    left_out_code: Finding | None = None
 
     @property
     def features(self) -> Features:
@@ -116,7 +116,7 @@ def require_flat_angle(angle_deg: float) -> None:
     """
     if angle_deg > STEEPEST_ANGLE_DEG:
         raise InputRejected(
-            Code.PANEL_ANGLE_TOO_LARGE,
+            codes.PANEL_ANGLE_TOO_LARGE,
             f"The angle of incidence is {angle_deg:g} degrees; above {STEEPEST_ANGLE_DEG:g} a panel is no "
             "longer diffuse and a degree changes the result by more than 3 %. Level the panel, or wait for "
             "a higher sun.",
@@ -165,7 +165,7 @@ def _judge(
                 band, choice=params.sunshine_choice, tilt=tilt, where=f"frame {row.frame}"
             )
         except InputRejected as rejected:
-            left_out, code = rejected.message, Code(rejected.code)
+            left_out, code = rejected.message, rejected.code
     return Candidate(
         row=row,
         band=band,
@@ -189,14 +189,14 @@ def _find_reflectance(band: Multispectral, readings: Sequence[Reading]) -> tuple
     return None, False
 
 
-def _inspect(row: FrameRow) -> tuple[str, Code | None]:
+def _inspect(row: FrameRow) -> tuple[str, Finding | None]:
     """Say what keeps a frame's signal out of a fit, and its code where it has one of its own."""
     features = row.features
     if features is None:
         return "not extracted", None
     if features.statistics.saturated_share > MOST_SATURATED_SHARE:
         share = f"{features.statistics.saturated_share:.1%} of the region"
-        return f"saturated: {share}", Code.PANEL_SATURATED
+        return f"saturated: {share}", codes.PANEL_SATURATED
     numbers = (features.i_sq, features.i_sq_standard_uncertainty, features.gradient_rel)
     if not all(math.isfinite(number) for number in numbers):
         return "its signal is no number", None

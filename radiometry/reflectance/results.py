@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from radiometry.findings.flags import Raised
+from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.reflectance.rows import Interpolation, Normalisation
 from radiometry.reflectance.sunshine import Choice

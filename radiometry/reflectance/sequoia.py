@@ -11,9 +11,10 @@ reflectance?" 1.1, section 4.
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.exposure import Settings
 from radiometry.frame.multispectral import SensorModel
+from radiometry.reflectance import codes
 
 Plane = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ def scale_to_irradiance(signal_dn: Plane, *, model: SensorModel, settings: Setti
     response = model.a * settings.exposure_time_s * settings.iso + model.c
     if not response > 0.0:
         raise InputRejected(
-            Code.SENSOR_MODEL_UNUSABLE,
+            codes.SENSOR_MODEL_UNUSABLE,
             f"The file's SensorModel {model.a:g}, {model.b:g}, {model.c:g} has no positive response at "
             f"{settings.exposure_time_s:g} s and ISO {settings.iso:g}. Use the camera's original file.",
         )

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import InputRejected, Raised
 from radiometry.frame.multispectral import Multispectral, SunshineCounts, SunshineIrradiance, SunshineRecord
+from radiometry.reflectance import codes
 from radiometry.reflectance.gains import REFERENCE_INDEX, ROUNDING, SATURATED_COUNT, Gain, measure_gains
 from radiometry.reflectance.tilt import FURTHEST_FROM_SUN_DEG, Tilt, level_factor, sun_angle_deg
 
@@ -77,7 +77,7 @@ def measure_sunshine(
         return _take_irradiance(band.irradiance, choice=choice, tilt=tilt, where=where)
     if band.counts is None:
         raise InputRejected(
-            Code.SUNSHINE_MISSING, _advise(f"There is no sunshine reading: {band.sunshine_missing}.")
+            codes.SUNSHINE_MISSING, _advise(f"There is no sunshine reading: {band.sunshine_missing}.")
         )
     readings = list_readings(band.counts, tilt=tilt)
     valid = [reading for reading in readings if reading.i_ss is not None]
@@ -85,18 +85,16 @@ def measure_sunshine(
     if not valid:
         reasons = ", ".join(sorted(set(left_out))) or "the list is empty"
         raise InputRejected(
-            Code.SUNSHINE_MISSING, _advise(f"None of {len(readings)} sunshine readings is valid: {reasons}.")
+            codes.SUNSHINE_MISSING, _advise(f"None of {len(readings)} sunshine readings is valid: {reasons}.")
         )
     flags = _flag_counts(band.counts, left_out, len(readings), where)
     chosen = valid
     if choice != "mean":
         chosen = [valid[-1] if choice == "last" else _find_nearest(valid, band.exposed_at_us)]
         if choice == "nearest" and band.exposed_at_us is None:
-            flags.append(
-                Raised(flag=Flag.SUNSHINE_TIME_UNKNOWN.value, where=where, detail="No exposure time.")
-            )
+            flags.append(codes.SUNSHINE_TIME_UNKNOWN.at(where, "No exposure time."))
     if len(valid) == 1:
-        flags.append(Raised(flag=Flag.SUNSHINE_SINGLE_READING.value, where=where, detail="Readings: 1."))
+        flags.append(codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1."))
     gains = measure_gains(band.counts.gains)
     return _summarise(valid, chosen, gains, choice=choice, left_out=left_out, flags=tuple(flags))
 
@@ -139,7 +137,7 @@ def _read(record: SunshineRecord, gains: dict[int, Gain], tilt: Tilt | None) -> 
 def _angle_to_sun(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> float:
     if record.yaw_deg is None or record.pitch_deg is None or record.roll_deg is None:
         raise InputRejected(
-            Code.TILT_NOT_CORRECTABLE,
+            codes.TILT_NOT_CORRECTABLE,
             "The sunshine readings do not state how the sensor hung. Fit without the tilt correction.",
         )
     return sun_angle_deg(
@@ -196,13 +194,13 @@ def _flag_counts(counts: SunshineCounts, left_out: tuple[str, ...], total: int, 
     raised = []
     if left_out:
         detail = f"{len(left_out)} of {total}: {', '.join(sorted(set(left_out)))}."
-        raised.append(Raised(flag=Flag.SUNSHINE_READINGS_LEFT_OUT.value, where=where, detail=detail))
+        raised.append(codes.SUNSHINE_READINGS_LEFT_OUT.at(where, detail))
     if any(record.gain_index is None for record in counts.records):
         detail = f"Records of {counts.record_bytes} bytes."
-        raised.append(Raised(flag=Flag.SUNSHINE_GAIN_ASSUMED.value, where=where, detail=detail))
+        raised.append(codes.SUNSHINE_GAIN_ASSUMED.at(where, detail))
     elif len(measure_gains(counts.gains)) == 1:
         detail = f"Rows in the table: {len(counts.gains)}."
-        raised.append(Raised(flag=Flag.SUNSHINE_GAIN_TABLE_MISSING.value, where=where, detail=detail))
+        raised.append(codes.SUNSHINE_GAIN_TABLE_MISSING.at(where, detail))
     return raised
 
 
@@ -215,14 +213,14 @@ def _take_irradiance(
         angle_deg = _angle_to_sun(reading, tilt)
         if angle_deg > FURTHEST_FROM_SUN_DEG:
             raise InputRejected(
-                Code.SUNSHINE_MISSING, _advise("The only reading was turned away from the sun.")
+                codes.SUNSHINE_MISSING, _advise("The only reading was turned away from the sun.")
             )
         factor = level_factor(angle_deg, tilt)
-    flags = [Raised(flag=Flag.SUNSHINE_SINGLE_READING.value, where=where, detail="Readings: 1.")]
+    flags = [codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1.")]
     if reading.unit_origin != "tag":
         unit = "W/m2/nm" if reading.unit_origin == "dls1" else "uW/cm2/nm"
         detail = f"Taken for {unit} by its generation, {reading.unit_origin}."
-        flags.append(Raised(flag=Flag.SUNSHINE_SCALE_ASSUMED.value, where=where, detail=detail))
+        flags.append(codes.SUNSHINE_SCALE_ASSUMED.at(where, detail))
     return Sunshine(
         i_ss=reading.irradiance_w_m2_nm * factor,
         standard_uncertainty=0.0,

@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
+from radiometry.reflectance import codes
 from radiometry.reflectance.sun import SunPosition
 from radiometry.specification.parameters import check_parameters, parameter
 
@@ -50,7 +51,7 @@ def require_high_sun(sun: SunPosition) -> None:
     """
     if sun.elevation_deg < LOWEST_SUN_DEG:
         raise InputRejected(
-            Code.TILT_NOT_CORRECTABLE,
+            codes.TILT_NOT_CORRECTABLE,
             f"The sun stands at {sun.elevation_deg:.1f} degrees: under {LOWEST_SUN_DEG:g} the tilt of the "
             "sunshine sensor cannot be corrected. Fit without the tilt correction, or fly when it is higher.",
         )

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from radiometry.findings.errors import InputRejected
-from radiometry.frame.verdicts import Reason, ReasonCode, ReviewedFrame, Verdict, conclude, inspect_frames
+from radiometry.findings import InputRejected, Reason, shared
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
+from radiometry.reflectance import codes
 from radiometry.reflectance.findings import STEEPEST_GRADIENT_REL
 from radiometry.reflectance.points import (
     MOST_SATURATED_SHARE,
@@ -43,22 +44,22 @@ def _inspect_panel(candidate: Candidate) -> list[Reason]:
             f"{saturated:.1%} of the panel is saturated: the fit leaves the frame out. "
             "Shorten the exposure and take the panel again."
         )
-        found.append(Reason(code=ReasonCode.CLIPPED, outcome="fail", detail=detail))
+        found.append(shared.CLIPPED.reason(detail))
     elif candidate.left_out and candidate.left_out != NO_REFLECTANCE:
         detail = f"The panel gives no usable signal ({candidate.left_out}): take it again in better light."
-        found.append(Reason(code=ReasonCode.PANEL_WEAK, outcome="fail", detail=detail))
+        found.append(codes.PANEL_WEAK.reason(detail))
     if features.gradient_rel > STEEPEST_GRADIENT_REL:
         detail = (
             f"The signal changes by {features.gradient_rel:.1%} across the region: a shadow, a reflection or "
             "the panel's rim. Draw the region within the panel, or take the panel again in even light."
         )
-        found.append(Reason(code=ReasonCode.PANEL_UNEVEN, outcome="warn", detail=detail))
+        found.append(codes.PANEL_UNEVEN.reason(detail))
     if candidate.left_out == NO_REFLECTANCE:
         detail = (
             f"Nobody has said what the panel reflects in band {candidate.band.band}: "
             "register the panel with this band and name it in the campaign."
         )
-        found.append(Reason(code=ReasonCode.PANEL_UNKNOWN, outcome="warn", detail=detail))
+        found.append(codes.PANEL_UNKNOWN.reason(detail))
     return found
 
 
@@ -69,7 +70,7 @@ def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
     try:
         measure_sunshine(band, choice=params.sunshine_choice)
     except InputRejected as rejected:
-        return [Reason(code=ReasonCode.SUNSHINE_UNUSABLE, outcome="warn", detail=rejected.message)]
+        return [codes.SUNSHINE_UNUSABLE.reason(rejected.message)]
     return []
 
 

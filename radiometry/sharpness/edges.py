@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
+from radiometry.sharpness import codes
 from radiometry.sharpness.features import EdgeResponse, Estimate
 from radiometry.sharpness.location import Edge, locate_edge
 from radiometry.sharpness.profile import BINS_PER_PIXEL, Profile, form_profile, gather, measure_lengths
@@ -125,14 +126,14 @@ def _require_signal(plane: Plane) -> tuple[float, float]:
     lines, samples = plane.values.shape
     if lines < FEWEST_LINES or samples * plane.pitch_px < 2.0 * LEAST_REACH_PX + 4.0 or samples < 10:
         raise InputRejected(
-            Code.EDGE_TOO_SHORT,
+            codes.EDGE_TOO_SHORT,
             f"The region holds {lines} lines of {samples} samples of channel {plane.channel}: at least "
             f"{FEWEST_LINES} lines and {2.0 * LEAST_REACH_PX + 4.0:g} pixels across the edge are needed. "
             "Draw it larger.",
         )
     if plane.clipped_share > MOST_CLIPPED_SHARE:
         raise InputRejected(
-            Code.CHART_CLIPPED,
+            codes.CHART_CLIPPED,
             f"{plane.clipped_share:.2%} of channel {plane.channel} in the region is at white or at zero, "
             "more than "
             f"{MOST_CLIPPED_SHARE:.1%}: a clipped edge looks sharper than it is. Change the exposure.",
@@ -143,7 +144,7 @@ def _require_signal(plane: Plane) -> tuple[float, float]:
     contrast = (high - low) / (high + low) if high + low > 0.0 else 0.0
     if contrast < LEAST_CONTRAST:
         raise InputRejected(
-            Code.CHART_CONTRAST_TOO_LOW,
+            codes.CHART_CONTRAST_TOO_LOW,
             f"Contrast {contrast:.1%} in channel {plane.channel}, less than {LEAST_CONTRAST:.0%}: the "
             "region shows no edge "
             "from one side to the other, or a faint one. Draw it so that the edge runs through its middle.",
@@ -152,7 +153,7 @@ def _require_signal(plane: Plane) -> tuple[float, float]:
     noise = math.sqrt(sum(float(np.mean(bend**2)) for bend in bends) / 12.0) / (high - low)
     if noise > MOST_NOISE_REL:
         raise InputRejected(
-            Code.EDGE_TOO_NOISY,
+            codes.EDGE_TOO_NOISY,
             f"A pixel's noise is {noise:.1%} of the edge's step in channel {plane.channel}, more than "
             f"{MOST_NOISE_REL:.0%}: "
             "take it at a lower ISO, with more light, or with a chart of more contrast.",
@@ -164,7 +165,7 @@ def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
     """Refuse an edge that is none, lies badly or ends too soon; give the range that all lines reach [px]."""
     if edge.residual_px > _MOST_RESIDUAL_PX:
         raise InputRejected(
-            Code.EDGE_NOT_FOUND,
+            codes.EDGE_NOT_FOUND,
             f"Places of the edge scatter by {edge.residual_px:.1f} px about a smooth line: the region "
             "holds more than one "
             "edge, or none. Draw it about a single edge.",
@@ -172,7 +173,7 @@ def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
     angle_deg = math.degrees(math.atan(abs(edge.slope)))
     if not ANGLES_DEG[0] <= angle_deg <= ANGLES_DEG[1]:
         raise InputRejected(
-            Code.EDGE_ANGLE_UNSUITABLE,
+            codes.EDGE_ANGLE_UNSUITABLE,
             f"The edge leans {angle_deg:.1f} degrees from the pixel rows or columns: between "
             f"{ANGLES_DEG[0]:g} and "
             f"{ANGLES_DEG[1]:g} are needed, 5 are best. Turn the chart or the camera.",
@@ -182,7 +183,7 @@ def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
     low, high = float(np.max(plane.first_px - places)), float(np.min(last_px - places))
     if min(-low, high) < LEAST_REACH_PX:
         raise InputRejected(
-            Code.EDGE_NOT_FOUND,
+            codes.EDGE_NOT_FOUND,
             f"The edge comes within {min(-low, high):.1f} px of the region's side: it must keep "
             f"{LEAST_REACH_PX:g} px away "
             "on every line. Draw the region wider across the edge, or shorter along it.",
@@ -190,7 +191,7 @@ def _require_edge(plane: Plane, edge: Edge) -> tuple[float, float]:
     periods = plane.line_px.size * _line_step(plane) * abs(edge.slope) / plane.pitch_px
     if periods < FEWEST_PERIODS:
         raise InputRejected(
-            Code.EDGE_TOO_SHORT,
+            codes.EDGE_TOO_SHORT,
             f"Along the region the edge moves by {periods:.1f} samples of channel {plane.channel}: "
             f"{FEWEST_PERIODS:g} are needed. Draw the region longer, or lean the edge more.",
         )
@@ -207,7 +208,7 @@ def _require_phases(plane: Plane, edge: Edge) -> None:
     gap_px = float(np.max(np.diff(places, append=places[0] + plane.pitch_px)))
     if gap_px > _WIDEST_GAP_PX:
         raise InputRejected(
-            Code.EDGE_ANGLE_UNSUITABLE,
+            codes.EDGE_ANGLE_UNSUITABLE,
             f"At a slope of {abs(edge.slope):.3f} the edge passes the samples of channel {plane.channel} at "
             f"the same places again and again: {gap_px:.2f} px between them stay unseen. Turn the chart by a "
             "degree or two, or draw the region longer.",

@@ -5,11 +5,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.roi import Window, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.sharpness import codes
 from radiometry.sharpness.centring import guess_centre, refine_centre
 from radiometry.sharpness.edges import measure_edge
 from radiometry.sharpness.features import EdgeResponse, Features, Refusal, RegionResponse, StarResponse
@@ -141,4 +142,5 @@ def _room(centre: tuple[float, float], window: Window) -> float:
 def _explain(found: Sequence[RegionResponse]) -> InputRejected:
     first = next(refusal for region in found for refusal in region.refused)
     where = f"Region {found[0].name}: " if found[0].name else ""
-    return InputRejected(Code(first.code), f"{where}{first.message}")
+    entry = next(each for each in (*codes.FINDINGS, *shared.FINDINGS) if each == first.code)
+    return InputRejected(entry, f"{where}{first.message}")

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised, shared
+from radiometry.sharpness import codes
 from radiometry.sharpness.candidates import Candidate
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL
 from radiometry.sharpness.results import FalloffTable, PositionFit
@@ -28,20 +29,20 @@ def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
     for each in positions:
         where = name_position(each)
         if each.frames == 1:
-            raised.append(_raise(Flag.SHARPNESS_ONCE, where, f"Channel {each.channel}: one frame."))
+            raised.append(codes.SHARPNESS_ONCE.at(where, f"Channel {each.channel}: one frame."))
         halo = each.find("overshoot")
         if halo is not None:
             sure = halo.quantity.value - _OVERSHOOT_ERRORS * halo.quantity.standard_uncertainty
             if sure > LARGEST_OVERSHOOT:
                 detail = f"Channel {each.channel}: {halo.quantity.value:.1%} of the step."
-                raised.append(_raise(Flag.SHARPENING_SUSPECTED, where, detail))
+                raised.append(codes.SHARPENING_SUSPECTED.at(where, detail))
         if each.departure_px is not None and each.departure_px > LARGEST_DEPARTURE_PX:
             detail = f"Channel {each.channel}: {each.departure_px:.2f} px off a straight line."
-            raised.append(_raise(Flag.EDGE_CURVED, where, detail))
+            raised.append(codes.EDGE_CURVED.at(where, detail))
         main = "mtf50_cycles_per_pixel" if each.cycles is None else "resolving_power_cycles_per_pixel"
         if each.find(main) is None:
             detail = f"Channel {each.channel}: the response stays above the level."
-            raised.append(_raise(Flag.SHARPNESS_BEYOND_CURVE, where, detail))
+            raised.append(codes.SHARPNESS_BEYOND_CURVE.at(where, detail))
     return raised
 
 
@@ -53,11 +54,11 @@ def check_candidates(candidates: Sequence[Candidate], params: Params) -> list[Ra
     raised: list[Raised] = []
     rendered = sorted({each.frame for each in candidates if each.features.rendered and not each.left_out})
     if rendered:
-        raised.append(_raise(Flag.RENDERED, "", f"Rendered frames: {len(rendered)}."))
+        raised.append(shared.RENDERED.at("", f"Rendered frames: {len(rendered)}."))
     for each in candidates:
         if each.response is None:
             detail = f"Region {each.region.name}, channel {each.channel}: {each.left_out}"
-            raised.append(_raise(Flag.REGION_LEFT_OUT, f"frame {each.frame}", detail))
+            raised.append(codes.REGION_LEFT_OUT.at(f"frame {each.frame}", detail))
     for key in sorted({each.key for each in candidates if not each.left_out}):
         raised += _check_repeats(
             [each for each in candidates if each.key == key and not each.left_out], params
@@ -78,7 +79,7 @@ def _check_repeats(repeats: Sequence[Candidate], params: Params) -> list[Raised]
         return []
     detail = f"Channel {repeats[0].channel}: from {min(values):.3f} to {max(values):.3f} cycles per pixel."
     name = repeats[0].region.name
-    return [_raise(Flag.SHARPNESS_REPEATS_DIFFER, f"position {name}" if name else "", detail)]
+    return [codes.SHARPNESS_REPEATS_DIFFER.at(f"position {name}" if name else "", detail)]
 
 
 def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTable]) -> list[Raised]:
@@ -86,8 +87,4 @@ def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTabl
     if tables or len({each.position for each in positions}) < 2:
         return []
     detail = f"No position lies within {CENTRE_RADIUS_REL:g} of the half diagonal."
-    return [_raise(Flag.SHARPNESS_CENTRE_MISSING, "", detail)]
-
-
-def _raise(flag: Flag, where: str, detail: str) -> Raised:
-    return Raised(flag=flag.value, where=where, detail=detail)
+    return [codes.SHARPNESS_CENTRE_MISSING.at("", detail)]

@@ -10,7 +10,7 @@ line widths per millimetre of a 24 mm picture, and its d is a diameter; both are
 import itertools
 from collections.abc import Sequence
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Extracted, Figure, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
@@ -80,11 +80,11 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """
     lacking = list_missing(rows, params)
     if lacking:
-        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, params)
     used = [each for each in candidates if not each.left_out]
     if not used:
-        raise InputRejected(Code.FIT_INCOMPLETE, "No edge and no star of the chart frames can be used.")
+        raise InputRejected(shared.FIT_INCOMPLETE, "No edge and no star of the chart frames can be used.")
     positions = tuple(
         merge_position(list(group), params) for _, group in itertools.groupby(used, key=lambda each: each.key)
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame
 from radiometry.frame.roi import Window
 from radiometry.frame.statistics import GREY
@@ -107,7 +107,7 @@ def _read_sites(frame: Frame, window: Window, tone: Tone | None) -> dict[str, li
     samples = frame.samples_dn[max(row0, 0) : row0 + window.height, max(col0, 0) : col0 + window.width]
     if samples.shape[:2] != (window.height, window.width):
         raise InputRejected(
-            Code.ROI_OUTSIDE_FRAME, "A region leaves the part of the frame that was read: draw it inside."
+            shared.ROI_OUTSIDE_FRAME, "A region leaves the part of the frame that was read: draw it inside."
         )
     black, white = frame.black_level_dn, frame.white_level_dn
 

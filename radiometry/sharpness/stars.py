@@ -5,7 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
+from radiometry.sharpness import codes
 from radiometry.sharpness.edges import MOST_CLIPPED_SHARE
 from radiometry.sharpness.features import Contrasts, StarResponse
 from radiometry.sharpness.sampling import Plane
@@ -63,7 +64,7 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
     strength = float(mean[reference].mean())
     if float(explained[reference].mean()) < _LEAST_EXPLAINED:
         raise InputRejected(
-            Code.STAR_NOT_FOUND,
+            codes.STAR_NOT_FOUND,
             f"A star of {cycles} cycles explains {float(explained[reference].mean()):.0%} of what channel "
             f"{plane.channel} "
             "shows about the centre: another number of cycles, a star seen at a slant, or no star. Correct "
@@ -71,7 +72,7 @@ def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radi
         )
     if strength < LEAST_MODULATION:
         raise InputRejected(
-            Code.CHART_CONTRAST_TOO_LOW,
+            codes.CHART_CONTRAST_TOO_LOW,
             f"The star's contrast is {strength:.1%} in channel {plane.channel}, less than "
             f"{LEAST_MODULATION:.0%}.",
         )
@@ -141,7 +142,7 @@ def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float,
     moments = design.T @ design
     if angle.size < 6 or np.linalg.cond(moments) > 1e8:
         raise InputRejected(
-            Code.STAR_TOO_SMALL,
+            codes.STAR_TOO_SMALL,
             "A ring of the star holds too few samples in one direction: fill more of the frame.",
         )
     inverse = np.linalg.inv(moments)
@@ -159,7 +160,7 @@ def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float,
 def _require_unclipped(plane: Plane) -> None:
     if plane.clipped_share > MOST_CLIPPED_SHARE:
         raise InputRejected(
-            Code.CHART_CLIPPED,
+            codes.CHART_CLIPPED,
             f"{plane.clipped_share:.2%} of channel {plane.channel} in the region is at white or at zero, "
             "more than "
             f"{MOST_CLIPPED_SHARE:.1%}. Change the exposure, or draw the region closer about the star.",
@@ -170,7 +171,7 @@ def _require_span(outer_px: float, inner_px: float, channel: str) -> None:
     """Refuse a star that does not reach well below the Nyquist frequency: nothing to compare with."""
     if outer_px < LEAST_SPAN * inner_px:
         raise InputRejected(
-            Code.STAR_TOO_SMALL,
+            codes.STAR_TOO_SMALL,
             f"The star reaches {outer_px:.0f} px from its centre; channel {channel} carries its spokes "
             "only from "
             f"{inner_px:.0f} px on, and {LEAST_SPAN:g} times that is needed. Go closer, or take a star of "

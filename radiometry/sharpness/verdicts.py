@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 
-from radiometry.frame.verdicts import Reason, ReasonCode, ReviewedFrame, Verdict, conclude, inspect_frames
+from radiometry.findings import Reason
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
+from radiometry.sharpness import codes
 from radiometry.sharpness.candidates import Candidate, collect_candidates
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL, CORNER_RADIUS_REL
 from radiometry.sharpness.merging import merge_position
@@ -26,9 +28,7 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
     for each in candidates:
         if each.response is None and each.frame in reasons:
             where = f"Region {each.region.name}: " if each.region.name else ""
-            reasons[each.frame].append(
-                Reason(code=ReasonCode.CHART_UNUSABLE, outcome="warn", detail=f"{where}{each.left_out}")
-            )
+            reasons[each.frame].append(codes.CHART_UNUSABLE.reason(f"{where}{each.left_out}"))
     for key in sorted({each.key for each in candidates}):
         for frame, reason in _find_blurred([each for each in candidates if each.key == key], params):
             if frame in reasons:
@@ -50,7 +50,7 @@ def _find_blurred(repeats: Sequence[Candidate], params: Params) -> list[tuple[st
                 "cycles per pixel, "
                 f"another frame has {best.value:.3f}. Camera or chart moved, or the focus did: take it again."
             )
-            blurred.append((each.frame, Reason(code=ReasonCode.BLURRED, outcome="warn", detail=detail)))
+            blurred.append((each.frame, codes.BLURRED.reason(detail)))
     return blurred
 
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import Multispectral
 
@@ -130,7 +130,7 @@ def blur_of_frames(
     turns = compute_turns(attitudes)
     if not turns:
         raise InputRejected(
-            Code.ATTITUDE_MISSING,
+            shared.ATTITUDE_MISSING,
             "The file carries no two records of yaw, pitch and roll with their times: how fast the camera "
             "turned is not known. Type the rotation rate into POST /v1/tools/motion instead.",
         )

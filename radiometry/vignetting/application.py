@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.roi import Window
 from radiometry.vignetting.curve import Array, evaluate_slopes, propagate
 from radiometry.vignetting.results import Coefficient
@@ -70,13 +70,13 @@ def bracket(
     if not own:
         known = ", ".join(dict.fromkeys(each.channel for each in coefficients)) or "none"
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED,
+            shared.VIGNETTING_NOT_CALIBRATED,
             f"The vignetting calibration has no channel {channel}; it has {known}. Calibrate with flats of "
             "the same kind of frame.",
         )
     if not own[0].f_number <= f_number <= own[-1].f_number:
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED,
+            shared.VIGNETTING_NOT_CALIBRATED,
             f"f/{f_number:g} is outside the calibrated range, f/{own[0].f_number:g} to "
             f"f/{own[-1].f_number:g}: nothing is extrapolated. Take flats at f/{f_number:g}.",
         )
@@ -99,7 +99,7 @@ def require_format(coefficients: Sequence[Coefficient], *, height_px: int, width
     if sizes != {(height_px, width_px)}:
         known = ", ".join(f"{width} x {height}" for height, width in sorted(sizes)) or "no"
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED,
+            shared.VIGNETTING_NOT_CALIBRATED,
             f"The frame is {width_px} x {height_px} pixels, the vignetting was calibrated with {known}: "
             "another crop or binning. Set the camera as for the flats.",
         )

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from radiometry.findings import Reason
 from radiometry.frame.darkness import inspect_black
 from radiometry.frame.packing import unpack
-from radiometry.frame.verdicts import Reason
 from radiometry.vignetting.features import FrameRow
 
 STATED_SHARE = 1.0 / 4096.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.vignetting.application import bracket
 from radiometry.vignetting.expansion import average_share, fit_even_powers, sample_frame
 from radiometry.vignetting.results import Coefficient
@@ -59,7 +59,7 @@ def export_dng(
     centre_x, centre_y = col / last_col, row / last_row
     if not (0.0 <= centre_x <= 1.0 and 0.0 <= centre_y <= 1.0):
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED,
+            shared.VIGNETTING_NOT_CALIBRATED,
             f"The fitted centre, row {row:.0f} and column {col:.0f}, lies outside of the frame: the opcode "
             "cannot say that. Use the correction map.",
         )

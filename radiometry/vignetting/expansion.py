@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.vignetting.application import evaluate
 from radiometry.vignetting.grid import Vector
 from radiometry.vignetting.results import Coefficient
@@ -34,7 +34,7 @@ def average_share(
     """
     if not channels:
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED,
+            shared.VIGNETTING_NOT_CALIBRATED,
             "No channel is left to export: name one or more that the calibration has.",
         )
     shares = [

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.packing import Packed, pack
@@ -78,14 +78,14 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
     for region in regions:
         inside |= mask(region.polygon, window)
     if not inside.any():
-        raise InputRejected(Code.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
+        raise InputRejected(shared.ROI_EMPTY, "The region holds no pixel of this window of the frame.")
     grid = Grid.over(frame.height_px, frame.width_px)
     samples, known = _embed(frame, inside)
     band = header.multispectral.band if header.multispectral else GREY
     blocks = [_average(channel, frame, samples, known, grid) for channel in _list_channels(frame.cfa, band)]
     if not any(counts.any() for _, counts in blocks):
         raise InputRejected(
-            Code.ROI_EMPTY,
+            shared.ROI_EMPTY,
             f"The region holds no whole block of {grid.block_px} x {grid.block_px} pixels: draw it larger, "
             "or leave it out, so that the whole frame counts.",
         )

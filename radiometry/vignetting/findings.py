@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised, shared
 from radiometry.frame.darkness import flag_not_dark
+from radiometry.vignetting import codes
 from radiometry.vignetting.curve import (
     evaluate_curve,
     evaluate_slopes,
@@ -76,11 +77,11 @@ def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], para
         if candidate.quality is not None:
             flags += flag_frame(candidate.row.frame, candidate.quality)
         elif candidate.left_out:
-            flags.append(_raise(Flag.FLAT_LEFT_OUT, f"frame {candidate.row.frame}", f"{candidate.left_out}."))
+            flags.append(codes.FLAT_LEFT_OUT.at(f"frame {candidate.row.frame}", f"{candidate.left_out}."))
     used = [candidate for candidate in candidates if not candidate.left_out]
     rendered = sum(candidate.row.header.rendered for candidate in used)
     if rendered:
-        flags.append(_raise(Flag.RENDERED, "", f"Rendered frames: {rendered} of {len(used)}."))
+        flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
     return flags + _check_darks(used) + _check_darkness(used, rows, params)
 
 
@@ -110,7 +111,7 @@ def _check_darks(used: Sequence[Candidate]) -> list[Raised]:
         where = f"iso {iso:g}"
         if not ratios:
             detail = "No dark frame of this ISO: the stated black level was subtracted."
-            flags.append(_raise(Flag.DARK_FROM_BLACK_LEVEL, where, detail))
+            flags.append(shared.DARK_FROM_BLACK_LEVEL.at(where, detail))
             continue
         if max(ratios) > EXPOSURE_RATIO:
             far = [light for light in lights if (light.dark_time_ratio or 0.0) > EXPOSURE_RATIO]
@@ -124,7 +125,7 @@ def _check_darks(used: Sequence[Candidate]) -> list[Raised]:
                 f"Dark frames differ in exposure time by up to {max(ratios):.3g} times. How the dark level "
                 f"grows {current}."
             )
-            flags.append(_raise(Flag.DARK_EXPOSURE_DIFFERS, where, detail))
+            flags.append(shared.DARK_EXPOSURE_DIFFERS.at(where, detail))
     return flags
 
 
@@ -143,14 +144,14 @@ def _check_shape(each: FittedChannel) -> list[Raised]:
     gradient, u = fit.gradient_rel, fit.gradient_standard_uncertainty_rel
     if fit.gradient_fitted and gradient > FLAGGED_GRADIENT_REL:
         detail = f"The light changes by {gradient:.1%} across the frame, standard error {u:.1%}."
-        flags.append(_raise(Flag.UNEVEN_LIGHT, where, detail))
+        flags.append(codes.UNEVEN_LIGHT.at(where, detail))
     if fit.coefficient.model_u_rel > _MISFIT_REL:
         detail = f"Scatter beyond noise: {fit.coefficient.model_u_rel:.2%} of the light."
-        flags.append(_raise(Flag.VIGNETTING_MISFIT, where, detail))
+        flags.append(codes.VIGNETTING_MISFIT.at(where, detail))
     rise = find_rise(fit.coefficient)
     if rise is not None:
         detail = f"The light grows by {rise[0]:.1%} from r = {rise[1]:.2f} to {rise[2]:.2f}."
-        flags.append(_raise(Flag.FALLOFF_NOT_MONOTONIC, where, detail))
+        flags.append(codes.FALLOFF_NOT_MONOTONIC.at(where, detail))
     return flags
 
 
@@ -183,7 +184,7 @@ def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
     coefficient, where = each.fit.coefficient, _where(each)
     if each.fit.centre_held:
         detail = f"A falloff of {each.fit.largest_falloff:.1%} holds no centre: the middle stands for it."
-        return [_raise(Flag.CENTRE_UNCERTAIN, where, detail)]
+        return [codes.CENTRE_UNCERTAIN.at(where, detail)]
     middle = np.array([coefficient.height_px - 1, coefficient.width_px - 1]) / 2.0
     offset = np.array(coefficient.centre_px) - middle
     away = float(np.hypot(*offset))
@@ -195,7 +196,7 @@ def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
     error = _error_along(direction, each.tilted)
     if each.tilted.centre_held or confirmed < _SURE_ERRORS * error:
         detail = f"{said}; with a plane in the light, {confirmed:.0f} px, standard error {error:.0f}."
-        return [_raise(Flag.CENTRE_UNCERTAIN, where, detail)]
+        return [codes.CENTRE_UNCERTAIN.at(where, detail)]
     best = max(
         (other for other in fitted if other.fit.coefficient.channel == coefficient.channel),
         key=lambda other: other.fit.coefficient.corner_falloff,
@@ -204,7 +205,7 @@ def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
     error = math.hypot(_error_along(direction, _chosen(each)), _error_along(direction, _chosen(best)))
     if apart > max(_FAR_CENTRE * coefficient.radius_px, _ERRORS * error):
         detail = f"{said}, and {apart:.0f} px from that of f/{best.fit.coefficient.f_number:g}."
-        return [_raise(Flag.CENTRE_UNCERTAIN, where, detail)]
+        return [codes.CENTRE_UNCERTAIN.at(where, detail)]
     return []
 
 
@@ -225,13 +226,9 @@ def _check_order(fitted: Fitted) -> list[Raised]:
         error = math.hypot(one.corner_falloff_standard_uncertainty, other.corner_falloff_standard_uncertainty)
         if growth > max(_RISE, _ERRORS * error):
             detail = f"The corner's falloff is {growth:.1%} larger than at f/{one.f_number:g}."
-            flags.append(_raise(Flag.FALLOFF_GROWS, _where(higher), detail))
+            flags.append(codes.FALLOFF_GROWS.at(_where(higher), detail))
     return flags
 
 
 def _where(each: FittedChannel) -> str:
     return f"f/{each.fit.coefficient.f_number:g} {each.fit.coefficient.channel}"
-
-
-def _raise(flag: Flag, where: str, detail: str) -> Raised:
-    return Raised(flag=flag.value, where=where, detail=detail)

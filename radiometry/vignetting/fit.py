@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.packing import pack
+from radiometry.vignetting import codes
 from radiometry.vignetting.curve import (
     evaluate_curve,
     evaluate_slopes,
@@ -48,7 +49,7 @@ def merge_flats(flats: Sequence[Blocks]) -> Blocks:
     everywhere = np.all([np.isfinite(flat.standard_error) for flat in flats], axis=0)
     if not everywhere.any():
         raise InputRejected(
-            Code.FLAT_UNUSABLE,
+            codes.FLAT_UNUSABLE,
             "The flat frames of one f-number have no part of the picture in common: leave their regions out, "
             "so that the whole frame counts.",
         )
@@ -175,7 +176,7 @@ def _build(
     )
     if not float(share) > DARKEST_SHARE or solution.level <= 0.0:
         raise InputRejected(
-            Code.FIT_FAILED,
+            shared.FIT_FAILED,
             f"At f/{f_number:g}, channel {channel}, {float(share):.1%} of the light is left in the farthest "
             "corner: that is the edge of the image circle, not a falloff. Give the flats a region without "
             "the dark corners.",

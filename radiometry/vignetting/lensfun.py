@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.vignetting.expansion import average_share, fit_even_powers, sample_frame
 from radiometry.vignetting.results import Coefficient
 
@@ -130,7 +130,8 @@ def _text(text: str) -> str:
     """Escape text, without characters that XML cannot hold."""
     if not text.isprintable():
         raise InputRejected(
-            Code.VIGNETTING_NOT_CALIBRATED, f"{text!r} holds characters that XML cannot: type the name anew."
+            shared.VIGNETTING_NOT_CALIBRATED,
+            f"{text!r} holds characters that XML cannot: type the name anew.",
         )
     return escape(text)
 

@@ -9,11 +9,12 @@ Source: "Four Vision" report, 3.3.2, with a fitted centre and falloffs with thei
 import itertools
 from collections.abc import Sequence
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Extracted, Figure, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
+from radiometry.vignetting import codes
 from radiometry.vignetting.application import (
     Share,
     evaluate,
@@ -114,12 +115,12 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """
     lacking = list_missing(rows, params)
     if lacking:
-        raise InputRejected(Code.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
+        raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     if not used:
         reasons = "; ".join(f"{each.row.frame}: {each.left_out}" for each in candidates)
-        raise InputRejected(Code.FLAT_UNUSABLE, f"No flat frame can be used. {reasons}.")
+        raise InputRejected(codes.FLAT_UNUSABLE, f"No flat frame can be used. {reasons}.")
     require_one_lens(candidates)
     fitted = _fit_all(used)
     return Fit(

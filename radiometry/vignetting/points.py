@@ -4,7 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
+from radiometry.vignetting import codes
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.light import ChannelLight, FlatLight, leave_out, measure_light
 from radiometry.vignetting.quality import Quality, inspect_flat
@@ -109,7 +110,7 @@ def require_one_lens(candidates: Sequence[Candidate]) -> None:
     }
     if len(lenses) > 1:
         raise InputRejected(
-            Code.FLAT_UNUSABLE,
+            codes.FLAT_UNUSABLE,
             f"The flat frames are of several lenses: {', '.join(sorted(lenses))}. A falloff belongs to one "
             "lens: exclude the frames of the others.",
         )

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import Raised
+from radiometry.vignetting import codes
 from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.light import MOST_CLIPPED_SHARE, ChannelLight, FlatLight, leave_out
 from radiometry.vignetting.results import Spot
@@ -186,13 +187,13 @@ def flag_frame(frame: str, quality: Quality) -> list[Raised]:
     """Say what there is to know about a frame."""
     where = f"frame {frame}"
     if quality.left_out:
-        return [Raised(flag=Flag.FLAT_LEFT_OUT.value, where=where, detail=f"{_sentence(quality.left_out)}.")]
+        return [codes.FLAT_LEFT_OUT.at(where, f"{_sentence(quality.left_out)}.")]
     flags = []
     if quality.signal_share < WEAK_SIGNAL_SHARE:
         detail = f"Its weakest channel has {quality.signal_share:.1%} of the span from black to white."
-        flags.append(Raised(flag=Flag.WEAK_FLAT.value, where=where, detail=detail))
+        flags.append(codes.WEAK_FLAT.at(where, detail))
     if quality.spots:
-        flags.append(Raised(flag=Flag.DUST.value, where=where, detail=describe_spots(quality.spots)))
+        flags.append(codes.DUST.at(where, describe_spots(quality.spots)))
     return flags
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.packing import unpack
 from radiometry.vignetting.results import ChannelFit
 
@@ -24,6 +24,6 @@ def read_residuals(
             return fit, unpack(fit.residuals).astype(np.float32)
     known = ", ".join(f"f/{each.coefficient.f_number:g} {each.coefficient.channel}" for each in fits)
     raise InputRejected(
-        Code.VIGNETTING_NOT_CALIBRATED,
+        shared.VIGNETTING_NOT_CALIBRATED,
         f"No flat was fitted at f/{f_number:g}, channel {channel}; there are {known}. Ask for one of these.",
     )

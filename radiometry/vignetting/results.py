@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.findings.flags import Raised
+from radiometry.findings import Raised
 from radiometry.frame.packing import Packed
 
 EQUATION = "signal above dark = even light * (1 + k1 r^2 + k2 r^4 + k3 r^6)"

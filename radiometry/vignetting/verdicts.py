@@ -2,15 +2,9 @@
 
 from collections.abc import Sequence
 
-from radiometry.frame.verdicts import (
-    Reason,
-    ReasonCode,
-    ReviewedFrame,
-    Verdict,
-    conclude,
-    give_whole_frame,
-    inspect_frames,
-)
+from radiometry.findings import Reason, shared
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, give_whole_frame, inspect_frames
+from radiometry.vignetting import codes
 from radiometry.vignetting.darkness import find_not_dark
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.points import collect_candidates
@@ -18,11 +12,11 @@ from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_s
 from radiometry.vignetting.rows import DARK, Params
 
 _FAILURES = {
-    "clipped": ReasonCode.CLIPPED,
-    "too_dark": ReasonCode.TOO_DARK,
-    "uneven": ReasonCode.UNEVEN,
-    "dust": ReasonCode.DUST,
-    "small": ReasonCode.ROI_UNFIT,
+    "clipped": shared.CLIPPED,
+    "too_dark": shared.TOO_DARK,
+    "uneven": shared.UNEVEN,
+    "dust": codes.DUST,
+    "small": shared.ROI_UNFIT,
 }
 
 
@@ -54,14 +48,14 @@ def _inspect_flat(quality: Quality) -> list[Reason]:
             f"The light changes by {quality.gradient_rel or 0.0:.1%} across the frame. Even it out, or turn "
             "the target."
         )
-        found.append(Reason(code=ReasonCode.UNEVEN, outcome="warn", detail=detail))
+        found.append(shared.UNEVEN.reason(detail))
     if quality.signal_share < WEAK_SIGNAL_SHARE:
         detail = (
             f"The weakest channel has {quality.signal_share:.1%} of the span from black to white: an error "
             "of the dark signal counts. Expose longer."
         )
-        found.append(Reason(code=ReasonCode.WEAK_SIGNAL, outcome="warn", detail=detail))
+        found.append(shared.WEAK_SIGNAL.reason(detail))
     if quality.spots:
         detail = f"{describe_spots(quality.spots)} Clean the sensor or move the target, and take it again."
-        found.append(Reason(code=ReasonCode.DUST, outcome="warn", detail=detail))
+        found.append(codes.DUST.reason(detail))
     return found

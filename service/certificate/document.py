@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from radiometry.findings.flags import Flag
 from radiometry.fitting.evidence import Figure
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
+from radiometry.methods.findings import FINDINGS
 from service.certificate.gaps import list_gaps
 from service.certificate.texts import describe_method
 from service.certificate.words import format_traceability, format_vignetting, list_statements
@@ -37,7 +37,6 @@ from store.tables import Calibration
 SCHEMA_VERSION = 1
 
 _SI = {"luminance": "cd/m2", "illuminance": "lx"}
-_MEANINGS = {flag.value: flag.meaning for flag in Flag}
 
 
 def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
@@ -73,7 +72,7 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         budgets=[Budget(**budget) for budget in state_budgets(row.method, row.result)],
         vignetting=vignetting,
         falloff=row.inputs.get("vignetting"),
-        flags=[FlagInWords(**flag, meaning=_MEANINGS[flag["flag"]]) for flag in result["flags"]],
+        flags=[FlagInWords(**flag, meaning=FINDINGS[flag["flag"]].sentence) for flag in result["flags"]],
         checklist=_checklist(record),
         software={**row.software, "extractor": row.inputs["extractor"]},
         author=_name(record, row.created_by),
@@ -146,7 +145,7 @@ def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
         roi_sha256=used["roi_sha256"],
         roi_origin="found" if found.panel_found else None,
         panel_serial=found.panel_found,
-        warnings=[_MEANINGS[flag] for flag in found.row.warnings if flag in _MEANINGS],
+        warnings=[FINDINGS[flag].sentence for flag in found.row.warnings if flag in FINDINGS],
         **_measured(record, found.statistics),
     )
 

@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import Code
+from radiometry.findings import shared
 from radiometry.frame.roi import Polygon, bounding_window
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
@@ -36,7 +36,7 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Calibrator, writing: Wri
         if frame.header is None or frame.state == "refused":
             raise Problem(
                 409,
-                Code.FRAME_NOT_READ,
+                shared.FRAME_NOT_READ,
                 f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it.",
                 retryable=frame.state == "received",
             )

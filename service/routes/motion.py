@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
 from radiometry.tools.attitude import blur_of_file, compute_turns, read_attitudes
 from service.auth import Reader
@@ -93,12 +93,12 @@ def _read(frame: FrameRow) -> tuple[FrameHeader, float]:
     """What the file says of itself, and its exposure time [s]."""
     if frame.refusal_code is not None:
         raise InputRejected(
-            Code.FRAME_NOT_READ, f"This frame was refused ({frame.refusal_code}): {frame.refusal_detail}"
+            shared.FRAME_NOT_READ, f"This frame was refused ({frame.refusal_code}): {frame.refusal_detail}"
         )
     if frame.header is None:
-        raise InputRejected(Code.FRAME_NOT_READ, "This frame has not been read yet.")
+        raise InputRejected(shared.FRAME_NOT_READ, "This frame has not been read yet.")
     if frame.exposure is None:
-        raise InputRejected(Code.EXPOSURE_MISSING, "This frame states no exposure time.")
+        raise InputRejected(shared.EXPOSURE_MISSING, "This frame states no exposure time.")
     return decode_header(frame.header), decode_exposure(frame.exposure).exposure_time_s
 
 

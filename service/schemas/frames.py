@@ -1,12 +1,14 @@
 """Frames: what came, what it says of itself, and its statistics."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, WithJsonSchema
+from typing_extensions import TypeAliasType
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, Outcome
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.frame.verdicts import Outcome, ReasonCode, Verdict
+from radiometry.frame.verdicts import Verdict
+from radiometry.methods.findings import FINDINGS
 from radiometry.reflectance.method import measure_sunshine
 from service.schemas.base import Answer, Form, Instant, Positive, Text
 from service.schemas.campaigns import Role
@@ -14,6 +16,8 @@ from store.blobs import Damage
 from store.codec import decode_header
 from store.tables import Blob, Extraction, FrameRow
 
+_REASONS = [each.code for each in FINDINGS.values() if "verdict" in each.where]
+ReasonCode = TypeAliasType("ReasonCode", Annotated[str, WithJsonSchema({"type": "string", "enum": _REASONS})])
 State = Literal["received", "read", "extracted", "refused"]
 
 

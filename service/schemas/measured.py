@@ -4,8 +4,9 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from radiometry.findings import shared
 from radiometry.findings.advice import advise
-from radiometry.findings.flags import Flag
+from radiometry.methods.findings import FINDINGS
 from service.schemas.base import Answer, Instant, Quantity
 from service.schemas.measured_parts import (
     BandAnswer,
@@ -176,7 +177,7 @@ class MeasurementAnswer(Answer):
             percentiles=result.get("percentiles", []),
             map=result.get("map"),
             flags=flags,
-            to_do_better=list(advise([raised.flag for raised in flags], budget=budget)),
+            to_do_better=list(advise([FINDINGS[raised.flag] for raised in flags], budget=budget)),
             links=_links(row),
         )
 
@@ -254,19 +255,19 @@ def _flags_of_vignetting(status: VersionStatus | None) -> list[FlagAnswer]:
     if status is None or status.state != "revoked":
         return []
     detail = f"Of vignetting, because: {status.revoked_reason}."
-    return [FlagAnswer(flag=Flag.CALIBRATION_REVOKED.value, where="", detail=detail)]
+    return [FlagAnswer(flag=shared.CALIBRATION_REVOKED, where="", detail=detail)]
 
 
 def _flags_of(status: VersionStatus) -> list[FlagAnswer]:
     """What has become of the version since."""
     match status.state:
         case "draft":
-            flag, detail = Flag.CALIBRATION_NOT_PUBLISHED, "It is a draft."
+            flag, detail = shared.CALIBRATION_NOT_PUBLISHED, "It is a draft."
         case "superseded":
             newer = f"version {status.successor}" if status.successor else "another version"
-            flag, detail = Flag.CALIBRATION_SUPERSEDED, f"By {newer}."
+            flag, detail = shared.CALIBRATION_SUPERSEDED, f"By {newer}."
         case "revoked":
-            flag, detail = Flag.CALIBRATION_REVOKED, f"Because: {status.revoked_reason}."
+            flag, detail = shared.CALIBRATION_REVOKED, f"Because: {status.revoked_reason}."
         case _:
             return []
-    return [FlagAnswer(flag=flag.value, where="", detail=detail)]
+    return [FlagAnswer(flag=flag.code, where="", detail=detail)]

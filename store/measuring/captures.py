@@ -3,7 +3,7 @@
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from store.tables import FrameRow
 
 _SAID = FrameRow.header["multispectral"]
@@ -28,7 +28,7 @@ class Captures:
         found = self._of_campaign(frame.campaign_id).get((capture_id, band)) if capture_id else None
         if found is None:
             raise InputRejected(
-                Code.CAPTURE_INCOMPLETE,
+                shared.CAPTURE_INCOMPLETE,
                 f"The campaign holds no frame of band {band} of the capture that {frame.filename} belongs "
                 "to, or it has not been read yet. Upload the capture's other files.",
             )

@@ -7,8 +7,7 @@ from typing import Any
 from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.geometry import method as geometry
@@ -96,7 +95,7 @@ def _refuse_foreign_options(method: str, asked: Asked) -> None:
     }
     if method not in options:
         raise InputRejected(
-            Code.OPTION_NOT_OF_METHOD,
+            shared.OPTION_NOT_OF_METHOD,
             f"A frame of a {method} campaign has nothing to be measured. Upload it with role=field to a "
             f"campaign of one of these methods: {', '.join(options)}.",
         )
@@ -109,7 +108,7 @@ def _refuse_foreign_options(method: str, asked: Asked) -> None:
     ]
     if foreign:
         raise InputRejected(
-            Code.OPTION_NOT_OF_METHOD,
+            shared.OPTION_NOT_OF_METHOD,
             f"{', '.join(foreign)}: no option of a {method} measurement. Leave it out.",
         )
 
@@ -150,7 +149,7 @@ def _require_picture(frame: FrameRow, calibration: Calibration, asked: Asked) ->
     )
     if "map" not in asked.products or asked.polygon is not None:
         raise InputRejected(
-            Code.OPTION_NOT_OF_METHOD,
+            shared.OPTION_NOT_OF_METHOD,
             "What geometry gives of a frame is its whole undistorted picture: ask for products=[map], "
             "without a region.",
         )
@@ -196,16 +195,16 @@ def read_request(parameters: dict[str, Any]) -> Request:
 def _require_read(frame: FrameRow, method: str) -> None:
     if frame.state == "refused":
         raise InputRejected(
-            Code.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"
+            shared.FRAME_NOT_READ, f"Frame {frame.filename} was refused: {frame.refusal_detail}"
         )
     if frame.header is None:
         raise InputRejected(
-            Code.FRAME_NOT_READ,
+            shared.FRAME_NOT_READ,
             f"Frame {frame.filename} has not been read yet: wait for its job and ask again.",
         )
     if frame.exposure is None and method != "geometry":
         raise InputRejected(
-            Code.EXPOSURE_MISSING,
+            shared.EXPOSURE_MISSING,
             f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in.",
         )
 
@@ -217,12 +216,12 @@ def read_proof(frame: FrameRow) -> Proof | None:
 
 def require_whole(frame: FrameRow, proof: Proof | None, allowed: Sequence[str]) -> None:
     """Refuse a frame with an empty part, unless somebody has asked for it by the flag's name."""
-    if proof is None or not proof.wholeness.empty or Flag.IMAGE_PART_EMPTY in allowed:
+    if proof is None or not proof.wholeness.empty or shared.IMAGE_PART_EMPTY in allowed:
         return
     raise InputRejected(
-        Code.IMAGE_PART_EMPTY,
+        shared.IMAGE_PART_EMPTY,
         f"Frame {frame.filename}: {proof.describe_doubt(decode_header(frame.header or {}))}. Copy the file "
-        f"from the card again. To measure it as it is, ask with allow=[{Flag.IMAGE_PART_EMPTY}]: "
+        f"from the card again. To measure it as it is, ask with allow=[{shared.IMAGE_PART_EMPTY}]: "
         "the measurement then carries that flag.",
     )
 
@@ -241,6 +240,6 @@ def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: A
     if campaign.method == "reflectance":
         return whole_frame_of(frame), "whole_frame"
     raise InputRejected(
-        Code.REGION_MISSING,
+        shared.REGION_MISSING,
         f"Neither the request nor frame {frame.filename} nor its campaign has a region: send roi or set one.",
     )

@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from store.errors import Conflict
 from store.publications import InForce, in_force
 from store.tables import Calibration, Campaign, FrameRow, Revocation
@@ -24,7 +24,7 @@ def choose_version(
         return held.calibration, "in_force", why
     if named.camera_id != campaign.camera_id:
         raise InputRejected(
-            Code.WRONG_CAMERA,
+            shared.WRONG_CAMERA,
             f"Frame {frame.filename} was taken by another camera than calibration {named.id} is for. "
             "Name a calibration of the frame's camera, or leave calibration_id out.",
         )
@@ -75,7 +75,7 @@ def read_time(frame: FrameRow) -> tuple[datetime, datetime]:
     taken = (frame.header or {}).get("taken_at")
     if taken is None:
         raise InputRejected(
-            Code.FRAME_TIME_MISSING,
+            shared.FRAME_TIME_MISSING,
             f"Frame {frame.filename} does not say when it was taken, so no calibration can be looked up: "
             "name one with calibration_id.",
         )

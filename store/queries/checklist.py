@@ -10,7 +10,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, Item, VersionFacts, find
-from radiometry.findings.flags import Flag
+from radiometry.findings import shared
 from store.columns import utc_now
 from store.queries.evidence import Evidence, gather
 from store.tables import (
@@ -209,7 +209,7 @@ def _iso_facts(version: Calibration, coefficient: Mapping[str, Any]) -> IsoFacts
         luminance_k_standard_uncertainty=coefficient["luminance_k_standard_uncertainty"],
         luminance_k_unit=coefficient["luminance_k_unit"],
         dark_signal_dn=coefficient["dark_signal_dn"],
-        dark_frames=0 if Flag.DARK_FROM_BLACK_LEVEL.value in flags else len(dark),
+        dark_frames=0 if shared.DARK_FROM_BLACK_LEVEL in flags else len(dark),
         points=sum(1 for point in version.result["points"] if point["used"] and point["iso"] == iso),
     )
 

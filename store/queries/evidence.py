@@ -8,7 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.findings.flags import Flag
+from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion, FrameEvidence
 from radiometry.frame.proof import Proof
 from radiometry.frame.statistics import ChannelStatistics
@@ -70,7 +70,7 @@ def gather(session: Session, campaign: Campaign, *, applied: bool = False) -> Ev
         hashes={names[row.id]: row.sha256 for row in read},
         rois={names[row.id]: current[row.id].roi_id for row in read if row.id in current},
         unread=[names[row.id] for row in rows if not _is_read(row)],
-        doubtful=tuple(_doubt(row, names[row.id]) for row in read if Flag.IMAGE_PART_EMPTY in row.warnings),
+        doubtful=tuple(_doubt(row, names[row.id]) for row in read if shared.IMAGE_PART_EMPTY in row.warnings),
         references=reference.sources,
     )
 

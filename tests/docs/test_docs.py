@@ -7,12 +7,10 @@ from pathlib import Path
 import pytest
 from pydantic import SecretStr
 
-from radiometry.findings.errors import Code
-from radiometry.findings.flags import Flag
+from radiometry.methods.findings import FINDINGS
 from service.launch.refusal import Exit
 from service.problems import HttpCode
 from store.settings import Settings
-from worker.decode.refusals import Refusal
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -59,8 +57,12 @@ def written_codes() -> set[str]:
     return found
 
 
+def found_at(*places: str) -> set[str]:
+    return {code for code, finding in FINDINGS.items() if {*places} & {*finding.where}}
+
+
 def test_every_error_code_has_its_heading_and_every_heading_its_code():
-    codes = {*map(str, (*Code, *Refusal, *HttpCode)), *written_codes()}
+    codes = {*found_at("file", "request"), *map(str, HttpCode), *written_codes()}
     named = headings(prose(DOCS / "errors.md"), 2)
     assert sorted(named) == sorted(codes)
 
@@ -82,7 +84,13 @@ def test_the_page_of_errors_stands_alone():
 
 def test_every_flag_has_its_heading_and_every_heading_its_flag():
     sections = [prose(page).partition("\n## Flags\n")[2] for page in sorted(DOCS.glob("*.md"))]
-    assert sorted(headings("\n".join(sections), 3)) == sorted(Flag)
+    of_frames = {code for code in found_at("frame") if FINDINGS[code].severity == "warn"}
+    flags = found_at("calibration", "measurement", "fleet") | of_frames
+    assert sorted(headings("\n".join(sections), 3)) == sorted(flags | {"image_part_empty"})
+
+
+def test_every_reason_has_its_heading_and_every_heading_its_reason():
+    assert sorted(headings(prose(DOCS / "on-site.md"), 3)) == sorted(found_at("verdict"))
 
 
 def test_every_setting_has_its_heading_and_every_heading_its_setting():

@@ -23,7 +23,7 @@ HERE = Window(row0=200, col0=280, height=60, width=80)
 
 def reasons(rows, readings):
     found = judge([taken(row) for row in rows], rows, readings, Params())
-    return {name: {r.code.value for r in v.reasons} for name, v in found.items() if v.reasons}
+    return {name: {r.code for r in v.reasons} for name, v in found.items() if v.reasons}
 
 
 @pytest.mark.parametrize("iso", [3200.0, 6400.0, 12800.0])

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.fitting.comparison import change_luminance
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame

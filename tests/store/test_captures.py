@@ -2,7 +2,7 @@
 
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from store.measuring.captures import Captures
 from store.tables import FrameRow
 
@@ -45,4 +45,4 @@ def test_a_refused_frame_is_no_band(house, taken):
     assert find(house, nir) == later
     with pytest.raises(InputRejected) as refused:
         find(house, nir, "green")
-    assert refused.value.code == Code.CAPTURE_INCOMPLETE
+    assert refused.value.code == shared.CAPTURE_INCOMPLETE

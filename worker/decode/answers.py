@@ -3,18 +3,17 @@
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
-from enum import StrEnum
 from typing import Any, Final
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.proof import Proof
+from radiometry.methods.findings import FINDINGS
 from worker.decode import limits
 from worker.decode.messages import BrokenMessageError
-from worker.decode.refusals import Refusal
 
 _HEADER: Final = TypeAdapter(FrameHeader)
 _PROOF: Final = TypeAdapter(Proof)
@@ -26,15 +25,10 @@ def check_refusal(answer: dict[str, Any]) -> InputRejected:
     refused = answer["refused"]
     if not isinstance(refused, dict) or not isinstance(refused.get("message"), str):
         raise BrokenMessageError("a refusal without a reason")
-    return InputRejected(_code(refused.get("code")), refused["message"][:_MAX_MESSAGE])
-
-
-def _code(text: object) -> StrEnum:
-    families: tuple[type[StrEnum], ...] = (Refusal, Code)
-    for family in families:
-        if isinstance(text, str) and text in set(family):
-            return family(text)
-    raise BrokenMessageError("a refusal with an unknown code")
+    found = FINDINGS.get(str(refused.get("code")))
+    if found is None or found.severity != "error":
+        raise BrokenMessageError("a refusal with an unknown code")
+    return InputRejected(found, refused["message"][:_MAX_MESSAGE])
 
 
 def check_header(answer: dict[str, Any]) -> FrameHeader:

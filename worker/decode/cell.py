@@ -14,7 +14,7 @@ import sys
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from worker.decode import messages
 from worker.decode.budget import Budget
 from worker.decode.reading import Reader, Window

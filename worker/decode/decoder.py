@@ -8,12 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from radiometry.findings import files
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.proof import Proof
 from store.blobs import BlobDamaged, StoredFile
 from worker.decode import answers, messages
 from worker.decode.nursery import Cell, DecoderUnavailable, Nursery
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.settings import NOT_SHUT_IN, DecoderLimits
 
 _PREVIEW_BYTES: Final = 64 << 20
@@ -203,7 +203,7 @@ def open_file(path: Path) -> tuple[int, os.stat_result]:
     status = os.fstat(descriptor)
     if not stat.S_ISREG(status.st_mode):
         os.close(descriptor)
-        raise refuse(Refusal.NOT_A_RAW_FILE, "This is no file of its own.")
+        raise files.NOT_A_RAW_FILE.refuse("This is no file of its own.")
     return descriptor, status
 
 

@@ -11,8 +11,8 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import files
 from worker.decode import tags
-from worker.decode.refusals import Refusal, refuse
 
 _LZW_END: Final = 257
 _LZW_BITS: Final = range(9, 13)
@@ -35,15 +35,13 @@ def expand(data: bytes, compression: int, *, wanted: int, most: int) -> tuple[ND
         else:
             plain, took = bytes(imagecodecs.packbits_decode(data, out=most + 1)), len(data)
     except (zlib.error, RuntimeError, ValueError) as error:
-        raise refuse(
-            Refusal.INCOMPLETE_IMAGE, "A piece of the image cannot be decompressed to its end."
+        raise files.INCOMPLETE_IMAGE.refuse(
+            "A piece of the image cannot be decompressed to its end."
         ) from error
     if len(plain) < wanted:
-        raise refuse(Refusal.TRUNCATED, "A piece of the compressed image ends early.")
+        raise files.TRUNCATED.refuse("A piece of the compressed image ends early.")
     if len(plain) > most:
-        raise refuse(
-            Refusal.INCOMPLETE_IMAGE, "A piece of the compressed image does not end where it should."
-        )
+        raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image does not end where it should.")
     return np.frombuffer(plain, np.uint8, count=wanted), took
 
 
@@ -54,9 +52,7 @@ def _inflate(data: bytes, most: int) -> tuple[bytes, int]:
     if not inflate.eof:
         plain += inflate.decompress(inflate.unconsumed_tail, 1)
     if not inflate.eof or any(inflate.unused_data):
-        raise refuse(
-            Refusal.INCOMPLETE_IMAGE, "A piece of the compressed image does not end with its checksum."
-        )
+        raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image does not end with its checksum.")
     return plain, len(data) - len(inflate.unused_data)
 
 
@@ -69,4 +65,4 @@ def _require_lzw_end(data: bytes) -> None:
             break
         if any((tail >> padding) & ((1 << bits) - 1) == _LZW_END for bits in _LZW_BITS):
             return
-    raise refuse(Refusal.INCOMPLETE_IMAGE, "A piece of the compressed image does not end with its end code.")
+    raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image does not end with its end code.")

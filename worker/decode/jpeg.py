@@ -5,7 +5,7 @@ import struct
 from dataclasses import dataclass
 from typing import Final
 
-from worker.decode.refusals import Refusal, refuse
+from radiometry.findings import files
 
 MAGIC: Final = b"\xff\xd8\xff"
 _END, _START_OF_SCAN, _EXIF = 0xD9, 0xDA, 0xE1
@@ -46,8 +46,8 @@ def read_claims(buffer: bytes) -> JpegClaims:
         if marker in _FRAMES:
             frame = frame or _read_frame(body)
         elif marker in _OTHER_FRAMES:
-            raise refuse(
-                Refusal.UNSUPPORTED_COMPRESSION, "The JPEG is lossless or arithmetically coded: not read."
+            raise files.UNSUPPORTED_COMPRESSION.refuse(
+                "The JPEG is lossless or arithmetically coded: not read."
             )
         elif marker == _EXIF and body.startswith(_EXIF_HEAD):
             exif = exif or body[len(_EXIF_HEAD) :]
@@ -55,24 +55,24 @@ def read_claims(buffer: bytes) -> JpegClaims:
             start, place = place, _skip_coded(buffer, place)
             scanned += place - start
     else:
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The JPEG is cut into more pieces than is sane.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("The JPEG is cut into more pieces than is sane.")
     if frame is None:
-        raise refuse(Refusal.SIZE_MISMATCH, "The JPEG does not state its size.")
+        raise files.SIZE_MISMATCH.refuse("The JPEG does not state its size.")
     height, width, samples = frame
     if height * width > scanned * _PIXELS_PER_BYTE:
-        raise refuse(Refusal.SIZE_MISMATCH, f"The JPEG claims {width} x {height} pixels and holds far fewer.")
+        raise files.SIZE_MISMATCH.refuse(f"The JPEG claims {width} x {height} pixels and holds far fewer.")
     return JpegClaims(height_px=height, width_px=width, samples=samples, exif=exif)
 
 
 def _next_marker(buffer: bytes, place: int) -> tuple[int, int]:
     if place + 2 > len(buffer):
-        raise refuse(Refusal.TRUNCATED, "The JPEG ends before its own end marker: it was cut short.")
+        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
     if buffer[place] != 0xFF:
-        raise refuse(Refusal.SIZE_MISMATCH, "The JPEG's segments do not follow each other.")
+        raise files.SIZE_MISMATCH.refuse("The JPEG's segments do not follow each other.")
     while place + 1 < len(buffer) and buffer[place + 1] == 0xFF:
         place += 1
     if place + 1 >= len(buffer):
-        raise refuse(Refusal.TRUNCATED, "The JPEG ends before its own end marker: it was cut short.")
+        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
     return buffer[place + 1], place + 2
 
 
@@ -80,26 +80,25 @@ def _segment(buffer: bytes, place: int) -> tuple[bytes, int]:
     length = int.from_bytes(buffer[place : place + 2], "big")
     end = place + length
     if end > len(buffer) or place + 2 > len(buffer):
-        raise refuse(Refusal.TRUNCATED, "The JPEG ends within one of its segments: it was cut short.")
+        raise files.TRUNCATED.refuse("The JPEG ends within one of its segments: it was cut short.")
     if length < 2:
-        raise refuse(Refusal.SIZE_MISMATCH, "The JPEG has a segment without a length.")
+        raise files.SIZE_MISMATCH.refuse("The JPEG has a segment without a length.")
     return bytes(buffer[place + 2 : end]), end
 
 
 def _skip_coded(buffer: bytes, place: int) -> int:
     found = _MARKER.search(buffer, place)
     if found is None:
-        raise refuse(Refusal.TRUNCATED, "The JPEG ends before its own end marker: it was cut short.")
+        raise files.TRUNCATED.refuse("The JPEG ends before its own end marker: it was cut short.")
     return found.start()
 
 
 def _read_frame(body: bytes) -> tuple[int, int, int]:
     if len(body) < 6:
-        raise refuse(Refusal.SIZE_MISMATCH, "The JPEG does not state its size.")
+        raise files.SIZE_MISMATCH.refuse("The JPEG does not state its size.")
     bits, height, width, samples = struct.unpack(">BHHB", body[:6])
     if bits != 8 or samples not in (1, 3):
-        raise refuse(
-            Refusal.UNSUPPORTED_LAYOUT,
+        raise files.UNSUPPORTED_LAYOUT.refuse(
             f"The JPEG has {samples} samples of {bits} bits per pixel; grey or RGB of 8 bits is read.",
         )
     return height, width, samples

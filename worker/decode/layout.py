@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import files
 from worker.decode import limits, tags
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.tiff import Directory
 
 _PACKABLE_BITS = range(8, 17)
@@ -68,7 +68,7 @@ def read_layout(directory: Directory, file_size: int) -> Layout:
     limits.check_frame_size(rows, cols)
     samples = directory.integer(tags.SAMPLES_PER_PIXEL, 1)
     if samples > 1 and directory.integer(tags.PLANAR_CONFIGURATION, 1) != 1:
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The image stores its colours in separate planes.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("The image stores its colours in separate planes.")
     tiled, segment_rows, segment_cols = _segment_shape(directory, rows, cols)
     across, down = -(-cols // segment_cols), -(-rows // segment_rows)
     limits.check_segment_count(across * down)
@@ -93,13 +93,11 @@ def read_layout(directory: Directory, file_size: int) -> Layout:
 def _read_bits(directory: Directory, samples: int) -> int:
     bits = directory.integers(tags.BITS_PER_SAMPLE, at_most=64) or [1]
     if len(set(bits)) != 1 or len(bits) not in (1, samples) or bits[0] not in _PACKABLE_BITS:
-        raise refuse(
-            Refusal.UNSUPPORTED_LAYOUT, f"The image has {bits[0]} bits per sample; 8 to 16 are read."
-        )
+        raise files.UNSUPPORTED_LAYOUT.refuse(f"The image has {bits[0]} bits per sample; 8 to 16 are read.")
     if directory.integer(tags.SAMPLE_FORMAT, 1) != 1:
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The image holds signed or floating point samples.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("The image holds signed or floating point samples.")
     if directory.integer(tags.FILL_ORDER, 1) != 1:
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The image stores its bits in reversed order.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("The image stores its bits in reversed order.")
     return bits[0]
 
 
@@ -107,12 +105,12 @@ def _segment_shape(directory: Directory, rows: int, cols: int) -> tuple[bool, in
     if tags.TILE_WIDTH not in directory:
         strip_rows = directory.integer(tags.ROWS_PER_STRIP, rows)
         if strip_rows < 1:
-            raise refuse(Refusal.SIZE_MISMATCH, "The image is cut into strips without rows.")
+            raise files.SIZE_MISMATCH.refuse("The image is cut into strips without rows.")
         return False, min(strip_rows, rows), cols
     tile_rows = directory.integer(tags.TILE_LENGTH, 0)
     tile_cols = directory.integer(tags.TILE_WIDTH, 0)
     if tile_rows < 1 or tile_cols < 1:
-        raise refuse(Refusal.SIZE_MISMATCH, "The image is cut into tiles without pixels.")
+        raise files.SIZE_MISMATCH.refuse("The image is cut into tiles without pixels.")
     limits.check_segment_size(tile_rows * tile_cols, rows * cols)
     return True, tile_rows, tile_cols
 
@@ -129,16 +127,15 @@ def _places(
         np.array(directory.integers(tag, at_most=limits.MAX_SEGMENTS), np.int64) for tag in names
     )
     if not len(offsets):
-        raise refuse(Refusal.TRUNCATED, "The file does not say where its image data lies.")
+        raise files.TRUNCATED.refuse("The file does not say where its image data lies.")
     if not len(byte_counts):
         byte_counts = np.zeros_like(offsets)
     if len(offsets) < expected or len(byte_counts) < expected:
-        raise refuse(
-            Refusal.TRUNCATED,
+        raise files.TRUNCATED.refuse(
             f"The image has {expected} pieces, the file knows of {min(len(offsets), len(byte_counts))}.",
         )
     if len(offsets) > expected or len(byte_counts) > expected:
-        raise refuse(Refusal.SIZE_MISMATCH, f"The file holds more image data than its {expected} pieces.")
+        raise files.SIZE_MISMATCH.refuse(f"The file holds more image data than its {expected} pieces.")
     return offsets, byte_counts
 
 
@@ -150,13 +147,13 @@ def _checked(layout: Layout, file_size: int) -> Layout:
         needed = np.repeat(np.array(per_row, np.int64), layout.across)
         stated = layout.byte_counts
         if np.any((stated > 0) & (stated < needed)):
-            raise refuse(Refusal.SIZE_MISMATCH, "The image data is smaller than the image's own dimensions.")
+            raise files.SIZE_MISMATCH.refuse("The image data is smaller than the image's own dimensions.")
     else:
         needed = layout.byte_counts
         if np.any(needed <= 0):
-            raise refuse(Refusal.TRUNCATED, "A piece of the image has no data.")
+            raise files.TRUNCATED.refuse("A piece of the image has no data.")
     if np.any(layout.offsets < 8) or np.any(layout.offsets + needed > file_size):
-        raise refuse(Refusal.TRUNCATED, "The file ends before its image data does: it was cut short.")
+        raise files.TRUNCATED.refuse("The file ends before its image data does: it was cut short.")
     _check_claims(layout, needed, file_size)
     return replace(layout, byte_counts=needed)
 

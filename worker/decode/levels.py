@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import files
 from worker.decode import tags
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.tiff import Directory
 
 _MAX_REPEAT = 64
@@ -53,14 +53,14 @@ def _matching(start: int, count: int, phase: int, cell: int) -> NDArray[np.int64
 def read_black_levels(directory: Directory, *, height: int, width: int, samples: int) -> BlackLevels:
     repeat = directory.integers(tags.BLACK_LEVEL_REPEAT, at_most=2) or [1, 1]
     if len(repeat) != 2 or not all(1 <= side <= _MAX_REPEAT for side in repeat):
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file's black level pattern cannot be read.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("The file's black level pattern cannot be read.")
     values = _levels(directory, tags.BLACK_LEVEL, at_most=_MAX_REPEAT**2 * 4)
     if len(values) == 1:
         # Some writers give one value for a larger pattern.
         repeat, values = [1, 1], values * samples
     if values and len(values) != repeat[0] * repeat[1] * samples:
-        raise refuse(
-            Refusal.UNSUPPORTED_LAYOUT, f"The file has {len(values)} black levels for a {repeat} pattern."
+        raise files.UNSUPPORTED_LAYOUT.refuse(
+            f"The file has {len(values)} black levels for a {repeat} pattern."
         )
     pattern = np.array(values or [0.0] * samples).reshape(*(repeat if values else (1, 1)), samples)
     return BlackLevels(
@@ -74,8 +74,8 @@ def read_black_levels(directory: Directory, *, height: int, width: int, samples:
 def _deltas(directory: Directory, tag: int, expected: int) -> NDArray[np.float64]:
     values = np.array(_levels(directory, tag, at_most=expected))
     if len(values) not in (0, expected):
-        raise refuse(
-            Refusal.SIZE_MISMATCH, f"The file has {len(values)} black level deltas for {expected} lines."
+        raise files.SIZE_MISMATCH.refuse(
+            f"The file has {len(values)} black level deltas for {expected} lines."
         )
     return values
 
@@ -84,7 +84,7 @@ def _levels(directory: Directory, tag: int, *, at_most: int) -> list[float]:
     values = directory.numbers(tag, at_most=at_most)
     stated = [float(value) for value in values if value is not None]
     if len(stated) != len(values):
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, f"The file's level in tag {tag} is no number.")
+        raise files.UNSUPPORTED_LAYOUT.refuse(f"The file's level in tag {tag} is no number.")
     return stated
 
 
@@ -94,7 +94,7 @@ def read_white_levels(
     """Per sample. Not stated: the largest value that can occur, which a linearisation table decides."""
     values = _levels(directory, tags.WHITE_LEVEL, at_most=16)
     if len(values) not in (0, 1, samples):
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, f"The file has {len(values)} white levels.")
+        raise files.UNSUPPORTED_LAYOUT.refuse(f"The file has {len(values)} white levels.")
     if values:
         return tuple(values * samples if len(values) == 1 else values), "tag"
     largest = float((1 << bits) - 1) if table is None else float(table.max())
@@ -107,7 +107,7 @@ def read_linearization(directory: Directory) -> NDArray[np.uint16] | None:
     if not entries:
         return None
     if min(entries) < 0 or max(entries) > 65_535:
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file's linearization table leaves the 16 bit range.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("The file's linearization table leaves the 16 bit range.")
     table = np.full(1 << 16, entries[-1], np.uint16)
     table[: len(entries)] = entries
     return table

@@ -12,12 +12,12 @@ import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
+from radiometry.findings import files
 from radiometry.frame import FrameHeader
 from worker.decode import limits
 from worker.decode.budget import Allow
 from worker.decode.metadata import Metadata
 from worker.decode.mosaic import BAYER, Area
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.source import Source
 
 # Before 0.28.0 rawpy carried a LibRaw with known heap overflows in DNG decoding.
@@ -70,20 +70,20 @@ class LibRawFile:
     def _decode(self, content: bytes, area: Area) -> NDArray[np.uint16]:
         mosaic = _unpack(self._raw, _FILLS[0])
         if mosaic.shape[0] < area.bottom or mosaic.shape[1] < area.right:
-            raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file holds no single mosaic of samples.")
+            raise files.UNSUPPORTED_LAYOUT.refuse("The file holds no single mosaic of samples.")
         seen = (slice(area.top, area.bottom), slice(area.left, area.right))
         untouched = mosaic[seen] == _pattern(_FILLS[0])
         if untouched.any():
             # The pattern may be a sample's true value: one that was decoded is the same over another pattern.
             again = _unpack(_open(content), _FILLS[1])[seen]
             if np.any(untouched & (again == _pattern(_FILLS[1]))):
-                raise refuse(Refusal.TRUNCATED, "The decoder found no data for a part of the image.")
+                raise files.TRUNCATED.refuse("The decoder found no data for a part of the image.")
         # LibRaw leaves zeros where data is missing, too. A dark frame which its camera clips at zero may hold
         # lines of them, but also some noise. In a frame that is mostly lit or all zero they are no sensor's.
         lit = np.count_nonzero(mosaic[seen], axis=1)
         missing = np.any((lit[1:] == 0) & (lit[:-1] == 0))
         if missing and not 0 < lit.sum() < untouched.size / 2:
-            raise refuse(Refusal.TRUNCATED, "Lines of the image are missing.")
+            raise files.TRUNCATED.refuse("Lines of the image are missing.")
         return mosaic
 
     def header(self, metadata: Metadata | None) -> FrameHeader:
@@ -115,9 +115,7 @@ class LibRawFile:
         letters = self._raw.color_desc.decode("ascii", "replace")
         cfa = "".join(letters[index] for index in np.asarray(pattern).ravel() if index < len(letters))
         if cfa not in BAYER:
-            raise refuse(
-                Refusal.UNSUPPORTED_LAYOUT, f"The sensor's colour pattern {cfa} is no Bayer pattern."
-            )
+            raise files.UNSUPPORTED_LAYOUT.refuse(f"The sensor's colour pattern {cfa} is no Bayer pattern.")
         return cfa
 
     def _read_black_levels(self, sites: int) -> tuple[float, ...]:
@@ -143,7 +141,7 @@ def _open(content: bytes) -> Any:  # noqa: ANN401  rawpy's class is no type
     try:
         return rawpy.imread(io.BytesIO(content))
     except (rawpy.LibRawError, OSError, ValueError) as error:
-        raise refuse(Refusal.NOT_A_RAW_FILE, "The file is no raw image that can be read.") from error
+        raise files.NOT_A_RAW_FILE.refuse("The file is no raw image that can be read.") from error
 
 
 def _unpack(raw: Any, fill: int) -> NDArray[np.uint16]:  # noqa: ANN401  rawpy's class is no type
@@ -152,9 +150,9 @@ def _unpack(raw: Any, fill: int) -> NDArray[np.uint16]:  # noqa: ANN401  rawpy's
         with _filled_memory(fill):
             mosaic: NDArray[np.uint16] | None = raw.raw_image
     except (rawpy.LibRawError, OSError, ValueError, RuntimeError) as error:
-        raise refuse(Refusal.TRUNCATED, "The image cannot be decoded to its end.") from error
+        raise files.TRUNCATED.refuse("The image cannot be decoded to its end.") from error
     if mosaic is None or mosaic.ndim != 2 or mosaic.dtype != np.uint16:
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file holds no single mosaic of samples.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("The file holds no single mosaic of samples.")
     return mosaic
 
 
@@ -163,7 +161,7 @@ def _filled_memory(fill: int) -> Iterator[None]:
     """Have the C library fill all memory that it gives out; without that, nothing is decoded here."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None or not mallopt(_M_PERTURB, fill ^ 0xFF):
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "This system cannot prove what LibRaw decodes.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("This system cannot prove what LibRaw decodes.")
     try:
         yield
     finally:

@@ -16,7 +16,7 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from worker.decode.refusals import Refusal, refuse
+from radiometry.findings import files
 
 _SOF3, _DHT, _SOI, _EOI, _SOS, _DRI = 0xC3, 0xC4, 0xD8, 0xD9, 0xDA, 0xDD
 _OTHER_FRAMES = frozenset(range(0xC0, 0xD0)) - {_SOF3, _DHT, 0xC8, 0xCC}
@@ -55,16 +55,16 @@ def decode(data: bytes, *, samples: int) -> tuple[NDArray[np.uint16], int]:
     stream = parse(data)
     claimed = stream.rows * stream.cols * stream.components
     if claimed != samples:
-        raise refuse(
-            Refusal.SIZE_MISMATCH, f"A piece of the image holds {claimed} samples where {samples} belong."
+        raise files.SIZE_MISMATCH.refuse(
+            f"A piece of the image holds {claimed} samples where {samples} belong."
         )
     decoder = imagecodecs.ljpeg_decode if len(set(stream.tables)) == 1 else imagecodecs.jpegsof3_decode
     try:
         decoded = np.asarray(decoder(rebuild(stream)))
     except (RuntimeError, ValueError) as error:
-        raise refuse(Refusal.TRUNCATED, "A piece of the image cannot be decompressed to its end.") from error
+        raise files.TRUNCATED.refuse("A piece of the image cannot be decompressed to its end.") from error
     if decoded.size != samples:
-        raise refuse(Refusal.SIZE_MISMATCH, "A piece of the image does not decompress to its size.")
+        raise files.SIZE_MISMATCH.refuse("A piece of the image does not decompress to its size.")
     # samples of several tables come plane by plane
     planes = np.ascontiguousarray(decoded, np.uint16).reshape(stream.rows, stream.cols, stream.components)
     _check_length(stream, planes)
@@ -81,7 +81,7 @@ def parse(data: bytes) -> Stream:
         elif marker == _DHT:
             tables.update(_read_tables(body))
         elif marker in _OTHER_FRAMES:
-            raise refuse(Refusal.LOSSY_DNG, "The image is compressed with loss.")
+            raise files.LOSSY_DNG.refuse("The image is compressed with loss.")
         elif marker == _DRI and any(body):
             raise NotDecodedHereError("restart intervals")
         elif marker == _SOS and frame is not None:
@@ -184,9 +184,9 @@ def _find_scan(data: bytes, start: int) -> tuple[bytes, int, int]:
     following = coded[places + 1]
     markers = np.flatnonzero((following != 0) & (following != 0xFF))
     if not len(markers):
-        raise refuse(Refusal.TRUNCATED, "A piece of the compressed image ends before its end marker.")
+        raise files.TRUNCATED.refuse("A piece of the compressed image ends before its end marker.")
     if following[markers[0]] != _EOI:
-        raise refuse(Refusal.INCOMPLETE_IMAGE, "A piece of the compressed image is broken off within.")
+        raise files.INCOMPLETE_IMAGE.refuse("A piece of the compressed image is broken off within.")
     end = int(places[markers[0]])
     stuffed = int(np.count_nonzero(following[: markers[0]] == 0))
     scan = data[start : start + end]
@@ -205,10 +205,10 @@ def _check_length(stream: Stream, planes: NDArray[np.uint16]) -> None:
         for component, table in enumerate(stream.tables):
             needed += _count_bits(differences[:, :, component], table)
     if needed > available:
-        raise refuse(Refusal.TRUNCATED, "A piece of the compressed image ends early.")
+        raise files.TRUNCATED.refuse("A piece of the compressed image ends early.")
     spare = available - needed
     if spare >= _SPARE_BITS or not _is_filler(stream.scan, spare // 8):
-        raise refuse(Refusal.SIZE_MISMATCH, "A piece of the compressed image does not add up.")
+        raise files.SIZE_MISMATCH.refuse("A piece of the compressed image does not add up.")
 
 
 def _is_filler(scan: bytes, count: int) -> bool:
@@ -292,4 +292,4 @@ def _bit_costs(table: bytes) -> NDArray[np.uint8]:
 
 
 def _damaged() -> Exception:
-    return refuse(Refusal.SIZE_MISMATCH, "A piece of the compressed image has a damaged header.")
+    return files.SIZE_MISMATCH.refuse("A piece of the compressed image has a damaged header.")

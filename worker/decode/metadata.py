@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame import StatedAngle
 from worker.decode import limits, tags
 from worker.decode.attitude import read_attitude

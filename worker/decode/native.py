@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import files
 from radiometry.frame import FrameHeader
 from radiometry.frame.proof import PieceRun, Voucher
 from worker.decode import ljpeg, tags
@@ -20,7 +21,6 @@ from worker.decode.metadata import read_metadata
 from worker.decode.mosaic import Area, read_cfa, read_visible_area
 from worker.decode.multispectral import read_multispectral
 from worker.decode.opcodes import read_opcodes
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.segments import COMPRESSIONS, VOUCHERS, read_samples
 from worker.decode.source import Source
 from worker.decode.tiff import Directory
@@ -46,22 +46,21 @@ def describe_dng(raw: Directory, main: Directory, file_size: int) -> ImageDescri
     _refuse_lossy(raw)
     layout = read_layout(raw, file_size)
     if layout.samples != 1:
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, f"The raw image has {layout.samples} samples per pixel.")
+        raise files.UNSUPPORTED_LAYOUT.refuse(f"The raw image has {layout.samples} samples per pixel.")
     if layout.compression not in COMPRESSIONS:
-        raise refuse(
-            Refusal.UNSUPPORTED_COMPRESSION, f"The raw image is compressed by method {layout.compression}."
+        raise files.UNSUPPORTED_COMPRESSION.refuse(
+            f"The raw image is compressed by method {layout.compression}."
         )
     return _describe(raw, main, layout, cfa=read_cfa(raw), container="dng")
 
 
 def describe_tiff(image: Directory, file_size: int) -> ImageDescription:
     if image.integer(tags.COMPRESSION, tags.UNCOMPRESSED) not in set(COMPRESSIONS) - {tags.JPEG}:
-        raise refuse(Refusal.UNSUPPORTED_COMPRESSION, "The TIFF's compression is not read.")
+        raise files.UNSUPPORTED_COMPRESSION.refuse("The TIFF's compression is not read.")
     layout = read_layout(image, file_size)
     rgb = image.integer(tags.PHOTOMETRIC, -1) == tags.PHOTOMETRIC_RGB
     if layout.bits not in (8, 16) or layout.samples != (3 if rgb else 1):
-        raise refuse(
-            Refusal.UNSUPPORTED_LAYOUT,
+        raise files.UNSUPPORTED_LAYOUT.refuse(
             f"The TIFF has {layout.samples} samples of {layout.bits} bits per pixel: neither grey nor RGB.",
         )
     return _describe(image, image, layout, cfa="rgb" if rgb else "grey", container="tiff")
@@ -73,8 +72,8 @@ def _describe(
     if layout.predictor not in (1, 2) or (
         layout.predictor == 2 and layout.samples * layout.bits not in (8, 16, 24, 48)
     ):
-        raise refuse(
-            Refusal.UNSUPPORTED_COMPRESSION, "The image is compressed with a predictor that is not read."
+        raise files.UNSUPPORTED_COMPRESSION.refuse(
+            "The image is compressed with a predictor that is not read."
         )
     dng = container == "dng"
     visible = (
@@ -114,13 +113,11 @@ def _describe(
 def _refuse_lossy(raw: Directory) -> None:
     compression = raw.integer(tags.COMPRESSION, tags.UNCOMPRESSED)
     if raw.integer(tags.PHOTOMETRIC, -1) == tags.PHOTOMETRIC_LINEAR_RAW:
-        raise refuse(
-            Refusal.LINEAR_RAW, "The DNG holds an interpolated colour image, not the sensor's mosaic."
-        )
+        raise files.LINEAR_RAW.refuse("The DNG holds an interpolated colour image, not the sensor's mosaic.")
     if compression == tags.LOSSY_JPEG:
-        raise refuse(Refusal.LOSSY_DNG, "The DNG is compressed with loss.")
+        raise files.LOSSY_DNG.refuse("The DNG is compressed with loss.")
     if compression == tags.JPEG_XL:
-        raise refuse(Refusal.UNSUPPORTED_COMPRESSION, "The DNG is compressed with JPEG XL.")
+        raise files.UNSUPPORTED_COMPRESSION.refuse("The DNG is compressed with JPEG XL.")
 
 
 class NativeFile:
@@ -178,8 +175,8 @@ class NativeFile:
             except ljpeg.NotDecodedHereError as error:
                 if self._consumed:
                     # no writer changes its way from piece to piece
-                    raise refuse(
-                        Refusal.INCOMPLETE_IMAGE, "A piece of the image is coded unlike the others."
+                    raise files.INCOMPLETE_IMAGE.refuse(
+                        "A piece of the image is coded unlike the others."
                     ) from error
                 self._hand_to_libraw()
             if self._libraw is not None:
@@ -195,8 +192,8 @@ class NativeFile:
                 yield first - visible.top, self._linearise(seen)
             top = bottom
         if digest is not None and not digest.matches():
-            raise refuse(
-                Refusal.INCOMPLETE_IMAGE, "The file's own digest of its raw image is not that of its pixels."
+            raise files.INCOMPLETE_IMAGE.refuse(
+                "The file's own digest of its raw image is not that of its pixels."
             )
 
     def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
@@ -239,6 +236,6 @@ class NativeFile:
         """Only the decoding changes hands: levels and metadata are still the file's own."""
         libraw = LibRawFile(self._source, self._allow, self._image.visible)
         if libraw.mosaic.shape != (self._image.layout.rows, self._image.layout.cols):
-            raise refuse(Refusal.UNSUPPORTED_LAYOUT, "LibRaw sees an image of another size in this file.")
+            raise files.UNSUPPORTED_LAYOUT.refuse("LibRaw sees an image of another size in this file.")
         self._libraw = libraw
         self.header = replace(self.header, decoder="libraw")

@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from radiometry.frame.proof import PieceRun, Voucher
 from worker.decode import tags
 from worker.decode.budget import Allow
@@ -15,7 +15,6 @@ from worker.decode.libraw import LibRawFile
 from worker.decode.metadata import Metadata, read_metadata
 from worker.decode.native import NativeFile, describe_dng, describe_tiff
 from worker.decode.pictures import PictureFile, is_picture
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.source import Source
 from worker.decode.tiff import Directory, is_tiff, read_directories
 
@@ -63,7 +62,7 @@ OpenedFile = NativeFile | OtherRawFile | PictureFile
 def open_source(source: Source, allow: Allow) -> OpenedFile:
     """``allow`` : is told of a frame's size before anything of that size is allocated."""
     if not len(source):
-        raise refuse(Refusal.EMPTY_FILE, "The file is empty.")
+        raise files.EMPTY_FILE.refuse("The file is empty.")
     head = source[:16]
     if is_tiff(head):
         return _open_tiff(source, allow)
@@ -72,7 +71,7 @@ def open_source(source: Source, allow: Allow) -> OpenedFile:
     if head.startswith(_RAW_MAGIC) or head[4:12] == b"ftypcrx ":
         return OtherRawFile(LibRawFile(source, allow), None)
     known = next((name for magic, name in _KNOWN_OTHERS if head.startswith(magic)), "no raw image")
-    raise refuse(Refusal.NOT_A_RAW_FILE, f"The file is {known}, whatever its name says.")
+    raise files.NOT_A_RAW_FILE.refuse(f"The file is {known}, whatever its name says.")
 
 
 def _open_tiff(source: Source, allow: Allow) -> OpenedFile:
@@ -116,7 +115,7 @@ def _find_raw(directories: list[Directory]) -> Directory:
         for directory in full:
             if _photometric(directory) == wanted and tags.IMAGE_WIDTH in directory:
                 return directory
-    raise refuse(Refusal.NOT_A_RAW_FILE, "The DNG holds previews but no raw image.")
+    raise files.NOT_A_RAW_FILE.refuse("The DNG holds previews but no raw image.")
 
 
 def _refuse_cut_mosaics(directories: list[Directory], file_size: int) -> None:
@@ -128,5 +127,5 @@ def _refuse_cut_mosaics(directories: list[Directory], file_size: int) -> None:
             read_layout(directory, file_size)
         except InputRejected as refusal:
             # Other makers' layouts are LibRaw's business; only what is missing or too large is decided here.
-            if refusal.code in (Refusal.TRUNCATED, Refusal.FRAME_TOO_LARGE):
+            if refusal.code in (files.TRUNCATED, files.FRAME_TOO_LARGE):
                 raise

@@ -7,12 +7,11 @@ import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from radiometry.frame import FrameHeader
 from radiometry.frame.proof import PieceRun, Voucher
 from worker.decode import jpeg, limits, png
 from worker.decode.metadata import Metadata, read_metadata
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.source import Source
 from worker.decode.tiff import Directory, is_tiff, read_directories
 
@@ -68,11 +67,11 @@ class PictureFile:
         try:
             samples: NDArray[np.uint8 | np.uint16] = decode(self._source[:])
         except (RuntimeError, ValueError) as error:
-            raise refuse(Refusal.SIZE_MISMATCH, "The picture cannot be decoded.") from error
+            raise files.SIZE_MISMATCH.refuse("The picture cannot be decoded.") from error
         colours = (3,) if header.cfa == "rgb" else ()
         wanted = np.uint8 if header.bits_per_sample == 8 else np.uint16
         if samples.shape != (header.height_px, header.width_px, *colours) or samples.dtype != wanted:
-            raise refuse(Refusal.SIZE_MISMATCH, "The picture is not what its own header says.")
+            raise files.SIZE_MISMATCH.refuse("The picture is not what its own header says.")
         return samples
 
 
@@ -81,8 +80,7 @@ def _describe(
 ) -> FrameHeader:
     limits.check_frame_size(height_px, width_px)
     if height_px * width_px > MAX_PICTURE_PX:
-        raise refuse(
-            Refusal.FRAME_TOO_LARGE,
+        raise files.FRAME_TOO_LARGE.refuse(
             f"The picture claims {width_px} x {height_px} pixels, above the limit of "
             f"{MAX_PICTURE_PX // 1_000_000} megapixels.",
         )

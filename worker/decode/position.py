@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from worker.decode import tags
 from worker.decode.tiff import Directory
 

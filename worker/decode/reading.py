@@ -5,7 +5,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.proof import Proof
 from worker.decode.budget import Allow, allow_all
@@ -73,7 +73,7 @@ def _check_inside(window: Window, header: FrameHeader) -> None:
     fits = row_end <= header.height_px and col_end <= header.width_px
     if not (fits and min(window) >= 0 and window.height > 0 and window.width > 0):
         raise InputRejected(
-            Code.ROI_OUTSIDE_FRAME,
+            shared.ROI_OUTSIDE_FRAME,
             f"The region reaches beyond the image's {header.width_px} x {header.height_px} pixels. "
             "Draw it inside the image.",
         )

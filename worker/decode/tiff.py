@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from radiometry.findings import files
 from worker.decode import limits
-from worker.decode.refusals import Refusal, refuse
 from worker.decode.source import Source
 
 TYPE_SIZES: Final = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
@@ -70,13 +70,11 @@ class Directory:
         if entry is None:
             return b""
         if entry.size > at_most:
-            raise refuse(
-                Refusal.FRAME_TOO_LARGE,
+            raise files.FRAME_TOO_LARGE.refuse(
                 f"The file's tag {tag} claims {entry.size} bytes, far more than is sane.",
             )
         if entry.offset + entry.size > len(self._buffer):
-            raise refuse(
-                Refusal.TRUNCATED,
+            raise files.TRUNCATED.refuse(
                 f"The file ends before the data that its tag {tag} points to: it was cut short.",
             )
         return self._buffer[entry.offset : entry.offset + entry.size]
@@ -101,7 +99,7 @@ class Directory:
             int(value) for value in values if value is not None and abs(value) < 2**32 and value == int(value)
         ]
         if len(whole) != len(values):
-            raise refuse(Refusal.UNSUPPORTED_LAYOUT, f"The file's tag {tag} does not hold whole numbers.")
+            raise files.UNSUPPORTED_LAYOUT.refuse(f"The file's tag {tag} does not hold whole numbers.")
         return whole
 
     def integer(self, tag: int, default: int) -> int:
@@ -126,7 +124,7 @@ def read_directories(buffer: Buffer) -> list[Directory]:
     order = "<" if buffer[:2] == b"II" else ">"
     found: list[Directory] = []
     if len(buffer) < 8:
-        raise refuse(Refusal.TRUNCATED, "The file ends within its own header.")
+        raise files.TRUNCATED.refuse("The file ends within its own header.")
     _walk(buffer, order, struct.unpack(order + "I", buffer[4:8])[0], found, seen=set(), depth=0)
     return found
 
@@ -135,7 +133,7 @@ def _walk(
     buffer: Buffer, order: str, offset: int, found: list[Directory], seen: set[int], depth: int
 ) -> None:
     if offset in seen or depth > limits.MAX_DIRECTORY_DEPTH or len(found) >= limits.MAX_DIRECTORIES:
-        raise refuse(Refusal.UNSUPPORTED_LAYOUT, "The file's directories point at each other without end.")
+        raise files.UNSUPPORTED_LAYOUT.refuse("The file's directories point at each other without end.")
     seen.add(offset)
     directory = _read_directory(buffer, order, offset)
     found.append(directory)
@@ -146,12 +144,12 @@ def _walk(
 def _read_directory(buffer: Buffer, order: str, offset: int) -> Directory:
     size = len(buffer)
     if offset < 8 or offset + 2 > size:
-        raise refuse(Refusal.TRUNCATED, "The file ends before its own directory: it was cut short.")
+        raise files.TRUNCATED.refuse("The file ends before its own directory: it was cut short.")
     (count,) = struct.unpack(order + "H", buffer[offset : offset + 2])
     if count > limits.MAX_TAGS:
-        raise refuse(Refusal.FRAME_TOO_LARGE, f"The file's directory claims {count} tags.")
+        raise files.FRAME_TOO_LARGE.refuse(f"The file's directory claims {count} tags.")
     if offset + 2 + 12 * count > size:
-        raise refuse(Refusal.TRUNCATED, "The file ends within its own directory: it was cut short.")
+        raise files.TRUNCATED.refuse("The file ends within its own directory: it was cut short.")
     entries: dict[int, Entry] = {}
     table = buffer[offset + 2 : offset + 2 + 12 * count]
     for index, (tag, kind, number, value) in enumerate(struct.iter_unpack(order + "HHII", table)):

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 from xml.parsers import expat
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from worker.decode import tags
 from worker.decode.tiff import Directory
 

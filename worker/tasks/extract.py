@@ -6,8 +6,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from radiometry import methods
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag
+from radiometry.findings import InputRejected, files, shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame import FrameHeader
 from radiometry.frame.acceptance import Acceptance, Camera, SuppliedExposure, accept_frame
@@ -35,7 +34,6 @@ from store.queries.frames import (
 from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
-from worker.decode.refusals import Refusal
 from worker.tasks.outcome import Outcome
 
 
@@ -84,7 +82,7 @@ def extract(context: Context, claim: Claim) -> Outcome:
     except DecoderCrashed as crash:
         # a file that cannot be read back ends a decoder too: only a whole one is blamed
         context.files.prove(subject.frame.sha256)
-        return _refuse(subject.frame.id, InputRejected(Refusal.DECODER_CRASHED, crash.message))
+        return _refuse(subject.frame.id, InputRejected(files.DECODER_CRASHED, crash.message))
     return Outcome(store=lambda session: _store(session, subject, found), rejection=found.region_refused)
 
 
@@ -134,7 +132,7 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
             extracted = _measure(context, subject, regions, header, acceptance.exposure, file)
         except InputRejected as refusal:
             # the region is wrong for this frame, not the frame for its campaign; the whole frame is no region
-            if not drawn or refusal.code not in (Code.ROI_OUTSIDE_FRAME, Code.ROI_EMPTY):
+            if not drawn or refusal.code not in (shared.ROI_OUTSIDE_FRAME, shared.ROI_EMPTY):
                 raise
             region_refused = refusal
     return _Found(
@@ -255,7 +253,7 @@ def _store_acceptance(frame: FrameRow, found: _Found) -> None:
     frame.state, frame.refusal_code, frame.refusal_detail = "read", None, None
     frame.warnings = list(found.acceptance.flags)
     if found.proof.wholeness.empty:
-        frame.warnings.append(Flag.IMAGE_PART_EMPTY.value)
+        frame.warnings.append(shared.IMAGE_PART_EMPTY)
     if found.region_refused is not None:
         frame.warnings.append(str(found.region_refused.code))
     exposure = found.acceptance.exposure

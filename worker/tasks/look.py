@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from radiometry.frame import Frame
 from radiometry.frame.histogram import count_histogram, map_clipping
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask
@@ -13,7 +13,6 @@ from store.jobs import Claim
 from store.tables import FrameRow
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
-from worker.decode.refusals import Refusal
 from worker.tasks.outcome import Outcome
 
 
@@ -32,7 +31,7 @@ def look(context: Context, claim: Claim) -> Outcome:
     except DecoderCrashed as crash:
         # as in extract: only a whole file is blamed
         context.files.prove(frame.sha256)
-        raise InputRejected(Refusal.DECODER_CRASHED, crash.message) from crash
+        raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
     result = {
         "frame_id": frame.id,
         "polygon": claim.parameters["polygon"],

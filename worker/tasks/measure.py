@@ -4,8 +4,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import InputRejected
-from radiometry.findings.flags import Flag, Raised
+from radiometry.findings import InputRejected, files, shared
 from store.blobs import StoredFile
 from store.codec import decode_header, encode
 from store.jobs import Claim
@@ -14,7 +13,6 @@ from store.measuring.record import Products, find_measurement, has_lost_products
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
-from worker.decode.refusals import Refusal
 from worker.measuring import geometry, luminance, reflectance
 from worker.measuring.task import Task
 from worker.tasks.outcome import Outcome
@@ -37,7 +35,7 @@ def measure(context: Context, claim: Claim) -> Outcome:
     except DecoderCrashed as crash:
         # as in extract: only a whole file is blamed
         context.files.prove(frame.sha256)
-        raise InputRejected(Refusal.DECODER_CRASHED, crash.message) from crash
+        raise InputRejected(files.DECODER_CRASHED, crash.message) from crash
 
     def store(session: Session) -> dict[str, Any]:
         return _links(
@@ -69,10 +67,9 @@ def _find_doubts(context: Context, claim: Claim, frame: FrameRow, file: StoredFi
         proofs.append((other, proof))
     return [
         encode(
-            Raised(
-                flag=Flag.IMAGE_PART_EMPTY,
-                where=f"frame {each.filename}",
-                detail=f"In frame {each.filename} {found.describe_doubt(decode_header(each.header or {}))}.",
+            shared.IMAGE_PART_EMPTY.at(
+                f"frame {each.filename}",
+                f"In frame {each.filename} {found.describe_doubt(decode_header(each.header or {}))}.",
             )
         )
         for each, found in proofs

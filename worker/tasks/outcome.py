@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 
 
 @dataclass(frozen=True, kw_only=True)

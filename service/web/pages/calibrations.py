@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from radiometry.findings.flags import Flag
+from radiometry.methods.findings import FINDINGS
 from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
@@ -60,7 +60,7 @@ def plot_residuals(
 def format_flags(flags: Iterable[str]) -> str:
     """JSON of what each of these flags means, for the page's module."""
     raised = set(flags)
-    return json.dumps({flag.value: flag.meaning for flag in Flag if flag.value in raised})
+    return json.dumps({flag: FINDINGS[flag].sentence for flag in raised})
 
 
 def _luminance(context: Context, calibration_id: str, caller: Caller) -> Calibration:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from radiometry.findings.flags import Flag
+from radiometry.findings import shared
 from radiometry.reflectance.indices import INDICES
 from service.context import UsesContext
 from service.lookup import Id, owned
@@ -15,7 +15,7 @@ from store.tables import Calibration, FrameRow, Measurement
 
 router = APIRouter(include_in_schema=False)
 
-_OF_STATUS = (Flag.CALIBRATION_NOT_PUBLISHED, Flag.CALIBRATION_SUPERSEDED, Flag.CALIBRATION_REVOKED)
+_OF_STATUS = (shared.CALIBRATION_NOT_PUBLISHED, shared.CALIBRATION_SUPERSEDED, shared.CALIBRATION_REVOKED)
 
 
 @router.get("/measurements")

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, files, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.acceptance import ROLES, ROLES_WITH_EXPOSURE, Camera, SuppliedExposure, accept_frame
 
@@ -59,7 +59,7 @@ def test_a_good_frame():
 @pytest.mark.parametrize("role", sorted(ROLES_WITH_EXPOSURE))
 def test_a_missing_or_zero_value_is_refused_by_name(name, said, role):
     refusal = refuse(role, **{name: said})
-    assert refusal.code is Code.EXPOSURE_MISSING
+    assert refusal.code is shared.EXPOSURE_MISSING
     assert name in refusal.message
     assert "missing or zero" in refusal.message
 
@@ -90,14 +90,14 @@ def test_notes_do_not_overrule_the_file():
 @pytest.mark.parametrize("value", [math.nan, math.inf, -0.1, 1e9])
 def test_an_absurd_value_is_refused_unless_the_notes_know_better(value):
     refusal = refuse(exposure_time_s=value)
-    assert refusal.code is Code.EXPOSURE_IMPLAUSIBLE
+    assert refusal.code is shared.EXPOSURE_IMPLAUSIBLE
     assert "exposure time" in refusal.message
     assert accept(supplied=NOTES, exposure_time_s=value).exposure.exposure_time_origin == "supplied"
 
 
 def test_an_absurd_note_is_said_to_be_a_note():
     refusal = refuse(supplied=SuppliedExposure(iso=-3.0), iso=None)
-    assert refusal.code is Code.EXPOSURE_IMPLAUSIBLE
+    assert refusal.code is shared.EXPOSURE_IMPLAUSIBLE
     assert "-3 (as typed in)" in refusal.message
 
 
@@ -111,7 +111,7 @@ def test_an_absurd_apex_value_is_not_kept():
 )
 def test_another_camera_is_refused_with_both_names(change, word):
     refusal = refuse(**change)
-    assert refusal.code is Code.WRONG_CAMERA
+    assert refusal.code is shared.WRONG_CAMERA
     assert f"its {word} is '{next(iter(change.values()))}'" in refusal.message
     assert "DJI FC6520, serial number 0AB12" in refusal.message
 
@@ -149,7 +149,7 @@ def test_a_rendered_image_is_flagged():
 @pytest.mark.parametrize("role", sorted(ROLES - {"chart"}))
 def test_a_picture_is_refused_wherever_light_is_measured(container, role):
     refusal = refuse(role, container=container, rendered=True)
-    assert refusal.code is Code.NOT_A_RAW_FILE
+    assert refusal.code is files.NOT_A_RAW_FILE
     assert f"{container.upper()} picture" in refusal.message
     assert refusal.message.endswith("Send the camera's raw file (DNG), or a TIFF.")
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.exposure import (
     PLAUSIBLE,
     Exposure,
@@ -58,7 +58,7 @@ def test_absurd_values_are_refused_by_name(name, value):
     assert not is_plausible(name, value)
     with pytest.raises(InputRejected, match=name) as refusal:
         require_plausible(settings)
-    assert refusal.value.code is Code.EXPOSURE_IMPLAUSIBLE
+    assert refusal.value.code is shared.EXPOSURE_IMPLAUSIBLE
 
 
 @given(st.floats(1e-4, 8), st.floats(1.7, 16), st.sampled_from([3200.0, 6400.0, 12800.0, 25600.0]))

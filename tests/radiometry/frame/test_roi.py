@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.roi import Polygon, Window, bounding_window, mask, parse_imagej
 
 FRAME = Window(row0=0, col0=0, height=14, width=14)
@@ -137,7 +137,7 @@ def test_a_corner_outside_the_frame_is_named(point):
     polygon = Polygon.from_points([(5, 4), (9, 8), point])
     with pytest.raises(InputRejected, match="leaves the frame") as refusal:
         bounding_window(polygon, height_px=10, width_px=20)
-    assert refusal.value.code is Code.ROI_OUTSIDE_FRAME
+    assert refusal.value.code is shared.ROI_OUTSIDE_FRAME
     assert f"({point[0]:g}, {point[1]:g})" in refusal.value.message
 
 
@@ -151,24 +151,24 @@ def test_a_corner_outside_the_frame_is_named(point):
 def test_a_region_without_a_pixel_centre_is_refused(points):
     with pytest.raises(InputRejected, match="no pixel centre") as refusal:
         bounding_window(Polygon.from_points(points), height_px=10, width_px=10)
-    assert refusal.value.code is Code.ROI_EMPTY
+    assert refusal.value.code is shared.ROI_EMPTY
 
 
 @pytest.mark.parametrize(
     ("points", "code", "words"),
     [
-        ([(0, 0), (1, 1)], Code.ROI_INVALID, "at least three different points"),
-        ([(0, 0), (1, 1), (0, 0), (0, 0)], Code.ROI_INVALID, "encloses no area|at least three|touches"),
-        ([(0, 0), (1, 1), (2, 2)], Code.ROI_INVALID, "encloses no area"),
-        ([(0, 0), (1, float("nan")), (2, 2)], Code.ROI_INVALID, "Point 2 .* not a finite position"),
-        ([(0, 0), (float("inf"), 1), (2, 2)], Code.ROI_INVALID, "Point 2 .* not a finite position"),
-        ([(0, 0), (1e7, 1), (2, 2)], Code.ROI_INVALID, "within 1e\\+06 pixels"),
-        ([(0, 0), (1, 2, 3), (2, 2)], Code.ROI_INVALID, "Point 2 .* not a pair"),
-        ([(i, (i * i) % 7) for i in range(1001)], Code.ROI_INVALID, "more than 1000 points"),
-        ([(0, 0), (4, 4), (4, 0), (0, 3)], Code.ROI_SELF_INTERSECTING, "crosses or touches itself"),
-        ([(0, 0), (4, 0), (4, 4), (2, 0), (0, 4)], Code.ROI_SELF_INTERSECTING, "touches itself"),
-        ([(0, 0), (4, 0), (2, 0), (2, 4)], Code.ROI_SELF_INTERSECTING, "touches itself"),
-        ([(0, 0), (2, 2), (4, 0), (4, 4), (2, 2), (0, 4)], Code.ROI_SELF_INTERSECTING, "touches itself"),
+        ([(0, 0), (1, 1)], shared.ROI_INVALID, "at least three different points"),
+        ([(0, 0), (1, 1), (0, 0), (0, 0)], shared.ROI_INVALID, "encloses no area|at least three|touches"),
+        ([(0, 0), (1, 1), (2, 2)], shared.ROI_INVALID, "encloses no area"),
+        ([(0, 0), (1, float("nan")), (2, 2)], shared.ROI_INVALID, "Point 2 .* not a finite position"),
+        ([(0, 0), (float("inf"), 1), (2, 2)], shared.ROI_INVALID, "Point 2 .* not a finite position"),
+        ([(0, 0), (1e7, 1), (2, 2)], shared.ROI_INVALID, "within 1e\\+06 pixels"),
+        ([(0, 0), (1, 2, 3), (2, 2)], shared.ROI_INVALID, "Point 2 .* not a pair"),
+        ([(i, (i * i) % 7) for i in range(1001)], shared.ROI_INVALID, "more than 1000 points"),
+        ([(0, 0), (4, 4), (4, 0), (0, 3)], shared.ROI_SELF_INTERSECTING, "crosses or touches itself"),
+        ([(0, 0), (4, 0), (4, 4), (2, 0), (0, 4)], shared.ROI_SELF_INTERSECTING, "touches itself"),
+        ([(0, 0), (4, 0), (2, 0), (2, 4)], shared.ROI_SELF_INTERSECTING, "touches itself"),
+        ([(0, 0), (2, 2), (4, 0), (4, 4), (2, 2), (0, 4)], shared.ROI_SELF_INTERSECTING, "touches itself"),
     ],
 )
 def test_what_is_no_simple_polygon_is_refused(points, code, words):
@@ -235,7 +235,7 @@ def test_a_pasted_rectangle_is_read():
 def test_a_bad_imagej_line_is_refused_with_the_reason(text, words):
     with pytest.raises(InputRejected, match=words) as refusal:
         parse_imagej(text)
-    assert refusal.value.code is Code.ROI_INVALID
+    assert refusal.value.code is shared.ROI_INVALID
 
 
 @settings(max_examples=30)
@@ -261,4 +261,4 @@ def test_rounding_does_not_decide_who_owns_a_centre_on_an_edge(start, stop, stee
 def test_a_symmetric_bow_tie_crosses_itself_although_its_halves_cancel():
     with pytest.raises(InputRejected, match="cross") as caught:
         Polygon.from_points([(0, 0), (10, 10), (10, 0), (0, 10)])
-    assert caught.value.code == Code.ROI_SELF_INTERSECTING
+    assert caught.value.code == shared.ROI_SELF_INTERSECTING

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import project
@@ -199,7 +199,7 @@ def test_what_a_fit_lacks(change, said, simulated):
     assert said in geometry.missing(rows, FREE)
     with pytest.raises(InputRejected, match=said) as caught:
         geometry.fit(rows, FREE)
-    assert caught.value.code is Code.FIT_INCOMPLETE
+    assert caught.value.code is shared.FIT_INCOMPLETE
 
 
 def test_what_is_missing_by_name(simulated):

@@ -13,7 +13,7 @@ from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, simu
 
 def judge(rows, **changes):
     verdicts = geometry.judge([taken(row, **{"region": None} | changes) for row in rows], rows, FREE)
-    return {frame: (each.outcome, [r.code.value for r in each.reasons]) for frame, each in verdicts.items()}
+    return {frame: (each.outcome, [r.code for r in each.reasons]) for frame, each in verdicts.items()}
 
 
 def test_good_pictures_pass_without_a_region(simulated):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import find_directions
 from radiometry.geometry.exports import _write
@@ -149,4 +149,4 @@ def test_a_picture_of_another_size_is_refused():
         InputRejected, match="160 x 120 pixels, the calibration holds for 640 x 480"
     ) as caught:
         geometry.undistort(make_picture(SMALL, np.uint8), SQUARE)
-    assert caught.value.code is Code.WRONG_CAMERA
+    assert caught.value.code is shared.WRONG_CAMERA

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
 from radiometry.geometry.solving import Pose, choose_free_parameters, solve
@@ -122,7 +122,7 @@ def test_frontal_views_do_not_determine_a_camera(noise_px):
     rows = simulate_rows(plain, BOARD, poses, np.random.default_rng(1), noise_px=noise_px)
     with pytest.raises(InputRejected, match="tilted 20 to 45 degrees") as caught:
         geometry.fit(rows, FREE)
-    assert caught.value.code is Code.FIT_FAILED
+    assert caught.value.code is shared.FIT_FAILED
 
 
 def test_directions_undo_the_projection():

@@ -64,7 +64,7 @@ def fit(rows=ROWS, readings=READINGS, params=PARAMS):
 
 
 def raised(result, flag):
-    return [found.where for found in result.flags if found.flag == flag.value]
+    return [found.where for found in result.flags if found.flag == flag]
 
 
 def point(result, frame):

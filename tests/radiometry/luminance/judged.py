@@ -14,7 +14,7 @@ def verdicts(rows, readings=READINGS, params=PARAMS):
 
 
 def codes(rows, frame, readings=READINGS):
-    return [reason.code.value for reason in verdicts(rows, readings)[frame].reasons]
+    return [reason.code for reason in verdicts(rows, readings)[frame].reasons]
 
 
 def only(rows, frame, readings=READINGS):

@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window
+from radiometry.luminance import codes as luminance_codes
 from radiometry.luminance import method as luminance
 from simulation.camera import change, expose
 from simulation.light import Lamp
@@ -66,20 +66,20 @@ def test_a_signal_below_dark_is_not_clipped():
 def test_a_model_without_an_answer_is_refused():
     with pytest.raises(InputRejected, match="no luminance for a signal of -3 DN") as refusal:
         apply(DARK - 3.0, model="power")
-    assert refusal.value.code is Code.FIT_FAILED
+    assert refusal.value.code is shared.FIT_FAILED
 
 
 @pytest.mark.parametrize(
     ("changes", "flag"),
     [
-        ({"exposure_time_s": 0.3}, Flag.OUTSIDE_EXPOSURE_TIMES),
-        ({"f_number": 4.0}, Flag.OUTSIDE_F_NUMBERS),
-        ({"f_number": 22.0}, Flag.OUTSIDE_F_NUMBERS),
+        ({"exposure_time_s": 0.3}, luminance_codes.OUTSIDE_EXPOSURE_TIMES),
+        ({"f_number": 4.0}, luminance_codes.OUTSIDE_F_NUMBERS),
+        ({"f_number": 22.0}, luminance_codes.OUTSIDE_F_NUMBERS),
     ],
 )
 def test_what_was_not_calibrated_is_flagged(changes, flag):
     exposure = Exposure(**{"exposure_time_s": 0.1, "f_number": 8.0, "iso": 3200.0, **changes})
-    assert [f.flag for f in apply(DARK + 300.0, exposure=exposure)[0].flags] == [flag.value]
+    assert [f.flag for f in apply(DARK + 300.0, exposure=exposure)[0].flags] == [flag]
 
 
 def test_a_saturated_measurement_is_flagged():
@@ -89,7 +89,7 @@ def test_a_saturated_measurement_is_flagged():
 def test_an_unknown_iso_is_refused():
     with pytest.raises(InputRejected, match="taken at ISO 1600; this calibration holds ISO 3200") as refusal:
         apply(500.0, exposure=Exposure(exposure_time_s=0.1, f_number=8.0, iso=1600.0))
-    assert refusal.value.code is Code.ISO_NOT_CALIBRATED
+    assert refusal.value.code is luminance_codes.ISO_NOT_CALIBRATED
 
 
 def test_the_map_scale_agrees_with_apply():
@@ -115,4 +115,4 @@ def test_extract_measures_the_region_in_a_window():
     assert rows[-1].n == pytest.approx(0.5 * abs(25 * 23 - 20 * 3), abs=30)
     with pytest.raises(InputRejected) as refusal:
         luminance.extract(frame, Polygon.from_points([(0, 0), (9, 0), (9, 9)]))
-    assert refusal.value.code is Code.ROI_EMPTY
+    assert refusal.value.code is shared.ROI_EMPTY

@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.findings.flags import Flag
+from radiometry.findings import shared
 from radiometry.frame.statistics import Signal
+from radiometry.luminance import codes as luminance_codes
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.dark import estimate_dark
 from radiometry.luminance.method import Params, Reading
@@ -61,47 +62,53 @@ def test_without_dark_frames_the_black_level_stands_in():
 @pytest.mark.parametrize(
     ("rows", "readings", "params", "flag", "where"),
     [
-        (LIGHTS, READINGS, PARAMS, Flag.DARK_FROM_BLACK_LEVEL, "iso 3200"),
-        ((*LIGHTS, DARKS[0]), READINGS, PARAMS, Flag.DARK_FROM_FEW_FRAMES, "iso 3200"),
-        ((*LIGHTS, *DARKS[:4]), READINGS, PARAMS, Flag.DARK_EXPOSURE_DIFFERS, "iso 3200"),
-        ((*ROWS, dark("warm", mean_dn=DARK + 20)), READINGS, PARAMS, Flag.DARK_VARIES, "iso 3200"),
-        ((*ROWS, dark("lit", mean_dn=DARK + 20)), READINGS, PARAMS, Flag.DARK_NOT_DARK, "iso 3200"),
+        (LIGHTS, READINGS, PARAMS, shared.DARK_FROM_BLACK_LEVEL, "iso 3200"),
+        ((*LIGHTS, DARKS[0]), READINGS, PARAMS, luminance_codes.DARK_FROM_FEW_FRAMES, "iso 3200"),
+        ((*LIGHTS, *DARKS[:4]), READINGS, PARAMS, shared.DARK_EXPOSURE_DIFFERS, "iso 3200"),
+        ((*ROWS, dark("warm", mean_dn=DARK + 20)), READINGS, PARAMS, luminance_codes.DARK_VARIES, "iso 3200"),
+        ((*ROWS, dark("lit", mean_dn=DARK + 20)), READINGS, PARAMS, shared.DARK_NOT_DARK, "iso 3200"),
         (
             (*ROWS[1:], dataclasses.replace(LIGHTS[0], rendered=True)),
             READINGS,
             PARAMS,
-            Flag.RENDERED,
+            shared.RENDERED,
             "iso 3200",
         ),
         (
             (*ROWS[1:], dataclasses.replace(LIGHTS[0], gain_maps=("ab",))),
             READINGS,
             PARAMS,
-            Flag.GAIN_MAPS_DIFFER,
+            luminance_codes.GAIN_MAPS_DIFFER,
             "iso 3200",
         ),
-        ((*LIGHTS[::3], *LIGHTS[1:3], *DARKS), READINGS, PARAMS, Flag.FEW_POINTS, "iso 3200"),
-        (ROWS, READINGS, Params(), Flag.METER_REPEATABILITY_ESTIMATED, "iso 3200"),
+        ((*LIGHTS[::3], *LIGHTS[1:3], *DARKS), READINGS, PARAMS, shared.FEW_POINTS, "iso 3200"),
+        (ROWS, READINGS, Params(), luminance_codes.METER_REPEATABILITY_ESTIMATED, "iso 3200"),
         (
             ROWS,
             [dataclasses.replace(READINGS[0], expanded_uncertainty_rel=None), *READINGS[1:]],
             PARAMS,
-            Flag.METER_CERTIFICATE_MISSING,
+            luminance_codes.METER_CERTIFICATE_MISSING,
             "",
         ),
-        (ROWS, READINGS, dataclasses.replace(PARAMS, exposure_basis="apex"), Flag.APEX_MISSING, "iso 3200"),
+        (
+            ROWS,
+            READINGS,
+            dataclasses.replace(PARAMS, exposure_basis="apex"),
+            luminance_codes.APEX_MISSING,
+            "iso 3200",
+        ),
         (
             ROWS,
             (*READINGS, *(Reading(scene="dim", quantity="illuminance", value=v) for v in (10.0, 10.21))),
             PARAMS,
-            Flag.LAMP_DRIFT,
+            luminance_codes.LAMP_DRIFT,
             "scene dim",
         ),
         (
             ROWS,
             (*READINGS, Reading(scene="dim", quantity="illuminance", value=0.5 * math.pi / 0.8 * 10.764)),
             dataclasses.replace(PARAMS, panel_rho=0.8),
-            Flag.RHO_CROSS_CHECK,
+            luminance_codes.RHO_CROSS_CHECK,
             "scene dim",
         ),
     ],
@@ -125,7 +132,7 @@ def test_a_bent_response_is_flagged(exponent, flagged):
         dataclasses.replace(row, statistics=statistics(DARK + (row.statistics[0].mean_dn - DARK) ** exponent))
         for row in LIGHTS
     ]
-    assert raised(fit((*rows, *DARKS)), Flag.NONLINEAR) == (["iso 3200"] if flagged else [])
+    assert raised(fit((*rows, *DARKS)), luminance_codes.NONLINEAR) == (["iso 3200"] if flagged else [])
 
 
 @pytest.mark.parametrize(
@@ -134,13 +141,13 @@ def test_a_bent_response_is_flagged(exponent, flagged):
 def test_an_implausible_k_is_flagged(factor, flagged):
     """Expected here: (4095 - 256) / 120 = 32; readings in foot-lamberts would be off by 3.4."""
     readings = [dataclasses.replace(r, value=r.value * K / 32.0 / factor) for r in READINGS]
-    assert raised(fit(readings=readings), Flag.IMPLAUSIBLE_K) == (["iso 3200"] if flagged else [])
+    assert raised(fit(readings=readings), luminance_codes.IMPLAUSIBLE_K) == (["iso 3200"] if flagged else [])
 
 
 def test_scatter_beyond_the_claims_is_flagged():
     rows = [light(s, f, k=K * (1 + (-1) ** n * 0.1)) for s in SCENES for n, f in enumerate((5.6, 8.0, 16.0))]
     result = fit((*rows, *DARKS), params=dataclasses.replace(PARAMS, f_number_u_rel=0.001))
-    assert raised(result, Flag.SCATTER_EXCEEDS_UNCERTAINTY) == ["iso 3200"]
+    assert raised(result, shared.SCATTER_EXCEEDS_UNCERTAINTY) == ["iso 3200"]
     (iso_fit,) = result.iso_fits
     scatter = iso_fit.models[0].frame_scatter_rel
     assert scatter == pytest.approx(np.std(np.log([1.1, 0.9, 1.1] * 3), ddof=1), rel=0.02)
@@ -160,7 +167,7 @@ def test_only_scatter_that_chance_does_not_explain_is_flagged(error, flagged):
         for n, f in enumerate((5.6, 8.0, 16.0))
     ]
     result = fit((*rows, *DARKS))
-    assert raised(result, Flag.SCATTER_EXCEEDS_UNCERTAINTY) == (["iso 3200"] if flagged else [])
+    assert raised(result, shared.SCATTER_EXCEEDS_UNCERTAINTY) == (["iso 3200"] if flagged else [])
     assert ("scatter between frames" in {entry.source for entry in result.iso_fits[0].budget}) is flagged
 
 

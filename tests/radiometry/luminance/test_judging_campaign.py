@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from radiometry.findings.flags import Flag
+from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.statistics import measure_signal
 from radiometry.luminance.agreement import DOUBTFUL_REL
@@ -190,7 +190,7 @@ def test_order_changes_nothing():
 
 def test_frames_of_other_roles_and_states_are_judged_by_themselves():
     chart = dataclasses.replace(taken(LIGHTS[0]), frame="chart", role="chart")
-    auto = dataclasses.replace(chart, frame="auto", flags=(Flag.EXPOSURE_NOT_MANUAL.value,))
+    auto = dataclasses.replace(chart, frame="auto", flags=(shared.EXPOSURE_NOT_MANUAL,))
     refused = dataclasses.replace(chart, frame="no", state="refused", refusal="No.", format=None)
     found = judge([chart, auto, refused, *map(taken, ROWS)], ROWS, READINGS, PARAMS)
     assert [found[name].outcome for name in ("chart", "auto", "no")] == ["pass", "warn", "fail"]

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.luminance import method as luminance
 from tests.radiometry.luminance.exact import (
@@ -92,7 +92,7 @@ def test_what_keeps_a_fit_from_starting_is_said_by_name(rows, readings, sentence
     assert any(found.startswith(sentence) for found in luminance.missing(rows, readings, PARAMS))
     with pytest.raises(InputRejected) as refusal:
         fit(rows, readings)
-    assert refusal.value.code is Code.FIT_INCOMPLETE
+    assert refusal.value.code is shared.FIT_INCOMPLETE
     assert sentence in refusal.value.message
 
 

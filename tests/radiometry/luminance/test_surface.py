@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.roi import Window, mask
 from radiometry.luminance.surface import Cells, Grid, judge_uniformity, lay_grid, outline
 

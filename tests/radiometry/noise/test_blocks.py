@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.packing import unpack
@@ -104,7 +104,7 @@ def test_a_round_region_holds_a_smaller_square():
 def test_a_region_that_is_too_small_is_refused(region, message):
     with pytest.raises(InputRejected, match=message) as refused:
         blocks_of(frame(np.zeros((120, 120))), region)
-    assert refused.value.code is Code.ROI_EMPTY
+    assert refused.value.code is shared.ROI_EMPTY
 
 
 def test_white_and_zero_are_counted():

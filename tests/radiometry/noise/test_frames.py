@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.packing import pack
+from radiometry.noise import codes as noise_codes
 from radiometry.noise import method as noise
 from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, flags_of, only, repack, take
 
@@ -28,7 +28,7 @@ def dim(rows, name, factor):
 @pytest.mark.parametrize(("factor", "used"), [(0.97, True), (0.8, False)])
 def test_light_that_drifts_is_flagged_or_left_out(factor, used):
     fit = noise.fit(dim(take(SMALL, 13), "flat-100-0.3-1", factor), PARAMS)
-    assert Flag.PAIR_LIGHT_DRIFT in flags_of(fit)
+    assert noise_codes.PAIR_LIGHT_DRIFT in flags_of(fit)
     agrees(only(fit).transfer.system_gain_dn_per_e, 0.5)
     (level,) = [level for level in only(fit).levels if level.exposure_time_s == 0.3]
     assert (level.left_out == "") is used
@@ -62,7 +62,7 @@ def test_what_is_missing_is_named_and_keeps_the_fit_from_starting(keep, message)
     assert noise.missing(rows, PARAMS)[0].startswith(message)
     with pytest.raises(InputRejected, match="The fit cannot start") as refused:
         noise.fit(rows, PARAMS)
-    assert refused.value.code is Code.FIT_INCOMPLETE
+    assert refused.value.code is shared.FIT_INCOMPLETE
 
 
 def test_what_waits_is_named():

@@ -23,7 +23,7 @@ def rows():
 def verdicts(rows):
     found = noise.judge([taken(row, region=None) for row in rows], rows, noise.Params())
     return {
-        frame: (verdict.outcome, [reason.code.value for reason in verdict.reasons])
+        frame: (verdict.outcome, [reason.code for reason in verdict.reasons])
         for frame, verdict in found.items()
     }
 

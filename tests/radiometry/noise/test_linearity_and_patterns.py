@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.findings.flags import Flag
+from radiometry.findings import shared
 from radiometry.frame.packing import pack, unpack
+from radiometry.noise import codes as noise_codes
 from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.points import collect_stacks
@@ -48,11 +49,11 @@ def test_a_bent_sensor_has_the_linearity_error_of_its_bend(share):
 def test_dark_frames_of_another_time_serve_through_their_line():
     sensor = change(SMALL, height_px=96, width_px=96, dark_current_e_s=200.0)
     fit = noise.fit(take(sensor, 15, times=(*TIMES, 0.9), dark_times=(0.01, 0.5, 2.0)), PARAMS)
-    assert Flag.DARK_EXPOSURE_DIFFERS not in flags_of(fit)
+    assert shared.DARK_EXPOSURE_DIFFERS not in flags_of(fit)
     linearity = only(fit).linearity
     assert linearity.error_rel.value < 6 * linearity.error_rel.standard_uncertainty
     far = noise.fit(take(sensor, 16, times=(*TIMES, 0.9), dark_times=(0.01,)), PARAMS)
-    assert Flag.DARK_EXPOSURE_DIFFERS in flags_of(far)
+    assert shared.DARK_EXPOSURE_DIFFERS in flags_of(far)
 
 
 def test_what_dark_current_adds_beyond_the_dark_times_is_in_the_uncertainty():
@@ -76,12 +77,12 @@ def test_a_compensated_dark_current_is_seen_in_the_noise():
     current = only(fit).dark_current
     agrees(current.from_variance_e_per_s, 50.0)
     agrees(current.dark_current_e_per_s, 0.0)
-    assert Flag.DARK_CURRENT_COMPENSATED in flags_of(fit)
+    assert noise_codes.DARK_CURRENT_COMPENSATED in flags_of(fit)
 
 
 def test_a_dark_signal_cut_at_zero_is_flagged():
     sensor = change(SMALL, black_level_dn=2.0)
-    assert Flag.DARK_CLIPPED in flags_of(noise.fit(take(sensor, 11), PARAMS))
+    assert noise_codes.DARK_CLIPPED in flags_of(noise.fit(take(sensor, 11), PARAMS))
 
 
 def test_the_pattern_of_the_dark_is_no_part_of_the_prnu():
@@ -94,7 +95,7 @@ def test_the_pattern_of_the_dark_is_no_part_of_the_prnu():
 
 def test_a_pattern_below_the_noise_is_not_resolved():
     fit = noise.fit(take(SMALL, 12), PARAMS)
-    assert Flag.PATTERN_NOT_RESOLVED in flags_of(fit)
+    assert noise_codes.PATTERN_NOT_RESOLVED in flags_of(fit)
     assert only(fit).dsnu_dn.standard_uncertainty > 0.0
 
 
@@ -102,8 +103,8 @@ def test_a_chart_among_the_lit_frames_of_a_noise_campaign_is_off_the_line():
     rows = take(SMALL, 3)
     time_s = sorted({row.exposure.exposure_time_s for row in rows if row.role != "dark"})[3]
     wrong = brightened(rows, 3000, lambda row: row.role != "dark" and row.exposure.exposure_time_s == time_s)
-    assert Flag.LINEARITY_ERROR_LARGE not in flags_of(noise.fit(rows, PARAMS))
-    assert Flag.LINEARITY_ERROR_LARGE in flags_of(noise.fit(wrong, PARAMS))
+    assert noise_codes.LINEARITY_ERROR_LARGE not in flags_of(noise.fit(rows, PARAMS))
+    assert noise_codes.LINEARITY_ERROR_LARGE in flags_of(noise.fit(wrong, PARAMS))
 
 
 def test_a_target_in_all_lit_frames_of_a_noise_campaign_is_no_prnu():
@@ -114,5 +115,5 @@ def test_a_target_in_all_lit_frames_of_a_noise_campaign_is_no_prnu():
 
     rows = take(SMALL, 3)
     shown = [row if row.role == "dark" else repack(row, draw) for row in rows]
-    assert Flag.PRNU_LARGE not in flags_of(noise.fit(rows, PARAMS))
-    assert Flag.PRNU_LARGE in flags_of(noise.fit(shown, PARAMS))
+    assert noise_codes.PRNU_LARGE not in flags_of(noise.fit(rows, PARAMS))
+    assert noise_codes.PRNU_LARGE in flags_of(noise.fit(shown, PARAMS))

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
-from radiometry.findings.flags import Flag
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.packing import pack
+from radiometry.noise import codes as noise_codes
 from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
 from radiometry.noise.stacks import make_stacks
@@ -119,7 +119,7 @@ def test_noise_below_rounding_is_a_limit():
     quiet = change(SMALL, gain_dn_per_e=0.05, read_noise_e=2.0)
     fit = noise.fit(take(quiet, 6, light=10 * LIGHT), PARAMS)
     channel = only(fit)
-    assert Flag.READ_NOISE_BELOW_ROUNDING in flags_of(fit)
+    assert noise_codes.READ_NOISE_BELOW_ROUNDING in flags_of(fit)
     assert channel.read_noise_dn.value == pytest.approx(0.396, abs=0.001)
     assert channel.transfer.read_noise_e.value > 2.0
     agrees(channel.transfer.system_gain_dn_per_e, 0.05)
@@ -132,14 +132,14 @@ def test_a_full_well_below_white_is_where_the_variance_falls():
     transfer = only(fit).transfer
     assert transfer.saturation_origin == "variance_maximum"
     agrees(transfer.full_well_e, 20_000.0, errors=2.0)
-    assert Flag.FULL_WELL_NOT_REACHED not in flags_of(fit)
+    assert noise_codes.FULL_WELL_NOT_REACHED not in flags_of(fit)
 
 
 def test_a_sensor_that_nobody_saturated_says_so():
     fit = noise.fit(take(SMALL, 8, times=TIMES[:5]), PARAMS)
     assert only(fit).transfer.saturation_origin == "white_level_assumed"
-    assert Flag.FULL_WELL_NOT_REACHED in flags_of(fit)
-    assert Flag.FEW_POINTS in flags_of(fit)
+    assert noise_codes.FULL_WELL_NOT_REACHED in flags_of(fit)
+    assert shared.FEW_POINTS in flags_of(fit)
 
 
 def test_light_that_brings_no_noise_has_no_gain():
@@ -157,7 +157,7 @@ def test_light_that_brings_no_noise_has_no_gain():
     rows = [make_row(smooth(one)) for one in taken]
     with pytest.raises(InputRejected, match="noise grows with its signal") as refused:
         noise.fit(rows, PARAMS)
-    assert refused.value.code is Code.FIT_FAILED
+    assert refused.value.code is shared.FIT_FAILED
 
 
 def test_an_iso_without_levels_still_has_its_dark_figures():
@@ -166,5 +166,5 @@ def test_an_iso_without_levels_still_has_its_dark_figures():
     poor = fit.channel_fits[1]
     assert (poor.iso, poor.transfer) == (800.0, None)
     assert poor.read_noise_dn.value == pytest.approx(3.0, abs=4 * poor.read_noise_dn.standard_uncertainty)
-    assert (Flag.NO_PHOTON_TRANSFER, "iso 800 grey") in {(r.flag, r.where) for r in fit.flags}
+    assert (noise_codes.NO_PHOTON_TRANSFER, "iso 800 grey") in {(r.flag, r.where) for r in fit.flags}
     assert {f.name for f in noise.list_figures(fit) if f.iso == 800.0} == {"read_noise_dn", "dsnu_dn"}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.reflectance import method as reflectance
 from simulation.sequoia import BANDS, capture
 from tests.radiometry.reflectance.captures import (

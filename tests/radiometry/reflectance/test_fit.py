@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.fit import compute_k

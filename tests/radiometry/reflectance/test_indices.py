@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import Multispectral, RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import method as reflectance

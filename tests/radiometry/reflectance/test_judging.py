@@ -21,7 +21,7 @@ PARAMS = reflectance.Params()
 def verdicts(rows, readings=READINGS, params=PARAMS):
     found = reflectance.judge([taken(row) for row in rows], rows, readings, params)
     return {
-        frame: (verdict.outcome, [reason.code.value for reason in verdict.reasons])
+        frame: (verdict.outcome, [reason.code for reason in verdict.reasons])
         for frame, verdict in found.items()
     }
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion
 from radiometry.reflectance import method as reflectance
 from simulation.sequoia import capture

@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import InputRejected
-from radiometry.findings.flags import Raised
+from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.comparison import change_reflectance

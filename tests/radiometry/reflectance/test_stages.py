@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure, Settings
 from radiometry.frame.multispectral import (

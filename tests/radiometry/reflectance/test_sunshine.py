@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineIrradiance
 from radiometry.reflectance.gains import measure_gains
 from radiometry.reflectance.sunshine import list_readings, measure_sunshine

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import Multispectral, SunshineIrradiance
 from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.sun import SunPosition, locate_sun

@@ -9,10 +9,11 @@ import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
+from radiometry.sharpness import codes as sharpness_codes
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.spectrum import find_crossing, list_frequencies
 from simulation.camera import change
@@ -328,18 +329,26 @@ def test_more_noise_is_more_uncertainty():
 @pytest.mark.parametrize(
     ("code", "changes", "camera"),
     [
-        (Code.EDGE_ANGLE_UNSUITABLE, {"angle_deg": 0.0}, {}),
-        (Code.EDGE_ANGLE_UNSUITABLE, {"angle_deg": 1.5}, {}),
-        (Code.EDGE_ANGLE_UNSUITABLE, {"angle_deg": 43.0, "height": 40}, {}),
-        (Code.EDGE_ANGLE_UNSUITABLE, {"angle_deg": math.degrees(math.atan(0.5)), "height": 60}, {}),
-        (Code.EDGE_TOO_SHORT, {"height": 18}, {}),
-        (Code.EDGE_TOO_SHORT, {"height": 30, "angle_deg": 3.0}, {}),
-        (Code.EDGE_TOO_SHORT, {"width": 18}, {}),
-        (Code.EDGE_NOT_FOUND, {"width": 32, "angle_deg": 12.0}, {}),
-        (Code.CHART_CLIPPED, {}, {"bright_dn": 20000.0}),
-        (Code.CHART_CLIPPED, {}, {"dark_dn": -300.0}),
-        (Code.CHART_CONTRAST_TOO_LOW, {}, {"dark_dn": 7000.0}),
-        (Code.EDGE_TOO_NOISY, {}, {"read_noise_e": 600.0, "black_level_dn": 3000.0, "dark_dn": 5000.0}),
+        (sharpness_codes.EDGE_ANGLE_UNSUITABLE, {"angle_deg": 0.0}, {}),
+        (sharpness_codes.EDGE_ANGLE_UNSUITABLE, {"angle_deg": 1.5}, {}),
+        (sharpness_codes.EDGE_ANGLE_UNSUITABLE, {"angle_deg": 43.0, "height": 40}, {}),
+        (
+            sharpness_codes.EDGE_ANGLE_UNSUITABLE,
+            {"angle_deg": math.degrees(math.atan(0.5)), "height": 60},
+            {},
+        ),
+        (sharpness_codes.EDGE_TOO_SHORT, {"height": 18}, {}),
+        (sharpness_codes.EDGE_TOO_SHORT, {"height": 30, "angle_deg": 3.0}, {}),
+        (sharpness_codes.EDGE_TOO_SHORT, {"width": 18}, {}),
+        (sharpness_codes.EDGE_NOT_FOUND, {"width": 32, "angle_deg": 12.0}, {}),
+        (sharpness_codes.CHART_CLIPPED, {}, {"bright_dn": 20000.0}),
+        (sharpness_codes.CHART_CLIPPED, {}, {"dark_dn": -300.0}),
+        (sharpness_codes.CHART_CONTRAST_TOO_LOW, {}, {"dark_dn": 7000.0}),
+        (
+            sharpness_codes.EDGE_TOO_NOISY,
+            {},
+            {"read_noise_e": 600.0, "black_level_dn": 3000.0, "dark_dn": 5000.0},
+        ),
     ],
 )
 def test_an_edge_that_cannot_be_measured_is_refused_by_name(code, changes, camera):
@@ -356,7 +365,7 @@ def test_two_edges_are_not_one():
     samples[60:, 20:84] = samples[60:, 20:84][:, ::-1][:, :64] // 2
     with pytest.raises(InputRejected) as refused:
         extract(dataclasses.replace(frame, samples_dn=samples), [one.region])
-    assert refused.value.code in {Code.EDGE_NOT_FOUND, Code.CHART_CONTRAST_TOO_LOW}
+    assert refused.value.code in {sharpness_codes.EDGE_NOT_FOUND, sharpness_codes.CHART_CONTRAST_TOO_LOW}
 
 
 def test_an_empty_field_has_no_edge():
@@ -364,7 +373,7 @@ def test_an_empty_field_has_no_edge():
     frame = render_chart(change(SMALL, bright_dn=1000.0), [one], seeded())
     with pytest.raises(InputRejected, match="Contrast") as refused:
         extract(frame, [one.region])
-    assert refused.value.code is Code.CHART_CONTRAST_TOO_LOW
+    assert refused.value.code is sharpness_codes.CHART_CONTRAST_TOO_LOW
 
 
 def test_one_bad_region_leaves_the_others():
@@ -387,4 +396,4 @@ def test_a_region_outside_the_window_is_refused():
     part = dataclasses.replace(frame, samples_dn=frame.samples_dn[10:, :], row0=10)
     with pytest.raises(InputRejected) as refused:
         extract(part, [one.region])
-    assert refused.value.code is Code.ROI_OUTSIDE_FRAME
+    assert refused.value.code is shared.ROI_OUTSIDE_FRAME

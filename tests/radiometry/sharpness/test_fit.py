@@ -8,7 +8,7 @@ import math
 import pytest
 from pydantic import TypeAdapter
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.features import Estimate
@@ -195,7 +195,7 @@ def test_what_is_missing_is_named(rows):
     )
     with pytest.raises(InputRejected, match="frame-0") as refused:
         sharpness.fit([waiting, *rows[1:]], PARAMS)
-    assert refused.value.code is Code.FIT_INCOMPLETE
+    assert refused.value.code is shared.FIT_INCOMPLETE
 
 
 # --- flags

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
+from radiometry.sharpness import codes as sharpness_codes
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.resolution import find_resolving_power
 from simulation.camera import change
@@ -159,10 +160,10 @@ def test_noise_is_taken_off_the_contrast_and_told_by_the_uncertainty():
 @pytest.mark.parametrize(
     ("code", "camera", "target"),
     [
-        (Code.CHART_CLIPPED, {"bright_dn": 20000.0}, {}),
-        (Code.CHART_CONTRAST_TOO_LOW, {"dark_dn": 8000.0}, {}),
-        (Code.STAR_NOT_FOUND, {}, {"cycles": 30}),
-        (Code.STAR_TOO_SMALL, {}, {"cycles": 120}),
+        (sharpness_codes.CHART_CLIPPED, {"bright_dn": 20000.0}, {}),
+        (sharpness_codes.CHART_CONTRAST_TOO_LOW, {"dark_dn": 8000.0}, {}),
+        (sharpness_codes.STAR_NOT_FOUND, {}, {"cycles": 30}),
+        (sharpness_codes.STAR_TOO_SMALL, {}, {"cycles": 120}),
     ],
 )
 def test_a_star_that_cannot_be_measured_is_refused_by_name(code, camera, target):

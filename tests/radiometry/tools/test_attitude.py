@@ -5,7 +5,7 @@ import math
 import pytest
 from scipy.spatial.transform import Rotation
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.multispectral import Multispectral, SunshineCounts, SunshineRecord
 from radiometry.tools.attitude import Attitude, Optics, Shot, blur_of_frames, compute_turns, read_attitudes
 
@@ -73,7 +73,7 @@ def test_the_records_nearest_to_the_exposure_count(at_s, basis, rate):
 def test_without_two_records_there_is_no_rate(records):
     with pytest.raises(InputRejected, match="no two records") as refused:
         blur_of_frames([Shot(at_s=None, exposure_time_s=0.001)], records, optics=OPTICS)
-    assert refused.value.code is Code.ATTITUDE_MISSING
+    assert refused.value.code is shared.ATTITUDE_MISSING
 
 
 def test_records_without_angles_or_of_one_time_are_not_read():

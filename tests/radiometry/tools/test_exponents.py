@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, shared
 from radiometry.tools.exponents import SeriesRow, fit_exponents
 
 WHITE = 16384.0
@@ -97,7 +97,7 @@ def test_dark_by_row_takes_the_place_of_the_tables():
 def test_what_cannot_be_fitted_is_refused_with_what_to_do(rows, message):
     with pytest.raises(InputRejected, match=message) as refused:
         fit_exponents(rows, dark_dn=0.0, white_level_dn=WHITE)
-    assert refused.value.code is Code.FIT_INCOMPLETE
+    assert refused.value.code is shared.FIT_INCOMPLETE
 
 
 def test_a_signal_of_nothing_has_no_logarithm_however_small_the_white_level():

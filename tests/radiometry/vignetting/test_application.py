@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.application import require_format

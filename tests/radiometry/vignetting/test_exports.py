@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.vignetting import method as vignetting
 from simulation.flats import FALLOFFS
 from tests.radiometry.vignetting.flats import coefficient

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 from scipy.stats import chi2
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.packing import unpack
 from radiometry.vignetting import method as vignetting

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion, Region
 from radiometry.frame.roi import Polygon
 from radiometry.vignetting import method as vignetting

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from tests.worker.decode.fuzz_seeds import Seed, find_real_seeds, make_seeds
 from worker.decode.pool import DecoderCrashed, DecoderPool
 

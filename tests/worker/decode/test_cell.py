@@ -13,13 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from tests.worker.decode.tiff_writer import LONG
 from worker.decode import nursery, reading, warming
 from worker.decode.calls import build_filter
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderPool
-from worker.decode.refusals import Refusal
 from worker.decode.sandbox import Restrictions, Sandbox
 
 SAMPLES = make_samples(64, 96, 14)
@@ -151,7 +150,7 @@ def test_nothing_is_imported_after_the_fork(good, real_files):
 import sys
 from pathlib import Path
 from worker.decode import reading, zygote
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 zygote.load_late_imports()
 class Spy:
     def find_spec(self, name, path=None, target=None):
@@ -271,14 +270,14 @@ def test_a_dirty_process_gives_nothing_of_another_file(real_files, save):
             del held
         with pytest.raises(InputRejected) as caught:
             reading.read_header(undecoded)
-        assert caught.value.code is Refusal.TRUNCATED
+        assert caught.value.code is files.TRUNCATED
 
 
 def test_a_clean_cell_refuses_the_same_file(real_files, save):
     content = (real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng").read_bytes()
     with DecoderPool(1) as pool, pytest.raises(InputRejected) as caught:
         pool.inspect(save(_without_dng_version(content)))
-    assert caught.value.code is Refusal.TRUNCATED
+    assert caught.value.code is files.TRUNCATED
 
 
 @pytest.mark.parametrize("compression", [7, 8, 5, 32773])
@@ -291,4 +290,4 @@ def test_a_claim_that_the_file_cannot_back_is_refused_before_anything_is_allocat
         with pytest.raises(InputRejected, match="far larger than its data can hold") as caught:
             pool.read_header(path)
         assert time.process_time() - began < 5
-    assert caught.value.code is Refusal.SIZE_MISMATCH
+    assert caught.value.code is files.SIZE_MISMATCH

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 import tifffile
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from tests.worker.decode.tiff_writer import LONG, SHORT, TiffWriter
 from worker.decode import reading
-from worker.decode.refusals import Refusal
 
 ROWS, COLS, STRIP = 40, 50, 16
 IMAGE = np.random.default_rng(3).integers(0, 1 << 16, (ROWS, COLS)).astype(np.uint16)
@@ -62,7 +61,7 @@ def test_deflate_that_does_not_end_with_its_checksum(change, save):
     path = save(_deflated(change))
     with pytest.raises(InputRejected) as caught:
         _read(path)
-    assert caught.value.code is Refusal.INCOMPLETE_IMAGE
+    assert caught.value.code is files.INCOMPLETE_IMAGE
     np.testing.assert_array_equal(_read(path, 0), IMAGE[:1])  # another strip: it is not looked at
 
 
@@ -107,14 +106,14 @@ def test_piece_that_lost_its_end_or_runs_on(compression, save):
             continue
         with pytest.raises(InputRejected) as caught:
             _read(save(content), 0, 1)
-        assert caught.value.code in (Refusal.INCOMPLETE_IMAGE, Refusal.TRUNCATED)
+        assert caught.value.code in (files.INCOMPLETE_IMAGE, files.TRUNCATED)
 
 
 @pytest.mark.parametrize(
     ("change", "code"),
     [
-        (lambda jpeg: jpeg[:-2], Refusal.TRUNCATED),
-        (lambda jpeg: jpeg[:-60] + b"\xff\xd0" + jpeg[-58:], Refusal.INCOMPLETE_IMAGE),
+        (lambda jpeg: jpeg[:-2], files.TRUNCATED),
+        (lambda jpeg: jpeg[:-60] + b"\xff\xd0" + jpeg[-58:], files.INCOMPLETE_IMAGE),
     ],
     ids=["no end marker", "another marker within"],
 )

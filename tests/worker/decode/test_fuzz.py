@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
 from worker.decode import reading
 

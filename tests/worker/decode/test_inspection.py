@@ -5,12 +5,11 @@ import hashlib
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from radiometry.frame.proof import PieceRun
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
 from tests.worker.decode.tiff_writer import BYTE
 from worker.decode import reading
-from worker.decode.refusals import Refusal
 
 ROWS, COLS = 300, 520
 NEW, OLD = 51111, 50972
@@ -68,7 +67,7 @@ def test_digest_of_the_raw_image_is_checked(name, tag, save):
     changed[-1, -1] ^= 1
     with pytest.raises(InputRejected, match="own digest") as caught:
         reading.prove(save(make_dng(changed, _with(variant, tag, digest)), "changed.dng"))
-    assert caught.value.code is Refusal.INCOMPLETE_IMAGE
+    assert caught.value.code is files.INCOMPLETE_IMAGE
 
 
 def test_digest_that_lightroom_spoilt_proves_with_its_rest(save):

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import rawpy
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
 from tests.worker.decode.tiff_writer import LONG, RATIONAL
 from worker.decode import libraw, reading
-from worker.decode.refusals import Refusal
 
 SAMPLES = make_samples(64, 96, 16)
 
@@ -44,7 +43,7 @@ def test_missing_samples_are_noticed_before_libraw_makes_them_up(tiff_ep):
     path = tiff_ep(extra={273: (LONG, 12_000)})
     with pytest.raises(InputRejected) as caught:
         reading.read_header(path)
-    assert caught.value.code is Refusal.TRUNCATED
+    assert caught.value.code is files.TRUNCATED
 
 
 def test_zero_lines_among_lit_ones_are_missing_data(tiff_ep):
@@ -53,7 +52,7 @@ def test_zero_lines_among_lit_ones_are_missing_data(tiff_ep):
     for samples in (cut, np.zeros_like(SAMPLES)):
         with pytest.raises(InputRejected) as caught:
             reading.read_header(tiff_ep(samples))
-        assert caught.value.code is Refusal.TRUNCATED
+        assert caught.value.code is files.TRUNCATED
 
 
 def test_a_dark_frame_that_its_camera_clips_at_zero_is_read(tiff_ep):

@@ -11,11 +11,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from radiometry.findings.errors import InputRejected
+from radiometry.findings import InputRejected, files
 from tests.worker.decode.tiff_writer import ASCII, LONG, RATIONAL, SHORT, TiffWriter
 from worker.decode import pictures, reading
 from worker.decode.pool import DecoderPool
-from worker.decode.refusals import Refusal
 
 GREY = np.random.default_rng(3).integers(0, 256, (48, 80), np.uint8)
 RGB = np.random.default_rng(4).integers(0, 256, (48, 80, 3), np.uint8)
@@ -99,29 +98,29 @@ def test_damaged_exif_costs_the_metadata_only(exif, save):
 @pytest.mark.parametrize(
     ("content", "code"),
     [
-        (JPEG[: len(JPEG) // 2], Refusal.TRUNCATED),
-        (JPEG[:-2], Refusal.TRUNCATED),
-        (JPEG[:20], Refusal.TRUNCATED),
-        (JPEG[:3], Refusal.TRUNCATED),
-        (b"\xff\xd8\xff\xd9", Refusal.SIZE_MISMATCH),
-        (b"\xff\xd8\xff\xe0\0\0" + JPEG, Refusal.SIZE_MISMATCH),
-        (b"\xff\xd8\xff\xe0\0\x04ab" + b"x" * 9, Refusal.SIZE_MISMATCH),
-        (b"\xff\xd8" + b"\xff\xe0\0\x02" * 10_001, Refusal.UNSUPPORTED_LAYOUT),
-        (_sized(JPEG, 60_000, 60_000), Refusal.SIZE_MISMATCH),
-        (_sized(JPEG, 0, 80), Refusal.FRAME_TOO_SMALL),
-        (_sized(JPEG, 48, 15), Refusal.FRAME_TOO_SMALL),
-        (JPEG.replace(b"\xff\xc0", b"\xff\xc9", 1), Refusal.UNSUPPORTED_COMPRESSION),
-        (JPEG.replace(b"\xff\xc0\0\x0b\x08", b"\xff\xc0\0\x0b\x0c", 1), Refusal.UNSUPPORTED_LAYOUT),
-        (PNG[: len(PNG) // 2], Refusal.TRUNCATED),
-        (PNG[:-12], Refusal.TRUNCATED),
-        (PNG[:20], Refusal.TRUNCATED),
-        (PNG[:8] + PNG[33:], Refusal.SIZE_MISMATCH),
-        (_head(PNG, w=60_000, h=60_000), Refusal.SIZE_MISMATCH),
-        (_head(PNG, w=0), Refusal.FRAME_TOO_SMALL),
-        (_head(PNG, d=4, c=3), Refusal.UNSUPPORTED_LAYOUT),
-        (_head(PNG, c=6), Refusal.UNSUPPORTED_LAYOUT),
-        (_head(PNG, h=49), Refusal.SIZE_MISMATCH),
-        (PNG[:60] + bytes([PNG[60] ^ 1]) + PNG[61:], Refusal.SIZE_MISMATCH),
+        (JPEG[: len(JPEG) // 2], files.TRUNCATED),
+        (JPEG[:-2], files.TRUNCATED),
+        (JPEG[:20], files.TRUNCATED),
+        (JPEG[:3], files.TRUNCATED),
+        (b"\xff\xd8\xff\xd9", files.SIZE_MISMATCH),
+        (b"\xff\xd8\xff\xe0\0\0" + JPEG, files.SIZE_MISMATCH),
+        (b"\xff\xd8\xff\xe0\0\x04ab" + b"x" * 9, files.SIZE_MISMATCH),
+        (b"\xff\xd8" + b"\xff\xe0\0\x02" * 10_001, files.UNSUPPORTED_LAYOUT),
+        (_sized(JPEG, 60_000, 60_000), files.SIZE_MISMATCH),
+        (_sized(JPEG, 0, 80), files.FRAME_TOO_SMALL),
+        (_sized(JPEG, 48, 15), files.FRAME_TOO_SMALL),
+        (JPEG.replace(b"\xff\xc0", b"\xff\xc9", 1), files.UNSUPPORTED_COMPRESSION),
+        (JPEG.replace(b"\xff\xc0\0\x0b\x08", b"\xff\xc0\0\x0b\x0c", 1), files.UNSUPPORTED_LAYOUT),
+        (PNG[: len(PNG) // 2], files.TRUNCATED),
+        (PNG[:-12], files.TRUNCATED),
+        (PNG[:20], files.TRUNCATED),
+        (PNG[:8] + PNG[33:], files.SIZE_MISMATCH),
+        (_head(PNG, w=60_000, h=60_000), files.SIZE_MISMATCH),
+        (_head(PNG, w=0), files.FRAME_TOO_SMALL),
+        (_head(PNG, d=4, c=3), files.UNSUPPORTED_LAYOUT),
+        (_head(PNG, c=6), files.UNSUPPORTED_LAYOUT),
+        (_head(PNG, h=49), files.SIZE_MISMATCH),
+        (PNG[:60] + bytes([PNG[60] ^ 1]) + PNG[61:], files.SIZE_MISMATCH),
     ],
 )
 def test_picture_that_cannot_be(content, code, save):
@@ -144,7 +143,7 @@ def test_bomb_of_pixels_is_refused_before_it_is_decoded(save, monkeypatch):
     for content in (padded, padded_jpeg):
         with pytest.raises(InputRejected, match="100 megapixels") as caught:
             reading.read_header(save(content))
-        assert caught.value.code is Refusal.FRAME_TOO_LARGE
+        assert caught.value.code is files.FRAME_TOO_LARGE
 
 
 def test_real_picture_comes_through_the_decoding_process(real_files):

@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, files, shared
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
 from tests.worker.decode.tiff_writer import LONG
 from worker.decode import reading
 from worker.decode.pool import DecoderCrashed, DecoderPool, DecoderUnavailable
-from worker.decode.refusals import Refusal
 
 SAMPLES = make_samples(64, 96, 14)
 VARIANT = Variant(bits=14, active_area=(2, 4, 62, 90))
@@ -64,10 +63,10 @@ def test_refusals_come_through_and_cost_no_process(pool, good, save):
     before = pool.pids()
     with pytest.raises(InputRejected, match="GIF picture") as caught:
         pool.read_header(save(b"GIF89a", "x.dng"))
-    assert caught.value.code is Refusal.NOT_A_RAW_FILE
+    assert caught.value.code is files.NOT_A_RAW_FILE
     with pytest.raises(InputRejected) as caught:
         pool.read_window(good, (0, 0, 1000, 1000))
-    assert caught.value.code is Code.ROI_OUTSIDE_FRAME
+    assert caught.value.code is shared.ROI_OUTSIDE_FRAME
     with pytest.raises(FileNotFoundError):
         pool.read_header(good.with_name("absent.dng"))
     assert pool.pids() == before
@@ -128,7 +127,7 @@ def test_what_is_no_file_of_its_own_is_refused_at_once(pool, tmp_path):
     for path in (pipe, tmp_path):
         with pytest.raises(InputRejected) as caught:
             pool.read_header(path)
-        assert caught.value.code is Refusal.NOT_A_RAW_FILE
+        assert caught.value.code is files.NOT_A_RAW_FILE
 
 
 def _sparse(path, side):

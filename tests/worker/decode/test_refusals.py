@@ -5,11 +5,10 @@ import struct
 import numpy as np
 import pytest
 
-from radiometry.findings.errors import Code, InputRejected
+from radiometry.findings import InputRejected, files, shared
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
 from tests.worker.decode.tiff_writer import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 from worker.decode import reading
-from worker.decode.refusals import Refusal, refuse
 
 SAMPLES = make_samples(64, 64, 16)
 
@@ -40,48 +39,48 @@ def _dng(**extra):
     ],
 )
 def test_other_kinds_of_file(content, save):
-    assert _code(save(content)) is Refusal.NOT_A_RAW_FILE
+    assert _code(save(content)) is files.NOT_A_RAW_FILE
 
 
 def test_empty_file(save):
-    assert _code(save(b"")) is Refusal.EMPTY_FILE
+    assert _code(save(b"")) is files.EMPTY_FILE
 
 
 @pytest.mark.parametrize(
     ("tag", "value", "code"),
     [
-        ("t256", (LONG, 70_000), Refusal.FRAME_TOO_LARGE),
-        ("t257", (LONG, 2**32 - 1), Refusal.FRAME_TOO_LARGE),
-        ("t256", (LONG, 15), Refusal.FRAME_TOO_SMALL),
-        ("t257", (LONG, 0), Refusal.FRAME_TOO_SMALL),
-        ("t257", (LONG, 65), Refusal.TRUNCATED),
-        ("t279", (LONG, 64 * 64), Refusal.SIZE_MISMATCH),
-        ("t278", (LONG, 0), Refusal.SIZE_MISMATCH),
-        ("t278", (LONG, 16), Refusal.TRUNCATED),
-        ("t273", (LONG, 10_000_000), Refusal.TRUNCATED),
-        ("t273", (DOUBLE, 1e300), Refusal.UNSUPPORTED_LAYOUT),
-        ("t256", (DOUBLE, 64.5), Refusal.UNSUPPORTED_LAYOUT),
-        ("t256", (DOUBLE, float("nan")), Refusal.UNSUPPORTED_LAYOUT),
-        ("t273", (LONG, [8, 8]), Refusal.SIZE_MISMATCH),
-        ("t258", (SHORT, 32), Refusal.UNSUPPORTED_LAYOUT),
-        ("t258", (SHORT, 4), Refusal.UNSUPPORTED_LAYOUT),
-        ("t339", (SHORT, 3), Refusal.UNSUPPORTED_LAYOUT),
-        ("t277", (SHORT, 2), Refusal.SIZE_MISMATCH),
-        ("t266", (SHORT, 2), Refusal.UNSUPPORTED_LAYOUT),
-        ("t262", (SHORT, 34892), Refusal.LINEAR_RAW),
-        ("t259", (SHORT, 34892), Refusal.LOSSY_DNG),
-        ("t259", (SHORT, 52546), Refusal.UNSUPPORTED_COMPRESSION),
-        ("t259", (SHORT, 9), Refusal.UNSUPPORTED_COMPRESSION),
-        ("t33422", (BYTE, b"\0\1\1\1"), Refusal.UNSUPPORTED_LAYOUT),
-        ("t33421", (SHORT, [4, 4]), Refusal.UNSUPPORTED_LAYOUT),
-        ("t50711", (SHORT, 2), Refusal.UNSUPPORTED_LAYOUT),
-        ("t50975", (LONG, 2), Refusal.UNSUPPORTED_LAYOUT),
-        ("t50829", (LONG, [0, 0, 65, 64]), Refusal.SIZE_MISMATCH),
-        ("t50829", (LONG, [0, 0, 64]), Refusal.SIZE_MISMATCH),
-        ("t50829", (LONG, [0, 0, 10, 64]), Refusal.FRAME_TOO_SMALL),
-        ("t50713", (SHORT, [0, 2]), Refusal.UNSUPPORTED_LAYOUT),
-        ("t50715", (SHORT, [1, 2, 3]), Refusal.SIZE_MISMATCH),
-        ("t254", (LONG, 1), Refusal.NOT_A_RAW_FILE),
+        ("t256", (LONG, 70_000), files.FRAME_TOO_LARGE),
+        ("t257", (LONG, 2**32 - 1), files.FRAME_TOO_LARGE),
+        ("t256", (LONG, 15), files.FRAME_TOO_SMALL),
+        ("t257", (LONG, 0), files.FRAME_TOO_SMALL),
+        ("t257", (LONG, 65), files.TRUNCATED),
+        ("t279", (LONG, 64 * 64), files.SIZE_MISMATCH),
+        ("t278", (LONG, 0), files.SIZE_MISMATCH),
+        ("t278", (LONG, 16), files.TRUNCATED),
+        ("t273", (LONG, 10_000_000), files.TRUNCATED),
+        ("t273", (DOUBLE, 1e300), files.UNSUPPORTED_LAYOUT),
+        ("t256", (DOUBLE, 64.5), files.UNSUPPORTED_LAYOUT),
+        ("t256", (DOUBLE, float("nan")), files.UNSUPPORTED_LAYOUT),
+        ("t273", (LONG, [8, 8]), files.SIZE_MISMATCH),
+        ("t258", (SHORT, 32), files.UNSUPPORTED_LAYOUT),
+        ("t258", (SHORT, 4), files.UNSUPPORTED_LAYOUT),
+        ("t339", (SHORT, 3), files.UNSUPPORTED_LAYOUT),
+        ("t277", (SHORT, 2), files.SIZE_MISMATCH),
+        ("t266", (SHORT, 2), files.UNSUPPORTED_LAYOUT),
+        ("t262", (SHORT, 34892), files.LINEAR_RAW),
+        ("t259", (SHORT, 34892), files.LOSSY_DNG),
+        ("t259", (SHORT, 52546), files.UNSUPPORTED_COMPRESSION),
+        ("t259", (SHORT, 9), files.UNSUPPORTED_COMPRESSION),
+        ("t33422", (BYTE, b"\0\1\1\1"), files.UNSUPPORTED_LAYOUT),
+        ("t33421", (SHORT, [4, 4]), files.UNSUPPORTED_LAYOUT),
+        ("t50711", (SHORT, 2), files.UNSUPPORTED_LAYOUT),
+        ("t50975", (LONG, 2), files.UNSUPPORTED_LAYOUT),
+        ("t50829", (LONG, [0, 0, 65, 64]), files.SIZE_MISMATCH),
+        ("t50829", (LONG, [0, 0, 64]), files.SIZE_MISMATCH),
+        ("t50829", (LONG, [0, 0, 10, 64]), files.FRAME_TOO_SMALL),
+        ("t50713", (SHORT, [0, 2]), files.UNSUPPORTED_LAYOUT),
+        ("t50715", (SHORT, [1, 2, 3]), files.SIZE_MISMATCH),
+        ("t254", (LONG, 1), files.NOT_A_RAW_FILE),
     ],
 )
 def test_tags_that_cannot_be(tag, value, code, save):
@@ -90,13 +89,13 @@ def test_tags_that_cannot_be(tag, value, code, save):
 
 def test_black_levels_for_another_pattern(save):
     content = make_dng(SAMPLES, Variant(extra=black_level([1, 2, 3], (2, 2))))
-    assert _code(save(content)) is Refusal.UNSUPPORTED_LAYOUT
+    assert _code(save(content)) is files.UNSUPPORTED_LAYOUT
 
 
 @pytest.mark.parametrize("kept", [0.5, 0.9, 0.99])
 def test_file_cut_short(kept, save):
     content = make_dng(SAMPLES, Variant())
-    assert _code(save(content[: int(len(content) * kept)])) is Refusal.TRUNCATED
+    assert _code(save(content[: int(len(content) * kept)])) is files.TRUNCATED
 
 
 def test_image_data_cut_from_the_end_of_the_file(save):
@@ -104,23 +103,23 @@ def test_image_data_cut_from_the_end_of_the_file(save):
     base = make_dng(SAMPLES, Variant())
     content = make_dng(SAMPLES, Variant(extra={273: (LONG, len(base))})) + SAMPLES.tobytes()
     reading.read_header(save(content))
-    assert _code(save(content[:-1])) is Refusal.TRUNCATED
+    assert _code(save(content[:-1])) is files.TRUNCATED
 
 
 @pytest.mark.parametrize("tile", [(0, 16), (16, 0)])
 def test_tiles_without_pixels(tile, save):
     content = make_dng(SAMPLES, Variant(tile=(16, 16), extra={323: (LONG, tile[0]), 322: (LONG, tile[1])}))
-    assert _code(save(content)) is Refusal.SIZE_MISMATCH
+    assert _code(save(content)) is files.SIZE_MISMATCH
 
 
 def test_tiles_far_larger_than_the_frame(save):
     content = make_dng(SAMPLES, Variant(tile=(64, 64), extra={322: (LONG, 1 << 30)}))
-    assert _code(save(content)) is Refusal.FRAME_TOO_LARGE
+    assert _code(save(content)) is files.FRAME_TOO_LARGE
 
 
 def test_more_tiles_than_are_sane(save):
     tags = {256: (LONG, 60_000), 257: (LONG, 4_000), 322: (LONG, 1), 323: (LONG, 1)}
-    assert _code(save(make_dng(SAMPLES, Variant(tile=(64, 64), extra=tags)))) is Refusal.FRAME_TOO_LARGE
+    assert _code(save(make_dng(SAMPLES, Variant(tile=(64, 64), extra=tags)))) is files.FRAME_TOO_LARGE
 
 
 def _with_entry_count(tag, count):
@@ -131,18 +130,18 @@ def _with_entry_count(tag, count):
 
 
 def test_tag_that_claims_billions_of_values(save):
-    assert _code(save(_with_entry_count(50712, 2**32 - 1))) is Refusal.FRAME_TOO_LARGE
+    assert _code(save(_with_entry_count(50712, 2**32 - 1))) is files.FRAME_TOO_LARGE
 
 
 def test_tag_that_reaches_beyond_the_file(save):
-    assert _code(save(_with_entry_count(50712, 60_000))) is Refusal.TRUNCATED
+    assert _code(save(_with_entry_count(50712, 60_000))) is files.TRUNCATED
 
 
 def test_directory_that_is_its_own_child(save):
     writer = TiffWriter()
     loop = {330: (LONG, 8)}
     assert writer.directory(loop) == 8
-    assert _code(save(writer.finish(8))) is Refusal.UNSUPPORTED_LAYOUT
+    assert _code(save(writer.finish(8))) is files.UNSUPPORTED_LAYOUT
 
 
 def test_directories_without_end(save):
@@ -150,12 +149,12 @@ def test_directories_without_end(save):
     place = writer.directory({256: (LONG, 1)})
     for _ in range(10):
         place = writer.directory({330: (LONG, place)})
-    assert _code(save(writer.finish(place))) is Refusal.UNSUPPORTED_LAYOUT
+    assert _code(save(writer.finish(place))) is files.UNSUPPORTED_LAYOUT
 
 
 def test_directory_of_too_many_tags(save):
     content = b"II*\0\x08\0\0\0" + struct.pack("<H", 3000) + bytes(40_000)
-    assert _code(save(content)) is Refusal.FRAME_TOO_LARGE
+    assert _code(save(content)) is files.FRAME_TOO_LARGE
 
 
 def _ljpeg(cut):
@@ -171,14 +170,14 @@ def _ljpeg(cut):
 @pytest.mark.parametrize(
     ("cut", "code"),
     [
-        (lambda jpeg: jpeg[:-40], Refusal.TRUNCATED),
-        (lambda jpeg: jpeg[: len(jpeg) // 2], Refusal.TRUNCATED),
-        (lambda jpeg: jpeg[: len(jpeg) // 2] + b"\xff\xd9", Refusal.TRUNCATED),
-        (lambda jpeg: jpeg[:-2] + bytes(40) + b"\xff\xd9", Refusal.SIZE_MISMATCH),
-        (lambda jpeg: jpeg[:20], Refusal.SIZE_MISMATCH),
-        (lambda jpeg: jpeg.replace(b"\xff\xc3", b"\xff\xc0", 1), Refusal.LOSSY_DNG),
-        (lambda jpeg: jpeg.replace(b"\0\x40\0\x40", b"\0\x40\0\x41", 1), Refusal.SIZE_MISMATCH),
-        (lambda jpeg: jpeg.replace(b"\xff\xd8", b"\0\0", 1), Refusal.SIZE_MISMATCH),
+        (lambda jpeg: jpeg[:-40], files.TRUNCATED),
+        (lambda jpeg: jpeg[: len(jpeg) // 2], files.TRUNCATED),
+        (lambda jpeg: jpeg[: len(jpeg) // 2] + b"\xff\xd9", files.TRUNCATED),
+        (lambda jpeg: jpeg[:-2] + bytes(40) + b"\xff\xd9", files.SIZE_MISMATCH),
+        (lambda jpeg: jpeg[:20], files.SIZE_MISMATCH),
+        (lambda jpeg: jpeg.replace(b"\xff\xc3", b"\xff\xc0", 1), files.LOSSY_DNG),
+        (lambda jpeg: jpeg.replace(b"\0\x40\0\x40", b"\0\x40\0\x41", 1), files.SIZE_MISMATCH),
+        (lambda jpeg: jpeg.replace(b"\xff\xd8", b"\0\0", 1), files.SIZE_MISMATCH),
     ],
 )
 def test_lossless_jpeg_that_is_damaged(cut, code, save):
@@ -194,16 +193,9 @@ def test_intact_lossless_jpeg_passes_the_same_way(save):
     "window", [(-1, 0, 4, 4), (0, 0, 65, 4), (60, 0, 5, 4), (0, 62, 4, 3), (0, 0, 0, 4), (0, 0, 4, -1)]
 )
 def test_window_outside_the_frame(window, save):
-    assert _code(save(_dng()), window) is Code.ROI_OUTSIDE_FRAME
+    assert _code(save(_dng()), window) is shared.ROI_OUTSIDE_FRAME
 
 
 def test_real_files(real_files):
-    assert _code(real_files / "dng" / "one_pixel.dng") is Refusal.FRAME_TOO_SMALL
-    assert _code(real_files / "dng" / "truncated_libraw_reads_zeros.dng") is Refusal.TRUNCATED
-
-
-@pytest.mark.parametrize("code", Refusal)
-def test_every_refusal_says_what_to_do(code):
-    message = refuse(code, "It is broken.").message
-    assert message.startswith("It is broken. ")
-    assert len(message) > len("It is broken. ") + 20
+    assert _code(real_files / "dng" / "one_pixel.dng") is files.FRAME_TOO_SMALL
+    assert _code(real_files / "dng" / "truncated_libraw_reads_zeros.dng") is files.TRUNCATED

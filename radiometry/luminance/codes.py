@@ -1,0 +1,146 @@
+"""Findings of the luminance method."""
+
+from radiometry.findings import declared, error, flag, reason
+
+# of a fit
+DARK_FROM_FEW_FRAMES = flag(
+    "dark_from_few_frames",
+    "There are fewer than three dark frames: a median of two does not protect against an outlier.",
+    "Take three or more.",
+)
+DARK_VARIES = flag(
+    "dark_varies",
+    "The dark frames of an ISO value differ by more than 1 % of its weakest signal.",
+    "Check for stray light or a sensor that warmed up, and take them again.",
+)
+NONLINEAR = flag(
+    "nonlinear",
+    "The exponent of the power model differs from 1 by more than 0.02.",
+    "Check the residuals for stray light, a wrong dark signal, a rendered image or a wrong reading.",
+)
+IMPLAUSIBLE_K = flag(
+    "implausible_k",
+    "K differs by more than a factor of four from the value expected from ISO 12232.",
+    "Check the unit, the bit depth, the black level and whether a tone curve was applied.",
+)
+SEMILOG_MODEL = flag(
+    "semilog_model",
+    "The semilogarithmic model was requested: it is wrong for a linear sensor.",
+    "Use it only to reproduce an old report, and `proportional` to measure.",
+)
+LAMP_DRIFT = reason(
+    "lamp_drift",
+    "warn",
+    "The illuminance readings of a scene spread over more than 2 % of their mean.",
+    "Let the lamp warm up, check its supply, and repeat the frames and readings of this light level.",
+    "calibration",
+)
+RHO_CROSS_CHECK = flag(
+    "rho_cross_check",
+    "Luminance and rho E / pi of a scene differ by more than 10 %.",
+    "Check the unit, the reading and rho; the surface may not be matt.",
+)
+GAIN_MAPS_DIFFER = flag(
+    "gain_maps_differ",
+    "Frames of one ISO value contain different gain maps, which are never applied.",
+    "Use one firmware and one mode.",
+)
+TOLERANCE_EXCEEDED = flag(
+    "tolerance_exceeded",
+    "A point is further from the meter than the tolerance.",
+    "Find it in `points`; do not exclude it without a reason.",
+)
+METER_REPEATABILITY_ESTIMATED = flag(
+    "meter_repeatability_estimated",
+    "The meter's repeatability was not given; it was estimated from the scatter between scenes.",
+    "This is usual and not a fault; give `repeatability_u_rel` if you know it.",
+)
+METER_CERTIFICATE_MISSING = flag(
+    "meter_certificate_missing",
+    "A reading names no meter, or its meter has no certificate: u(K) lacks the meter's calibration.",
+    "Register the meter with its certificate, and fit again.",
+)
+APEX_MISSING = flag(
+    "apex_missing",
+    "APEX values were requested and a frame has none: its nominal values were used.",
+    "Choose the basis `nominal`: the two do not mix.",
+)
+# of a frame's verdict
+SCENE_MISSING = reason(
+    "scene_missing",
+    "fail",
+    "The frame has no `scene`, so no meter reading can be assigned to it.",
+    "`PATCH` the frame with its `scene`.",
+)
+READING_MISSING = reason(
+    "reading_missing",
+    "warn",
+    "Its scene has no luminance reading: the fit leaves the frame out.",
+    "Send the reading, or correct the name of the scene.",
+)
+NEARLY_CLIPPED = reason(
+    "nearly_clipped",
+    "warn",
+    "The highlights of the region come within 5 % of white.",
+    "Reduce the light so that they are at 80 % of the span from dark to white.",
+)
+SCENE_DOUBTFUL = reason(
+    "scene_doubtful",
+    "warn",
+    "The frame is more than 25 % brighter or darker than the median of its scene's frames at this ISO value.",
+    "Correct the scene with `PATCH`; if it is right, the lamp, the surface or the camera moved: take it "
+    "again.",
+)
+# of a measurement
+OUTSIDE_EXPOSURE_TIMES = flag(
+    "outside_exposure_times",
+    "The exposure time was not among those calibrated.",
+    "Calibrate with this exposure time as well, dark frames included, or use one of the calibrated times.",
+    "measurement",
+)
+OUTSIDE_F_NUMBERS = flag(
+    "outside_f_numbers",
+    "The f-number is outside the calibrated range.",
+    "Calibrate with this f-number as well, or use one within the range.",
+    "measurement",
+)
+OUTSIDE_SIGNALS = flag(
+    "outside_signals",
+    "The signal is outside the calibrated range, where linearity was not tested.",
+    "Choose time and aperture so that the signal is in the calibrated range, or extend the calibration by "
+    "light levels that reach it.",
+    "measurement",
+)
+NO_VIGNETTING_CORRECTION = flag(
+    "no_vignetting_correction",
+    "The light falloff of the lens is not corrected: K holds at the calibration's region.",
+    "Calibrate the vignetting of this lens from flat fields and fit K with that version, or measure at the "
+    "calibration's region.",
+    "measurement",
+)
+ROI_ELSEWHERE = flag(
+    "roi_elsewhere",
+    "The measured area reaches beyond the calibration's region, and vignetting is not corrected.",
+    "Turn the camera until the surface is at the calibration's region, or calibrate with a region there.",
+    "measurement",
+)
+OBSERVER_DIFFERS = flag(
+    "observer_differs",
+    "The camera is not at the observer's position of EN 13201 or RP-8.",
+    "For results according to EN 13201 or RP-8, measure from the observer's position with a luminance meter; "
+    "use this result for the pattern and to compare nights.",
+    "measurement",
+)
+ISO_NOT_CALIBRATED = error(
+    "iso_not_calibrated",
+    "The frame was taken at an ISO value for which this calibration has no K; K is not interpolated.",
+    "Calibrate at this ISO value, or use one of the calibrated values.",
+)
+GRID_INVALID = error(
+    "grid_invalid",
+    "The grid of cells cannot be laid over a surface.",
+    "Send four corners in order around it, no three on one line, and a number of rows and columns within "
+    "bounds.",
+)
+
+FINDINGS = declared(globals())

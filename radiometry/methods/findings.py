@@ -1,0 +1,37 @@
+"""The registry of findings: those of every method, of the fleet, and those that no method owns."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from radiometry.findings import Finding, files, shared
+from radiometry.fleet import codes as fleet
+from radiometry.geometry import codes as geometry
+from radiometry.luminance import codes as luminance
+from radiometry.noise import codes as noise
+from radiometry.reflectance import codes as reflectance
+from radiometry.sharpness import codes as sharpness
+from radiometry.vignetting import codes as vignetting
+
+
+def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
+    """Return the entries by code.
+
+    Raises
+    ------
+    ValueError
+        If a code is declared twice.
+
+    """
+    entries = [each for entries in declared for each in entries]
+    found = {each.code: each for each in entries}
+    if len(found) < len(entries):
+        twice = sorted({each.code for each in entries if found[each.code] is not each})
+        raise ValueError(f"declared twice: {', '.join(twice)}")
+    return MappingProxyType(found)
+
+
+FINDINGS = collect_findings(
+    *(shared.FINDINGS, files.FINDINGS, fleet.FINDINGS),
+    *(luminance.FINDINGS, reflectance.FINDINGS, vignetting.FINDINGS),
+    *(sharpness.FINDINGS, geometry.FINDINGS, noise.FINDINGS),
+)

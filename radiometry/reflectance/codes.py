@@ -1,0 +1,199 @@
+"""Findings of the reflectance method."""
+
+from radiometry.findings import Finding, declared, error, flag, reason
+
+# of a multispectral frame and its sunshine readings
+SUNSHINE_READINGS_LEFT_OUT = flag(
+    "sunshine_readings_left_out",
+    "Some sunshine readings are saturated, dark or of unknown gain; the others were used.",
+    "`detail` counts them by reason.",
+    *("calibration", "measurement"),
+)
+SUNSHINE_GAIN_ASSUMED = flag(
+    "sunshine_gain_assumed",
+    "The sunshine records state no gain and no integration time: index 1 and 100 ms were assumed.",
+    "Use firmware that records them: a change of gain during the flight is not visible.",
+    *("calibration", "measurement"),
+)
+SUNSHINE_GAIN_TABLE_MISSING = flag(
+    "sunshine_gain_table_missing",
+    "The file has no usable gain table: only readings at gain index 1 can be used.",
+    "Check the firmware: version 1.7 at times writes no `IrradianceCalibrationMeasurement`.",
+    *("calibration", "measurement"),
+)
+SUNSHINE_SINGLE_READING = flag(
+    "sunshine_single_reading",
+    "There is one sunshine reading: its scatter is not known, and not in the uncertainty.",
+    "This is always so with a light sensor of MicaSense; otherwise use the mean of several readings.",
+    *("calibration", "measurement"),
+)
+SUNSHINE_TIME_UNKNOWN = flag(
+    "sunshine_time_unknown",
+    "The reading nearest to the exposure was requested, and the time of exposure is not known: the last was "
+    "used.",
+    "Use the mean of the readings.",
+    *("calibration", "measurement"),
+)
+SUNSHINE_SCALE_ASSUMED = flag(
+    "sunshine_scale_assumed",
+    "The file does not state the unit of its irradiance: it was inferred from the light sensor's generation.",
+    "Compare it with `panel_irradiance_w_m2_nm` of the version's points.",
+    *("calibration", "measurement"),
+)
+SENSOR_MODEL_SCALE = flag(
+    "sensor_model_scale",
+    "SensorModel is on the newer scale, about a thousand times larger.",
+    "Do not compare this K with K from files of the older scale.",
+)
+BLACK_LEVEL_DISAGREES = flag(
+    "black_level_disagrees",
+    "SensorModel's black differs from the file's black level by more than 1 % of full scale; the former was "
+    "used.",
+    "Check with a dark frame which of the two is right.",
+)
+# of a fit
+PANEL_UNEVEN = reason(
+    "panel_uneven",
+    "warn",
+    "The signal changes by more than 3 % across the panel's region: a shadow, a reflection, or the panel's "
+    "rim.",
+    "Draw the region within the panel, or take the panel again in even light.",
+    "calibration",
+)
+PANEL_SATURATED = Finding(
+    "panel_saturated",
+    "error",
+    ("calibration", "request"),
+    "More than 0.1 % of the panel's region is saturated: the frame is left out, and without another there is "
+    "no K.",
+    "Shorten the exposure or use a darker panel, and take it again.",
+)
+PANEL_UNCERTAINTY_MISSING = flag(
+    "panel_uncertainty_missing",
+    "The uncertainty of the panel's reflectance is not given: u(K) lacks what is mostly its largest part.",
+    "Send the panel's bands with `standard_uncertainty`, and fit again.",
+)
+PANEL_FROM_FILE = flag(
+    "panel_from_file",
+    "The panel's reflectance is the one that the camera read from the panel's code; it ignores wear and "
+    "dirt.",
+    "Register the panel with its measured reflectance.",
+)
+PANEL_DRIFT = flag(
+    "panel_drift",
+    "K differs by more than 3 % between the first and the last panel capture.",
+    "Check for haze, a tilted sensor or a dirty panel; use `interpolation: linear` if the change was slow.",
+)
+PANEL_ONCE = flag(
+    "panel_once",
+    "The panel was taken at one time only: drift during the flight is not known, and not in the uncertainty.",
+    "Take the panel before and after the flight.",
+)
+PANEL_ONLY = flag(
+    "panel_only",
+    "The sunshine sensor was not used: the result holds for the light of the panel's capture alone.",
+    "Fit with the sunshine sensor if the light changed.",
+    *("calibration", "measurement"),
+)
+BAND_MISSING = flag(
+    "band_missing",
+    "A panel capture lacks a band that other captures have.",
+    "Upload the missing file.",
+)
+SUNSHINE_SERIAL_UNKNOWN = flag(
+    "sunshine_serial_unknown",
+    "A file names no sunshine sensor: that it is the calibration's is assumed, not checked.",
+    "Check that the same sunshine sensor was connected.",
+    *("calibration", "measurement"),
+)
+# of a frame's verdict
+PANEL_WEAK = reason(
+    "panel_weak",
+    "fail",
+    "The panel's signal is less than three standard errors above black, or is not a number.",
+    "Take it again in better light.",
+)
+PANEL_UNKNOWN = reason(
+    "panel_unknown",
+    "warn",
+    "Neither the campaign's panel nor the file states the panel's reflectance in this band: the fit leaves "
+    "it out.",
+    "Register the panel with this band and name it in the campaign.",
+)
+SUNSHINE_UNUSABLE = reason(
+    "sunshine_unusable",
+    "warn",
+    "The file has no valid reading of a sunshine sensor; `detail` gives the reason.",
+    "Such a frame can only be used with `normalisation: panel_only`.",
+)
+# of a measurement
+OUTSIDE_PANEL_TIMES = flag(
+    "outside_panel_times",
+    "The frame was not taken between two panel captures, or its time is not known: K of the nearest, or the "
+    "mean, was used.",
+    "Take the panel before and after the flight.",
+    "measurement",
+)
+REFLECTANCE_OUT_OF_RANGE = flag(
+    "reflectance_out_of_range",
+    "A reflectance is below 0 or above 1; it was not clipped.",
+    "Check for noise in dark areas, glint, other light, or a wrong panel value.",
+    "measurement",
+)
+SENSOR_MODEL_DIFFERS = flag(
+    "sensor_model_differs",
+    "The file's sensor model is not the calibration's: other firmware, or another camera.",
+    "Take the panel again with this firmware.",
+    "measurement",
+)
+# of what gives no result
+SENSOR_MODEL_UNUSABLE = error(
+    "sensor_model_unusable",
+    "The file does not state how its sensor or lens responds, or states what no sensor does: not an original "
+    "file of a Sequoia, RedEdge or Altum, a thermal band, or its XMP was lost.",
+    "Upload the file as the camera wrote it.",
+    *("file", "request"),
+)
+PANEL_ANGLE_TOO_LARGE = error(
+    "panel_angle_too_large",
+    "The angle of incidence is above 60 degrees: there a panel is no longer diffuse, and one degree changes "
+    "the result by more than 3 %.",
+    "Level the panel, or wait for a higher sun.",
+)
+SUNSHINE_MISSING = error(
+    "sunshine_missing",
+    "There is no valid sunshine reading: no sensor was connected, or every count is saturated, dark or of "
+    "unknown gain; `detail` gives the reason.",
+    "Fit with `normalisation: panel_only`, whose K holds for one light, or take the frames again with the "
+    "sensor connected.",
+)
+WRONG_SUNSHINE_SENSOR = error(
+    "wrong_sunshine_sensor",
+    "The frames are of several sunshine sensors, or of another one than the version's; K belongs to one "
+    "camera and one sensor.",
+    "Leave the frames of the others out, or take the panel with this pair.",
+)
+TILT_NOT_CORRECTABLE = error(
+    "tilt_not_correctable",
+    "The tilt of the sunshine sensor cannot be corrected: the file lacks position, time or attitude, or the "
+    "sun is under 10 degrees.",
+    "Fit without the tilt correction.",
+)
+BAND_NOT_CALIBRATED = error(
+    "band_not_calibrated",
+    "The calibration has no K for the frame's band, or a band that an index needs is not there.",
+    "Take the panel in that band, with the panel's reflectance in it, or upload the capture's other files.",
+)
+INDEX_UNDEFINED = error(
+    "index_undefined",
+    "The reflectances of the two bands in the region add up to zero, so their index is not defined.",
+    "Draw the region on something that reflects.",
+)
+BANDS_NOT_ALIGNED = error(
+    "bands_not_aligned",
+    "The two files cannot be aligned for an index: they are not bands of one capture, or do not state how "
+    "their bands are turned (`RigRelatives`).",
+    "Align them with photogrammetry software and compute the index there.",
+)
+
+FINDINGS = declared(globals())

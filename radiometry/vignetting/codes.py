@@ -1,0 +1,57 @@
+"""Findings of the vignetting method."""
+
+from radiometry.findings import declared, error, flag, reason
+
+FLAT_LEFT_OUT = flag(
+    "flat_left_out",
+    "A flat frame was left out of the fit: clipped, uneven, weak or unlike the others.",
+    "Take it again, above all if it was the only one of its f-number.",
+)
+UNEVEN_LIGHT = flag(
+    "uneven_light",
+    "The light changes by more than 2 % across the frame; it was fitted as a plane.",
+    "Even out the light, or take a second set with the camera turned by half a turn.",
+)
+CENTRE_UNCERTAIN = flag(
+    "centre_uncertain",
+    "The centre cannot be separated from uneven light, or the falloff is too small to have a centre.",
+    "Even out the light. Where the falloff is small, V hardly depends on the centre.",
+)
+DUST = reason(
+    "dust",
+    "warn",
+    "Small parts of a flat are darker or brighter than around them: the fit leaves those parts out.",
+    "Clean the sensor, the filter or the target, move the camera between frames, and take it again.",
+    "calibration",
+)
+WEAK_FLAT = flag(
+    "weak_flat",
+    "A flat's signal is less than a tenth of the span from black to white, where an error of the dark "
+    "counts.",
+    "Expose longer.",
+)
+FALLOFF_NOT_MONOTONIC = flag(
+    "falloff_not_monotonic",
+    "Somewhere the fitted light grows towards the corner, by more than 0.5 % and three standard errors.",
+    "Check the residual map for a compensation in the camera, a reflection or a lens hood.",
+)
+FALLOFF_GROWS = flag(
+    "falloff_grows",
+    "The falloff is larger at a higher f-number than at a lower one, by more than 0.5 % and three standard "
+    "errors.",
+    "Some lenses do this; mostly the light or the target changed between the f-numbers: check both.",
+)
+VIGNETTING_MISFIT = flag(
+    "vignetting_misfit",
+    "The flat departs from the fitted curve by more than 0.5 % beyond noise; the uncertainty of V includes "
+    "it.",
+    "Check the residual map: rings are from the lens, slopes and patches from the light.",
+)
+FLAT_UNUSABLE = error(
+    "flat_unusable",
+    "No flat frame can be used for vignetting, or they are of several lenses; `detail` names every frame "
+    "with the reason.",
+    "Take them again as `detail` describes, or leave the other lens's frames out.",
+)
+
+FINDINGS = declared(globals())

@@ -1,0 +1,91 @@
+"""The registry: every entry is complete, declared once, and raised somewhere; what is raised is in it."""
+
+import ast
+import copy
+import pickle
+import re
+from pathlib import Path
+
+import pytest
+
+from radiometry.findings import Finding, flag
+from radiometry.findings.shared import RENDERED, ROI_EMPTY
+from radiometry.methods.findings import FINDINGS, collect_findings
+
+ROOT = Path(__file__).parents[3]
+DECLARED = re.compile(r"radiometry/(findings/(shared|files)|\w+/codes)\.py")
+
+
+def read_code() -> dict[str, ast.Module]:
+    """Parse every module that may raise a finding."""
+    return {
+        f"{path.relative_to(ROOT)}": ast.parse(path.read_text(encoding="utf-8"))
+        for room in ("radiometry", "store", "worker", "service")
+        for path in (ROOT / room).rglob("*.py")
+    }
+
+
+@pytest.mark.parametrize("finding", FINDINGS.values())
+def test_entry_is_complete(finding):
+    assert re.fullmatch(r"[a-z][a-z_0-9]+", finding.code)
+    assert finding.where
+    for text in (finding.sentence, finding.remedy):
+        assert re.fullmatch(r"[^\s].*[^\s.]\.", text)
+        assert text[0].isupper() or text[0] in "`uf"
+
+
+def test_every_declared_entry_is_raised():
+    used = {
+        node.attr if isinstance(node, ast.Attribute) else node.id
+        for path, tree in read_code().items()
+        if not DECLARED.fullmatch(path)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute | ast.Name)
+    }
+    assert [code for code in FINDINGS if code.upper() not in used] == []
+
+
+def test_every_entry_is_declared_in_a_module_that_is_collected():
+    declared = {
+        target.id.lower()
+        for path, tree in read_code().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
+        for target in node.targets
+        if isinstance(target, ast.Name) and _declares(path, node.value)
+    }
+    assert declared == {*FINDINGS}
+
+
+def _declares(path: str, call: ast.Call) -> bool:
+    """Return True if a call makes an entry; outside the registry there is to be none."""
+    name = getattr(call.func, "id", "")
+    return name == "Finding" or (
+        name in {"flag", "reason", "error", "_refusal"} and path.startswith("radiometry")
+    )
+
+
+def test_a_code_declared_twice_is_refused():
+    with pytest.raises(ValueError, match="declared twice: rendered"):
+        collect_findings((RENDERED,), (flag("rendered", "Another.", "Nothing."),))
+
+
+def test_an_entry_is_its_code():
+    assert RENDERED == "rendered"
+    assert {RENDERED: 1}["rendered"] == 1
+    assert f"{RENDERED}" == "rendered"
+    assert pickle.loads(pickle.dumps(RENDERED)).remedy == RENDERED.remedy
+    assert copy.deepcopy(RENDERED).where == RENDERED.where
+    assert type(RENDERED.at("", "").flag) is str
+
+
+def test_a_reason_is_as_grave_as_its_entry():
+    assert RENDERED.reason("").outcome == "warn"
+    assert RENDERED.reason("", "fail").outcome == "fail"
+    assert ROI_EMPTY.reason("").outcome == "fail"
+
+
+def test_a_refusal_ends_with_the_remedy():
+    refused = ROI_EMPTY.refuse("It is small.")
+    assert refused.message == f"It is small. {ROI_EMPTY.remedy}"
+    assert isinstance(refused.code, Finding)
