@@ -7,6 +7,7 @@ import tifffile
 
 from radiometry.reflectance import panel_code
 from radiometry.reflectance.panel_code import SHRINK, find_panel
+from simulation.card import Card, fill
 from tests.support.data import data_file
 
 EARLY, LATE = "RP02-1603036-SC", "RP04-1901231-SC"
@@ -29,32 +30,17 @@ def place(angle_deg, size, centre, *, mirrored=False):
     return np.column_stack([linear, centre])
 
 
-def corners_of(pose, centre, side):
-    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * side / 2.0 + centre
-    return (square @ pose[:, :2].T + pose[:, 2]).astype(np.float32)
-
-
-def fill(picture, corners, level):
-    # to a sixteenth of a pixel; a filled corner (x, y) is the centre of its pixel
-    cv2.fillConvexPoly(picture, np.round((corners - 0.5) * 16).astype(np.int32), level, shift=4)
-
-
 def draw(picture, pose, *, text=EARLY, way=(1, 0), level=PANEL):
     """A card with its code and its panel; where the panel's corners are."""
     distance, side = LAYOUTS.get(text, LAYOUTS[EARLY])
-    fill(picture, corners_of(pose, (0, 0), 1.4), WHITE)
-    modules = cv2.QRCodeEncoder.create().encode(text)
-    modules = modules[2:-2, 2:-2] if modules[1].min() == 255 else modules  # without the rim
-    n = modules.shape[0]
-    for row, col in np.argwhere(modules < 128):
-        fill(picture, corners_of(pose, ((col + 0.5) / n - 0.5, (row + 0.5) / n - 0.5), 1.0 / n), BLACK)
-    panel = corners_of(pose, distance * np.array(way), side)
-    fill(picture, panel, level)
-    return panel
+    tones = {"ink": BLACK, "panel": level, "paper": WHITE}
+    card = Card(text=text, pose=pose, way=way, distance=distance, side=side, **tones)
+    card.paint(picture)
+    return card.panel_corners
 
 
 def ground():
-    return np.full(SHAPE, GROUND, dtype=np.uint16)
+    return np.full(SHAPE, float(GROUND))
 
 
 def finish(picture):
