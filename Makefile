@@ -17,6 +17,8 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
 test: export OPENBLAS_NUM_THREADS = 1
+# an image may forbid it: each of the hundreds of processes would then compile every module again
+test: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL
 	@pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal
 

@@ -152,6 +152,7 @@ def test_a_schema_of_another_stilb(house, caplog):
     assert not [record for record in caplog.records if record.exc_info]
 
 
+@pytest.mark.either_database
 def test_a_database_that_only_reads(postgres, migrated_postgres, house):
     url = postgres.new_database(like=migrated_postgres)
     copy = Database(f"{url}&options=-c%20default_transaction_read_only=on")
@@ -161,6 +162,7 @@ def test_a_database_that_only_reads(postgres, migrated_postgres, house):
     postgres.drop_database(url)
 
 
+@pytest.mark.either_database
 def test_a_database_that_swallows_packets(postgres, migrated_postgres, house):
     url = postgres.new_database(like=migrated_postgres)
     folder, name = Path(url.partition("?host=")[2]), url.partition("?")[0].rpartition("/")[2]

@@ -20,6 +20,8 @@ from worker.needs import Needs
 from worker.runner import claim_next, run
 from worker.threads import JobThreads
 
+pytestmark = pytest.mark.either_database
+
 FRAMES = 8
 
 

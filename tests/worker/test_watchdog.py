@@ -15,6 +15,8 @@ from tests.support.processes import wait_until
 from worker.leases import Leases
 from worker.watchdog import STALLED_EXIT
 
+pytestmark = pytest.mark.either_database
+
 WATCHED = """
 import sys, time
 from store.database import Database
