@@ -22,7 +22,7 @@ def test_the_list_says_what_is_in_force_and_leads_on(page, cameras):
     newest = rows.filter(has_text=SERIALS[0])
     expect(newest).to_contain_text("2026-05-03")
     expect(newest).to_contain_text("1 flag")
-    expect(rows.filter(has_text=SERIALS[2])).to_contain_text("nothing")
+    expect(rows.filter(has_text=SERIALS[2])).to_contain_text("none")
     check_access(page)
     look(page, "cameras")
     newest.get_by_role("link", name="DJI FC6520").click()
@@ -96,16 +96,20 @@ def test_a_point_of_the_drift_tells_its_value_where_it_is_touched(page, cameras)
 def test_a_camera_is_registered_from_the_page(page):
     page.goto("/cameras")
     settle(page)
-    expect(page.get_by_text("No camera yet")).to_be_visible()
+    expect(page.get_by_text("No cameras yet")).to_be_visible()
     check_access(page)
     page.locator("#add-camera").click()
     dialog = page.get_by_role("dialog")
     check_access(page)
-    for label, value in {"Make": "DJI", "Model": "FC6520", "Serial number of the body": "0K1XE8"}.items():
+    for label, value in {
+        "Make": "DJI",
+        "Model": "FC6520",
+        "Serial number of the camera body": "0K1XE8",
+    }.items():
         dialog.get_by_label(label, exact=True).fill(value)
     dialog.get_by_label("Pixel pitch [µm]").fill("3.28")
     dialog.get_by_role("button", name="Register").click()
-    expect(page.get_by_role("row").filter(has_text="0K1XE8")).to_contain_text("nothing")
+    expect(page.get_by_role("row").filter(has_text="0K1XE8")).to_contain_text("none")
 
 
 def test_what_is_wrong_is_told_in_the_dialog_and_nothing_is_lost(page):
@@ -113,7 +117,7 @@ def test_what_is_wrong_is_told_in_the_dialog_and_nothing_is_lost(page):
     settle(page)
     page.locator("#add-camera").click()
     dialog = page.get_by_role("dialog")
-    for label in ("Make", "Model", "Serial number of the body", "Lens: make"):
+    for label in ("Make", "Model", "Serial number of the camera body", "Lens: make"):
         dialog.get_by_label(label, exact=True).fill("x")
     dialog.get_by_role("button", name="Register").click()
     expect(dialog.get_by_role("alert")).to_contain_text("lens.model: is missing")
@@ -131,7 +135,7 @@ def test_the_fleet_is_judged_and_the_answer_is_said_in_words(page):
     check_access(page)
     page.get_by_role("checkbox", name=SERIALS[2]).uncheck()
     page.get_by_label("Accepted deviation").fill("5")
-    page.get_by_role("button", name="Judge").click()
+    page.get_by_role("button", name="Compare").click()
     answer = page.locator("#fleet-answer")
     expect(answer.get_by_role("heading", level=2)).to_have_text("Verdict")
     expect(answer.get_by_role("row")).to_have_count(5)

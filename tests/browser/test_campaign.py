@@ -32,7 +32,7 @@ def add_pattern(page, pattern, role):
 
 def test_patterns_say_what_the_camera_s_files_are(page, shots):
     page.goto("/campaigns")
-    expect(page.get_by_text("No campaign yet")).to_be_visible()
+    expect(page.get_by_text("No campaigns yet")).to_be_visible()
     page.get_by_role("link", name="New campaign").first.click()
     page.get_by_role("radio", name="Luminance").check()
     for label, text in {
@@ -70,8 +70,8 @@ def test_chosen_frames_are_changed_together(page, team, shots):
     campaign = team.campaign()
     team.push(campaign, shots[:3])
     page.goto(f"/campaigns/{campaign.id}")
-    page.get_by_label("Choose all that are listed").check()
-    page.get_by_label("Scene of the chosen").fill("dusk")
+    page.get_by_label("Select all listed frames").check()
+    page.get_by_label("Scene of the selected frames").fill("dusk")
     page.get_by_role("button", name="Change", exact=True).click()
     expect(page.get_by_text("3 changed")).to_be_visible()
     assert {frame.scene for frame in team.client.frames(campaign.id)} == {"dusk"}
@@ -84,8 +84,8 @@ def test_a_board_may_be_described_after_its_pictures_have_come(page, team):
     team.client.push(campaign.id, data_file("checkerboard/left01.jpg"), role="chart")
     page.goto(f"/campaigns/{campaign.id}")
     settle(page)
-    said = page.get_by_role("region", name="What is photographed")
-    how_far = page.get_by_role("region", name="How far this campaign is")
+    said = page.get_by_role("region", name="Target")
+    how_far = page.get_by_role("region", name="Status of this campaign")
     expect(how_far.get_by_text("Nobody has said what is photographed")).to_be_visible()
     check_access(page)
     look(page, "campaign-board-untold")
@@ -95,7 +95,7 @@ def test_a_board_may_be_described_after_its_pictures_have_come(page, team):
         "Side of a square [mm]": "25",
     }.items():
         said.get_by_label(label).fill(text)
-    said.get_by_role("button", name="Look for it in the frames").click()
+    said.get_by_role("button", name="Find it in the frames").click()
     expect(said).to_have_count(0)
     expect(how_far.get_by_text("3 views of the board are needed at least, 1 can be used")).to_be_visible()
 
@@ -103,7 +103,7 @@ def test_a_board_may_be_described_after_its_pictures_have_come(page, team):
 def test_two_people_see_what_each_other_does(page, team, browser, service, shots):
     campaign = team.client.create_campaign(team.client.create_camera("DJI", "FC6520", "0K1XE8").id)
     page.goto(f"/campaigns/{campaign.id}")
-    expect(page.get_by_text("No frame yet")).to_be_visible()
+    expect(page.get_by_text("No frames yet")).to_be_visible()
     with visit(browser, service.url) as other_context:
         other = sign_in(other_context, team.key)
         other.goto(f"/campaigns/{campaign.id}")
@@ -117,7 +117,7 @@ def test_two_people_see_what_each_other_does(page, team, browser, service, shots
         page.get_by_role("button", name="Set for the campaign").click()
         expect(page.get_by_text("The region is set")).to_be_visible()
         # what the other is drawing is not taken away
-        expect(other.get_by_text("Somebody has set another region meanwhile")).to_be_visible()
+        expect(other.get_by_text("Another user has set a region meanwhile")).to_be_visible()
         other.get_by_role("button", name="Set for the campaign").click()
         expect(other.get_by_text("The region is set")).to_be_visible()
         expect(page.get_by_role("button", name=re.compile("^Corner 1 of 4: x 39, y 26"))).to_be_attached()
@@ -231,7 +231,7 @@ def test_the_checklist_is_ticked_noted_and_signed(page, team):
     expect(page.locator("#checklist summary", has_text="Equipment")).to_contain_text("1 of")
     page.get_by_role("button", name="Note on: A dimmable lamp").click()
     page.get_by_label("What was done").fill("40 W halogen")
-    page.get_by_role("button", name="Keep").click()
+    page.get_by_role("button", name="Save").click()
     expect(page.get_by_text("“40 W halogen”")).to_be_visible()
     page.evaluate("scrollTo(0, 0)")
     check_access(page)
@@ -263,7 +263,7 @@ def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, tea
     page.locator("#panel select").select_option("new")
     page.locator("#panel").get_by_label("Serial number").fill("RP02")
     page.locator("#panel").get_by_label("Measured on").fill("2026-03-14")
-    page.locator("#panel").get_by_label("What it reflects").fill("green 0,69 0,005\nred 0,68")
+    page.locator("#panel").get_by_label("Reflectance").fill("green 0,69 0,005\nred 0,68")
     page.get_by_role("button", name="Create campaign").click()
     page.wait_for_url("**/campaigns/cmp_*")
     settle(page)

@@ -89,10 +89,10 @@ def test_edges_that_cross_are_told_and_not_sent(page, team, service, frame):
     open_region(page, team, service, frame)
     page.get_by_text("ImageJ: macro and .roi").click()
     page.get_by_label("ImageJ macro").fill("makePolygon(10,10,50,50,50,10,10,50);")
-    page.get_by_role("button", name="Take this macro").click()
-    expect(page.get_by_text("Its edges cross").first).to_be_visible()
+    page.get_by_role("button", name="Use this macro").click()
+    expect(page.get_by_text("The edges cross").first).to_be_visible()
     page.get_by_role("button", name="Set for the campaign").click()
-    expect(page.get_by_role("alert")).to_contain_text("Its edges cross")
+    expect(page.get_by_role("alert")).to_contain_text("The edges cross")
 
 
 def test_a_roi_file_goes_in_and_out(page, team, service, frame, tmp_path):
@@ -108,7 +108,7 @@ def test_a_roi_file_goes_in_and_out(page, team, service, frame, tmp_path):
     page.get_by_label("ImageJ file").set_input_files(
         {"name": "b.roi", "mimeType": "application/octet-stream", "buffer": b"Iout" + bytes(90)}
     )
-    expect(page.get_by_role("alert")).to_contain_text("cut short")
+    expect(page.get_by_role("alert")).to_contain_text("incomplete")
     page.get_by_role("button", name="Set for the campaign").click()
     expect(page.get_by_text("The region is set")).to_be_visible()
     assert roi_of(team, campaign_id)["polygon"] == [[10, 5], [60, 8], [40, 50]]

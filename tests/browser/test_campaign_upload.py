@@ -68,7 +68,7 @@ def test_a_lost_connection_is_waited_for(page, team, campaign, files):
     page.route(UPLOADS, lambda route: lose(route) if route.request.method == "POST" else route.continue_())
     choose(page, files)
     page.get_by_role("button", name="Send 3 files").click()
-    expect(page.get_by_text("wait for the connection").first).to_be_visible()
+    expect(page.get_by_text("waiting for the connection").first).to_be_visible()
     expect(page.get_by_text("3 of 3 received")).to_be_visible()
     assert len(lost) == 5
     assert names_of(team, campaign) == [path.name for path in files]
@@ -88,7 +88,7 @@ def test_a_line_that_breaks_in_the_middle_of_a_file(browser, service, team, tmp_
         # a browser sends again by itself what broke once
         line.cut_after, line.stays_cut = large.stat().st_size // 2, True
         page.get_by_role("button", name="Send 1 file").click()
-        expect(page.get_by_text("1 wait for the connection")).to_be_visible()
+        expect(page.get_by_text("1 waiting for the connection")).to_be_visible()
         assert line.cuts > 0
         assert names_of(team, campaign) == []
         line.cut_after = None

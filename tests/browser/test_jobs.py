@@ -11,12 +11,12 @@ from tests.support.furnishing import furnish, postpone, set_aside
 def test_an_empty_house_says_what_to_do(page):
     page.goto("/")
     settle(page)
-    expect(page.get_by_text("No camera yet")).to_be_visible()
+    expect(page.get_by_text("No cameras yet")).to_be_visible()
     check_access(page)
     look(page, "home-empty")
     page.goto("/jobs")
     settle(page)
-    expect(page.get_by_text("Nothing failed")).to_be_visible()
+    expect(page.get_by_text("No failed jobs")).to_be_visible()
     check_access(page)
     look(page, "jobs-empty")
 
@@ -31,7 +31,7 @@ def test_what_failed_stands_there_with_its_reason_and_is_tried_again(page, servi
     check_access(page)
     look(page, "jobs")
     with page.expect_response(f"**/v1/jobs/{job_id}/retry") as retried:
-        row.get_by_role("button", name="Try again").click()
+        row.get_by_role("button", name="Retry").click()
     assert retried.value.status == 202
     # it has no frames to fit: the worker says so, and the page without being loaded again
     expect(row.get_by_text("failed", exact=True)).to_be_visible()
@@ -68,7 +68,7 @@ def test_the_first_page_says_what_needs_attention(page, service, team):
     set_aside(service.database, team.key)
     page.goto("/")
     settle(page)
-    expect(page.locator("#failed-jobs")).to_contain_text("set aside")
+    expect(page.locator("#failed-jobs")).to_contain_text("quarantined")
     expect(page.locator("#cameras")).to_contain_text("not calibrated")
     expect(page.locator("#cameras")).to_contain_text("noise high")
     expect(page.locator("#meters")).to_contain_text("overdue")
@@ -91,6 +91,6 @@ def test_a_lost_connection_is_told_and_the_page_goes_on_when_it_is_back(page, co
     settle(page)
     expect(page.get_by_role("alert")).to_contain_text("The service does not answer")
     context.unroute("**/v1/cameras*")
-    page.get_by_role("button", name="Try again").click()
-    expect(page.get_by_text("No camera yet")).to_be_visible()
+    page.get_by_role("button", name="Retry").click()
+    expect(page.get_by_text("No cameras yet")).to_be_visible()
     context.complaints.clear()

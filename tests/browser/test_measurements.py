@@ -91,7 +91,7 @@ def test_the_colours_are_those_of_the_picture(shown):
 
 def test_figures_cells_and_what_to_know_stand_there(shown, night):
     figures = shown.locator("#figures")
-    for word in ("Mean", "Overall uniformity", "Illuminance", "Pixels from"):
+    for word in ("Mean", "Overall uniformity", "Illuminance", "Range of pixels"):
         expect(figures).to_contain_text(word)
     expect(shown.locator("#grid").get_by_role("row")).to_have_count(1 + 3)
     expect(shown.locator("#with").get_by_role("link")).to_have_attribute(
@@ -131,7 +131,7 @@ def test_two_dates_are_chosen_and_compared(night_page, night):
 def test_a_filter_says_so_when_nothing_is_left(night_page, night):
     night_page.goto("/measurements?camera_id=none")
     settle(night_page)
-    expect(night_page.get_by_text("Nothing was measured there")).to_be_visible()
+    expect(night_page.get_by_text("No measurements")).to_be_visible()
     night_page.get_by_label("Campaign").select_option(night.campaign_id)
     settle(night_page)
     expect(night_page.get_by_role("row").filter(has_text="road-may.DNG").first).to_be_visible()
@@ -141,7 +141,7 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     night_page.goto(f"/measurements/new?frame={night.field[0].id}")
     settle(night_page)
     expect(night_page.get_by_label("Frame", exact=True)).to_have_value(night.field[0].id)
-    night_page.get_by_role("radio", name="A lit surface in cells").check()
+    night_page.get_by_role("radio", name="Surface with cells").check()
     night_page.get_by_role("button", name="Rectangle").click()
     corners = night_page.get_by_role("textbox", name="Corners")
     expect(corners).to_have_value(re.compile(r"^\d+,\d+( \d+,\d+){3}$"))
@@ -160,8 +160,8 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
 def test_what_is_missing_is_said_before_anything_is_sent(night_page, night):
     night_page.goto(f"/measurements/new?campaign={night.campaign_id}")
     settle(night_page)
-    night_page.get_by_role("radio", name="Drawn here").check()
-    night_page.get_by_role("button", name="Draw anew").click()
+    night_page.get_by_role("radio", name="New region").check()
+    night_page.get_by_role("button", name="Redraw").click()
     night_page.get_by_role("button", name="Measure").click()
     expect(night_page.get_by_role("alert")).to_contain_text("Draw the region first")
 
@@ -169,9 +169,9 @@ def test_what_is_missing_is_said_before_anything_is_sent(night_page, night):
 def test_an_empty_house_says_what_to_do(page):
     page.goto("/measurements")
     settle(page)
-    expect(page.get_by_text("Nothing measured yet")).to_be_visible()
+    expect(page.get_by_text("No measurements yet")).to_be_visible()
     check_access(page)
     look(page, "measurements-empty")
     page.goto("/measurements/new")
     settle(page)
-    expect(page.get_by_text("No campaign yet")).to_be_visible()
+    expect(page.get_by_text("No campaigns yet")).to_be_visible()

@@ -46,7 +46,7 @@ def test_the_whole_procedure(page, tmp_path):
 
 
 def begin_a_campaign(page: Page) -> None:
-    expect(page.get_by_role("heading", level=1)).to_have_text("Today")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Overview")
     passed(page, "procedure-1-nothing-yet")
     page.get_by_role("link", name="New campaign").click()
     settle(page)
@@ -56,12 +56,12 @@ def begin_a_campaign(page: Page) -> None:
         camera.get_by_label(label, exact=True).fill(value)
     page.get_by_label("Project number").fill("P-2026-014")
     page.get_by_label("Recorder").fill("A. Meier")
-    page.get_by_label("Begun").fill("2026-05-01T20:00")
+    page.get_by_label("Started").fill("2026-05-01T20:00")
     passed(page, "procedure-2-new-campaign")
     page.get_by_role("button", name="Create campaign").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("P-2026-014")
     settle(page)
-    expect(page.get_by_role("heading", name="What is missing")).to_be_visible()
+    expect(page.get_by_role("heading", name="Missing")).to_be_visible()
     passed(page, "procedure-3-empty-campaign")
 
 
@@ -81,7 +81,7 @@ def draw_the_region(page: Page) -> None:
     canvas.scroll_into_view_if_needed()
     for point in (*REGION, REGION[0]):
         page.mouse.click(*at(canvas, point))
-    expect(page.get_by_text("from its raw numbers")).to_be_visible(timeout=PATIENCE_MS)
+    expect(page.get_by_text("from raw values")).to_be_visible(timeout=PATIENCE_MS)
     expect(page.get_by_role("img", name="Histogram")).to_be_visible()
     illustrate(page, "region", page.locator("section#region"))
     page.get_by_role("button", name="Set for the campaign").click()
@@ -131,7 +131,7 @@ def look_at_the_spoilt_frame(page: Page) -> None:
 def calibrate(page: Page) -> None:
     expect(page.get_by_text("Nothing is missing.")).to_be_visible()
     page.get_by_role("button", name="Calibrate", exact=True).click()
-    page.get_by_role("link", name="Look at the version").click()
+    page.get_by_role("link", name="Open the version").click()
     page.wait_for_url(re.compile("/calibrations/"))
     settle(page)
 
@@ -142,11 +142,11 @@ def leave_the_spoilt_frame_out(page: Page) -> None:
     passed(page, "procedure-6-beyond-tolerance")
     page.get_by_role("button", name=re.compile("Show all")).click()
     page.get_by_role("checkbox", name=f"Choose {SPOILT}").check()
-    page.get_by_role("button", name="Leave out and fit anew").click()
+    page.get_by_role("button", name="Exclude and refit").click()
     dialog = page.get_by_role("dialog")
-    dialog.get_by_label("Why it is left out").fill("somebody walked through the light")
+    dialog.get_by_label("Reason for exclusion").fill("somebody walked through the light")
     before = page.url
-    dialog.get_by_role("button", name="Fit anew").click()
+    dialog.get_by_role("button", name="Refit").click()
     page.wait_for_url(lambda url: "/calibrations/" in url and url != before)
     settle(page)
     expect(verdict).to_contain_text("Both ISO values pass")
@@ -164,7 +164,7 @@ def publish(page: Page) -> None:
     page.get_by_role("button", name="Publish…").click()
     dialog = page.get_by_role("dialog")
     expect(dialog).to_contain_text("Nothing is in force then")
-    dialog.get_by_label("Why").fill("spring calibration, reviewed by B. Keller")
+    dialog.get_by_label("Reason").fill("spring calibration, reviewed by B. Keller")
     passed(page, "procedure-8-publish")
     dialog.get_by_role("button", name="Publish", exact=True).click()
     expect(page.locator("#version-status")).to_contain_text("published")
@@ -172,7 +172,7 @@ def publish(page: Page) -> None:
 
 
 def find_k_on_the_cameras_page(page: Page) -> None:
-    page.get_by_role("navigation", name="Where this is").get_by_role("link", name="FC6520").click()
+    page.get_by_role("navigation", name="Breadcrumbs").get_by_role("link", name="FC6520").click()
     settle(page)
     expect(page.get_by_role("heading", level=1)).to_contain_text("0K1XE8")
     rows = page.locator("#in-force").get_by_role("row").filter(has_text="luminance_k")
@@ -202,7 +202,7 @@ def measure_the_street(page: Page, folder: Path) -> None:
     page.get_by_role("link", name="Measurements", exact=True).click()
     page.get_by_role("link", name="Measure a frame").first.click()
     settle(page)
-    page.get_by_role("radio", name="A lit surface in cells").check()
+    page.get_by_role("radio", name="Surface with cells").check()
     page.get_by_role("textbox", name="Corners").fill(" ".join(f"{x:g},{y:g}" for x, y in ROAD))
     page.get_by_role("textbox", name="Corners").press("Tab")
     passed(page, "procedure-10-new-measurement")

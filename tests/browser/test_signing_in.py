@@ -48,7 +48,7 @@ def test_a_page_that_is_not_there_says_so(page):
     check_access(page)
     look(page, "problem")
     page.context.complaints.clear()
-    page.get_by_role("link", name="Go to the start").click()
+    page.get_by_role("link", name="Home").click()
     settle(page)
 
 

@@ -74,7 +74,7 @@ def test_every_example_of_the_client_is_true(live, shots, tmp_path, monkeypatch)
         first = python_blocks(README).replace("<url>", team.url).replace("<key>", team.key)
         # the demo's camera and its figures are those of `make demo`
         first = re.sub(r"\d+\.\d\d\b", "...", first.replace("0K8TF1A0010042", "0K1XE8"))
-        text = f"{first}\n{python_blocks(CLIENT)}"
+        text = f"{first}>>> client.close()\n\n{python_blocks(CLIENT)}"
         examples = doctest.DocTestParser().get_doctest(text, {}, "client.md", "client.md", 0)
         runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
         told: list[str] = []

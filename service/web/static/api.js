@@ -1,4 +1,4 @@
-// The way to /v1: the session's cookie goes along by itself, the page's token with every change.
+// Requests to /v1: the browser sends the session's cookie, and every change carries the page's token.
 
 /** A problem of the API, or a connection that did not come about; `message` is for people. */
 export class Problem extends Error {
@@ -80,7 +80,7 @@ async function problemOf(answer) {
   try {
     return new Problem(await answer.json());
   } catch {
-    const detail = `The service answered ${answer.status} in words that this page does not know. Try again.`;
+    const detail = `The service answered ${answer.status} with an unknown body. Try again.`;
     return new Problem({ title: "Unexpected answer", detail, code: "unknown", status: answer.status, retryable: true });
   }
 }

@@ -7,7 +7,7 @@ import { groupBy } from "./groups.js";
 /** Each flag once, in words, with where it was raised and what was found. */
 export function drawFlags(flags, meanings) {
   const raised = groupBy(flags, (each) => each.flag);
-  if (!raised.size) return h("p", { class: "note good" }, "Nothing was flagged.");
+  if (!raised.size) return h("p", { class: "note good" }, "No flags.");
   return h(
     "ul",
     { class: "todo flags" },

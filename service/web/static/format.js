@@ -109,7 +109,7 @@ export function tag(word, kind = KINDS[word] ?? "") {
   return h("span", { class: `tag ${kind}` }, SAID[word] ?? words(word));
 }
 
-const SAID = { quarantined: "set aside" };
+const SAID = { quarantined: "quarantined" };
 
 const KINDS = {
   succeeded: "good", published: "good", extracted: "good", pass: "good", in_force: "good",

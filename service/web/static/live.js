@@ -59,7 +59,7 @@ export function follow(look, { every = 3000 } = {}) {
 /** While nothing comes any more, what is shown may be old: say so. */
 function tellLost(lost) {
   const told = byId("lost");
-  if (lost && !told) document.body.append(h("p", { id: "lost", class: "note warn", role: "status" }, h("strong", {}, "The service does not answer. "), "What stands here may be old; it is asked again by itself."));
+  if (lost && !told) document.body.append(h("p", { id: "lost", class: "note warn", role: "status" }, h("strong", {}, "The service does not answer. "), "The content may be outdated. It is updated automatically."));
   if (!lost) told?.remove();
 }
 

@@ -1,4 +1,4 @@
-// A long list begins short, with a button for the rest.
+// A long list starts short, with a button for the rest.
 
 import { h } from "./dom.js";
 

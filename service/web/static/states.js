@@ -1,4 +1,4 @@
-// A region of a page that loads, is filled, is empty, or says what went wrong and how to go on.
+// A region of a page: loading, filled, empty, or failed with the reason and what to do.
 
 import { fill, h } from "./dom.js";
 
@@ -43,7 +43,7 @@ export function failed(error, again) {
   return h(
     "div",
     { class: "failed", role: "alert" },
-    h("p", { class: "failed-title" }, error.title ?? "This page has a fault"),
+    h("p", { class: "failed-title" }, error.title ?? "Error on this page"),
     h("p", {}, error.message),
     again && (error.retryable ?? true) ? h("p", {}, h("button", { type: "button", onclick: again }, "Try again")) : null,
   );

@@ -1,4 +1,4 @@
-// Points that somebody chose, in a plot or in the table, to leave them out of a new fit.
+// Points selected in a plot or in the table, to be excluded from a new fit.
 
 import { byId, fill, h, may } from "../dom.js";
 import { counted } from "../format.js";
@@ -43,12 +43,12 @@ export class Choice extends EventTarget {
     const names = [...this.frames.values()];
     fill(
       bar,
-      h("p", {}, h("strong", {}, `${counted(count, "frame")} chosen`), h("span", { class: "muted names" }, ` ${names.slice(0, 3).join(", ")}${count > 3 ? "…" : ""}`)),
+      h("p", {}, h("strong", {}, `${counted(count, "frame")} selected`), h("span", { class: "muted names" }, ` ${names.slice(0, 3).join(", ")}${count > 3 ? "…" : ""}`)),
       h(
         "span",
         { class: "actions" },
         h("button", { type: "button", class: "quiet", onclick: () => this.clear() }, "Clear"),
-        h("button", { type: "button", class: "primary", onclick: () => fitAnew(this.calibration, this.frames) }, "Leave out and fit anew…"),
+        h("button", { type: "button", class: "primary", onclick: () => fitAnew(this.calibration, this.frames) }, "Exclude and refit…"),
       ),
     );
   }

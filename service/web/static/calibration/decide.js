@@ -1,4 +1,4 @@
-// To publish and to revoke: what it changes is shown before anything is decided.
+// Publishing and revoking: the impact is shown before the decision.
 
 import { all, get, post } from "../api.js";
 import { ask } from "../ask.js";
@@ -13,9 +13,9 @@ export function offerDecisions(place, calibration, decided) {
   const revoked = calibration.state === "revoked";
   fill(
     place,
-    may("calibrate") ? button("Fit anew…", null, () => fitAnew(calibration)) : null,
+    may("calibrate") ? button("Refit…", null, () => fitAnew(calibration)) : null,
     may("publish") && !revoked ? button("Revoke…", "danger", () => revoke(calibration, decided)) : null,
-    may("publish") && !revoked ? button(calibration.state === "draft" ? "Publish…" : "Publish for another time…", calibration.state === "draft" ? "primary" : null, (event) => publish(event.target, calibration, decided)) : null,
+    may("publish") && !revoked ? button(calibration.state === "draft" ? "Publish…" : "Publish for another period…", calibration.state === "draft" ? "primary" : null, (event) => publish(event.target, calibration, decided)) : null,
   );
 }
 
@@ -31,9 +31,9 @@ async function publish(button, calibration, decided) {
     title: `Publish version ${calibration.version}`,
     body: impact,
     fields: [
-      { name: "valid_from", label: "In force from (UTC)", type: "datetime-local", value: from, hint: "Frames that were taken from then on are measured with it." },
-      { name: "valid_to", label: "Until (UTC)", type: "datetime-local", required: false, hint: "Left empty: until another version takes its place." },
-      { name: "reason", label: "Why", type: "textarea", hint: "Who reviewed it, and on what grounds." },
+      { name: "valid_from", label: "In force from (UTC)", type: "datetime-local", value: from, hint: "Frames taken from then on are measured with this version." },
+      { name: "valid_to", label: "Until (UTC)", type: "datetime-local", required: false, hint: "If empty: until another version replaces it." },
+      { name: "reason", label: "Reason", type: "textarea", hint: "Who reviewed the version, and on what grounds." },
     ],
     submit: "Publish",
     action: ({ valid_from, valid_to, reason }) =>
@@ -44,21 +44,21 @@ async function publish(button, calibration, decided) {
   const answer = await asked;
   if (!answer) return;
   toast(`Version ${answer.version} is published.`);
-  decided(answer.warnings?.length ? h("div", { class: "note warn" }, h("p", {}, h("strong", {}, "Published. What its certificate lacks of ISO/IEC 17025, 7.8:")), h("ul", {}, answer.warnings.map((gap) => h("li", {}, gap.message)))) : null);
+  decided(answer.warnings?.length ? h("div", { class: "note warn" }, h("p", {}, h("strong", {}, "Published. Items of ISO/IEC 17025, 7.8, that the certificate lacks:")), h("ul", {}, answer.warnings.map((gap) => h("li", {}, gap.message)))) : null);
 }
 
 async function revoke(calibration, decided) {
   const touched = h("div", { class: "impact", "aria-live": "polite" });
   load(touched, () => all(`/v1/measurements?calibration_id=${calibration.id}`), (found) => [
-    h("p", {}, "This is for good. Nothing takes its place by itself: the time that it held has no version in force until another is published there."),
-    h("p", {}, found.length ? h("strong", {}, `${found.length} ${found.length === 1 ? "measurement was" : "measurements were"} made with it: they stay, flagged.`) : "No measurement was made with it."),
+    h("p", {}, "A revocation is permanent. The version is not replaced automatically: no version is in force in its period until another is published there."),
+    h("p", {}, found.length ? h("strong", {}, `${found.length} ${found.length === 1 ? "measurement was" : "measurements were"} made with it. They are kept and flagged.`) : "No measurements were made with it."),
     found.length ? h("ul", { class: "plain small" }, found.slice(0, 6).map((each) => h("li", {}, each.filename)), found.length > 6 ? h("li", {}, `and ${found.length - 6} more`) : null) : null,
   ]);
   const answer = await ask({
     title: `Revoke version ${calibration.version}`,
     body: touched,
-    fields: [{ name: "reason", label: "Why", type: "textarea", hint: "What is wrong with it. It stands beside every measurement that was made with it." }],
-    submit: "Revoke for good",
+    fields: [{ name: "reason", label: "Reason", type: "textarea", hint: "What is wrong with the version. Shown with every measurement made with it." }],
+    submit: "Revoke permanently",
     danger: true,
     action: (values) => post(`/v1/calibrations/${calibration.id}/revoke`, values),
   });

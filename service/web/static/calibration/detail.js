@@ -1,4 +1,4 @@
-// The four models beside one another, and where the uncertainty comes from.
+// The four models side by side, and the uncertainty budget.
 
 import { bars } from "../bars.js";
 import { h, table } from "../dom.js";
@@ -18,7 +18,7 @@ export function drawModels({ method, diagnostics }) {
     { head: "R²", class: "number", cell: (row) => number(row.r_squared, 5) },
     { head: "χ² / dof", class: "number", cell: (row) => (row.chi_squared === null || row.chi_squared === undefined || !row.dof ? "–" : `${number(row.chi_squared, 3)} / ${row.dof}`) },
     { head: "ΔAICc", class: "number", cell: (row) => (row.aicc === null || row.aicc === undefined ? "–" : number(row.aicc - row.best, 3)) },
-    { head: "Scene from the others, worst", class: "number", cell: (row) => errorOf(row.left_out_max_rel) },
+    { head: "Largest leave-one-out error", class: "number", cell: (row) => errorOf(row.left_out_max_rel) },
     { head: "rms", class: "number", cell: (row) => errorOf(row.left_out_rms_rel) },
   ];
   return table(columns, rows, { caption: "Models of each ISO value", row: (each) => ({ class: each.first ? "group" : null }) });
@@ -50,6 +50,6 @@ function card(title, budget) {
     "figure",
     { class: "card budget" },
     h("figcaption", {}, h("strong", {}, title), h("span", { class: "muted" }, ` together ${percent(whole)}`)),
-    bars(rows.map((row) => ({ name: row.source, share: row.u_rel / rows[0].u_rel, said: percent(row.u_rel), more: row.kind === "A" ? "from scatter" : "from elsewhere" }))),
+    bars(rows.map((row) => ({ name: row.source, share: row.u_rel / rows[0].u_rel, said: percent(row.u_rel), more: row.kind === "A" ? "type A, from scatter" : "type B, from other information" }))),
   );
 }

@@ -1,12 +1,12 @@
-// What publishing or revoking a version changes.
+// The impact of publishing or revoking a version.
 
 import { h, table } from "../dom.js";
 import { fixed, number, quantity, tag, withUncertainty, words } from "../format.js";
 import { holdsFor } from "../coefficients.js";
 
 const METERS = {
-  common: "Both hang on the same meter certificates, whose error cancels here.",
-  unknown: "A reading has no certificate: nothing is taken as common.",
+  common: "Both depend on the same meter certificates, whose error cancels here.",
+  unknown: "A reading has no certificate, so that no error is treated as common.",
 };
 
 export function drawImpact(impact) {
@@ -22,11 +22,11 @@ function coefficients(rows) {
   const columns = [
     { head: "Coefficient", header: true, cell: (row) => [words(row.name), h("span", { class: "muted" }, ` ${holdsFor(row)}`)] },
     { head: "In force", class: "number", cell: (row) => quantity({ ...row.old, unit: "1" }) },
-    { head: "This one", class: "number", cell: (row) => quantity({ ...row.new, unit: "1" }) },
+    { head: "This version", class: "number", cell: (row) => quantity({ ...row.new, unit: "1" }) },
     { head: "Change", class: "number", cell: (row) => changeOf(row.change) },
-    { head: "Over its u", class: "number", cell: (row) => (row.in_standard_uncertainties === undefined ? "–" : h("span", { class: row.in_standard_uncertainties >= 2 ? "significant" : null }, fixed(row.in_standard_uncertainties, 1))) },
+    { head: "Change / u", class: "number", cell: (row) => (row.in_standard_uncertainties === undefined ? "–" : h("span", { class: row.in_standard_uncertainties >= 2 ? "significant" : null }, fixed(row.in_standard_uncertainties, 1))) },
   ];
-  return table(columns, rows.slice(0, 40), { caption: "What changes in the coefficients" });
+  return table(columns, rows.slice(0, 40), { caption: "Changes of the coefficients" });
 }
 
 function gains({ isos_gained: plus, isos_lost: minus, flags_gained: raised, flags_lost: gone }) {
@@ -46,7 +46,7 @@ function gains({ isos_gained: plus, isos_lost: minus, flags_gained: raised, flag
 export function drawTouched(rows) {
   const columns = [
     { head: "Measurement", header: true, cell: (row) => h("a", { href: `/measurements/${row.measurement_id}` }, row.filename) },
-    { head: "Becomes", class: "number", cell: (row) => (row.change ? changeOf(row.change) : "–") },
+    { head: "Change", class: "number", cell: (row) => (row.change ? changeOf(row.change) : "–") },
     { head: "", cell: (row) => row.why ?? (row.successor ? `by version ${row.successor.version}` : "") },
   ];
   return table(columns, rows.slice(0, 30), { caption: "Measurements made with it" });

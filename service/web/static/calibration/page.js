@@ -1,4 +1,4 @@
-// One version: loaded once, drawn part by part; anew after each decision.
+// One version: loaded once, drawn part by part, and redrawn after each decision.
 
 import { all, get, getOr } from "../api.js";
 import { byId, fill, h } from "../dom.js";
@@ -79,7 +79,7 @@ async function drawOwnPlot() {
   const picture = h("img", { class: "own-plot", src: address, alt: `Plot of this ${method} calibration` });
   picture.addEventListener("error", async () => {
     const answer = await getOr(address, undefined).catch((error) => error);
-    fill(place, answer?.code ? failed(answer, drawOwnPlot) : empty("No plot", "This version has nothing that could be drawn."));
+    fill(place, answer?.code ? failed(answer, drawOwnPlot) : empty("No plot", "This version has nothing to plot."));
   });
   fill(place, picture);
 }

@@ -1,5 +1,5 @@
-// Every point of the fit in a table, used or left out; of luminance in chosen columns, else in the method's own.
-// What became of it stands beside its name: there it is seen on a phone too.
+// Every point of the fit in a table, used or not: selected columns for luminance, else those of the method.
+// Its status is next to its name, so that it is visible on a phone too.
 
 import { filename, h, may, table } from "../dom.js";
 import { exposureTime, fixed, number, tag, time, withUncertainty, words } from "../format.js";
@@ -12,7 +12,7 @@ const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "
 const U = "standard_uncertainty";
 
 export function drawPoints({ method, points, parameters }, choice) {
-  if (!points.length) return empty("No points", "This version keeps none.");
+  if (!points.length) return empty("No points", "This version has no points.");
   const residual = points.some((point) => present(point.residual_rel)) ? residualColumn : null;
   const columns = [choosing(choice), frameColumn, verdictColumn(parameters.exclude ?? []), residual, ...(method === "luminance" ? LUMINANCE : ownColumns(points))].filter(Boolean);
   const draw = (rows) => {
@@ -26,12 +26,12 @@ export function drawPoints({ method, points, parameters }, choice) {
 const frameColumn = { head: "Frame", header: true, class: "frame-name", cell: (point) => filename(point.frame) };
 /** Of what somebody left out their reason alone: who it was stands with what the version was made from. */
 const verdictColumn = (exclude) => ({
-  head: "In the fit",
+  head: "Status",
   class: "in-fit",
   cell: (point) => {
     if (point.used) return tag("used", "good");
     const why = exclude.find((each) => each.frame === point.frame)?.reason ?? point.left_out;
-    return h("span", {}, tag("left out", "warn"), h("span", { class: "small why-out" }, why));
+    return h("span", {}, tag("not used", "warn"), h("span", { class: "small why-out" }, why));
   },
 });
 
@@ -89,7 +89,7 @@ function figure(name, value, u) {
 function choosing(choice) {
   if (!choice || !may("calibrate")) return null;
   return {
-    head: h("span", { class: "hidden" }, "Choose"),
+    head: h("span", { class: "hidden" }, "Select"),
     class: "pick",
     cell: (point) =>
       point.used

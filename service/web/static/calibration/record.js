@@ -1,11 +1,11 @@
-// What was decided, what else the campaign gave, and what all of it was computed from.
+// Decisions, other versions of the campaign, and the inputs.
 
 import { filename, h, table } from "../dom.js";
 import { counted, day, number, quantity, tag, time, words } from "../format.js";
 import { empty } from "../states.js";
 
 export function drawHistory(items) {
-  if (!items.length) return empty("No decision yet");
+  if (!items.length) return empty("No decisions yet");
   return h(
     "ol",
     { class: "todo" },
@@ -23,11 +23,11 @@ export function drawHistory(items) {
 
 /** The other versions of the same campaign, to compare with. */
 export function drawSiblings(own, versions) {
-  if (versions.length < 2) return empty("The only version of its campaign", "Leave a point out or choose another model, and fit anew: the versions then stand side by side here.");
+  if (versions.length < 2) return empty("The only version of its campaign", "Exclude a point or select another model, and refit. The versions are then listed here.");
   const columns = [
     { head: "Version", header: true, cell: (row) => (row.id === own.id ? h("strong", { "aria-current": "true" }, `${row.version}, this one`) : h("a", { href: `/calibrations/${row.id}` }, `Version ${row.version}`)) },
     { head: "State", cell: (row) => tag(row.state) },
-    { head: "How", cell: howOf },
+    { head: "Settings", cell: howOf },
     { head: words(own.coefficients[0]?.name ?? "coefficient"), class: "number", cell: (row) => (row.coefficients[0] ? quantity({ ...row.coefficients[0], unit: "1" }) : "–") },
   ];
   return table(columns, versions, { caption: "Versions of this campaign" });
@@ -35,7 +35,7 @@ export function drawSiblings(own, versions) {
 
 function howOf({ parameters }) {
   const left = parameters.exclude?.length ?? 0;
-  return [parameters.model, left ? `${left} left out` : ""].filter(Boolean).join(", ") || "as it comes";
+  return [parameters.model, left ? `${left} excluded` : ""].filter(Boolean).join(", ") || "default";
 }
 
 // `stilb` is stored; it is the version of the code that fits, which a release may leave as it is.
@@ -55,7 +55,7 @@ export function drawMade(calibration) {
     ),
     h("details", { class: "card" }, h("summary", {}, "Parameters"), definitions(parameters)),
     excluded(parameters.exclude),
-    h("details", { class: "card" }, h("summary", {}, `${counted(inputs.frames.length, "frame")} by their content`), frames(inputs.frames)),
+    h("details", { class: "card" }, h("summary", {}, `${counted(inputs.frames.length, "frame")} by content`), frames(inputs.frames)),
     inputs.readings?.length ? h("details", { class: "card" }, h("summary", {}, counted(inputs.readings.length, "reading")), readings(inputs.readings)) : null,
   );
 }
@@ -68,11 +68,11 @@ function definitions(values) {
 function excluded(rows) {
   if (!rows?.length) return null;
   const columns = [
-    { head: "Left out", header: true, cell: (row) => filename(row.frame) },
-    { head: "Why", cell: (row) => row.reason },
+    { head: "Excluded", header: true, cell: (row) => filename(row.frame) },
+    { head: "Reason", cell: (row) => row.reason },
     { head: "By", cell: (row) => row.by },
   ];
-  return h("div", {}, table(columns, rows, { caption: "Frames that somebody left out" }));
+  return h("div", {}, table(columns, rows, { caption: "Excluded frames" }));
 }
 
 function frames(rows) {
@@ -90,7 +90,7 @@ function readings(rows) {
     { head: "Scene", header: true, cell: (row) => row.scene },
     { head: "Quantity", cell: (row) => row.quantity },
     { head: "Value", class: "number", cell: (row) => `${number(row.value, 5)} ${row.quantity === "luminance" ? "cd/m²" : "lx"}` },
-    { head: "Meter", cell: (row) => row.meter ?? "not named" },
+    { head: "Meter", cell: (row) => row.meter ?? "not recorded" },
   ];
   return table(columns, rows, { caption: "Readings" });
 }

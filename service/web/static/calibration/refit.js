@@ -1,4 +1,4 @@
-// The same campaign fitted anew: without some frames, with another model. It becomes a draft of its own.
+// Refit of the same campaign without some frames or with another model. The result is another draft.
 
 import { Problem, all, post } from "../api.js";
 import { ask } from "../ask.js";
@@ -14,25 +14,25 @@ export async function fitAnew(calibration, chosen = new Map()) {
   const keep = former.map((each, index) => ({ ...each, box: h("input", { type: "checkbox", id: `keep-${index}`, checked: true }) }));
   const said = h("p", { class: "hint", role: "status" });
   const made = await ask({
-    title: chosen.size ? `Leave out ${chosen.size === 1 ? [...chosen.values()][0] : `${chosen.size} frames`} and fit anew` : "Fit anew",
+    title: chosen.size ? `Exclude ${chosen.size === 1 ? [...chosen.values()][0] : `${chosen.size} frames`} and refit` : "Refit",
     body: [
-      h("p", { class: "muted" }, "This version stays as it is. The new one is a draft until somebody publishes it."),
-      keep.length ? h("fieldset", {}, h("legend", {}, "Left out so far; untick to take back in"), keep.map(({ box, frame, reason }) => h("p", { class: "check" }, box, h("label", { for: box.id, class: "check" }, `${frame}: ${reason}`)))) : null,
+      h("p", { class: "muted" }, "This version does not change. The new one is a draft until it is published."),
+      keep.length ? h("fieldset", {}, h("legend", {}, "Excluded so far; untick to include again"), keep.map(({ box, frame, reason }) => h("p", { class: "check" }, box, h("label", { for: box.id, class: "check" }, `${frame}: ${reason}`)))) : null,
       said,
     ],
     fields: [
-      chosen.size ? { name: "reason", label: "Why it is left out", type: "textarea", hint: "What happened when it was taken. It stands in the record with your name." } : null,
+      chosen.size ? { name: "reason", label: "Reason for exclusion", type: "textarea", hint: "What happened when the frame was taken. Recorded with your name." } : null,
       method === "luminance" ? { name: "model", label: "Model", options: MODELS, value: parameters.model } : null,
       "tolerance_rel" in parameters ? { name: "tolerance", label: "Tolerance [% of L]", type: "text", inputmode: "decimal", value: String(+(100 * parameters.tolerance_rel).toPrecision(6)) } : null,
     ].filter(Boolean),
-    submit: "Fit anew",
+    submit: "Refit",
     action: async (values) => {
       const kept = keep.filter(({ box }) => box.checked);
       const exclude = [...(await withIds(calibration, kept)), ...[...chosen.keys()].map((frame_id) => ({ frame_id, reason: values.reason }))];
       const body = { ...formerOf(calibration), ...sayFit(values), exclude };
       said.textContent = "Fitting…";
       const job = await followJob((await post(`/v1/campaigns/${calibration.campaign_id}/calibrations`, body)).id, (each) => {
-        said.textContent = each.state === "queued" ? "Waits for its turn…" : "Fitting…";
+        said.textContent = each.state === "queued" ? "Queued…" : "Fitting…";
       });
       said.textContent = "";
       if (job.state !== "succeeded") throw new Problem(job.error);
@@ -40,7 +40,7 @@ export async function fitAnew(calibration, chosen = new Map()) {
     },
   });
   if (!made) return;
-  if (made === calibration.id) toast("That is this very version: the same frames and the same parameters.");
+  if (made === calibration.id) toast("This version has the same frames and the same parameters.");
   else location.assign(`/calibrations/${made}`);
 }
 

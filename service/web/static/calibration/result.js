@@ -1,4 +1,4 @@
-// What was found, whether it passes, and what to know about it.
+// Result, verdict and status of a version.
 
 import { figure, h, table } from "../dom.js";
 import { day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
@@ -45,7 +45,7 @@ function luminance({ diagnostics, coefficients: rows }) {
     { head: "Flags", class: "wide-only", cell: ({ coefficient }) => flagsOf(rows.find((row) => row.iso === coefficient.iso)) },
   ];
   const note = failing.length
-    ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Look at the residuals; do not exclude a point without a reason.")
+    ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
     : h("p", { class: "note good" }, h("strong", {}, ["", "Passed. ", "Both ISO values pass. "][fits.length] ?? `All ${fits.length} ISO values pass. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
   return [note, table(columns, fits, { caption: "K of each ISO value" })];
 }

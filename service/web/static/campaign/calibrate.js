@@ -1,4 +1,4 @@
-// The fit: its parameters, how far it is, and the versions that came out.
+// The fit: its parameters, its progress, and the resulting versions.
 
 import { all, post } from "../api.js";
 import { fill, h, may, table } from "../dom.js";
@@ -12,7 +12,7 @@ import { sentence } from "./overview.js";
 
 export function calibrateSection(state) {
   const versions = h("div");
-  const show = () => load(versions, () => all(`${state.path}/calibrations`), (found) => (found.length ? list(found) : empty("No version yet", "Every fit becomes a version of the camera’s calibration: a draft, until somebody publishes it.")));
+  const show = () => load(versions, () => all(`${state.path}/calibrations`), (found) => (found.length ? list(found) : empty("No versions yet", "Every fit makes a version of the camera’s calibration, which is a draft until it is published.")));
   show();
   return h("div", { class: "columns calibrate" }, may("calibrate") ? starter(state, show) : null, versions);
 }
@@ -24,7 +24,7 @@ function starter(state, show) {
   const button = h("button", { class: "primary", type: "submit" }, "Calibrate");
   const draw = () => {
     const { missing } = state.campaign;
-    fill(lacking, missing.length ? h("p", { class: "muted small" }, `Missing still: ${missing.slice(0, 3).map(sentence).join("; ")}${missing.length > 3 ? `; and ${missing.length - 3} more` : ""}.`) : h("p", { class: "muted small" }, "Nothing is missing."));
+    fill(lacking, missing.length ? h("p", { class: "muted small" }, `Still missing: ${missing.slice(0, 3).map(sentence).join("; ")}${missing.length > 3 ? `; and ${missing.length - 3} more` : ""}.`) : h("p", { class: "muted small" }, "Nothing is missing."));
   };
   state.on("campaign", draw);
   draw();
@@ -35,13 +35,13 @@ function starter(state, show) {
       throw withMissing(error);
     });
     const bar = h("progress", { max: 1, value: 0, "aria-label": "The fit" });
-    const told = h("p", { class: "muted small" }, "Waits for a worker");
+    const told = h("p", { class: "muted small" }, "Queued");
     fill(progress, bar, told);
     const job = await followJob(begun.id, (each) => {
       bar.value = each.progress;
-      told.textContent = { queued: "Waits for a worker", running: "Fits" }[each.state] ?? "";
+      told.textContent = { queued: "Queued", running: "Fitting" }[each.state] ?? "";
     });
-    fill(progress, job.state === "succeeded" ? h("div", { class: "note good" }, "The fit is done. ", h("a", { href: `/calibrations/${job.result.calibration_id}` }, "Look at the version")) : h("div", { class: "note bad" }, h("strong", {}, job.error.title), h("p", {}, job.error.detail)));
+    fill(progress, job.state === "succeeded" ? h("div", { class: "note good" }, "The fit is done. ", h("a", { href: `/calibrations/${job.result.calibration_id}` }, "Open the version")) : h("div", { class: "note bad" }, h("strong", {}, job.error.title), h("p", {}, job.error.detail)));
     await show();
     state.tell("versions");
   };
@@ -90,7 +90,7 @@ function list(found) {
       { head: "State", cell: (each) => tag(each.state) },
       { head: "Result", cell: first },
       { head: "Flags", cell: (each) => number(new Set(each.coefficients.flatMap((c) => c.flags)).size) },
-      { head: "Made", class: "nowrap", cell: (each) => h("time", { datetime: each.created_at, title: each.created_at }, ago(each.created_at)) },
+      { head: "Created", class: "nowrap", cell: (each) => h("time", { datetime: each.created_at, title: each.created_at }, ago(each.created_at)) },
     ],
     found,
     { caption: "Versions fitted from this campaign" },

@@ -1,4 +1,4 @@
-// The preview with the regions on it: zoomed by wheel, pinch and keys, its corners moved by pointer and keys.
+// The preview with its regions: zoom by wheel, pinch and keys; corners moved by pointer and keys.
 
 import { svg } from "../dom.js";
 import { middle } from "./polygon.js";

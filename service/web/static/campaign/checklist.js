@@ -1,4 +1,4 @@
-// The procedure's checklist: what the record proves is ticked by itself, the rest by people, and signed.
+// The procedure's checklist: items that the record proves are ticked automatically, the others by people; then it is signed.
 
 import { get, patch } from "../api.js";
 import { ask } from "../ask.js";
@@ -36,7 +36,7 @@ export function checklistSection(state) {
   const signAgain = (said) =>
     ask({
       title: "The list is signed",
-      body: h("p", {}, "A change needs a new signature; it then stands for the list as changed."),
+      body: h("p", {}, "A change needs a new signature, which then applies to the changed list."),
       fields: [{ name: "name", label: "Operator" }],
       submit: "Change and sign",
       action: async ({ name }) => draw(await patch(`${state.path}/checklist`, { ...said, signature: { name } })),
@@ -93,8 +93,8 @@ function line(item, change) {
     ask({
       title: "Note",
       body: h("p", { class: "muted" }, item.text),
-      fields: [{ name: "note", label: "What was done, with what", type: "textarea", value: item.note ?? "" }],
-      submit: "Keep",
+      fields: [{ name: "note", label: "What was done, and with which equipment", type: "textarea", value: item.note ?? "" }],
+      submit: "Save",
       action: (said) => change({ items: [{ key: item.key, done: box.checked, note: said.note }] }),
     });
   return h(
@@ -105,7 +105,7 @@ function line(item, change) {
       ? h(
           "div",
           { class: "evidence" },
-          item.evidence ? h("p", {}, h("span", { class: "tag good" }, own ? "from the record" : "the record agrees"), " ", item.evidence) : null,
+          item.evidence ? h("p", {}, h("span", { class: "tag good" }, own ? "from the record" : "record agrees"), " ", item.evidence) : null,
           item.missing ? h("p", { class: "muted" }, item.missing) : null,
           item.note ? h("p", {}, "“", item.note, "”") : null,
           item.done_by && !own ? h("p", { class: "muted" }, "Ticked ", time(item.done_at)) : null,
@@ -118,6 +118,6 @@ function line(item, change) {
 function signature(list, change) {
   if (list.signature) return h("p", { class: "note good" }, "Signed by ", h("strong", {}, list.signature.name), ", ", time(list.signature.signed_at));
   if (!may("calibrate")) return null;
-  const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature stands for the list as it is.`) : null, fields: [{ name: "name", label: "Operator", hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
+  const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature applies to the list as it is.`) : null, fields: [{ name: "name", label: "Operator", hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
   return h("p", { class: "actions" }, h("button", { type: "button", onclick: sign }, "Sign the checklist"));
 }

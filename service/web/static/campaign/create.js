@@ -1,4 +1,4 @@
-// A new campaign: method, camera, what is photographed, and what stands in the record.
+// A new campaign: method, camera, target and details.
 
 import { all, post } from "../api.js";
 import { byId, fill, h } from "../dom.js";
@@ -62,7 +62,7 @@ async function create() {
 function cameraPart(cameras) {
   const known = cameras.map((each) => [each.id, `${each.make} ${each.model} ${each.serial}`]);
   // frames of another camera are refused: of several, none is taken for granted
-  const several = known.length > 1 ? [["", "Choose…"]] : [];
+  const several = known.length > 1 ? [["", "Select…"]] : [];
   const chosen = select([...several, ...known, [NEW, "Register another…"]], { name: "camera_id", required: true }, several.length ? "" : known[0]?.[0]);
   const make = h("input", { autocomplete: "off" });
   const model = h("input", { autocomplete: "off" });
@@ -78,7 +78,7 @@ function cameraPart(cameras) {
       { class: "fields" },
       field("Make", make, "As in the files: DJI"),
       field("Model", model, "As in the files: FC6520"),
-      field("Serial number", serial, "Of the body: frames of another are refused."),
+      field("Serial number", serial, "Of the camera body. Frames of another body are refused."),
       field("Lens make", lens[0]),
       field("Lens model", lens[1]),
       field("Pixel pitch [µm]", pitch),

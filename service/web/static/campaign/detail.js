@@ -1,4 +1,4 @@
-// One frame in a dialog: its picture, why it passes or not, what it says of itself, its statistics.
+// One frame in a dialog: preview, verdict with reasons, metadata, statistics.
 
 import { get, patch } from "../api.js";
 import { h, may, table, toast } from "../dom.js";
@@ -51,7 +51,7 @@ function facts(frame) {
     ["Received", time(frame.created_at)],
     ["Band", frame.band && words(frame.band)],
     ["Region", originOf(frame)],
-    ["Noticed", frame.warnings.length && frame.warnings.map(words).join(", ")],
+    ["Warnings", frame.warnings.length && frame.warnings.map(words).join(", ")],
     ["SHA-256", h("code", { class: "small" }, frame.sha256)],
   ];
   return said.filter(([, value]) => value);
@@ -63,7 +63,7 @@ function reasons(frame) {
     "div",
     { class: `note ${{ pass: "good", warn: "warn", fail: "bad" }[outcome] ?? ""}` },
     h("p", {}, tag(outcome)),
-    why.length ? h("ul", { class: "plain" }, why.map((each) => h("li", {}, each.detail))) : h("p", {}, "Nothing speaks against this frame."),
+    why.length ? h("ul", { class: "plain" }, why.map((each) => h("li", {}, each.detail))) : h("p", {}, "No findings."),
   );
 }
 
@@ -76,7 +76,7 @@ function statistics(state, frame) {
       ([head, name, show]) => ({ head, class: "number", cell: (row) => show(row[name]) }),
     ),
   ];
-  return h("div", { class: "frame-statistics" }, h("h3", {}, "Raw numbers in the region [DN], black not subtracted"), table(columns, rows, { caption: "Statistics of the region" }));
+  return h("div", { class: "frame-statistics" }, h("h3", {}, "Raw values in the region [DN], black level not subtracted"), table(columns, rows, { caption: "Statistics of the region" }));
 }
 
 function change(state, frame, dialog) {
@@ -91,13 +91,13 @@ function change(state, frame, dialog) {
         const said = { role: role.value, ...(scene.value.trim() ? { scene: scene.value.trim() } : {}) };
         for (const [name, , input] of lacking) if (input.value.trim()) said[name] = numberOf(input);
         state.renew(await patch(`/v1/frames/${frame.id}`, said));
-        toast(`${frame.filename} is changed and read again.`);
+        toast(`${frame.filename} was changed and is read again.`);
         dialog.close();
         await state.touch();
       });
     } },
-    h("h3", {}, "What it shows"),
-    h("div", { class: "fields" }, field("Role", role), field("Scene", scene), lacking.map(([, label, input]) => field(label, input, "The file does not say it."))),
+    h("h3", {}, "Role and scene"),
+    h("div", { class: "fields" }, field("Role", role), field("Scene", scene), lacking.map(([, label, input]) => field(label, input, "Not in the file."))),
     h("datalist", { id: "detail-scenes" }, state.scenes.map((name) => h("option", { value: name }))),
     h("p", { class: "actions" }, h("button", { type: "submit" }, "Change")),
   );

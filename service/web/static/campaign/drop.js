@@ -1,4 +1,4 @@
-// What was dropped: files, and every file below a folder, with its path.
+// Dropped files, and every file below a dropped folder, with its path.
 
 /** [{file, name}] of a drop; hidden files are left out, as cards carry half copies of frames under such names. */
 export async function filesOf(transfer) {

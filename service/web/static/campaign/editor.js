@@ -1,4 +1,4 @@
-// The regions that are being drawn, with everything that can be undone.
+// The regions in the editor, with their undo history.
 
 const KEPT = 200;
 

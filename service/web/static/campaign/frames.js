@@ -1,4 +1,4 @@
-// Every frame of the campaign in a table: thumbnail, exposure, signal and verdict; chosen ones are changed together.
+// Every frame of the campaign in a table: thumbnail, exposure, signal and verdict; selected frames are changed together.
 
 import { patch } from "../api.js";
 import { byId, filename, fill, h, may, toast } from "../dom.js";
@@ -23,8 +23,8 @@ export function framesSection(state) {
   const bare = h("div");
   const grid = virtualTable({
     columns: [
-      { head: may("calibrate") ? everyone() : h("span", { class: "hidden" }, "Choice"), class: "pick" },
-      { head: h("span", { class: "hidden" }, "Picture"), class: "thumb" },
+      { head: may("calibrate") ? everyone() : h("span", { class: "hidden" }, "Select"), class: "pick" },
+      { head: h("span", { class: "hidden" }, "Image"), class: "thumb" },
       { head: "Frame", class: "name" },
       { head: "Exposure", class: "wide-only exposure" },
       { head: "Signal [DN]", class: "number wide-only signal" },
@@ -32,14 +32,14 @@ export function framesSection(state) {
       { head: "Verdict", class: "verdict" },
     ],
     rowHeight: ROW_PX,
-    caption: "Frames that have come",
+    caption: "Received frames",
     draw: (frame) => cells(frame),
     keyOf: (frame) => frame.id,
     markOf: (frame) => JSON.stringify([frame.state, frame.role, frame.scene, frame.exposure_time_s, frame.iso, signalOf(frame), state.verdicts.get(frame.id), chosen.has(frame.id)]),
   });
 
   function everyone() {
-    return h("input", { type: "checkbox", "aria-label": "Choose all that are listed", onchange: (event) => {
+    return h("input", { type: "checkbox", "aria-label": "Select all listed frames", onchange: (event) => {
       for (const frame of listed()) if (event.target.checked) chosen.add(frame.id); else chosen.delete(frame.id);
       draw();
     } });
@@ -96,7 +96,7 @@ export function framesSection(state) {
   function draw() {
     const some = state.frames.length > 0;
     grid.element.hidden = tools.hidden = !some;
-    fill(bare, some ? null : empty("No frame yet", may("upload") ? "Drop the camera’s files above, or push a folder from the field with: stilb push." : "The field team has not sent any."));
+    fill(bare, some ? null : empty("No frames yet", may("upload") ? "Drop the camera’s files above, or send a folder with: stilb push." : "No frames have been sent."));
     if (some) grid.show(listed());
     byId("frames-note").textContent = some ? `${number(state.frames.length, 6)}${state.complete ? "" : " and more"} of this campaign` : "";
     drawCounts();
@@ -127,7 +127,7 @@ export function framesSection(state) {
     tools,
     outcomes,
     h("input", { type: "search", "aria-label": "Find a frame", placeholder: "Name, role or scene", oninput: (event) => ((view.text = event.target.value.trim()), draw()) }),
-    h("label", { class: "order" }, "Order ", select([["name", "by name"], ["arrival", "as they came"], ["scene", "by scene"], ["verdict", "worst first"], ["signal", "by signal"]], { onchange: (event) => ((view.order = event.target.value), draw()) })),
+    h("label", { class: "order" }, "Order ", select([["name", "by name"], ["arrival", "by arrival"], ["scene", "by scene"], ["verdict", "worst first"], ["signal", "by signal"]], { onchange: (event) => ((view.order = event.target.value), draw()) })),
   );
   state.on("frames", draw);
   draw();
@@ -141,8 +141,8 @@ function verdictCell(verdict) {
 }
 
 function bulkForm(state, chosen, after) {
-  const role = select([["", "keep"], ...ROLES.map((name) => [name, name])], { "aria-label": "Role of the chosen" });
-  const scene = h("input", { "aria-label": "Scene of the chosen", placeholder: "keep", list: "scenes" });
+  const role = select([["", "keep"], ...ROLES.map((name) => [name, name])], { "aria-label": "Role of the selected frames" });
+  const scene = h("input", { "aria-label": "Scene of the selected frames", placeholder: "keep", list: "scenes" });
   const apply = async () => {
     const said = { ...(role.value ? { role: role.value } : {}), ...(scene.value.trim() ? { scene: scene.value.trim() } : {}) };
     if (!Object.keys(said).length) return;
@@ -151,7 +151,7 @@ function bulkForm(state, chosen, after) {
       state.renew(await patch(`/v1/frames/${id}`, said));
       chosen.delete(id);
     }
-    toast(`${ids.length} changed; they are read again.`);
+    toast(`${counted(ids.length, "frame")} changed and read again.`);
     after();
     await state.touch();
   };
@@ -160,6 +160,6 @@ function bulkForm(state, chosen, after) {
     h("label", {}, "Role ", role),
     h("label", {}, "Scene ", scene),
     h("datalist", { id: "scenes" }, state.scenes.map((name) => h("option", { value: name }))),
-    h("span", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, apply) }, "Change"), h("button", { type: "button", class: "quiet", onclick: () => (chosen.clear(), after()) }, "Choose none")),
+    h("span", { class: "actions" }, h("button", { type: "button", class: "primary", onclick: (event) => act(event.target, apply) }, "Change"), h("button", { type: "button", class: "quiet", onclick: () => (chosen.clear(), after()) }, "Clear selection")),
   ];
 }

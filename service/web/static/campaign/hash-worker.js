@@ -1,4 +1,4 @@
-// Hashes files beside the page, which stays quick meanwhile.
+// Hashes files in a worker, so that the page stays responsive.
 
 import { Sha256 } from "./sha256.js";
 
@@ -8,7 +8,7 @@ self.onmessage = async ({ data: { id, file } }) => {
   try {
     self.postMessage({ id, sha256: await hash(file) });
   } catch {
-    self.postMessage({ id, error: "It cannot be read. Is the card still in?" });
+    self.postMessage({ id, error: "The file cannot be read. Check that the card is still inserted." });
   }
 };
 

@@ -1,4 +1,4 @@
-// Which region holds for a frame: its own, drawn or found by a panel's code, else the campaign's.
+// The region that applies to a frame: its own (drawn, or found by a panel's code), else the campaign's.
 
 import { get } from "../api.js";
 import { counted } from "../format.js";
@@ -6,21 +6,21 @@ import { counted } from "../format.js";
 /** A frame's own region in words; "" where the campaign's holds. */
 export function originOf(frame) {
   if (!frame.roi_id) return "";
-  return frame.roi_origin === "found" ? `found by the code of panel ${frame.panel_serial}` : "its own, drawn";
+  return frame.roi_origin === "found" ? `found by the code of panel ${frame.panel_serial}` : "drawn for this frame";
 }
 
 /** What to do about it, on the frame that is shown; "" where the campaign's region holds. */
 export function adviceOn(frame) {
   if (!frame.roi_id) return "";
-  const said = frame.roi_origin === "found" ? `Shown is this frame’s region, ${originOf(frame)}.` : "Shown is this frame’s own region.";
-  return `${said} To take another, draw it and set it only for this frame: one that is set for the campaign leaves it.`;
+  const said = frame.roi_origin === "found" ? `This frame’s region is shown, ${originOf(frame)}.` : "This frame’s own region is shown.";
+  return `${said} To replace it, draw a region and set it only for this frame. A region set for the campaign does not replace it.`;
 }
 
 /** How many frames have a region of their own: {own, found, said}; `said` is "" where none has. */
 export function countOwn(frames) {
   const own = frames.filter((frame) => frame.roi_id);
   const found = own.filter((frame) => frame.roi_origin === "found").length;
-  const said = [found && `${counted(found, "frame")} found by the panel’s code`, own.length - found && `${counted(own.length - found, "frame")} drawn singly`].filter(Boolean).join(", ");
+  const said = [found && `${counted(found, "frame")} found by the panel’s code`, own.length - found && `${counted(own.length - found, "frame")} drawn individually`].filter(Boolean).join(", ");
   return { own: own.length, found, said };
 }
 

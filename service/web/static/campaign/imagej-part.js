@@ -1,4 +1,4 @@
-// ImageJ's macro line and .roi file, in and out.
+// Import and export of ImageJ macro lines and .roi files.
 
 import { fill, h, may } from "../dom.js";
 import { act } from "../states.js";
@@ -48,7 +48,7 @@ export function imagejPart(editor, frameOf) {
     { class: "imagej" },
     h("summary", {}, "ImageJ: macro and .roi"),
     text,
-    h("p", { class: "actions" }, may("calibrate") ? [h("button", { type: "button", onclick: (event) => act(event.target, async () => inside(told(() => readMacro(text.value)))) }, "Take this macro"), open, files] : null, links),
+    h("p", { class: "actions" }, may("calibrate") ? [h("button", { type: "button", onclick: (event) => act(event.target, async () => inside(told(() => readMacro(text.value)))) }, "Use this macro"), open, files] : null, links),
   );
 }
 

@@ -1,4 +1,4 @@
-// ImageJ's two ways of writing a region: a line of a macro, and the .roi file. [ij.io.RoiDecoder, RoiEncoder]
+// The two ImageJ formats of a region: a macro line, and the .roi file. [ij.io.RoiDecoder, RoiEncoder]
 
 const TYPES = { polygon: 0, rectangle: 1, freehand: 7, traced: 8 };
 const SUBPIXEL = 128;
@@ -9,12 +9,12 @@ export function readMacro(text) {
   const found = [];
   for (const [, name, inside, after] of text.matchAll(/\b(makePolygon|makeRectangle)\s*\(([^()]*)\)\s*;?([^\n]*)/g)) {
     const numbers = inside.split(",").map((part) => (part.trim() === "" ? NaN : Number(part)));
-    if (numbers.some((number) => !Number.isFinite(number))) throw new Error(`${name} holds something that is not a number: ${inside.trim().slice(0, 60)}`);
+    if (numbers.some((number) => !Number.isFinite(number))) throw new Error(`${name} contains a value that is not a number: ${inside.trim().slice(0, 60)}`);
     if (name === "makeRectangle" && numbers.length !== 4) throw new Error("makeRectangle wants four numbers: x, y, width, height.");
     if (name === "makePolygon" && (numbers.length < 6 || numbers.length % 2)) throw new Error("makePolygon wants three corners or more, each with its x and its y.");
     found.push({ name: /\/\/\s*(\S.*)/.exec(after)?.[1].trim(), points: name === "makeRectangle" ? rectangle(...numbers) : pairs(numbers) });
   }
-  if (!found.length) throw new Error("There is no makePolygon(...) or makeRectangle(...) in it.");
+  if (!found.length) throw new Error("The text contains no makePolygon(...) or makeRectangle(...).");
   return found;
 }
 
@@ -25,7 +25,7 @@ export const writeMacro = (regions) =>
 /** {name?, points} of a .roi file. */
 export function readRoi(buffer) {
   const view = new DataView(buffer);
-  if (buffer.byteLength < HEADER || view.getUint32(0) !== 0x496f7574) throw new Error("This is no ImageJ .roi file. A RoiSet.zip must be unpacked first.");
+  if (buffer.byteLength < HEADER || view.getUint32(0) !== 0x496f7574) throw new Error("This is not an ImageJ .roi file. Unpack a RoiSet.zip first.");
   const [version, type, top, left, bottom, right] = [view.getInt16(4), view.getUint8(6), view.getInt16(8), view.getInt16(10), view.getInt16(12), view.getInt16(14)];
   const [count, options] = [view.getUint16(16), view.getUint16(50)];
   const fine = (options & SUBPIXEL) !== 0;
@@ -34,9 +34,9 @@ export function readRoi(buffer) {
     const [x, y, width, height] = [18, 22, 26, 30].map((at) => view.getFloat32(at));
     return { name, points: fine && version >= 223 && width > 0 ? rectangle(x, y, width, height) : rectangle(left, top, right - left, bottom - top) };
   }
-  if (![TYPES.polygon, TYPES.freehand, TYPES.traced].includes(type)) throw new Error("It is no polygon: ovals, lines and points have no corners. Draw it as a polygon in ImageJ.");
+  if (![TYPES.polygon, TYPES.freehand, TYPES.traced].includes(type)) throw new Error("The region is not a polygon: ovals, lines and points have no corners. Draw it as a polygon in ImageJ.");
   const whole = HEADER + 4 * count;
-  if (count < 3 || buffer.byteLength < (fine && version >= 222 ? whole + 8 * count : whole)) throw new Error("The .roi file is cut short.");
+  if (count < 3 || buffer.byteLength < (fine && version >= 222 ? whole + 8 * count : whole)) throw new Error("The .roi file is incomplete.");
   const points = Array.from({ length: count }, (_, i) =>
     fine && version >= 222
       ? [view.getFloat32(whole + 4 * i), view.getFloat32(whole + 4 * (count + i))]

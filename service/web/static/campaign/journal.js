@@ -1,4 +1,4 @@
-// What is still to be sent, kept in the browser: a reload, or a laptop that ran empty, loses nothing.
+// Files still to be sent, kept in the browser: a reload or an empty battery loses nothing.
 
 const BUDGET = 4e9;
 

@@ -1,4 +1,4 @@
-// Every campaign of the organisation, the newest first.
+// All campaigns of the organisation, newest first.
 
 import { all } from "../api.js";
 import { byId, fill, h, may, table } from "../dom.js";
@@ -15,8 +15,8 @@ load(
 );
 
 function nothing() {
-  const text = "A campaign gathers the frames, the region and the meter readings of one calibration.";
-  return empty("No campaign yet", text, may("calibrate") ? h("a", { class: "button primary", href: "/campaigns/new" }, "New campaign") : null);
+  const text = "A campaign contains the frames, the region and the meter readings of one calibration.";
+  return empty("No campaigns yet", text, may("calibrate") ? h("a", { class: "button primary", href: "/campaigns/new" }, "New campaign") : null);
 }
 
 function list(campaigns, cameras) {
@@ -25,7 +25,7 @@ function list(campaigns, cameras) {
   const draw = () => {
     const wanted = search.value.trim().toLowerCase();
     const found = campaigns.filter((each) => textOf(each, cameras).includes(wanted));
-    fill(shown, found.length ? rows(found, cameras) : empty("None of them", `No campaign says “${search.value}”.`));
+    fill(shown, found.length ? rows(found, cameras) : empty("No results", `No campaign matches “${search.value}”.`));
   };
   search.addEventListener("input", draw);
   draw();
@@ -40,7 +40,7 @@ function rows(campaigns, cameras) {
       { head: "Camera", cell: (each) => h("a", { class: "nowrap", href: `/cameras/${each.camera_id}` }, cameraOf(each, cameras)) },
       { head: "Recorder", cell: (each) => each.recorder ?? "–" },
       { head: "Place", cell: (each) => each.place ?? "–" },
-      { head: "Begun", class: "nowrap", cell: (each) => day(each.started_at ?? each.created_at) },
+      { head: "Started", class: "nowrap", cell: (each) => day(each.started_at ?? each.created_at) },
     ],
     campaigns,
     { caption: "Campaigns" },

@@ -29,7 +29,7 @@ export function lookPart(onClipping) {
     const fault = region.closed ? faultOf(region.points) : hintOf(region.points);
     element.classList.toggle("stale", true);
     if (fault || !frame) {
-      told.textContent = fault ?? "Choose a frame that has been read.";
+      told.textContent = fault ?? "Select a frame that has been read.";
       fill(shown);
       onClipping(null);
       return;
@@ -45,7 +45,7 @@ export function lookPart(onClipping) {
       if (signal.aborted) return;
       if (!job.result) throw Object.assign(new Error(job.error.detail), { title: "Not read", code: job.error.code, retryable: false });
       const clipped = job.result.clipping.cells.length ? "; red is clipped" : "";
-      told.textContent = `${number(Math.round(areaOf(region.points)), 9)} px² of ${frame.filename}, from its raw numbers${clipped}`;
+      told.textContent = `${number(Math.round(areaOf(region.points)), 9)} px² of ${frame.filename}, from raw values${clipped}`;
       fill(shown, histogram(job.result), rows(job.result.statistics));
       element.classList.remove("stale");
       onClipping(job.result.clipping);
@@ -72,7 +72,7 @@ function rows(statistics) {
       { head: "Clipped", class: "number", cell: (row) => h("span", { class: row.saturated_share > 0.001 ? "bad-figure" : "" }, row.saturated_share ? percent(row.saturated_share) : "0") },
     ],
     statistics,
-    { caption: "Raw numbers of the region in DN" },
+    { caption: "Raw values of the region in DN" },
   );
 }
 

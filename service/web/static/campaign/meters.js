@@ -15,7 +15,7 @@ export const askForMeter = () =>
       { name: "make", label: "Make" },
       { name: "model", label: "Model" },
       { name: "serial", label: "Serial number" },
-      { name: "number", label: "Certificate number", required: false, hint: "Without a certificate K’s uncertainty lacks the meter’s share, and says so." },
+      { name: "number", label: "Certificate number", required: false, hint: "Without a certificate, u(K) does not include the meter’s calibration, and K is flagged." },
       { name: "laboratory", label: "Laboratory", required: false },
       { name: "issued_on", label: "Issued on", type: "date", required: false },
       { name: "due_on", label: "Due on", type: "date", required: false },
@@ -28,7 +28,7 @@ export const askForMeter = () =>
 
 function certificateOf({ number, laboratory, issued_on, due_on, uncertainty, coverage }) {
   if (!number && !laboratory && !issued_on && !uncertainty) return {};
-  if (!number || !laboratory || !issued_on || !due_on || !uncertainty || !coverage) throw wrong("A certificate wants its number, laboratory, both days, uncertainty and coverage factor; or leave all of it empty.");
+  if (!number || !laboratory || !issued_on || !due_on || !uncertainty || !coverage) throw wrong("Enter number, laboratory, both dates, uncertainty and coverage factor of the certificate, or leave all of them empty.");
   const [percent, factor] = [readNumber(uncertainty), readNumber(coverage)];
   if (!(percent > 0 && percent < 100) || !(factor >= 1)) throw wrong("The uncertainty is a percentage such as 2, the coverage factor a number such as 2.");
   return { certificate: { number, laboratory, issued_on, due_on, expanded_uncertainty_rel: percent / 100, coverage_factor: factor } };

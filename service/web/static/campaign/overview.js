@@ -42,7 +42,7 @@ function region({ roi, room, frames }) {
   const { own, found, said } = countOwn(frames);
   if (roi) return figure("Region", roi.regions ? counted(roi.regions.length, "part") : counted(roi.polygon.length, "corner"), said);
   if (room.whole_frame) return figure("Region", "Whole frame", said);
-  return figure("Region", own ? (found === own ? "Found" : "Single ones") : "None yet", said, marked(!own));
+  return figure("Region", own ? (found === own ? "Found" : "Per frame") : "None yet", said, marked(!own));
 }
 
 function advice({ missing, advice: better }) {
@@ -50,8 +50,8 @@ function advice({ missing, advice: better }) {
   return h(
     "div",
     { class: "columns advice" },
-    missing.length ? h("div", { class: "note warn" }, h("h2", {}, "What is missing"), listOf(missing)) : null,
-    better.length ? h("div", { class: "note" }, h("h2", {}, "What would make it better"), listOf(better)) : null,
+    missing.length ? h("div", { class: "note warn" }, h("h2", {}, "Missing"), listOf(missing)) : null,
+    better.length ? h("div", { class: "note" }, h("h2", {}, "Suggestions"), listOf(better)) : null,
   );
 }
 

@@ -8,7 +8,7 @@ import { readNumber, wrong } from "./numbers.js";
 /** {element, read()}: the form, and the id of the panel; undefined leaves the choice to the files. */
 export function panelPart(panels) {
   const known = panels.map((each) => [each.id, `${each.serial}, measured ${each.measured_on} (${each.bands.map((band) => band.band).join(", ")})`]);
-  const chosen = select([["", "The one that the files name, or the only one"], ...known, ["new", "Register another…"]], {}, "");
+  const chosen = select([["", "As named in the files, or the only one"], ...known, ["new", "Register another…"]], {}, "");
   const serial = decimal({ inputmode: "text" });
   const measured = h("input", { type: "date" });
   const bands = h("textarea", { rows: "5", spellcheck: "false" });
@@ -17,7 +17,7 @@ export function panelPart(panels) {
     { hidden: true },
     h("legend", {}, "New panel"),
     h("div", { class: "fields" }, field("Serial number", serial), field("Measured on", measured)),
-    field("What it reflects", bands, "A line a band: green 0.69 0.005 (band, reflectance, and its standard uncertainty where known)."),
+    field("Reflectance", bands, "One line per band: green 0.69 0.005 (band, reflectance, and its standard uncertainty if known)."),
   );
   chosen.addEventListener("change", () => {
     fresh.hidden = chosen.value !== "new";
@@ -34,7 +34,7 @@ export function panelPart(panels) {
 function readBands(text) {
   const lines = text.split("\n").map((line, index) => [index + 1, line.trim()]);
   return lines.filter(([, line]) => line).map(([number, line]) => {
-    // a band's name may be of two words, as "Red edge" is: the figures are what stands last
+    // a band's name may have two words, such as "Red edge": the numbers come last
     const said = line.split(/[\s;]+/);
     const figures = said.slice(-2).map(readNumber).filter((value) => !Number.isNaN(value));
     const band = said.slice(0, said.length - figures.length).join(" ");

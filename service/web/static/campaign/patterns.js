@@ -44,7 +44,7 @@ export function patternsPart(state, changed) {
     "details",
     { class: "patterns", open: own.length > 0 },
     h("summary", {}, "Role and scene by pattern"),
-    h("p", { class: "hint" }, "The first that fits decides: * stands for any letters, ? for one, {scene} names the scene, as in {scene}-*.DNG or {scene}/*. What none fits is taken by its folder and name, and each file can be set in the list."),
+    h("p", { class: "hint" }, "The first matching pattern applies: * matches any letters, ? one letter, and {scene} captures the scene, as in {scene}-*.DNG or {scene}/*. Other files are assigned by folder and name, and each file can be set in the list."),
     rows,
     h("button", { type: "button", class: "quiet", onclick: add }, "Add a pattern"),
   );

@@ -13,10 +13,10 @@ export function faultOf(points) {
   for (let a = 0; a < edges.length; a += 1) {
     for (let b = a + 1; b < edges.length; b += 1) {
       const neighbours = b === a + 1 || (a === 0 && b === edges.length - 1);
-      if (!neighbours && cross(...edges[a], ...edges[b])) return "Its edges cross. Move a corner, or undo.";
+      if (!neighbours && cross(...edges[a], ...edges[b])) return "The edges cross. Move a corner, or undo.";
     }
   }
-  if (areaOf(points) === 0) return "It encloses nothing: its corners lie on one line.";
+  if (areaOf(points) === 0) return "The area is zero: all corners lie on one line.";
   return null;
 }
 

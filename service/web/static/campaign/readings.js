@@ -22,7 +22,7 @@ export function readingsSection(state) {
     const standing = readings.filter((each) => !each.withdrawn_at).length;
     byId("readings-note").textContent = readings.length ? `${counted(standing, "reading")} of ${counted(new Set(readings.map((each) => each.scene)).size, "scene")}` : "";
     entry.offer(meters.all);
-    return readings.length ? rows(readings, meters, again) : empty("No reading yet", "What the luminance meter said of each scene; several of a scene are averaged.");
+    return readings.length ? rows(readings, meters, again) : empty("No readings yet", "Luminance meter readings of each scene. Several readings of a scene are averaged.");
   };
   let shown = "";
   const again = () => load(list, refresh, draw);
@@ -63,7 +63,7 @@ function entryPart(state, meters, after) {
     // of several of a kind nobody but the reader of the meter knows which it was
     const ofKind = known.filter((each) => each.kind === UNITS[unit.value]);
     const kept = byHand ? meter.value : ofKind.length === 1 ? ofKind[0].id : "";
-    fill(meter, h("option", { value: "" }, "None, or named in the lines"), known.map((each) => h("option", { value: each.id }, `${nameOfMeter(each)} (${each.kind}${each.certificate ? "" : ", no certificate"})`)));
+    fill(meter, h("option", { value: "" }, "None, or as in the lines"), known.map((each) => h("option", { value: each.id }, `${nameOfMeter(each)} (${each.kind}${each.certificate ? "" : ", no certificate"})`)));
     meter.value = kept;
   };
   const read = () => readSheet(text.value, { unit: unit.value });
@@ -91,9 +91,9 @@ function entryPart(state, meters, after) {
     "form",
     { class: "card", onsubmit: (event) => (event.preventDefault(), act(event.submitter, add)) },
     h("h3", {}, "Add readings"),
-    field("Lines", text, "A line a reading, typed or pasted from a spreadsheet: scene, value, and if you like unit and time. With a first line of names the columns may stand in any order."),
+    field("Lines", text, "One reading per line, typed or pasted from a spreadsheet: scene, value, and optionally unit and time. With a header line the columns may be in any order."),
     told,
-    h("div", { class: "fields" }, field("Unit where none stands", unit), field("Meter", meter)),
+    h("div", { class: "fields" }, field("Unit if none is given", unit), field("Meter", meter)),
     h("p", { class: "actions" }, h("button", { class: "primary", type: "submit" }, "Add"), h("button", { type: "button", class: "quiet", onclick: async () => {
       const made = await askForMeter();
       if (!made) return;

@@ -1,4 +1,4 @@
-// The region: drawn on a frame's preview, taken from ImageJ, set for the campaign or for one frame.
+// The region: drawn on a frame's preview or imported from ImageJ, set for the campaign or for one frame.
 
 import { put } from "../api.js";
 import { byId, fill, h, may, toast } from "../dom.js";
@@ -22,7 +22,7 @@ export function regionSection(state) {
     const drawable = state.frames.filter(isRead);
     if (tool) tool.offer(drawable);
     else if (drawable.length) fill(element, (tool = build(state, drawable)).element);
-    else if (!element.firstChild) fill(element, empty("Nothing to draw on yet", "As soon as the first frame has been read, its preview stands here to draw the region on."));
+    else if (!element.firstChild) fill(element, empty("No preview yet", "The preview of the first frame appears here once it has been read."));
     note(state);
   };
   state.on("frames", draw);
@@ -34,7 +34,7 @@ export function regionSection(state) {
 function note(state) {
   const waiting = state.frames.filter((frame) => ["received", "read"].includes(frame.state)).length;
   const { said } = countOwn(state.frames);
-  const shared = state.roi ? (waiting ? `${state.frames.length - waiting} of ${state.frames.length} frames computed` : "The same for every frame that has none of its own") : state.room.whole_frame ? "The whole frame, unless you draw one" : said ? "" : state.room.finds_region ? "None yet: found where a panel’s code is seen, else drawn here" : "None yet";
+  const shared = state.roi ? (waiting ? `${state.frames.length - waiting} of ${state.frames.length} frames computed` : "The same for every frame without its own region") : state.room.whole_frame ? "The whole frame, unless you draw a region" : said ? "" : state.room.finds_region ? "None yet: found from a panel’s code, or drawn here" : "None yet";
   byId("region-note").textContent = [shared, said].filter(Boolean).join("; ");
 }
 
@@ -87,7 +87,7 @@ function build(state, drawable) {
     button("−", "Zoom out", () => canvas.zoom(1 / 0.7)),
     h("button", { type: "button", onclick: () => canvas.fit() }, "All"),
     may("calibrate")
-      ? [undo, redo, h("button", { type: "button", onclick: () => (editor.rectangle(), canvas.handles.firstChild?.focus()) }, "Rectangle"), h("button", { type: "button", onclick: () => editor.clear() }, "Draw anew")]
+      ? [undo, redo, h("button", { type: "button", onclick: () => (editor.rectangle(), canvas.handles.firstChild?.focus()) }, "Rectangle"), h("button", { type: "button", onclick: () => editor.clear() }, "Redraw")]
       : null,
   );
   const own = h("p", { class: "muted small" });
@@ -109,7 +109,7 @@ function build(state, drawable) {
   editor.addEventListener("settled", settled);
   state.on("roi", () => {
     if (!editor.dirty) load();
-    else toast("Somebody has set another region meanwhile. Yours is still here; setting it takes the other’s place.");
+    else toast("Another user has set a region meanwhile. Yours is still here; setting it replaces the other.");
   });
   state.on("draw-on", (event) => {
     take(event.detail);
@@ -118,7 +118,7 @@ function build(state, drawable) {
   const element = h(
     "div",
     { class: "roi-tool" },
-    h("div", { class: "roi-stage" }, h("div", { class: "roi-frame" }, button("‹", "Frame before", () => step(-1)), frames, button("›", "Next frame", () => step(1))), canvas.element, toolbar, own),
+    h("div", { class: "roi-stage" }, h("div", { class: "roi-frame" }, button("‹", "Previous frame", () => step(-1)), frames, button("›", "Next frame", () => step(1))), canvas.element, toolbar, own),
     h("div", { class: "roi-side" }, parts, look.element, saving, imagejPart(editor, () => frame)),
   );
   // nothing is computed for a region that nobody looks at
@@ -162,7 +162,7 @@ function savePart(state, editor, frameOf) {
     const drawn = editor.regions.filter((region) => region.points.length);
     if (!drawn.length) throw wrong("Draw a region first.");
     for (const region of drawn) {
-      const fault = region.closed ? faultOf(region.points) : "It is not closed yet: click its first corner again, or press Enter.";
+      const fault = region.closed ? faultOf(region.points) : "The polygon is not closed: click its first corner again, or press Enter.";
       if (fault) throw wrong(`${region.name || "The region"}: ${fault}`);
     }
     if (drawn.length === 1 && !drawn[0].name) return { polygon: drawn[0].points };
@@ -177,12 +177,12 @@ function savePart(state, editor, frameOf) {
   const forAll = async () => {
     await put(`${state.path}/roi`, read());
     const { own } = countOwn(state.frames);
-    await saved(`The region is set; ${own ? `the frames without one of their own are computed anew, ${own} keep theirs` : "every frame is computed anew"}.`);
+    await saved(`The region is set; ${own ? `frames without their own region are recomputed, ${own} keep theirs` : "every frame is recomputed"}.`);
   };
   const forOne = async () => {
     const frame = frameOf();
     await put(`/v1/frames/${frame.id}/roi`, read());
-    await saved(`${frame.filename} has this region of its own now.`);
+    await saved(`${frame.filename} now has its own region.`);
   };
   return h(
     "div",

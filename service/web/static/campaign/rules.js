@@ -1,4 +1,4 @@
-// What a file is to its campaign, by its name: the same patterns as in campaign.toml.
+// Role and scene of a file by its name: the same patterns as in campaign.toml.
 
 import { ROLES } from "./methods.js";
 

@@ -1,4 +1,4 @@
-// One file on its way: streamed by the browser, with its progress.
+// Upload of one file: streamed by the browser, with progress.
 
 import { Problem } from "../api.js";
 
@@ -24,5 +24,5 @@ export function sendFile(path, item, { onProgress, signal }) {
 
 function problemOf({ status, response }) {
   if (response?.detail) return new Problem({ ...response, retryable: response.retryable || status >= 500 });
-  return new Problem({ title: "Not taken", detail: `The service answered ${status}.`, code: "unknown", status, retryable: status >= 500 });
+  return new Problem({ title: "Not accepted", detail: `The service answered ${status}.`, code: "unknown", status, retryable: status >= 500 });
 }

@@ -1,4 +1,4 @@
-// A spreadsheet's cells as readings; every line that cannot be understood is named.
+// Readings from the cells of a spreadsheet; every invalid line is reported.
 
 import { readNumber } from "./numbers.js";
 
@@ -18,7 +18,7 @@ export function readSheet(text, { unit }) {
   if (headed) {
     columns = first;
     const strange = first.filter((name) => name && !NAMES.includes(name));
-    if (strange.length) result.faults.push({ line: filled[0].line, text: `no column is called “${strange[0]}”; there are ${NAMES.join(", ")}.` });
+    if (strange.length) result.faults.push({ line: filled[0].line, text: `unknown column “${strange[0]}”; known are ${NAMES.join(", ")}.` });
     for (const needed of ["scene", "value"]) if (!first.includes(needed)) result.faults.push({ line: filled[0].line, text: `the column ${needed} is missing.` });
     if (result.faults.length) return result;
   }
@@ -48,28 +48,28 @@ function cellsOf(text, separator) {
 
 function readLine(cells, columns, usual, separator) {
   const said = Object.fromEntries(columns.map((name, index) => [name, cells[index] ?? ""]));
-  if (cells.slice(columns.length).some(Boolean)) throw new Error(`it has ${cells.length} cells; expected are ${columns.join(", ")}.`);
+  if (cells.slice(columns.length).some(Boolean)) throw new Error(`${cells.length} cells; expected are ${columns.join(", ")}.`);
   if (!said.scene) throw new Error("the scene is missing.");
   if (!said.value) throw new Error("the value is missing.");
-  if (GROUPED.test(said.value) && said.value.includes(",") && separator !== ";") throw new Error(`“${said.value}” may be a thousand or one and a bit: write ${said.value.replaceAll(",", "")} or ${said.value.replace(",", ".")}.`);
+  if (GROUPED.test(said.value) && said.value.includes(",") && separator !== ";") throw new Error(`“${said.value}” is ambiguous (thousands separator or decimal comma): write ${said.value.replaceAll(",", "")} or ${said.value.replace(",", ".")}.`);
   const value = readNumber(said.value);
   if (!Number.isFinite(value)) throw new Error(`“${said.value}” is not a number.`);
-  if (!(value > 0)) throw new Error("a reading is above 0.");
+  if (!(value > 0)) throw new Error("a reading must be above 0.");
   const unit = said.unit ? unitOf(said.unit) : usual;
   const quantity = said.quantity ? said.quantity.toLowerCase() : UNITS[unit];
-  if (quantity !== UNITS[unit]) throw new Error(`${unit} is no unit of ${quantity}.`);
+  if (quantity !== UNITS[unit]) throw new Error(`${unit} is not a unit of ${quantity}.`);
   return { scene: said.scene, quantity, value, unit, ...(said.meter_id ? { meter_id: said.meter_id } : {}), ...(said.taken_at ? { taken_at: instantOf(said.taken_at) } : {}) };
 }
 
 function unitOf(text) {
   const plain = text.replace("²", "2").replace(/^\[|\]$/g, "").toLowerCase();
   const found = Object.keys(UNITS).find((name) => name.toLowerCase() === plain);
-  if (!found) throw new Error(`“${text}” is no unit; there are ${Object.keys(UNITS).join(", ")}.`);
+  if (!found) throw new Error(`“${text}” is not a unit; use ${Object.keys(UNITS).join(", ")}.`);
   return found;
 }
 
 function instantOf(text) {
   const instant = /^\d{4}-\d\d-\d\d/.test(text) ? new Date(text) : new Date(NaN);
-  if (Number.isNaN(instant.getTime())) throw new Error(`“${text}” is no time; write it as 2026-05-01 20:30.`);
+  if (Number.isNaN(instant.getTime())) throw new Error(`“${text}” is not a time; write it as 2026-05-01 20:30.`);
   return instant.toISOString();
 }

@@ -1,4 +1,4 @@
-// What the page knows of its campaign, kept up to date while one looks; every part listens to what it shows.
+// The state of the campaign, kept up to date while the page is visible; every part listens to the data that it shows.
 
 import { all, get } from "../api.js";
 import { follow } from "../live.js";

@@ -1,4 +1,4 @@
-// What is photographed: a board for geometry, an edge or a star for sharpness.
+// The target: a board for geometry, an edge or a star for sharpness.
 
 import { patch } from "../api.js";
 import { fill, h, may } from "../dom.js";
@@ -13,9 +13,9 @@ export const targetPart = (method) => (method === "geometry" ? board() : chart()
 
 /** On the page of a campaign that began without one: everything begins again once it is said. */
 export function targetSection(state) {
-  if (!may("calibrate")) return empty("Nobody has said it yet", "Frames are measured once the board is described.");
+  if (!may("calibrate")) return empty("No target yet", "Frames are measured once the target is entered.");
   const { element, read } = targetPart(state.room.method);
-  const button = h("button", { class: "primary", type: "submit" }, "Look for it in the frames");
+  const button = h("button", { class: "primary", type: "submit" }, "Find it in the frames");
   const say = async () => {
     await patch(state.path, { target: read() });
     location.reload();
@@ -37,7 +37,7 @@ function board() {
     marker.required = charuco;
     fill(
       counted,
-      field(`${what} across`, columns, "As its maker counts."),
+      field(`${what} across`, columns, "As counted by the manufacturer."),
       field(`${what} down`, rows),
       field("Side of a square [mm]", square, "Measured on the print."),
       charuco ? [field("Side of a marker [mm]", marker), field("Dictionary", dictionary)] : null,
@@ -49,7 +49,7 @@ function board() {
     h(
       "div",
       { class: "choices", role: "radiogroup", "aria-label": "Board" },
-      choices("board", [["checkerboard", "Checkerboard", "All of it must be seen."], ["charuco", "ChArUco board", "With markers: a part of it is enough."]], (chosen) => ((kind = chosen), draw())),
+      choices("board", [["checkerboard", "Checkerboard", "The whole board must be visible."], ["charuco", "ChArUco board", "With markers: a part of the board is sufficient."]], (chosen) => ((kind = chosen), draw())),
     ),
     counted,
   );
@@ -57,7 +57,7 @@ function board() {
   const read = () => {
     const said = { kind, columns: numberOf(columns, { integer: true }), rows: numberOf(rows, { integer: true }), square_size_mm: numberOf(square) };
     if (kind === "charuco") Object.assign(said, { marker_size_mm: numberOf(marker), dictionary: dictionary.value });
-    if (said.columns === undefined || said.rows === undefined || said.square_size_mm === undefined) throw wrong("Say how the board is divided, and how large a square is.");
+    if (said.columns === undefined || said.rows === undefined || said.square_size_mm === undefined) throw wrong("Enter columns, rows and the size of a square.");
     return said;
   };
   return { element, read };
@@ -66,7 +66,7 @@ function board() {
 function chart() {
   let kind = "slanted_edge";
   const cycles = decimal({ inputmode: "numeric", value: "48" });
-  const curve = select([["linear", "Raw files: none"], ["srgb", "sRGB images"], ["gamma", "Images with a plain gamma"]]);
+  const curve = select([["linear", "Raw files: none"], ["srgb", "sRGB images"], ["gamma", "Images with a pure gamma"]]);
   const gamma = decimal({ value: "2.2" });
   const more = h("div", { class: "fields" });
   const draw = () =>

@@ -1,4 +1,4 @@
-// The place where files are dropped: what each is, how far it is on its way, and what became of it.
+// The upload area: role, progress and verdict of each file.
 
 import { fill, h, toast } from "../dom.js";
 import { bytes, counted, span, tag } from "../format.js";
@@ -20,7 +20,7 @@ export function uploadSection(state) {
   const judgeName = (name) => judge(name, patterns.rules()) ?? { role: usualRole(state.room.method) };
   const take = (files) => {
     const count = queue.add(files, judgeName);
-    if (!count && files.length) toast("These files are in the list already.");
+    if (!count && files.length) toast("These files are already in the list.");
   };
   const list = itemTable(state, queue);
   const head = h("div", { class: "upload-head" });
@@ -41,7 +41,7 @@ export function uploadSection(state) {
   queue.addEventListener("changed", soon);
   queue.addEventListener("sent", debounce(() => state.touch(), 800));
   state.on("frames", soon);
-  queue.resume().then((count) => count && toast(`Going on with ${counted(count, "file")} of an earlier visit.`));
+  queue.resume().then((count) => count && toast(`Resuming ${counted(count, "file")} of an earlier session.`));
   addEventListener("beforeunload", (event) => {
     if (queue.items.some((item) => item.state === "sending" && !queue.journal.kept)) event.preventDefault();
   });
@@ -59,7 +59,7 @@ function dropZone(take) {
     "div",
     { class: "drop" },
     h("p", {}, h("strong", {}, "Drop the camera’s files or a folder here")),
-    h("p", { class: "muted small" }, "Each is compared by its content first: what the service has already is not sent again. A lost connection or a reload loses nothing."),
+    h("p", { class: "muted small" }, "Files are compared by content first; files that the service already has are not sent again. A lost connection or a reload loses nothing."),
     h("p", { class: "actions" }, h("button", { type: "button", onclick: () => files.click() }, "Choose files"), h("button", { type: "button", class: "quiet", onclick: () => folder.click() }, "Choose a folder"), files, folder),
   );
   let inside = 0;
@@ -84,14 +84,14 @@ function summary(state, queue) {
   const done = all.reduce((sum, item) => sum + Math.min(item.sent, item.size), 0);
   const title = moving.length
     ? `${sent.length} of ${all.length} sent`
-    : ready.length ? `${ready.length} ready to send` : sent.length ? outcomeOf(state, sent) : of("hashing", "asking").length ? "Comparing with what is there" : `${there.length} there already`;
+    : ready.length ? `${ready.length} ready to send` : sent.length ? outcomeOf(state, sent) : of("hashing", "asking").length ? "Comparing with the service" : `${there.length} already there`;
   const rest = moving.length ? [bytes(total - done), "to go", queue.rate > 0 ? `at ${bytes(queue.rate)}/s, ${span((total - done) / queue.rate)} left` : ""].join(" ") : "";
   const notes = [
     of("hashing", "asking").length && `${of("hashing", "asking").length} being compared`,
-    there.length && `${there.length} there already: not sent`,
-    of("retrying").length && `${of("retrying").length} wait for the connection`,
-    failed.length && `${failed.length} not taken`,
-    lost.length && `${lost.length} of an earlier visit: choose their files again and they go on`,
+    there.length && `${there.length} already there, not sent`,
+    of("retrying").length && `${of("retrying").length} waiting for the connection`,
+    failed.length && `${failed.length} not accepted`,
+    lost.length && `${lost.length} of an earlier session: select the files again to resume`,
   ].filter(Boolean);
   return [
     h("div", { class: "section-head" }, h("h3", { role: "status" }, title), h("p", {}, rest)),
@@ -102,7 +102,7 @@ function summary(state, queue) {
       { class: "actions" },
       ready.length || failed.length ? h("button", { type: "button", class: "primary", "data-keep": "send", onclick: (event) => act(event.target, () => queue.send()) }, ready.length ? `Send ${counted(ready.length, "file")}` : "Try again") : null,
       of("retrying").length ? h("button", { type: "button", "data-keep": "now", onclick: () => queue.retryNow() }, "Try now") : null,
-      moving.length ? h("button", { type: "button", "data-keep": "stop", onclick: () => queue.drop(of("waiting", "sending", "retrying")) }, "Stop") : h("button", { type: "button", class: "quiet", "data-keep": "clear", onclick: () => queue.drop([...queue.items]) }, "Clear this list"),
+      moving.length ? h("button", { type: "button", "data-keep": "stop", onclick: () => queue.drop(of("waiting", "sending", "retrying")) }, "Stop") : h("button", { type: "button", class: "quiet", "data-keep": "clear", onclick: () => queue.drop([...queue.items]) }, "Clear list"),
     ),
   ];
 }
@@ -125,9 +125,9 @@ function itemTable(state, queue) {
     queue.changed();
   };
   return virtualTable({
-    columns: [{ head: "File", class: "name" }, { head: "How far", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }],
+    columns: [{ head: "File", class: "name" }, { head: "Progress", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }],
     rowHeight: ROW_PX,
-    caption: "What is sent",
+    caption: "Files to send",
     keyOf: (item) => item.key,
     markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : "", state.verdicts.get(item.frameId)?.outcome].join("|"),
     draw: (item) => [
@@ -149,19 +149,19 @@ function progressOf(state, item) {
     case "ready":
       return tag("ready");
     case "there":
-      return tag("there already", "good");
+      return tag("already there", "good");
     case "waiting":
-      return h("span", { class: "muted" }, "Waits");
+      return h("span", { class: "muted" }, "Waiting");
     case "sending":
       return [h("progress", { max: item.size || 1, value: item.sent, "aria-label": `Sent of ${item.name}` }), h("span", { class: "sub" }, `${Math.floor((100 * item.sent) / (item.size || 1))} %`)];
     case "retrying":
-      return [tag("waits for the connection", "warn")];
+      return [tag("waiting for connection", "warn")];
     case "sent":
       return verdict ? tag(verdict.outcome) : tag("being read", "live");
     case "lost":
-      return tag("choose it again", "warn");
+      return tag("select again", "warn");
     default:
-      return [tag("not taken", "bad"), h("span", { class: "why", title: item.error }, item.error)];
+      return [tag("not accepted", "bad"), h("span", { class: "why", title: item.error }, item.error)];
   }
 }
 

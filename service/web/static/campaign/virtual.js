@@ -1,4 +1,4 @@
-// A table of any length: only the rows that are seen exist. Rows have one height.
+// A table of any length: only visible rows exist. All rows have the same height.
 
 import { fill, h } from "../dom.js";
 

@@ -8,7 +8,7 @@ export function drawFigures(found) {
   return [
     h("dl", { class: "figures" }, figures(found).map((each) => figure(...each))),
     found.index ? bands(found.index) : null,
-    found.percentiles.length ? h("details", { class: "percentiles" }, h("summary", {}, "Single pixels: percentiles"), percentiles(found)) : null,
+    found.percentiles.length ? h("details", { class: "percentiles" }, h("summary", {}, "Percentiles of single pixels"), percentiles(found)) : null,
   ];
 }
 
@@ -16,9 +16,9 @@ function figures(found) {
   const { mean, grid } = found;
   const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `u is ${relative(mean.value, mean.standard_uncertainty)}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
   if (found.median) rows.push(["Median", quantity(found.median)]);
-  if (found.min) rows.push(["Pixels from – to", h("span", { class: "nowrap" }, `${number(found.min.value, 3)} – ${number(found.max.value, 3)}`), mean.unit === "1" ? "" : unit(mean.unit)]);
-  if (grid) rows.push(["Overall uniformity U₀", quantity(found.u_o), "smallest over mean of the cells"], ["Cells from – to", `${number(found.l_min_cd_m2.value, 3)} – ${number(found.l_max_cd_m2.value, 3)}`, "cd/m²"]);
-  if (found.u_l) rows.push(["Lengthwise Uₗ, worst row", quantity(found.u_l.reduce((worst, each) => (each.value < worst.value ? each : worst)))]);
+  if (found.min) rows.push(["Range of pixels", h("span", { class: "nowrap" }, `${number(found.min.value, 3)} – ${number(found.max.value, 3)}`), mean.unit === "1" ? "" : unit(mean.unit)]);
+  if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), "smallest / mean of the cells"], ["Range of cells", `${number(found.l_min_cd_m2.value, 3)} – ${number(found.l_max_cd_m2.value, 3)}`, "cd/m²"]);
+  if (found.u_l) rows.push(["Longitudinal uniformity U_l, worst row", quantity(found.u_l.reduce((worst, each) => (each.value < worst.value ? each : worst)))]);
   if (found.illuminance) rows.push(["Illuminance π L / ρ", quantity(found.illuminance)]);
   if (found.saturated_share) rows.push(["Saturated", percent(found.saturated_share), "of the region’s samples"]);
   if (found.reflected) rows.push(...reflected(found.reflected));
@@ -27,9 +27,9 @@ function figures(found) {
 
 function reflected(row) {
   return [
-    ["Light on the sensor", number(row.i_sq, 4), row.i_ss === undefined ? "without the sunshine sensor" : `sunshine ${number(row.i_ss, 4)}`],
-    ["K of the band", number(row.reflectance_k, 4), row.incidence_angle_deg ? `surface tilted by ${number(row.incidence_angle_deg, 3)}°` : "surface square to the light"],
-    ["Beyond 0 to 1", percent(row.below_zero_share + row.above_one_share), "of the region’s pixels"],
+    ["Sensor signal", number(row.i_sq, 4), row.i_ss === undefined ? "without the sunshine sensor" : `sunshine ${number(row.i_ss, 4)}`],
+    ["K of the band", number(row.reflectance_k, 4), row.incidence_angle_deg ? `surface tilted by ${number(row.incidence_angle_deg, 3)}°` : "surface normal to the light"],
+    ["Outside 0 to 1", percent(row.below_zero_share + row.above_one_share), "of the region’s pixels"],
   ];
 }
 
@@ -52,7 +52,7 @@ function percentiles(found) {
     ...found.percentiles.filter((row) => row.percent > 50).map(told),
     ["largest", found.max],
   ];
-  return table([{ head: "Not above", header: true, cell: ([name]) => name }, { head: "Value", class: "number", cell: ([, value]) => quantity(value) }], rows, { caption: "Percentiles of single pixels" });
+  return table([{ head: "Percentile", header: true, cell: ([name]) => name }, { head: "Value", class: "number", cell: ([, value]) => quantity(value) }], rows, { caption: "Percentiles of single pixels" });
 }
 
 const told = (row) => [`${row.percent} %`, row.luminance ?? row.reflectance];

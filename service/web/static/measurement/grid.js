@@ -11,9 +11,9 @@ export function drawGrid(found) {
   const scale = new Scale(Math.min(0, ...all), Math.max(...all), false);
   const ratios = [
     ["Mean L", quantity(found.l_av_cd_m2)],
-    found.average_to_min ? ["Mean to smallest", quantity(found.average_to_min)] : null,
-    found.max_to_min ? ["Largest to smallest", quantity(found.max_to_min)] : null,
-    found.grid_illuminance ? ["Illuminance of the mean", quantity(found.grid_illuminance)] : null,
+    found.average_to_min ? ["Mean / smallest", quantity(found.average_to_min)] : null,
+    found.max_to_min ? ["Largest / smallest", quantity(found.max_to_min)] : null,
+    found.grid_illuminance ? ["Mean illuminance", quantity(found.grid_illuminance)] : null,
   ].filter(Boolean);
   return [
     cellTable(cells, (cell) => [swatch(scale.colour(cell.value)), withUncertainty(cell.value, cell.standard_uncertainty)], { rows: found.u_l ? ["Uₗ", (index) => number(found.u_l[index].value, 3)] : null, caption: "Luminance of each cell in cd/m²" }),

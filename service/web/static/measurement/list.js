@@ -61,13 +61,13 @@ function show() {
 
 const none = (filtered) =>
   filtered
-    ? empty("Nothing was measured there", "Choose another camera or campaign.")
-    : empty("Nothing measured yet", "Send a frame of the field to a campaign, and measure it with the calibration of its camera.", may("upload") ? h("a", { class: "button primary", href: "/measurements/new" }, "Measure a frame") : h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
+    ? empty("No measurements", "Select another camera or campaign.")
+    : empty("No measurements yet", "Send a field frame to a campaign, and measure it with the calibration of its camera.", may("upload") ? h("a", { class: "button primary", href: "/measurements/new" }, "Measure a frame") : h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
 
 function draw() {
   const columns = [
     { head: h("span", { class: "hidden" }, "Compare"), class: "pick", cell: box },
-    { head: h("span", { class: "hidden" }, "Picture"), class: "thumb wide-only", cell: (row) => h("img", { src: `/v1/frames/${row.frame_id}/preview.png`, alt: "", loading: "lazy", width: 72, height: 48 }) },
+    { head: h("span", { class: "hidden" }, "Image"), class: "thumb wide-only", cell: (row) => h("img", { src: `/v1/frames/${row.frame_id}/preview.png`, alt: "", loading: "lazy", width: 72, height: 48 }) },
     { head: "Frame", header: true, class: "frame-name", cell: (row) => [h("a", { href: `/measurements/${row.id}` }, filename(row.filename)), h("span", { class: "sub narrow-only" }, [titleOf(row), row.taken_at?.slice(0, 10)].filter(Boolean).join(", "))] },
     { head: "Mean", class: "number", cell: (row) => quantity(row.mean) },
     { head: "What", class: "wide-only", cell: titleOf },
@@ -116,7 +116,7 @@ function drawPair() {
         for (const each of document.querySelectorAll("input[data-id]")) each.checked = false;
         drawPair();
       } }, "Clear"),
-      pair.length === 2 ? (alike ? h("a", { class: "button primary", href: `/measurements/comparison?old=${pair[0].id}&new=${pair[1].id}` }, "Compare") : h("span", { class: "muted" }, "They are not of the same quantity.")) : null,
+      pair.length === 2 ? (alike ? h("a", { class: "button primary", href: `/measurements/comparison?old=${pair[0].id}&new=${pair[1].id}` }, "Compare") : h("span", { class: "muted" }, "Only measurements of the same quantity can be compared.")) : null,
     ),
   );
 }

@@ -15,11 +15,11 @@ export class MapView {
     this.cross = svg("path", { class: "map-cross", visibility: "hidden" });
     this.over = svg(
       "svg",
-      { class: "map-over", viewBox: `0 0 ${map.width} ${map.height}`, tabindex: "0", role: "application", "aria-label": `${name}: the arrows move the cross, ten pixels at a time with Shift` },
+      { class: "map-over", viewBox: `0 0 ${map.width} ${map.height}`, tabindex: "0", role: "application", "aria-label": `${name}: arrow keys move the cross, ten pixels at a time with Shift` },
       ...outlines(region, grid),
       this.cross,
     );
-    this.said = h("output", { class: "map-said", "aria-live": "polite" }, "Point at the map to read it.");
+    this.said = h("output", { class: "map-said", "aria-live": "polite" }, "Point at the map to read a value.");
     this.bar = h("div", { class: "map-bar" });
     this.element = h("div", { class: "map" }, h("div", { class: "map-stage" }, this.canvas, this.over), this.said, this.bar);
     this.canvas.parentElement.style.aspectRatio = `${map.width} / ${map.height}`;
@@ -92,7 +92,7 @@ export class MapView {
 }
 
 const clamp = (place, size) => Math.min(Math.max(place, 0), size - 1);
-const unknownOf = (map) => (map.unit === "1" ? "no value here" : "saturated: brighter than can be told");
+const unknownOf = (map) => (map.unit === "1" ? "no value here" : "saturated: above the measurable range");
 
 function outlines(region, grid) {
   const shapes = [svg("polygon", { class: "map-region back", points: region.join(" ") }), svg("polygon", { class: "map-region", points: region.join(" ") })];

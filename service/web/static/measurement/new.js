@@ -26,9 +26,9 @@ form.addEventListener("submit", (event) => {
 });
 
 async function begin() {
-  if (!may("upload")) return empty("Your key may not measure", "It needs the scope upload. An admin of your organisation makes another.");
+  if (!may("upload")) return empty("Your key may not measure", "It needs the scope upload. An administrator of your organisation can create such a key.");
   const [campaigns, wanted] = await Promise.all([all("/v1/campaigns"), asked.has("frame") ? get(`/v1/frames/${asked.get("frame")}`) : undefined]);
-  if (!campaigns.length) return empty("No campaign yet", "A frame is sent to a campaign of its camera first.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
+  if (!campaigns.length) return empty("No campaigns yet", "First send a frame to a campaign of its camera.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
   const able = campaigns.filter((each) => ["luminance", "reflectance"].includes(each.method)).reverse();
   const first = wanted?.campaign_id ?? asked.get("campaign") ?? (await newestWithField(able))?.id;
   const campaign = select(able.map((each) => [each.id, each.project_number ? `${each.project_number}, ${words(each.method)}` : titleOf(each)]), { onchange: () => offerFrames() }, first);
@@ -41,7 +41,7 @@ async function begin() {
       chosen.frames = frames;
       chosen.roi = roi;
       fill(frame, frames.map((each) => h("option", { value: each.id, selected: each.id === wanted?.id }, each.filename)));
-      fill(note, frames.length ? null : empty("No field frame", "This campaign has none yet. Send frames with the role field.", h("a", { class: "button", href: `/campaigns/${chosen.campaign.id}` }, "To the campaign")));
+      fill(note, frames.length ? null : empty("No field frames", "Send frames with the role field to this campaign.", h("a", { class: "button", href: `/campaigns/${chosen.campaign.id}` }, "Open campaign")));
       rest.hidden = !frames.length;
       offerSettings(versions);
       if (frames.length) choose(frame.value);
@@ -72,16 +72,16 @@ function choose(id) {
 
 function offerSettings(versions) {
   const usable = versions.filter((each) => each.state !== "revoked");
-  const options = [["", "The one in force when the frame was taken"], ...usable.map((each) => [each.id, `Version ${each.version}, ${each.state}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`])];
+  const options = [["", "In force at the time of the frame"], ...usable.map((each) => [each.id, `Version ${each.version}, ${each.state}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`])];
   chosen.calibration = select(options);
   chosen.map = h("input", { type: "checkbox", checked: true, id: "with-map" });
   const luminance = chosen.campaign.method === "luminance";
   chosen.number = decimal();
-  chosen.index = select([["", "The band’s reflectance"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
+  chosen.index = select([["", "Reflectance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
   fill(
     settings,
     field("Calibration", chosen.calibration),
-    luminance ? field("Reflectance ρ of the surface", chosen.number, "For the illuminance E = π L / ρ; asphalt has about 0.08. May be left empty.") : [field("What", chosen.index), field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: 0.")],
+    luminance ? field("Reflectance ρ of the surface", chosen.number, "For the illuminance E = π L / ρ; asphalt has about 0.08. Optional.") : [field("Quantity", chosen.index), field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: 0.")],
     h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
   );
 }
@@ -101,7 +101,7 @@ async function measure() {
   try {
     progress.textContent = "Asking…";
     const started = await post("/v1/measurements", body);
-    const job = await followJob(started.id, (each) => (progress.textContent = each.state === "queued" ? "Waits for its turn…" : `Measuring, ${Math.round(100 * each.progress)} %`));
+    const job = await followJob(started.id, (each) => (progress.textContent = each.state === "queued" ? "Queued…" : `Measuring, ${Math.round(100 * each.progress)} %`));
     if (job.state !== "succeeded") throw new Problem(job.error);
     location.assign(`/measurements/${job.result.measurement_id}`);
   } finally {

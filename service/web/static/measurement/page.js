@@ -27,7 +27,7 @@ load(byId("figures"), () => measurement, (found) => {
 load(byId("map"), drawableMap, (drawn) => drawn);
 load(byId("with"), withFalloff, drawCalibration);
 load(byId("budget"), () => measurement, drawBudget);
-load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, each))) : h("p", { class: "muted" }, "Nothing stands against these figures.")));
+load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, each))) : h("p", { class: "muted" }, "No suggestions.")));
 load(byId("flags"), () => measurement, ({ flags }) => drawFlags(flags, JSON.parse(meanings)));
 load(byId("made"), () => measurement, drawRecord);
 
@@ -43,7 +43,7 @@ async function drawableMap() {
 function withoutMap(found) {
   return [
     h("img", { class: "map-preview", src: `${found.links.frame}/preview.png`, alt: `Preview of ${found.filename}` }),
-    empty("No map was asked for", "The figures are those of the region. Measure again with a map to read every pixel.", may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Measure again") : null),
+    empty("No map", "The values are those of the region. Measure again with a map to read every pixel.", may("upload") ? h("a", { class: "button", href: `/measurements/new?frame=${found.frame_id}` }, "Measure again") : null),
   ];
 }
 
@@ -58,9 +58,9 @@ function offer(found) {
 /** What makes the figure unfit for use stands above everything. */
 function warn({ calibration }) {
   const said = {
-    revoked: ["bad", "The calibration that this was measured with has been revoked. Do not use the figures; measure again.", calibration.revoked_reason],
-    superseded: ["warn", "The calibration that this was measured with has been superseded. Measure again if the figures are still in use."],
-    draft: ["warn", "The calibration that this was measured with is a draft that nobody has published."],
+    revoked: ["bad", "The calibration used has been revoked. Do not use these values; measure again.", calibration.revoked_reason],
+    superseded: ["warn", "The calibration used has been superseded. Measure again if the values are still in use."],
+    draft: ["warn", "The calibration used is a draft and has not been published."],
   }[calibration.state];
   if (said) fill(byId("warning"), h("p", { class: `note ${said[0]}` }, h("strong", {}, said[1]), said[2] ? ` Because: ${said[2]}` : null));
 }
@@ -73,35 +73,35 @@ async function withFalloff() {
 }
 
 function drawCalibration([{ calibration, signal, vignetting, method }, falloff]) {
-  const lens = falloff ? h("a", { href: `/calibrations/${falloff.id}` }, `vignetting version ${falloff.version}`) : { none: "nothing", file: "the falloff that the file states" }[vignetting];
+  const lens = falloff ? h("a", { href: `/calibrations/${falloff.id}` }, `vignetting version ${falloff.version}`) : { none: "nothing", file: "the correction stated in the file" }[vignetting];
   return h(
     "div",
     { class: "card" },
     h("p", {}, h("a", { href: `/calibrations/${calibration.id}` }, `${words(method)} version ${calibration.version}`), " ", tag(calibration.state)),
     h("p", { class: "small muted" }, sayTimes(calibration.why)),
-    h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting corrected with"), h("dd", {}, lens)),
+    h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting correction"), h("dd", {}, lens)),
   );
 }
 
 function drawBudget({ budget, mean }) {
   const rows = budget.filter((row) => row.variance_share > 0).sort((a, b) => b.variance_share - a.variance_share);
-  if (!rows.length) return h("p", { class: "muted" }, "No budget is kept for this figure.");
+  if (!rows.length) return h("p", { class: "muted" }, "No budget is stored for this value.");
   const ofRow = (row) => row.standard_uncertainty_cd_m2 ?? row.standard_uncertainty;
   const largest = ofRow(rows[0]);
   return h(
     "div",
     { class: "card" },
-    bars(rows.map((row) => ({ name: row.source, share: ofRow(row) / largest, said: mean.value ? percent(ofRow(row) / Math.abs(mean.value)) : number(ofRow(row), 2), more: row.shared ? "the same error in every pixel" : "of this region alone" }))),
-    h("p", { class: "small muted budget-note" }, "Of the mean. All but the pixel noise are the same in every pixel of the frame: no mean over pixels reduces them."),
+    bars(rows.map((row) => ({ name: row.source, share: ofRow(row) / largest, said: mean.value ? percent(ofRow(row) / Math.abs(mean.value)) : number(ofRow(row), 2), more: row.shared ? "the same error in every pixel" : "of this region only" }))),
+    h("p", { class: "small muted budget-note" }, "Uncertainty of the mean. All errors except pixel noise are the same in every pixel of the frame; averaging over pixels does not reduce them."),
   );
 }
 
 function drawRecord(found) {
   const facts = [
-    ["What", titleOf(found)],
+    ["Quantity", titleOf(found)],
     ["Frame", h("a", { href: `/campaigns/${found.campaign_id}` }, found.filename)],
-    ["Taken", found.taken_at ? time(found.taken_at) : "the file does not say"],
-    ["Where", found.latitude_deg === undefined ? "the file does not say" : `${number(found.latitude_deg, 9)}°, ${number(found.longitude_deg, 9)}°${found.altitude_m === undefined ? "" : `, ${number(found.altitude_m, 5)} m`}`],
+    ["Taken", found.taken_at ? time(found.taken_at) : "not in the file"],
+    ["Position", found.latitude_deg === undefined ? "not in the file" : `${number(found.latitude_deg, 9)}°, ${number(found.longitude_deg, 9)}°${found.altitude_m === undefined ? "" : `, ${number(found.altitude_m, 5)} m`}`],
     ["Region", `${found.region.length} corners, from the ${words(found.region_origin)}${found.pixels ? `; ${number(found.pixels, 9)} measured pixels` : ""}`],
     ["Measured", time(found.created_at)],
     ["Software", Object.entries(found.software).map(([name, version]) => `${name} ${version}`).join(", ")],

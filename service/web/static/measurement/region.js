@@ -1,4 +1,4 @@
-// Where on the frame: as it was set before, drawn here, or a rectangle on the ground with cells.
+// Region of a measurement: as set before, drawn here, or a rectangle on the ground with cells.
 
 import { fill, h } from "../dom.js";
 import { choices, field } from "../campaign/forms.js";
@@ -8,9 +8,9 @@ import { numberOf, wrong } from "../campaign/numbers.js";
 import { faultOf } from "../campaign/polygon.js";
 
 const KINDS = [
-  ["set", "As it was set", "The frame’s own region, else its campaign’s."],
-  ["drawn", "Drawn here", "A polygon for this measurement alone."],
-  ["grid", "A lit surface in cells", "Four corners of a rectangle on the ground: top left, top right, bottom right, bottom left as it runs. Gives L of each cell and the uniformity."],
+  ["set", "Existing region", "The region of the frame, else that of its campaign."],
+  ["drawn", "New region", "A polygon for this measurement only."],
+  ["grid", "Surface with cells", "Four corners of a rectangle on the ground, in the order top left, top right, bottom right, bottom left. Returns L of each cell and the uniformity."],
 ];
 
 export function regionPart() {
@@ -22,9 +22,9 @@ export function regionPart() {
   const columns = h("input", { type: "number", min: 1, max: 50, value: 5 });
   const cells = h("div", { class: "fields" }, field("Rows of cells", rows), field("Columns of cells", columns));
   const button = (text, onclick) => h("button", { type: "button", onclick }, text);
-  const tools = h("div", { class: "roi-toolbar", role: "toolbar", "aria-label": "Drawing" }, button("Rectangle", () => editor.rectangle()), button("Draw anew", () => editor.clear()), button("Undo", () => editor.undo()), button("Whole frame in view", () => canvas.fit()));
+  const tools = h("div", { class: "roi-toolbar", role: "toolbar", "aria-label": "Drawing" }, button("Rectangle", () => editor.rectangle()), button("Redraw", () => editor.clear()), button("Undo", () => editor.undo()), button("Fit to view", () => canvas.fit()));
   const typed = h("input", { autocomplete: "off", spellcheck: "false", onchange: () => take(typed.value) });
-  const corners = field("Corners", typed, "x,y pairs in pixels with blanks between, from the top left of the image.");
+  const corners = field("Corners", typed, "x,y pairs in pixels, separated by blanks, from the top left of the image.");
   const note = h("p", { class: "hint" });
   const drawing = h("div", { class: "region-drawing" }, canvas.element, tools, corners, cells);
   const element = h("div", { class: "region-part" }, h("div", { class: "choices", role: "radiogroup", "aria-label": "Region" }, choices("region", KINDS, turn)), note, drawing);
@@ -38,7 +38,7 @@ export function regionPart() {
     canvas.element.inert = kind === "set";
     const points = kind === "grid" && before.length !== 4 ? [] : before;
     editor.load(points.length ? [{ name: "", points, closed: true }] : []);
-    fill(note, kind === "set" && !before.length ? "Nothing is set: the service says so unless the frame has a region of its own." : "");
+    fill(note, kind === "set" && !before.length ? "The campaign has no region. The measurement fails unless the frame has one." : "");
   }
 
   function take(text) {

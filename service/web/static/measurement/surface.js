@@ -1,4 +1,4 @@
-// A rectangle on the ground as a camera sees it: where its cells lie in the image.
+// A rectangle on the ground in the image of a camera, with its cells.
 
 /**
  * From the unit square to its image: (u, v) to [x, y].

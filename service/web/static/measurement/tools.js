@@ -1,4 +1,4 @@
-// Logarithmic or linear colours, of one map or of several in one scale.
+// Logarithmic or linear colours of one map, or of several on a common scale.
 
 import { h } from "../dom.js";
 import { chooseScale } from "./colours.js";

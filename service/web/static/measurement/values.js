@@ -1,4 +1,4 @@
-// A map's numbers: all of it in squares, and single pixels as they are asked for.
+// Values of a map: squares over the whole map, and single pixels on request.
 
 import { get } from "../api.js";
 

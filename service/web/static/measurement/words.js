@@ -1,4 +1,4 @@
-// What a measurement is of.
+// Names of measured quantities.
 
 import { words } from "../format.js";
 

@@ -14,18 +14,18 @@ const series = get(`/v1/series/coefficients?camera_id=${id}`);
 
 load(byId("in-force"), () => series, ({ rows }) => {
   const held = inForce(rows);
-  if (!held.length) return empty("Nothing is in force", "Publish a calibration of this camera, and it stands here.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
+  if (!held.length) return empty("Nothing is in force", "Published calibrations of this camera appear here.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
   return h("div", { class: held.length > 1 ? "columns" : null }, held.map(versionCard));
 });
 
 load(byId("history"), () => get(`/v1/cameras/${id}/decisions`), ({ items }) => {
-  if (!items.length) return empty("No decision yet", "Each version that is made, published or revoked stands here.");
+  if (!items.length) return empty("No decisions yet", "Versions that are made, published or revoked appear here.");
   const columns = [
-    { head: "When", cell: (each) => time(each.at) },
-    { head: "What", header: true, cell: (each) => h("span", {}, tag(each.act), " ", h("a", { href: `/calibrations/${each.calibration_id}` }, `${words(each.method)} version ${each.version}`)) },
+    { head: "Time", cell: (each) => time(each.at) },
+    { head: "Decision", header: true, cell: (each) => h("span", {}, tag(each.act), " ", h("a", { href: `/calibrations/${each.calibration_id}` }, `${words(each.method)} version ${each.version}`)) },
     { head: "In force", cell: validity },
-    { head: "Who", cell: (each) => h("span", { title: each.by }, each.by_name ?? each.by) },
-    { head: "Why", cell: (each) => each.reason ?? "" },
+    { head: "Person", cell: (each) => h("span", { title: each.by }, each.by_name ?? each.by) },
+    { head: "Reason", cell: (each) => each.reason ?? "" },
   ];
   return table(columns, items, { caption: "Decisions about this camera's versions", stack: true });
 });
@@ -34,7 +34,7 @@ load(byId("drift"), () => series, ({ rows }) => {
   const names = [...new Map(rows.map((row) => [`${row.method}/${row.name}`, row])).values()];
   if (!names.length) {
     byId("drift-choice").hidden = true;
-    return empty("No drift to see yet", "From the second published version on, the plot shows how the coefficients change.");
+    return empty("No drift yet", "The plot appears with the second published version.");
   }
   fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}`, selected: row.name === HEADLINES[row.method] }, `${row.name} (${row.method})`)));
   choice.disabled = false;
@@ -68,7 +68,7 @@ function saidOf(parameter) {
     {},
     where ? h("strong", {}, `${where}: `) : null,
     parameter.slope ? [quantity(parameter.slope), parameter.slope_p_value < 0.05 ? ", which is a drift" : ", no drift to be seen"] : "",
-    parameter.recalibrate_by ? [parameter.slope ? "; " : "", "calibrate again by ", h("strong", {}, day(parameter.recalibrate_by))] : parameter.why ? [parameter.slope ? "; " : "", parameter.why] : "",
+    parameter.recalibrate_by ? [parameter.slope ? "; " : "", "recalibrate by ", h("strong", {}, day(parameter.recalibrate_by))] : parameter.why ? [parameter.slope ? "; " : "", parameter.why] : "",
   );
 }
 

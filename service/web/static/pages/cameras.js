@@ -14,9 +14,9 @@ const show = () =>
   load(region, () => Promise.all([all("/v1/cameras"), get("/v1/series/coefficients")]), ([cameras, { rows }]) => {
     if (!cameras.length) {
       const button = may("calibrate") ? h("button", { type: "button", class: "primary", onclick: register }, "Register a camera") : null;
-      return empty("No camera yet", "Register a camera body with the names that it writes into its files.", button);
+      return empty("No cameras yet", "Register a camera body with the make and model that it writes into its files.", button);
     }
-    return table(columns, cameras.flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and what is in force for them", stack: true });
+    return table(columns, cameras.flatMap((camera) => linesOf(camera, rows)), { caption: "Cameras and their calibrations in force", stack: true });
   });
 
 const columns = [
@@ -28,10 +28,10 @@ const columns = [
         ? h("span", {}, h("a", { href: `/cameras/${camera.id}` }, `${camera.make} ${camera.model}`), h("br"), h("span", { class: "mono small muted" }, camera.serial))
         : h("span", { class: "hidden" }, `${camera.model} ${camera.serial}`),
   },
-  { head: "In force", cell: ({ held }) => (held ? words(held.method) : tag("nothing", "warn")) },
+  { head: "In force", cell: ({ held }) => (held ? words(held.method) : tag("none", "warn")) },
   { head: "Version", class: "number", cell: ({ held }) => (held ? h("a", { href: `/calibrations/${held.calibration_id}` }, String(held.version)) : "") },
   { head: "Since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
-  { head: "Known to", cell: ({ held }) => (held?.largest === undefined ? "" : h("span", { title: "The largest standard uncertainty of this coefficient in the version" }, `${number(100 * held.largest, 2)} % `, h("code", { class: "small muted" }, HEADLINES[held.method]))) },
+  { head: "Largest u", cell: ({ held }) => (held?.largest === undefined ? "" : h("span", { title: "Largest relative standard uncertainty of this coefficient in the version" }, `${number(100 * held.largest, 2)} % `, h("code", { class: "small muted" }, HEADLINES[held.method]))) },
   { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(counted(held.flags.length, "flag"), "warn") : held ? h("span", { class: "muted" }, "none") : "") },
 ];
 
@@ -46,9 +46,9 @@ async function register() {
     title: "Register a camera",
     submit: "Register",
     fields: [
-      { name: "make", label: "Make", hint: "As it stands in the files: DJI" },
-      { name: "model", label: "Model", hint: "As it stands in the files: FC6520" },
-      { name: "serial", label: "Serial number of the body" },
+      { name: "make", label: "Make", hint: "As in the files: DJI" },
+      { name: "model", label: "Model", hint: "As in the files: FC6520" },
+      { name: "serial", label: "Serial number of the camera body" },
       { name: "lens_make", label: "Lens: make", required: false },
       { name: "lens_model", label: "Lens: model", required: false },
       { name: "lens_serial", label: "Lens: serial number", required: false },

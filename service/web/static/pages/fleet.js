@@ -6,13 +6,13 @@ import { named } from "../coefficients.js";
 import { groupBy } from "../groups.js";
 import { act, empty, load } from "../states.js";
 
-const VERDICTS = { shared: ["one set serves all", "good"], per_camera: ["a set for each", "warn"], cannot_tell: ["cannot tell", ""] };
+const VERDICTS = { shared: ["one set for all", "good"], per_camera: ["one set per camera", "warn"], cannot_tell: ["inconclusive", ""] };
 const wanted = new URLSearchParams(location.search).get("model");
 
 load(byId("fleet-form"), () => Promise.all([all("/v1/cameras"), get("/v1/series/coefficients")]), ([cameras, { rows }]) => {
   const comparable = [...groupBy(cameras, modelOf)].filter(([, members]) => members.length > 1);
   if (!comparable.length) {
-    return empty("Nothing to compare yet", "It takes two cameras of one model, best with three campaigns each.", h("a", { class: "button", href: "/cameras" }, "Cameras"));
+    return empty("Nothing to compare yet", "Two cameras of one model are needed, preferably with three campaigns each.", h("a", { class: "button", href: "/cameras" }, "Cameras"));
   }
   return form(comparable, rows);
 });
@@ -32,7 +32,7 @@ function form(models, rows) {
   const members = h("div", { class: "members" });
   const tolerance = h("input", { id: "tolerance", type: "number", step: "any", min: "0", required: true, value: "4" });
   const unit = h("span", {});
-  const button = h("button", { type: "submit", class: "primary" }, "Judge");
+  const button = h("button", { type: "submit", class: "primary" }, "Compare");
   const choose = () => {
     const [, cameras] = models.find(([name]) => name === model.value);
     unit.textContent = method.value === "geometry" ? "px" : "%";
@@ -49,7 +49,7 @@ function form(models, rows) {
     );
     const able = cameras.filter((camera) => versions(camera, method.value)).length;
     button.disabled = able < 2;
-    said.textContent = able < 2 ? `${counted(able, "camera")} of this model ${able === 1 ? "has" : "have"} a published ${method.value} version: it takes two to compare.` : "";
+    said.textContent = able < 2 ? `${counted(able, "camera")} of this model ${able === 1 ? "has" : "have"} a published ${method.value} version; two are needed.` : "";
   };
   model.addEventListener("change", offerMethod);
   method.addEventListener("change", choose);
@@ -87,16 +87,16 @@ function shown(answer) {
     { head: "Verdict", cell: (row) => tag(...VERDICTS[row.verdict]) },
     { head: "Shared value", class: "number", cell: (row) => quantity(row.mean) },
     { head: "Cost of sharing", class: "number", cell: (row) => quantity(row.cost) },
-    { head: "Costliest", cell: (row) => (row.costliest ? h("span", { class: "mono" }, row.costliest) : "–") },
+    { head: "Most affected", cell: (row) => (row.costliest ? h("span", { class: "mono" }, row.costliest) : "–") },
     { head: "Repeats", class: "number", cell: (row) => number(row.repeats) },
-    { head: "In words", class: "words", cell: (row) => row.said },
+    { head: "Explanation", class: "words", cell: (row) => row.said },
   ];
   return [
     h("div", { class: "section-head" }, h("h2", {}, "Verdict "), tag(word, kind)),
     h("p", { class: `note ${kind}` }, answer.said),
     answer.parameters.length ? table(columns, answer.parameters, { caption: "Verdict for each coefficient", stack: true }) : null,
-    answer.left_out.length ? [h("h3", {}, "Left out"), h("ul", {}, answer.left_out.map((each) => h("li", {}, h("a", { href: `/calibrations/${each.calibration_id}` }, "a version"), `: ${each.why}`)))] : null,
-    h("details", {}, h("summary", {}, "What this assumes"), h("ul", { class: "small muted" }, (answer.assumed ?? []).map((each) => h("li", {}, each)))),
+    answer.left_out.length ? [h("h3", {}, "Versions that did not count"), h("ul", {}, answer.left_out.map((each) => h("li", {}, h("a", { href: `/calibrations/${each.calibration_id}` }, "a version"), `: ${each.why}`)))] : null,
+    h("details", {}, h("summary", {}, "Assumptions"), h("ul", { class: "small muted" }, (answer.assumed ?? []).map((each) => h("li", {}, each)))),
   ];
 }
 

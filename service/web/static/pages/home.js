@@ -24,7 +24,7 @@ load(byId("figures"), () => Promise.all([cameras, campaigns, series, queue]), ([
     { class: "figures" },
     linked("/cameras", "Cameras", bodies.length, `${counted(held.length, "version")} in force${flagged ? `, ${flagged} with flags` : ""}`),
     linked("/campaigns", "Campaigns", works.length),
-    linked("/jobs", "Jobs waiting", jobs.queued + jobs.running, jobs.queued ? `the oldest for ${span(jobs.oldest_wait_s)}` : "nothing waits"),
+    linked("/jobs", "Jobs waiting", jobs.queued + jobs.running, jobs.queued ? `the oldest for ${span(jobs.oldest_wait_s)}` : "none waiting"),
     linked("/jobs", "Jobs failed", jobs.failed + jobs.quarantined),
   );
 });
@@ -37,7 +37,7 @@ load(byId("failed-jobs"), () => Promise.all([get(`/v1/jobs?state=quarantined&lim
       said: job.error?.detail ?? "",
       tag: tag(job.state),
     })),
-    empty("Nothing failed"),
+    empty("No failed jobs"),
   ),
 );
 
@@ -49,22 +49,22 @@ load(byId("campaigns"), latestCampaigns, (works) =>
       said: campaign.missing.length ? `Missing: ${campaign.missing.slice(0, 2).join("; ")}${campaign.missing.length > 2 ? ` and ${campaign.missing.length - 2} more` : ""}` : `Ready to fit: ${campaign.frames.extracted} frames of ${camera?.model ?? "its camera"}`,
       tag: campaign.missing.length ? tag(`${campaign.missing.length} missing`, "warn") : tag("ready", "good"),
     })),
-    empty("No campaign under way", "A campaign holds the frames and readings of one calibration."),
+    empty("No campaigns in progress", "A campaign contains the frames and readings of one calibration."),
   ),
 );
 
 load(byId("cameras"), () => Promise.all([cameras, series]), ([bodies, { rows }]) =>
-  list(bodies.flatMap((camera) => attention(camera, rows)), empty(bodies.length ? "Every camera has what it needs" : "No camera yet", bodies.length ? "" : "Register one, or begin a campaign: it asks for its camera.", bodies.length ? null : h("a", { class: "button", href: "/cameras" }, "Cameras"))),
+  list(bodies.flatMap((camera) => attention(camera, rows)), empty(bodies.length ? "No camera needs attention" : "No cameras yet", bodies.length ? "" : "Register a camera, or create a campaign, which asks for its camera.", bodies.length ? null : h("a", { class: "button", href: "/cameras" }, "Cameras"))),
 );
 
 load(byId("meters"), () => all("/v1/meters"), (meters) =>
   list(
     meters.filter((meter) => !meter.certificate || left(meter) < SOON_S).map((meter) => ({
       title: `${meter.make} ${meter.model} ${meter.serial}`,
-      said: meter.certificate ? `Certificate ${meter.certificate.number} ${left(meter) < 0 ? "ended" : "ends"} on ${meter.certificate.due_on}` : "No certificate: its readings have no traceable uncertainty.",
+      said: meter.certificate ? `Certificate ${meter.certificate.number} ${left(meter) < 0 ? "expired" : "expires"} on ${meter.certificate.due_on}` : "No certificate: the readings have no traceable uncertainty.",
       tag: !meter.certificate ? tag("no certificate", "warn") : left(meter) < 0 ? tag("overdue", "bad") : tag("due soon", "warn"),
     })),
-    empty(meters.length ? "Every certificate is good" : "No meter yet", meters.length ? "" : "A campaign's readings name the meter that took them."),
+    empty(meters.length ? "All certificates are valid" : "No meters yet", meters.length ? "" : "Register a meter with the readings of a campaign."),
   ),
 );
 

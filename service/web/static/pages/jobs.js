@@ -45,11 +45,11 @@ function drawQueue(queue, health) {
     h(
       "dl",
       { class: "figures" },
-      figure("Waiting", number(queue.queued), queue.queued ? `the oldest for ${span(queue.oldest_wait_s)}` : "nothing waits"),
+      figure("Waiting", number(queue.queued), queue.queued ? `the oldest for ${span(queue.oldest_wait_s)}` : "none waiting"),
       figure("Running", number(queue.running)),
       figure("Done", number(queue.succeeded)),
       figure("Failed", number(queue.failed)),
-      figure("Set aside", number(queue.quarantined)),
+      figure("Quarantined", number(queue.quarantined)),
       figure("Service", health.problem ? tag("not ready", "bad") : tag("ready", "good"), health.problem?.message),
     ),
   );
@@ -57,32 +57,32 @@ function drawQueue(queue, health) {
 
 function drawFailures(jobs) {
   if (!jobs.length) {
-    show("failures", empty("Nothing failed", "Whatever cannot be read or fitted is listed here with its reason."));
+    show("failures", empty("No failed jobs", "Jobs that fail are listed here with their reason."));
     return;
   }
   const columns = [
-    { head: "What", header: true, cell: what },
+    { head: "Job", header: true, cell: what },
     { head: "State", cell: (job) => tag(job.state) },
     { head: "Reason", cell: reason },
-    { head: "When", cell: (job) => time(job.finished_at) },
+    { head: "Time", cell: (job) => time(job.finished_at) },
     { head: "", cell: retryButton },
   ];
-  show("failures", table(columns, jobs, { caption: "Jobs that failed or were set aside", stack: true }));
+  show("failures", table(columns, jobs, { caption: "Failed and quarantined jobs", stack: true }));
 }
 
 function drawRecent(jobs) {
   if (!jobs.length) {
-    show("recent", empty("No job yet", "Each frame that is sent and each fit that is asked for becomes a job."));
+    show("recent", empty("No jobs yet", "Each uploaded frame and each requested fit becomes a job."));
     return;
   }
   const columns = [
-    { head: "What", header: true, cell: what },
+    { head: "Job", header: true, cell: what },
     { head: "State", cell: state },
-    { head: "Asked for", cell: (job) => h("span", { title: job.created_at, class: "nowrap" }, ago(job.created_at)) },
-    { head: "Took", class: "number", cell: took },
+    { head: "Requested", cell: (job) => h("span", { title: job.created_at, class: "nowrap" }, ago(job.created_at)) },
+    { head: "Duration", class: "number", cell: took },
     { head: "Attempts", class: "number", cell: (job) => number(job.attempt) },
   ];
-  show("recent", table(columns, jobs, { caption: "Latest jobs", stack: true }));
+  show("recent", table(columns, jobs, { caption: "Recent jobs", stack: true }));
 }
 
 /** Jobs name their campaign by its id; people know its name. */
@@ -121,12 +121,12 @@ function took(job) {
 
 function retryButton(job) {
   if (!may(SCOPES[job.kind])) return "";
-  const label = `Try again: ${KINDS[job.kind] ?? job.kind} ${aboutOf(job)}`;
-  const button = h("button", { type: "button", "aria-label": label.trim() }, "Try again");
+  const label = `Retry: ${KINDS[job.kind] ?? job.kind} ${aboutOf(job)}`;
+  const button = h("button", { type: "button", "aria-label": label.trim() }, "Retry");
   button.addEventListener("click", () =>
     act(button, async () => {
       await post(`/v1/jobs/${job.id}/retry`);
-      toast("Queued again.");
+      toast("The job is queued again.");
       await followed.now();
     }),
   );
