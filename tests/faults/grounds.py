@@ -150,8 +150,12 @@ class EmbeddedGround(Ground, Embedded):
         subprocess.run(["cp", "-a", self.blobs, self.data / "key", folder], check=True, timeout=120)
 
     def restore(self, folder: Path) -> None:
-        shutil.rmtree(self.data)
-        shutil.copytree(folder, self.data)
+        # The watch goes on asking the database: folders change places, so that it makes no file there.
+        lost, found = (self.data.with_name(name) for name in ("lost", "found"))
+        shutil.copytree(folder, found)
+        self.data.rename(lost)
+        found.rename(self.data)
+        shutil.rmtree(lost)
 
 
 class ComposedGround(Ground, Composed):
@@ -227,7 +231,7 @@ class ComposedGround(Ground, Composed):
     def start_all(self) -> None:
         self.held_down.clear()
         self.look_after()
-        self.wait_until(self.serves, "readiness of the service")
+        self.wait_until(self.serves, "readiness of the service", timeout_s=240)
 
     @contextmanager
     def locked(self) -> Iterator[None]:

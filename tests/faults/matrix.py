@@ -1,19 +1,25 @@
 """Runs many rows: one deployment for all rows that need the same, one truth for all."""
 
-import os
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from tests.faults.drill import Fault, Kind, Row, run_row
 from tests.faults.grounds import AS_DELIVERED, ComposedGround, EmbeddedGround, Ground
-from tests.faults.machine import CannotStrike, Clock, small_disk
+from tests.faults.machine import Clock
 from tests.faults.verdict import Truth
+from tests.faults.watching import bystander
 from tests.support.deployments import short_folder
+from tests.support.disks import small_disk
 from tests.support.fieldwork import Shot
 from tests.support.postgres import PostgresServer
+
+_SEEN_FOR_S = 8.0
+"""A fault that lasts is noticed meanwhile, and then seen for a while."""
 
 
 @contextmanager
@@ -41,25 +47,30 @@ class Matrix:
     def __init__(
         self,
         *,
-        shots: Sequence[Shot],
+        base: Sequence[Shot],
+        card: Sequence[Shot],
         folder: Path,
         seed: int,
         settings: dict[str, str] = AS_DELIVERED,
         hasten: float = 1.0,
         show: Callable[[Row], None] = lambda _: None,
     ):
-        """``hasten``: by how much shorter than in the table a fault lasts."""
+        """Fit ``base`` in peace, send ``card`` under a fault, and let it last ``1 / hasten`` of its time."""
         self.rows: list[Row] = []
         self._settings = settings
         self._hasten = hasten
-        self._shots = shots
+        self._base = base
+        self._card = card
         self._folder = folder
         self._seed = seed
         self._show = show
         self._truth: Truth | None = None
+        self._beside = ""
 
     def run(self, faults: Sequence[Fault], kinds: Sequence[Kind]) -> None:
         with ExitStack() as stack:
+            self._folder.mkdir(parents=True)
+            self._beside = stack.enter_context(bystander(self._folder))
             server = stack.enter_context(PostgresServer()) if "composed" in kinds else None
             for kind in kinds:
                 for needs in ("", "disk", "clock"):
@@ -76,7 +87,7 @@ class Matrix:
                 for number, fault in enumerate(faults, start=1):
                     if not self._drill(fault, made):
                         return faults[number:]
-        except CannotStrike as reason:
+        except pytest.skip.Exception as reason:
             for fault in faults:
                 self._add(Row(fault=fault.name, kind=kind, skipped=str(reason)))
         return []
@@ -85,9 +96,11 @@ class Matrix:
         folder = self._folder / f"{len(self.rows)}-{made.kind}"
         try:
             row, self._truth = run_row(
-                replace(fault, lasts_s=fault.lasts_s / self._hasten),
+                replace(fault, lasts_s=max(fault.lasts_s / self._hasten, min(fault.lasts_s, _SEEN_FOR_S))),
                 made,
-                shots=self._shots,
+                beside=self._beside,
+                base=self._base,
+                card=self._card,
                 folder=folder,
                 seed=self._seed,
                 truth=self._truth,
@@ -99,6 +112,5 @@ class Matrix:
         return row.holds
 
     def _add(self, row: Row) -> None:
-        row.load = os.getloadavg()[0]
         self.rows.append(row)
         self._show(row)

@@ -18,7 +18,7 @@ HEAD = (
     "goes on [s]",
     "all done [s]",
     "told",
-    "load",
+    "machine [s]",
 )
 
 
@@ -52,7 +52,10 @@ is answered and no job is left, everything is compared with a run without a faul
 | errors | exceptions that users of `stilb.Client` saw, and after which they asked again |
 | goes on | from the end of the fault until another job has ended |
 | all done | from the end of the fault until the last answer |
-| told | from 4 s on: did `/readyz` and `/livez` say how it was, within 2 s? empty: not asked |
+| told | from 4 s on: did `/readyz` and `/livez` say how it was, in 2 s and `machine`? empty: not asked |
+| machine | the slowest answer of an idle web server beside it, asked four times a second; empty: not asked |
+
+Where other work keeps the machine busy, which `machine` shows, all seconds are upper values.
 
 A part that hangs is stopped by a signal and left so: the fault ends when it has been replaced. The clock is
 set for all processes but PostgreSQL's by a library that is loaded before theirs; their monotonic clocks run
@@ -68,8 +71,10 @@ def line(row: Row) -> str:
         return f"| {row.fault} | {row.kind} | 0 | skipped: {row.skipped} ||||||||"
     found = row.verdict
     counts = [len(found.lost), len(found.twice), len(found.wrong), row.errors]
-    times = ["" if value is None else f"{value:.1f}" for value in (row.goes_on_s, row.all_done_s)]
-    cells = [row.fault, row.kind, row.frames, *counts, *times, row.told, f"{row.load:.1f}"]
+    goes_on, all_done, machine = (
+        "" if value is None else f"{value:.1f}" for value in (row.goes_on_s, row.all_done_s, row.machine_s)
+    )
+    cells = [row.fault, row.kind, row.frames, *counts, goes_on, all_done, row.told, machine]
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
@@ -99,12 +104,17 @@ def page(drilled: Sequence[tuple[Run, Row]]) -> str:
     """The whole page."""
     runs = list(dict.fromkeys(run for run, _ in drilled))
     rows = [row for _, row in drilled]
-    parts = [TEXT.format(frames=max(row.frames for row in rows)), "## The last run\n\n"]
+    parts = [TEXT.format(frames=max(row.frames for row in rows)), "## The last runs\n\n"]
     for number, run in enumerate(runs, start=1):
         own = [row for of, row in drilled if of == run]
-        which = "" if len(runs) == 1 else f"Run {number}, {len(own)} rows: "
-        parts.append(f"{which}{run.began} UTC, `{run.command}`, on {run.machine}.\n\n")
-    parts += [f"{summary(rows)}\n\n", head() + "\n" + "\n".join(map(line, rows)) + "\n"]
+        parts.append(
+            f"Run {number}, {len(own)} rows: {run.began} UTC, `{run.command}`, on {run.machine}.\n\n"
+        )
+    lines = [f"{line(row)} {runs.index(run) + 1} |" for run, row in drilled]
+    parts += [
+        f"{summary(rows)}\n\n",
+        "\n".join([f"| {' | '.join(HEAD)} | run |", f"|{'---|' * (len(HEAD) + 1)}", *lines, ""]),
+    ]
     failed = [row for row in rows if not row.holds]
     if failed:
         parts.append("\n## What does not hold\n\n")

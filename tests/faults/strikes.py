@@ -11,7 +11,7 @@ import stilb
 from store.broker import RUN_TASK, make_celery
 from tests.faults.drill import Drill
 from tests.faults.grounds import OURS
-from tests.faults.machine import filled
+from tests.support.disks import filled
 from tests.support.processes import alive
 from tests.support.proxy import Mode
 

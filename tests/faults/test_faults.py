@@ -6,6 +6,7 @@ from tests.faults import report
 from tests.faults.drill import BOTH
 from tests.faults.matrix import Matrix
 from tests.faults.table import FAULTS, HASTEN, QUIET
+from tests.support.campaigns import LEVELS
 from tests.support.deployments import QUICK
 from tests.support.fieldwork import write_campaign
 
@@ -14,8 +15,11 @@ from tests.support.fieldwork import write_campaign
 @pytest.mark.parametrize("kind", BOTH)
 def test_nothing_is_lost_doubled_or_wrong(kind, tmp_path):
     (tmp_path / "shots").mkdir()
+    shots = write_campaign(tmp_path / "shots")
+    half, scenes = len(shots) // 2, 1 + len(LEVELS)
     matrix = Matrix(
-        shots=write_campaign(tmp_path / "shots"),
+        base=shots[:scenes],
+        card=shots[half : half + 2 * scenes],
         folder=tmp_path / "rows",
         seed=1,
         settings=QUICK,

@@ -1,17 +1,25 @@
 """What is seen from outside during a drill: what the health routes say, and when jobs end."""
 
+import math
+import os
+import subprocess
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import httpx
 from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
 
+from service.launch.port import free_port
 from store.database import Database
 from store.jobs import FINAL_STATES
 from store.tables import Job
+from tests.support.deployments import spawn
 
 _EVERY_S = 0.25
 _WITHIN_S = 8.0
@@ -26,19 +34,31 @@ class Probe:
     took_s: float
 
 
-class Watch:
-    """Looks at /readyz and /livez four times a second, and counts the jobs that have ended."""
+@contextmanager
+def bystander(folder: Path) -> Iterator[str]:
+    """Serve an empty folder from a process that no fault strikes: nothing answers quicker on this machine."""
+    port = free_port("127.0.0.1", 0)
+    command = [sys.executable, "-m", "http.server", str(port), "--bind", "127.0.0.1"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with spawn([*command, "--directory", str(folder)], dict(os.environ), **quiet) as process:
+        try:
+            yield f"http://127.0.0.1:{port}/"
+        finally:
+            process.kill()
 
-    def __init__(self, url: str, database: Callable[[], Database], since: frozenset[str]):
-        self._url = url
+
+class Watch:
+    """Looks at /readyz, /livez and a bystander four times a second, and counts the jobs that have ended."""
+
+    def __init__(self, url: str, beside: str, database: Callable[[], Database], since: frozenset[str]):
+        self._urls = {"readyz": f"{url}/readyz", "livez": f"{url}/livez", "bystander": beside}
         self._database = database
         self._since = since
-        self.probes: dict[str, list[Probe]] = {"readyz": [], "livez": []}
+        self.probes: dict[str, list[Probe]] = {name: [] for name in self._urls}
         self.ends: list[tuple[float, int]] = []
         self._ended = threading.Event()
         self._threads = [
-            threading.Thread(target=self._probe, args=("readyz",), daemon=True),
-            threading.Thread(target=self._probe, args=("livez",), daemon=True),
+            *(threading.Thread(target=self._probe, args=(name,), daemon=True) for name in self._urls),
             threading.Thread(target=self._count, daemon=True),
         ]
 
@@ -57,6 +77,9 @@ class Watch:
         before = max((count for at, count in self.ends if at <= moment), default=0)
         return next((at - moment for at, count in self.ends if at > moment and count > before), None)
 
+    def slowest_s(self, route: str, start: float = 0.0, end: float = math.inf) -> float:
+        return max((probe.took_s for probe in self.seen(route, start, end)), default=0.0)
+
     def seen(self, route: str, start: float, end: float) -> list[Probe]:
         return [probe for probe in self.probes[route] if start <= probe.at < end]
 
@@ -64,7 +87,7 @@ class Watch:
         while not self._ended.wait(_EVERY_S):
             at = time.monotonic()
             try:
-                status = httpx.get(f"{self._url}/{route}", timeout=_WITHIN_S).status_code
+                status = httpx.get(self._urls[route], timeout=_WITHIN_S).status_code
             except httpx.TransportError:
                 status = 0
             self.probes[route].append(Probe(at=at, status=status, took_s=time.monotonic() - at))

@@ -2,10 +2,7 @@
 
 import hashlib
 import os
-import shutil
 import socket
-import subprocess
-import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,11 +12,9 @@ from sqlalchemy import func, select
 
 from store.tables import Blob, FrameRow
 from tests.support.blobs import files
-from tests.support.deployments import Embedded, short_folder
 from tests.support.fieldwork import Team
 
 MEGABYTE = 1 << 20
-NAMESPACE = ["unshare", "--mount"]
 
 
 @pytest.fixture
@@ -196,42 +191,3 @@ def resident_peak(proc: Path) -> int:
     lines = (proc / "status").read_text().splitlines()
     (line,) = (line for line in lines if line.startswith("VmHWM:"))
     return int(line.split()[1]) * 1024
-
-
-def can_mount() -> bool:
-    if sys.platform != "linux" or shutil.which("unshare") is None:
-        return False
-    mount = [*NAMESPACE, "mount", "-t", "tmpfs", "tmpfs", "/mnt"]
-    return subprocess.run(mount, check=False, capture_output=True).returncode == 0
-
-
-@pytest.mark.skipif(not can_mount(), reason="a small disk of its own needs root")
-def test_a_full_disk(shots):
-    with short_folder() as folder:
-        data = folder / "data"
-        data.mkdir()
-        # Seen by the service alone, and gone with it.
-        script = f'mount -t tmpfs -o size=48m tmpfs {data} && exec "$@"'
-        wrapper = [*NAMESPACE, "sh", "-c", script, "sh"]
-        with Embedded(data, wrapper=wrapper) as deployment, deployment.team() as team:
-            seen = Path(f"/proc/{deployment.launcher.pid}/root", *data.parts[1:])
-            campaign = team.campaign()
-            before = files(seen / "blobs")
-            free = shutil.disk_usage(seen).free
-            filler = seen / "filler"
-            filler.write_bytes(b"\0" * (free - 4 * MEGABYTE))
-            with team.http() as http:
-                large = http.post(frames_path(campaign), content=b"x" * 8 * MEGABYTE)
-                problem = large.json()
-                assert (large.status_code, problem["code"], problem["retryable"]) == (
-                    507,
-                    "storage_full",
-                    True,
-                )
-                assert files(seen / "blobs") == before
-                assert http.get(f"/v1/campaigns/{campaign.id}/frames").json()["items"] == []
-            (small,) = team.push(campaign, shots[:1])
-            team.client.wait(small.job_id, timeout_s=60)
-            filler.unlink()
-            with team.http() as http:
-                assert http.post(frames_path(campaign), content=b"x" * 8 * MEGABYTE).status_code == 201

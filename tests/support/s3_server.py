@@ -15,7 +15,7 @@ def main() -> None:
     server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
-    httpx.put(f"http://{host}:{port}/{os.environ['BUCKET']}").raise_for_status()
+    httpx.put(f"http://{host}:{port}/{os.environ['BUCKET']}", timeout=120.0).raise_for_status()
     print(f"http://{host}:{port}", flush=True)  # noqa: T201 (what the starter waits for)
     signal.pause()
 
