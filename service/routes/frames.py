@@ -6,7 +6,7 @@ from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
@@ -22,9 +22,8 @@ from service.problems import HttpCode, Problem, invalid, located
 from service.receive import receive
 from service.routes import problems, sends_stored_file
 from service.routes.campaigns import read_roi
-from service.schemas.base import Form, LongText, PositiveText, Text
-from service.schemas.campaigns import NewRoi, RoiAnswer, Role
-from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow
+from service.schemas.campaigns import NewRoi, RoiAnswer
+from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow, Upload
 from service.writing import Reply, StreamWrites, Writes
 from store.judging import judge_alone, judge_frames
 from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
@@ -59,28 +58,6 @@ _UPLOAD = {
         },
     }
 }
-
-
-class Upload(Form):
-    """What the field team says of the file that it sends."""
-
-    role: Role
-    scene: Annotated[Text | None, Field(description="The light level that a light frame belongs to.")] = None
-    filename: Annotated[str | None, Field(min_length=1, description="Its name; folders are left out.")] = None
-    exposure_time_s: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = (
-        None
-    )
-    f_number: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
-    iso: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
-    roi: Annotated[
-        LongText | None,
-        Field(
-            description="The frame's own region, where the camera has moved: [[x,y],...] or makePolygon(...)."
-        ),
-    ] = None
-
-    def supplied(self) -> dict[str, float]:
-        return self.model_dump(include={"exposure_time_s", "f_number", "iso"}, exclude_none=True)
 
 
 @router.post(

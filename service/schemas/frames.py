@@ -10,7 +10,7 @@ from radiometry.frame.statistics import ChannelStatistics
 from radiometry.frame.verdicts import Verdict
 from radiometry.methods.findings import FINDINGS
 from radiometry.reflectance.method import measure_sunshine
-from service.schemas.base import Answer, Form, Instant, Positive, Text
+from service.schemas.base import Answer, Form, Instant, LongText, Positive, PositiveText, Text
 from service.schemas.campaigns import Role
 from store.blobs import Damage
 from store.codec import decode_header
@@ -19,6 +19,28 @@ from store.tables import Blob, Extraction, FrameRow
 _REASONS = [each.code for each in FINDINGS.values() if "verdict" in each.where]
 ReasonCode = TypeAliasType("ReasonCode", Annotated[str, WithJsonSchema({"type": "string", "enum": _REASONS})])
 State = Literal["received", "read", "extracted", "refused"]
+
+
+class Upload(Form):
+    """What the field team says of the file that it sends."""
+
+    role: Role
+    scene: Annotated[Text | None, Field(description="The light level that a light frame belongs to.")] = None
+    filename: Annotated[str | None, Field(min_length=1, description="Its name; folders are left out.")] = None
+    exposure_time_s: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = (
+        None
+    )
+    f_number: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
+    iso: Annotated[PositiveText | None, Field(description="For a file that does not say it.")] = None
+    roi: Annotated[
+        LongText | None,
+        Field(
+            description="The frame's own region, where the camera has moved: [[x,y],...] or makePolygon(...)."
+        ),
+    ] = None
+
+    def supplied(self) -> dict[str, float]:
+        return self.model_dump(include={"exposure_time_s", "f_number", "iso"}, exclude_none=True)
 
 
 class FrameChange(Form):
