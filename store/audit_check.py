@@ -169,7 +169,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"the audit trail is whole: {last.seq} entries")  # noqa: T201
     print(f"the rows are as it left them: {rows.compared} compared")  # noqa: T201
     if rows.unrecorded:
-        print(f"{rows.unrecorded} of them are older than what it records today, and known in part")  # noqa: T201
+        print(f"not covered: {rows.unrecorded} of them, or a part of each, are older than their record")  # noqa: T201
     print(f"head {last}\nNote the head elsewhere; `make audit HEAD=...` compares it later.")  # noqa: T201
     return 0
 
