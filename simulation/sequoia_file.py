@@ -7,27 +7,24 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-import tifffile
-
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import Multispectral, RigGeometry, SunshineCounts, VignettingPolynomial
 from simulation.camera import Taken
 from simulation.sequoia import PIXELS_PER_MM
 from simulation.tiff import (
-    EXIF,
-    GPS,
-    Entry,
-    append_directory,
+    ASCII,
+    BYTE,
+    LONG,
+    RATIONAL,
+    SHORT,
+    Entries,
+    TiffWriter,
+    append_strip,
+    approximate,
     describe_exposure,
-    rational,
-    reserve,
-    short,
-    text,
+    describe_image,
 )
 
-_ASCII, _BYTE, _RATIONAL = 2, 1, 5
-_XMP = 700
-_PER_MILLIMETRE = 4
 _RECORD = struct.Struct("<QHHHHfff")
 _FILE_NAMES = {"green": "GRE", "red": "RED", "red_edge": "REG", "nir": "NIR"}
 
@@ -42,26 +39,20 @@ def name_file(number: int, header: FrameHeader) -> str:
 
 def write_sequoia(path: Path, shot: Taken) -> None:
     """Write one band, from which a reader gets the same header and the same samples."""
-    header = shot.header
-    top, bottom = (round(header.black_level_dn[0] * 10_000), 10_000)
-    with tifffile.TiffWriter(path, byteorder="<") as file:
-        file.write(
-            shot.frame.samples_dn,
-            photometric="minisblack",
-            metadata=None,
-            software=header.software,
-            extratags=[
-                (271, _ASCII, 0, header.make, True),
-                (272, _ASCII, 0, header.model, True),
-                (_XMP, _BYTE, None, _packet(_band(header)), True),
-                reserve(EXIF),
-                reserve(GPS),
-                (50714, _RATIONAL, 1, (top, bottom), True),  # BlackLevel
-                (50735, _ASCII, 0, header.serial, True),  # CameraSerialNumber
-            ],
-        )
-    append_directory(path, EXIF, _exif_entries(shot))
-    append_directory(path, GPS, _gps_entries(header))
+    header, samples = shot.header, shot.frame.samples_dn
+    writer = TiffWriter()
+    tags: Entries = {
+        271: (ASCII, header.make),
+        272: (ASCII, header.model),
+        305: (ASCII, header.software),
+        700: (BYTE, _packet(_band(header))),  # XMP
+        34665: (LONG, writer.directory(_describe(shot))),
+        34853: (LONG, writer.directory(_locate(header))),
+        50714: (RATIONAL, (round(header.black_level_dn[0] * 10_000), 10_000)),  # BlackLevel
+        50735: (ASCII, header.serial),  # CameraSerialNumber
+    }
+    image = describe_image(samples, photometric=1) | append_strip(writer, samples)
+    path.write_bytes(writer.finish(writer.directory(image | tags)))
 
 
 def _band(header: FrameHeader) -> Multispectral:
@@ -69,28 +60,27 @@ def _band(header: FrameHeader) -> Multispectral:
     return header.multispectral
 
 
-def _exif_entries(shot: Taken) -> list[Entry]:
+def _describe(shot: Taken) -> Entries:
     # The camera writes its monotonic clock, that of the sunshine records, as the time of digitisation.
     clock = datetime.fromtimestamp(0, UTC) + timedelta(microseconds=_band(shot.header).exposed_at_us or 0)
     taken_at = datetime.fromisoformat(shot.header.taken_at or "")
-    return [
-        *describe_exposure(shot.exposure.on_basis("nominal"), taken_at),
-        text(36868, f"{clock:%Y:%m:%d %H:%M:%S}"),  # DateTimeDigitized
-        text(37522, f"{clock:%f}"),  # SubSecTimeDigitized
-        rational(41486, PIXELS_PER_MM),  # FocalPlaneXResolution
-        rational(41487, PIXELS_PER_MM),  # FocalPlaneYResolution
-        short(41488, _PER_MILLIMETRE),  # FocalPlaneResolutionUnit
-    ]
+    return describe_exposure(shot.exposure.on_basis("nominal"), taken_at) | {
+        36868: (ASCII, f"{clock:%Y:%m:%d %H:%M:%S}"),  # DateTimeDigitized
+        37522: (ASCII, f"{clock:%f}"),  # SubSecTimeDigitized
+        41486: (RATIONAL, approximate(PIXELS_PER_MM)),  # FocalPlaneXResolution
+        41487: (RATIONAL, approximate(PIXELS_PER_MM)),  # FocalPlaneYResolution
+        41488: (SHORT, 4),  # FocalPlaneResolutionUnit: millimetres
+    }
 
 
-def _gps_entries(header: FrameHeader) -> list[Entry]:
+def _locate(header: FrameHeader) -> Entries:
     latitude, longitude = header.latitude_deg or 0.0, header.longitude_deg or 0.0
-    return [
-        text(1, "N" if latitude >= 0.0 else "S"),
-        rational(2, abs(latitude), 0.0, 0.0),
-        text(3, "E" if longitude >= 0.0 else "W"),
-        rational(4, abs(longitude), 0.0, 0.0),
-    ]
+    return {
+        1: (ASCII, "N" if latitude >= 0.0 else "S"),
+        2: (RATIONAL, [approximate(abs(latitude)), (0, 1), (0, 1)]),
+        3: (ASCII, "E" if longitude >= 0.0 else "W"),
+        4: (RATIONAL, [approximate(abs(longitude)), (0, 1), (0, 1)]),
+    }
 
 
 def _packet(band: Multispectral) -> bytes:

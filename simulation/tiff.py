@@ -1,101 +1,95 @@
-"""EXIF and GPS directories of a little-endian TIFF file.
-
-tifffile writes no directory but the image's own (its extratags cannot be IFDs), and cameras write EXIF and
-GPS. tifffile therefore reserves their places, and they are appended afterwards.
-"""
+"""TIFF files byte by byte, in either order, right or wrong as a test wants them."""
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Mapping
 from datetime import datetime
 from fractions import Fraction
-from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from radiometry.frame.exposure import Settings
 
-EXIF, GPS = 34665, 34853
-_NAMES = {EXIF: "ExifTag", GPS: "GPSTag"}  # by their numbers tifffile would refuse them
-
-_ASCII, _SHORT, _LONG, _RATIONAL, _UNDEFINED, _SRATIONAL = 2, 3, 4, 5, 7, 10
+BYTE, ASCII, SHORT, LONG, RATIONAL, UNDEFINED, SRATIONAL, DOUBLE = 1, 2, 3, 4, 5, 7, 10, 12
+_FORMATS = {SHORT: "H", LONG: "I", RATIONAL: "II", SRATIONAL: "ii", DOUBLE: "d"}
 _LARGEST_DENOMINATOR = 1_000_000
 
-Entry = tuple[int, int, int, bytes]  # tag, type, count, value
+Entries = dict[int, tuple[int, Any]]  # kind and values by tag; a fraction is a pair
 
 
-def reserve(tag: int) -> tuple[str, int, int, int, bool]:
-    """Return the extratag that reserves the place of a directory in that of the image."""
-    return _NAMES[tag], _LONG, 1, 0, True
+class TiffWriter:
+    """Writer that only appends: data, then the directories that point to it, then the first directory."""
+
+    def __init__(self, order: str = "<") -> None:
+        self.order = order
+        self.content = bytearray((b"II*\0" if order == "<" else b"MM\0*") + b"\0\0\0\0")
+
+    def append(self, data: bytes | bytearray) -> int:
+        """Append data on a word; return its offset."""
+        self.content += b"\0" * (len(self.content) % 2)
+        offset = len(self.content)
+        self.content += data
+        return offset
+
+    def directory(self, entries: Mapping[int, tuple[int, Any]]) -> int:
+        """Append a directory; return its offset."""
+        table = b""
+        for tag, (kind, values) in sorted(entries.items()):
+            data, count = self._encode(kind, values)
+            if len(data) > 4:
+                data = struct.pack(self.order + "I", self.append(data))
+            table += struct.pack(self.order + "HHI", tag, kind, count) + data.ljust(4, b"\0")
+        return self.append(struct.pack(self.order + "H", len(entries)) + table + b"\0\0\0\0")
+
+    def finish(self, first_directory: int) -> bytes:
+        """Return the file."""
+        struct.pack_into(self.order + "I", self.content, 4, first_directory)
+        return bytes(self.content)
+
+    def _encode(self, kind: int, values: Any) -> tuple[bytes, int]:  # noqa: ANN401  of any kind
+        if kind in (ASCII, UNDEFINED, BYTE):
+            data = values.encode() + b"\0" if isinstance(values, str) else bytes(values)
+            return data, len(data)
+        values = values if isinstance(values, list) else [values]
+        layout = self.order + _FORMATS[kind]
+        pairs = [value if isinstance(value, tuple) else (value,) for value in values]
+        return b"".join(struct.pack(layout, *pair) for pair in pairs), len(values)
 
 
-def append_directory(path: Path, tag: int, entries: Iterable[Entry]) -> None:
-    """Append a directory to a file, and write its offset where ``reserve`` kept a place."""
-    with path.open("r+b") as file:
-        at = file.seek(0, 2)
-        at += file.write(b"\0" * (at % 2))  # a directory begins on a word
-        file.write(lay_out(entries, offset=at))
-        file.seek(4)
-        (first,) = struct.unpack("<I", file.read(4))
-        file.seek(first)
-        (count,) = struct.unpack("<H", file.read(2))
-        known = [file.read(12) for _ in range(count)]
-        index = [struct.unpack("<H", entry[:2])[0] for entry in known].index(tag)
-        file.seek(first + 2 + 12 * index + 8)
-        file.write(struct.pack("<I", at))
+def describe_image(samples: NDArray[np.uint16], *, photometric: int) -> Entries:
+    """Return the entries of an image of 16-bit words, without those of its data."""
+    rows, cols = samples.shape
+    return {
+        254: (LONG, 0),  # NewSubfileType
+        256: (LONG, cols),
+        257: (LONG, rows),
+        258: (SHORT, 16),
+        259: (SHORT, 1),  # Compression: none
+        262: (SHORT, photometric),
+        277: (SHORT, 1),  # SamplesPerPixel
+        284: (SHORT, 1),  # PlanarConfiguration
+    }
 
 
-def lay_out(entries: Iterable[Entry], *, offset: int) -> bytes:
-    """Return a directory as bytes for the place ``offset`` [bytes]."""
-    ordered = sorted(entries)
-    table = struct.pack("<H", len(ordered))
-    values = b""
-    values_at = offset + 2 + 12 * len(ordered) + 4
-    for tag, kind, count, value in ordered:
-        if len(value) <= 4:
-            inline = value.ljust(4, b"\0")
-        else:
-            inline = struct.pack("<I", values_at + len(values))
-            values += value + b"\0" * (len(value) % 2)
-        table += struct.pack("<HHI", tag, kind, count) + inline
-    return table + struct.pack("<I", 0) + values
+def append_strip(writer: TiffWriter, samples: NDArray[np.uint16]) -> Entries:
+    """Append an image as one strip; return the entries of its data."""
+    offset = writer.append(samples.astype(writer.order + "u2").tobytes())
+    return {273: (LONG, offset), 278: (LONG, samples.shape[0]), 279: (LONG, samples.nbytes)}
 
 
-def short(tag: int, value: int) -> Entry:
-    """Return an entry of 16 bits."""
-    return tag, _SHORT, 1, struct.pack("<H", value)
-
-
-def text(tag: int, value: str) -> Entry:
-    """Return an entry of text."""
-    encoded = value.encode("ascii") + b"\0"
-    return tag, _ASCII, len(encoded), encoded
-
-
-def undefined(tag: int, value: bytes) -> Entry:
-    """Return an entry of bytes whose meaning the tag defines."""
-    return tag, _UNDEFINED, len(value), value
-
-
-def rational(tag: int, *values: float) -> Entry:
-    """Return an entry of fractions."""
-    return tag, _RATIONAL, len(values), b"".join(struct.pack("<II", *ratio(value)) for value in values)
-
-
-def signed_rational(tag: int, value: float) -> Entry:
-    """Return an entry of a fraction that may be negative."""
-    return tag, _SRATIONAL, 1, struct.pack("<ii", *ratio(value))
-
-
-def ratio(value: float) -> tuple[int, int]:
+def approximate(value: float) -> tuple[int, int]:
     """Return the nearest fraction with a denominator of at most 10^6: 1/60 s stays 1/60."""
     return Fraction(value).limit_denominator(_LARGEST_DENOMINATOR).as_integer_ratio()
 
 
-def describe_exposure(settings: Settings, taken_at: datetime) -> list[Entry]:
+def describe_exposure(settings: Settings, taken_at: datetime) -> Entries:
     """Return the EXIF entries of nominal settings and of a time with its offset."""
     offset = f"{taken_at:%z}"
-    return [
-        rational(33434, settings.exposure_time_s),  # ExposureTime
-        rational(33437, settings.f_number),  # FNumber
-        short(34855, round(settings.iso)),  # PhotographicSensitivity
-        text(36867, f"{taken_at:%Y:%m:%d %H:%M:%S}"),  # DateTimeOriginal
-        text(36881, f"{offset[:3]}:{offset[3:5]}"),  # OffsetTimeOriginal
-    ]
+    return {
+        33434: (RATIONAL, approximate(settings.exposure_time_s)),  # ExposureTime
+        33437: (RATIONAL, approximate(settings.f_number)),  # FNumber
+        34855: (SHORT, round(settings.iso)),  # PhotographicSensitivity
+        36867: (ASCII, f"{taken_at:%Y:%m:%d %H:%M:%S}"),  # DateTimeOriginal
+        36881: (ASCII, f"{offset[:3]}:{offset[3:5]}"),  # OffsetTimeOriginal
+    }

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from simulation.tiff import ASCII, BYTE, LONG, RATIONAL, SHORT, UNDEFINED, TiffWriter
 from tests.worker.decode import ljpeg_encoder
-from tests.worker.decode.tiff_writer import ASCII, BYTE, LONG, RATIONAL, SHORT, UNDEFINED, TiffWriter
 
 PATTERNS = {"RGGB": b"\0\1\1\2", "GBRG": b"\1\2\0\1", "BGGR": b"\2\1\1\0", "GRBG": b"\1\0\2\1"}
 COMPRESSION = {"none": 1, "ljpeg": 7}

@@ -9,9 +9,9 @@ import imagecodecs
 import numpy as np
 import tifffile
 
+from simulation.tiff import BYTE
 from tests.support.data import FOLDER
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng
-from tests.worker.decode.tiff_writer import BYTE
 from worker.decode import png, tags
 from worker.decode.layout import read_layout
 from worker.decode.tiff import is_tiff, read_directories

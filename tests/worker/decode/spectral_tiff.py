@@ -3,7 +3,7 @@
 import base64
 import struct
 
-from tests.worker.decode.tiff_writer import ASCII, BYTE, LONG, RATIONAL, SHORT, TiffWriter
+from simulation.tiff import ASCII, BYTE, LONG, RATIONAL, SHORT, TiffWriter
 
 ROWS, COLS = 24, 32
 

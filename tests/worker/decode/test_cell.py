@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from radiometry.findings import InputRejected, files
+from simulation.tiff import LONG
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from tests.worker.decode.tiff_writer import LONG
 from worker.decode import nursery, reading, warming
 from worker.decode.calls import build_filter
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderPool

@@ -8,8 +8,8 @@ import pytest
 import tifffile
 
 from radiometry.findings import InputRejected, files
+from simulation.tiff import LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from tests.worker.decode.tiff_writer import LONG, SHORT, TiffWriter
 from worker.decode import reading
 
 ROWS, COLS, STRIP = 40, 50, 16

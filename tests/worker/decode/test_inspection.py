@@ -7,8 +7,8 @@ import pytest
 
 from radiometry.findings import InputRejected, files
 from radiometry.frame.proof import PieceRun
+from simulation.tiff import BYTE
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
-from tests.worker.decode.tiff_writer import BYTE
 from worker.decode import reading
 
 ROWS, COLS = 300, 520

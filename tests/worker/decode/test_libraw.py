@@ -5,8 +5,8 @@ import pytest
 import rawpy
 
 from radiometry.findings import InputRejected, files
+from simulation.tiff import LONG, RATIONAL
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from tests.worker.decode.tiff_writer import LONG, RATIONAL
 from worker.decode import libraw, reading
 
 SAMPLES = make_samples(64, 96, 16)

@@ -6,8 +6,8 @@ import math
 import pytest
 
 from radiometry.frame import Opcode
+from simulation.tiff import ASCII, LONG, RATIONAL, SHORT, SRATIONAL
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
-from tests.worker.decode.tiff_writer import ASCII, LONG, RATIONAL, SHORT, SRATIONAL
 from worker.decode import reading
 from worker.decode.metadata import read_metadata
 from worker.decode.tiff import read_directories

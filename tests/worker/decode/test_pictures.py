@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected, files
-from tests.worker.decode.tiff_writer import ASCII, LONG, RATIONAL, SHORT, TiffWriter
+from simulation.tiff import ASCII, LONG, RATIONAL, SHORT, TiffWriter
 from worker.decode import pictures, reading
 from worker.decode.pool import DecoderPool
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected, files, shared
+from simulation.tiff import LONG
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
-from tests.worker.decode.tiff_writer import LONG
 from worker.decode import reading
 from worker.decode.pool import DecoderCrashed, DecoderPool, DecoderUnavailable
 

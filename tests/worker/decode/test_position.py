@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
+from simulation.tiff import ASCII, BYTE, LONG, RATIONAL
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from tests.worker.decode.tiff_writer import ASCII, BYTE, LONG, RATIONAL
 from worker.decode import reading
 
 LANSING = {

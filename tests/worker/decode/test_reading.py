@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import rawpy
 
+from simulation.tiff import LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
-from tests.worker.decode.tiff_writer import LONG, SHORT, TiffWriter
 from worker.decode import reading
 
 ROWS, COLS = 70, 96

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected, files, shared
+from simulation.tiff import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
-from tests.worker.decode.tiff_writer import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 from worker.decode import reading
 
 SAMPLES = make_samples(64, 64, 16)
