@@ -25,7 +25,7 @@ def read_login(folder: Path) -> Login | None:
     except FileNotFoundError:
         return None
     except (ValueError, KeyError, TypeError) as error:
-        raise Unclear(f"{path} cannot be read. Sign in anew: stilb login URL") from error
+        raise Unclear(f"{path} cannot be read. Sign in again: stilb login URL") from error
 
 
 def keep_login(folder: Path, login: Login) -> Path:
@@ -53,13 +53,13 @@ def choose_login(kept: Login | None, *, url: str | None, key: str | None) -> Log
     """Take what was given, else what was kept; the kept key goes to the service that it was kept for only."""
     if url is None:
         if kept is None:
-            raise Unclear("No service is known here. Sign in first: stilb login URL")
+            raise Unclear("No login is stored. Sign in first: stilb login URL")
         return Login(url=kept.url, key=key or kept.key)
     url = url.rstrip("/")
     if key:
         return Login(url=url, key=key)
     if kept is None or kept.url != url:
-        raise Unclear(f"No key is known for {url}. Give --key or STILB_KEY, or sign in: stilb login {url}")
+        raise Unclear(f"No key is stored for {url}. Give --key or STILB_KEY, or sign in: stilb login {url}")
     return kept
 
 

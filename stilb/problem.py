@@ -102,7 +102,7 @@ def _asked(error: httpx.TransportError) -> str:
 
 def _format_error(error: httpx.TransportError) -> str:
     said = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
-    return "it speaks http, not https: begin its address with http://" if "WRONG_VERSION" in said else said
+    return "it uses http, not https: begin the address with http://" if "WRONG_VERSION" in said else said
 
 
 def _object(response: httpx.Response) -> dict[str, Any]:

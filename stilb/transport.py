@@ -146,7 +146,7 @@ class Transport:
             raise problem.Problem(
                 status=response.status_code,
                 code="unexpected_answer",
-                detail=f"{call.method} {call.path} did not answer a JSON object: is this a stilb service?",
+                detail=f"{call.method} {call.path} did not return a JSON object: is this a stilb service?",
                 retryable=False,
             )
         return answer

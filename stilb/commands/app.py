@@ -31,7 +31,10 @@ def _tell_version(asked: bool) -> None:  # noqa: FBT001  as typer calls it
 def _start(
     *,
     _version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_tell_version, help="The client's version.")
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_tell_version, help="Print the version of the client."
+        ),
     ] = False,
 ) -> None:
     """Field work with a stilb calibration service: frames in, coefficients out."""
@@ -61,7 +64,7 @@ def main(arguments: list[str] | None = None) -> int:
         app(given, prog_name="stilb")
     except SystemExit as end:
         if end.code == Exit.INTERRUPTED:
-            sys.stderr.write("stilb: stopped; the same command again goes on where it was\n")
+            sys.stderr.write("stilb: stopped; run the same command again to continue\n")
         return end.code if isinstance(end.code, int) else int(Exit.USAGE)
     except (Problem, Unclear, TimeoutError, OSError) as error:
         return _end(error, as_json="--json" in given)

@@ -30,21 +30,21 @@ def roi(
     output: Output,
     campaign: CampaignNamed,
     polygon: Annotated[str | None, typer.Option(help='Corners in pixels: "x,y x,y x,y ...".')] = None,
-    imagej: Annotated[str | None, typer.Option(help="makePolygon(...), or a file that holds it.")] = None,
+    imagej: Annotated[str | None, typer.Option(help="makePolygon(...), or a file with it.")] = None,
     frame: Annotated[
-        list[str] | None, typer.Option(help="Only of this frame, by id or file name; repeatable.")
+        list[str] | None, typer.Option(help="Only this frame, by id or file name; repeatable.")
     ] = None,
 ) -> None:
-    """Set the region of a campaign's frames, or show it."""
+    """Set or show the region of a campaign's frames."""
     if polygon is not None and imagej is not None:
-        raise typer.BadParameter("give one of --polygon and --imagej")
+        raise typer.BadParameter("give either --polygon or --imagej")
     with output.client() as client:
         campaign_id = client.find_campaign(campaign).id
         if frame:
             drawn = read_polygon(polygon) if polygon is not None else _text_or_file(_need(imagej))
             ids = _find_frames(client, campaign_id, frame, "--frame")
             items = [client.set_frame_roi(each, drawn) for each in ids]
-            output.answer({"items": items}, f"read anew, each with its own region: {len(items)}")
+            output.answer({"items": items}, f"frames with their own region, being read again: {len(items)}")
             return
         if polygon is not None:
             found = client.set_roi(campaign_id, polygon=read_polygon(polygon))
@@ -67,7 +67,7 @@ def _current_roi(client: Client, campaign_id: str, named: str) -> dict[str, Any]
             f" {own} of its frames have one of their own, drawn or found by a panel's code." if own else ""
         )
         raise missing(
-            f"{named} has no region that all its frames share.{singly} "
+            f"{named} has no region common to all frames.{singly} "
             f'Draw it on its page, or: stilb roi {named} --imagej "makePolygon(...)"'
         ) from problem
 
@@ -79,16 +79,16 @@ def calibrate(
     model: Annotated[str | None, typer.Option(help="proportional, affine, power, semilog.")] = None,
     tolerance: Annotated[float | None, typer.Option(help="Largest accepted error of L: 0.04 is 4 %.")] = None,
     exclude: Annotated[
-        list[str] | None, typer.Option(metavar="FRAME=REASON", help="Leave a frame out; repeatable.")
+        list[str] | None, typer.Option(metavar="FRAME=REASON", help="Exclude a frame; repeatable.")
     ] = None,
     option: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Any other of the method's parameters; repeatable."),
+        typer.Option("--set", metavar="NAME=VALUE", help="Any other parameter of the method; repeatable."),
     ] = None,
 ) -> None:
-    """Fit a campaign and show the draft. It counts for nothing until it is published."""
+    """Fit a campaign and show the draft. It has no effect until it is published."""
     if tolerance is not None and not 0.0 < tolerance < 1.0:
-        raise typer.BadParameter(f"--tolerance is a share: {tolerance / 100.0:g} for {tolerance:g} %")
+        raise typer.BadParameter(f"--tolerance is a fraction: {tolerance / 100.0:g} for {tolerance:g} %")
     said: dict[str, Any] = {name: _value(text) for name, text in map(_pair, option or ())}
     said |= {} if model is None else {"model": model}
     said |= {} if tolerance is None else {"tolerance": tolerance}
@@ -104,15 +104,15 @@ def calibrate(
 def publish(
     output: Output,
     calibration: CalibrationId,
-    reason: Annotated[str, typer.Option(help="Why, for the record.")],
+    reason: Annotated[str, typer.Option(help="Reason, for the record.")],
     valid_from: Annotated[str, typer.Option("--from", help="In force from: a day, a time, or now.")],
     valid_to: Annotated[
-        str | None, typer.Option("--to", help="Until then; else until another takes over.")
+        str | None, typer.Option("--to", help="In force until; default: until it is replaced.")
     ] = None,
     *,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only show what it would change.")] = False,
 ) -> None:
-    """Put a version in force, after showing what that changes."""
+    """Publish a version after showing what it changes."""
     start, end = read_moment(valid_from), read_moment(valid_to)
     with output.client() as client:
         impact = client.impact(calibration, at=start)
@@ -131,9 +131,9 @@ def publish(
 def export(
     output: Output,
     calibration: CalibrationId,
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made where it is not there.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Created if it does not exist.")],
 ) -> None:
-    """Fetch everything that a version rests on.
+    """Download everything that a version depends on.
 
     Its certificate, readings, regions and every frame.
     """
@@ -147,7 +147,7 @@ def export(
 
 
 def format_calibration(calibration: Calibration) -> list[RenderableType]:
-    """A version for a person, and what to do next."""
+    """Format a version as text, with the next step."""
     shown: list[RenderableType] = [of_coefficients(calibration.coefficients)]
     shown.append(f"{calibration.id}: version {calibration.version}, {calibration.state}")
     if calibration.state == "draft":
@@ -159,7 +159,7 @@ def read_polygon(text: str) -> list[tuple[float, float]]:
     """Corners as they are typed."""
     corners = [_POINT.fullmatch(each) for each in text.split()]
     if len(corners) < 3 or None in corners:
-        raise typer.BadParameter('--polygon takes three corners or more: "x,y x,y x,y"')
+        raise typer.BadParameter('--polygon needs three corners or more: "x,y x,y x,y"')
     return [(float(corner[1]), float(corner[2])) for corner in corners if corner]
 
 
@@ -170,7 +170,7 @@ def _format_impact(impact: dict[str, Any]) -> list[str]:
         if "change" in row
     ]
     touched = len(impact["measurements"])
-    return [impact["said"], *changes, *([f"{touched} measurements rest on it"] if touched else [])]
+    return [impact["said"], *changes, *([f"{touched} measurements were made with it"] if touched else [])]
 
 
 def _exclusions(client: Client, campaign_id: str, named: list[str]) -> list[dict[str, str]]:
@@ -222,4 +222,4 @@ def _text_or_file(text: str) -> str:
     try:
         return read_macro(Path(text))
     except FileNotFoundError:
-        raise Unclear(f"{text!r} is neither makePolygon(...) nor a file that is there") from None
+        raise Unclear(f"{text!r} is neither makePolygon(...) nor an existing file") from None

@@ -1,4 +1,4 @@
-"""A campaign in a folder: begin it, run it, look at it."""
+"""Commands on a campaign in a folder: init, run, list, show, readings."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,13 +29,13 @@ app = typer.Typer(help="A campaign in a folder: camera, meter, readings and fram
 def init(
     output: Output,
     folder: Annotated[Path, typer.Argument(metavar="[FOLDER]", exists=True, file_okay=False)] = Path(),
-    make: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
-    model: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
-    serial: Annotated[str, typer.Option(help="Of the camera, as its files have it.")] = "",
-    method: Annotated[str, typer.Option(help=f"What is calibrated: {', '.join(METHODS)}.")] = "luminance",
-    project: Annotated[str | None, typer.Option(help="Project number; else the folder's name.")] = None,
+    make: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
+    model: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
+    serial: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
+    method: Annotated[str, typer.Option(help=f"Method: {', '.join(METHODS)}.")] = "luminance",
+    project: Annotated[str | None, typer.Option(help="Project number; default: the folder's name.")] = None,
 ) -> None:
-    """Write a campaign.toml to be filled in. One that is there stays as it is."""
+    """Write a campaign.toml to fill in. An existing file is kept."""
     if method not in METHODS:
         raise typer.BadParameter(f"--method is one of {', '.join(METHODS)}")
     path = folder / FILENAME
@@ -46,7 +46,7 @@ def init(
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
-        raise Unclear(f"{path} is there already: edit it, or take it away first") from None
+        raise Unclear(f"{path} exists already: edit it, or remove it first") from None
     output.answer({"path": str(path)}, f"Fill in {path}, then: stilb campaign run {folder}")
 
 
@@ -58,10 +58,10 @@ def run(
     *,
     fit: Annotated[bool, typer.Option("--fit/--no-fit", help="Fit when all frames are read.")] = True,
     replace_readings: Annotated[
-        bool, typer.Option("--replace-readings", help="Withdraw the readings that the folder does not hold.")
+        bool, typer.Option("--replace-readings", help="Withdraw readings that are not in the folder.")
     ] = False,
 ) -> None:
-    """Go from a card to a draft, as its campaign.toml says.
+    """Run a campaign from card to draft, as in campaign.toml.
 
     Camera, campaign, region, readings, frames, fit. The same command again goes on where it was; what has
     been done is not done twice.
@@ -103,7 +103,7 @@ def list_campaigns(output: Output) -> None:
 @app.command("show")
 @command
 def show(output: Output, campaign: Annotated[str, typer.Argument(help="Its id or project number.")]) -> None:
-    """Show what has arrived, what a fit lacks, what would be better."""
+    """Show received frames, missing items and advice."""
     with output.client() as client:
         found = client.campaign(client.find_campaign(campaign).id).raw
     frames = found["frames"]
@@ -126,11 +126,9 @@ def readings(
         Path,
         typer.Argument(metavar="FILE.csv", exists=True, dir_okay=False, help="scene,quantity,value,unit"),
     ],
-    meter: Annotated[
-        list[str] | None, typer.Option(help="Id of the meter that was read; repeatable.")
-    ] = None,
+    meter: Annotated[list[str] | None, typer.Option(help="Id of the meter; repeatable.")] = None,
 ) -> None:
-    """Send a spreadsheet of readings. The service converts units; a bad row is named with its line."""
+    """Send a spreadsheet of readings. The service converts units and reports invalid rows by line."""
     text = read_spreadsheet(spreadsheet)
     with output.client() as client:
         added = client.add_readings(client.find_campaign(campaign).id, text, meter_ids=meter or ())
@@ -146,8 +144,8 @@ def _settle(output: Output, client: Client, others: list[str], *, replace: bool)
         output.note(f"{len(others)} other readings withdrawn")
     elif others:
         output.note(
-            f"{len(others)} more readings are in the campaign than the folder holds, and they count. If the "
-            "folder's correct them: the same again with --replace-readings"
+            f"The campaign has {len(others)} readings that are not in the folder, and they count. If the "
+            "folder's readings replace them, run this again with --replace-readings"
         )
 
 

@@ -1,4 +1,4 @@
-"""What is in force of a camera."""
+"""Coefficients in force for a camera."""
 
 from typing import Annotated
 
@@ -12,11 +12,11 @@ from stilb.commands.tables import of_coefficients
 @command
 def k(
     output: Output,
-    camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id, or its serial.")],
-    method: Annotated[str, typer.Option(help="Whose coefficients.")] = "luminance",
-    iso: Annotated[float | None, typer.Option(help="Only of this ISO.")] = None,
-    at: Annotated[str | None, typer.Option(help="What was in force then; else now.")] = None,
-    known_at: Annotated[str | None, typer.Option(help="As it was known then; else now.")] = None,
+    camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id or serial number.")],
+    method: Annotated[str, typer.Option(help="Method of the coefficients.")] = "luminance",
+    iso: Annotated[float | None, typer.Option(help="Only this ISO value.")] = None,
+    at: Annotated[str | None, typer.Option(help="In force at this time; default: now.")] = None,
+    known_at: Annotated[str | None, typer.Option(help="As known at this time; default: now.")] = None,
 ) -> None:
     """Show the K in force of a camera, with its uncertainty.
 

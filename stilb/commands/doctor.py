@@ -1,4 +1,4 @@
-"""Whether the service is well, and its clock and this machine's agree."""
+"""Health checks of the service, and of the difference of the clocks."""
 
 from dataclasses import asdict, dataclass
 from typing import Literal
@@ -19,7 +19,7 @@ _DISK_FAILS_BYTES = 1e9
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing that was looked at; ``detail`` says what to do where it is not well."""
+    """One check; ``detail`` says what to do if it is not ok."""
 
     check: str
     state: Literal["ok", "warn", "fail", "unknown"]
@@ -46,7 +46,7 @@ def doctor(output: Output) -> None:
 
 
 def examine_health(health: Health) -> list[Finding]:
-    """Judge what a service shows of itself."""
+    """Evaluate the health data of a service."""
     answer = f"{health.detail}; answered in {health.answered_in_s:.2f} s"
     return [
         Finding(check="ready", state="ok" if health.ready else "fail", detail=answer),
@@ -68,9 +68,9 @@ def _queue(oldest_s: float | None) -> Finding:
     if oldest_s is None:
         return _untold("queue")
     if oldest_s > _QUEUE_WARNS_S:
-        detail = f"a job waits for {oldest_s:.0f} s: the workers are busy or gone; tell the operator"
+        detail = f"a job has waited for {oldest_s:.0f} s: the workers are busy or down; tell the operator"
         return Finding(check="queue", state="warn", detail=detail)
-    return Finding(check="queue", state="ok", detail=f"the oldest job waits for {oldest_s:.0f} s")
+    return Finding(check="queue", state="ok", detail=f"the oldest job has waited for {oldest_s:.0f} s")
 
 
 def _quarantine(count: int | None) -> Finding:
@@ -79,7 +79,7 @@ def _quarantine(count: int | None) -> Finding:
     if count:
         detail = f"{count} jobs have lost three workers each: stilb jobs --state quarantined"
         return Finding(check="quarantine", state="warn", detail=detail)
-    return Finding(check="quarantine", state="ok", detail="no job")
+    return Finding(check="quarantine", state="ok", detail="no jobs")
 
 
 def _disk(free_bytes: int | None) -> Finding:
@@ -99,7 +99,7 @@ def _clock(ahead_s: float | None) -> Finding:
     side = "behind" if ahead_s > 0 else "ahead of"
     apart = f"this machine's clock is {abs(ahead_s):.0f} s {side} the service's"
     if abs(ahead_s) > _CLOCK_FAILS_S:
-        detail = f"{apart}: set it, or times typed here (--from, --at) mean others"
+        detail = f"{apart}: set it, otherwise times entered here (--from, --at) are wrong"
         return Finding(check="clock", state="fail", detail=detail)
     if abs(ahead_s) > _CLOCK_WARNS_S:
         return Finding(check="clock", state="warn", detail=apart)
@@ -107,5 +107,5 @@ def _clock(ahead_s: float | None) -> Finding:
 
 
 def _untold(check: str) -> Finding:
-    detail = "the service does not tell it here (/metrics is not open): ask the operator"
+    detail = "not available here (/metrics is not open): ask the operator"
     return Finding(check=check, state="unknown", detail=detail)

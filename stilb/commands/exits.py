@@ -1,4 +1,4 @@
-"""How a command ends: its exit code, and what to do next. docs/command-line.md lists the codes."""
+"""Exit codes of the commands, and the next step after an error. docs/command-line.md lists the codes."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ from stilb.problem import Problem, Unclear
 
 
 class Exit(IntEnum):
-    """What a script can tell from a command's end. Stable."""
+    """Exit codes for scripts. They are stable."""
 
     DONE = 0
     FINDINGS = 1
@@ -22,19 +22,21 @@ class Exit(IntEnum):
 
 
 _STEPS = {
-    "unauthenticated": "Sign in with a key that holds: stilb login URL",
-    "scope_missing": "Ask an admin of your organisation for a key with that scope, then: stilb login URL",
+    "unauthenticated": "Sign in with a valid key: stilb login URL",
+    "scope_missing": "Ask an administrator of your organisation for a key with that scope, then: stilb "
+    "login URL",
     "no_calibration_in_force": "Publish a version (stilb publish), or ask for another time with --at.",
-    "campaign_incomplete": "Add what is missing; stilb campaign show CAMPAIGN lists it. Then the same again.",
-    "unreachable": "Check the address and the network (stilb doctor); then the same command again goes on.",
+    "campaign_incomplete": "Add the missing items, which stilb campaign show CAMPAIGN lists, then run "
+    "this again.",
+    "unreachable": "Check the address and the network (stilb doctor), then run this again: it continues.",
     "not_sent": "Check the address: it begins with http:// or https:// (stilb login URL).",
     "unexpected_answer": "Check the address: stilb login URL",
-    "export_damaged": "The same command again fetches only what is missing.",
+    "export_damaged": "Run this again: only missing files are downloaded.",
 }
 
 
 def exit_of(error: BaseException) -> Exit:
-    """The code for an error that ends a command."""
+    """Return the exit code of an error that ends a command."""
     match error:
         case Problem():
             return _exit_of_status(error.status)
@@ -47,14 +49,14 @@ def exit_of(error: BaseException) -> Exit:
 
 
 def next_step(error: BaseException) -> str:
-    """What to do about it, where the message does not say so itself."""
+    """Return what to do about an error, or "" if its message says so."""
     match error:
         case Problem() if error.code in _STEPS:
             return _STEPS[error.code]
         case Problem() if error.status >= 500:
-            return "Try again in a while; if it stays, tell the operator what stilb doctor says."
+            return "Try again later. If it persists, send the operator the output of stilb doctor."
         case TimeoutError():
-            return "It goes on by itself: stilb jobs shows how far it is."
+            return "The service continues. stilb jobs shows the progress."
         case _:
             return ""
 

@@ -1,4 +1,4 @@
-"""What the service computes for you."""
+"""Jobs of the service."""
 
 from typing import Annotated
 
@@ -16,16 +16,16 @@ _SHOWN = 20
 @command
 def jobs(
     output: Output,
-    job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; else the newest.")] = None,
+    job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; default: the newest.")] = None,
     state: Annotated[
         str | None, typer.Option(help="queued, running, succeeded, failed, quarantined.")
     ] = None,
     kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
-    limit: Annotated[int, typer.Option(min=1, help="How many at most.")] = _SHOWN,
+    limit: Annotated[int, typer.Option(min=1, help="Largest number of jobs.")] = _SHOWN,
     *,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until the job has ended.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Wait until the job ends.")] = False,
 ) -> None:
-    """Show the newest jobs, or one, and what became of it."""
+    """Show the newest jobs, or one job with its result."""
     with output.client() as client:
         if job is not None:
             _one(output, client.wait(job) if wait else client.job(job))
@@ -45,15 +45,17 @@ def jobs(
 @command
 def retry(
     output: Output,
-    job: Annotated[str | None, typer.Argument(metavar="[JOB]", help="One job; else all that fit.")] = None,
+    job: Annotated[
+        str | None, typer.Argument(metavar="[JOB]", help="One job; default: all that match.")
+    ] = None,
     state: Annotated[str | None, typer.Option(help="failed, quarantined.")] = None,
     kind: Annotated[str | None, typer.Option(help="extract, fit, measure.")] = None,
-    code: Annotated[str | None, typer.Option(help="The error's code: temporarily_unavailable.")] = None,
+    code: Annotated[str | None, typer.Option(help="Error code, such as temporarily_unavailable.")] = None,
     campaign: Annotated[str | None, typer.Option(help="Its id or project number.")] = None,
 ) -> None:
-    """Try a job again that failed, or all in a state (--state) that fit the other options."""
+    """Retry a failed job, or with --state all that match."""
     if (job is None) == (state is None):
-        raise typer.BadParameter("name one job, or choose many with --state", param_hint="JOB")
+        raise typer.BadParameter("name one job, or select jobs with --state", param_hint="JOB")
     with output.client() as client:
         if job is not None:
             found = client.retry_job(job)
@@ -61,11 +63,11 @@ def retry(
             return
         campaign_id = client.find_campaign(campaign).id if campaign is not None else None
         count = client.retry_jobs(str(state), kind=kind, code=code, campaign_id=campaign_id)
-    output.answer({"retried": count}, f"{count} jobs are tried again")
+    output.answer({"retried": count}, f"{count} jobs are retried")
 
 
 def _about(client: Client, found: list[Job]) -> dict[str, str]:
-    """Of each job its file, else its campaign by project number."""
+    """Return the file of each job, else the project number of its campaign."""
     named: dict[str, str | None] = {}
     if any("filename" not in each.raw for each in found):
         named = {each.id: each.project_number for each in client.campaigns()}

@@ -1,4 +1,4 @@
-"""Frames of the field in physical units."""
+"""Measurements of field frames in physical units."""
 
 import re
 from pathlib import Path
@@ -19,20 +19,26 @@ _GRID = re.compile(r"(\d+)x(\d+)")
 def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     output: Output,
     frames: Annotated[list[str] | None, typer.Argument(metavar="[FRAME]...", help="Ids of frames.")] = None,
-    campaign: Annotated[str | None, typer.Option(help="Every field frame of this campaign.")] = None,
-    calibration: Annotated[str | None, typer.Option(help="Else what was in force when it was taken.")] = None,
-    region: Annotated[str | None, typer.Option(help='Else the frame\'s own: "x,y x,y x,y ...".')] = None,
+    campaign: Annotated[str | None, typer.Option(help="All field frames of this campaign.")] = None,
+    calibration: Annotated[
+        str | None, typer.Option(help="Default: in force at the time of the frame.")
+    ] = None,
+    region: Annotated[
+        str | None, typer.Option(help='Region "x,y x,y x,y ..."; default: the frame\'s own.')
+    ] = None,
     grid: Annotated[
         str | None, typer.Option(help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.')
     ] = None,
-    reflectance: Annotated[float | None, typer.Option(help="Of the surface: gives its illuminance.")] = None,
-    index: Annotated[str | None, typer.Option(help="Of a near infrared frame: ndvi, ndre or gndvi.")] = None,
+    reflectance: Annotated[
+        float | None, typer.Option(help="Reflectance of the surface, for its illuminance.")
+    ] = None,
+    index: Annotated[str | None, typer.Option(help="For a near infrared frame: ndvi, ndre or gndvi.")] = None,
     allow: Annotated[
         list[str] | None,
-        typer.Option(metavar="FLAG", help="Measure a frame with this flag all the same: image_part_empty."),
+        typer.Option(metavar="FLAG", help="Measure frames despite this flag: image_part_empty."),
     ] = None,
     save_map: Annotated[
-        Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame there.")
+        Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame in this folder.")
     ] = None,
 ) -> None:
     """Measure frames with a calibrated camera."""
@@ -82,7 +88,7 @@ def _read_grid(text: str) -> Grid:
     size, _, corners = text.partition(" ")
     found = _GRID.fullmatch(size)
     if found is None or len(corners.split()) != 4:
-        raise typer.BadParameter('--grid takes rows x columns and four corners: "3x5 x,y x,y x,y x,y"')
+        raise typer.BadParameter('--grid needs rows x columns and four corners: "3x5 x,y x,y x,y x,y"')
     return Grid(corners=read_polygon(corners), rows=int(found[1]), columns=int(found[2]))
 
 

@@ -1,4 +1,4 @@
-"""Times as people type them."""
+"""Times on the command line."""
 
 import re
 from datetime import UTC, datetime
@@ -27,7 +27,7 @@ def read_moment(text: str | None) -> str | None:
         zoned = False
     if not zoned:
         raise Unclear(
-            f"{text!r} is no time: give a day (2026-05-01), now, or a time with its zone "
+            f"{text!r} is not a time: give a day (2026-05-01), now, or a time with its zone "
             "(2026-05-01T20:30:00Z)"
         )
     return text

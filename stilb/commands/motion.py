@@ -1,4 +1,4 @@
-"""How far the picture moved while each frame was exposed."""
+"""Image motion during the exposure of each frame."""
 
 from typing import Annotated, Any
 
@@ -14,17 +14,23 @@ _WORDS = {True: "within", False: "BEYOND", None: "unknown"}
 @command
 def motion(
     output: Output,
-    campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id, or its project number.")],
-    focal_length: Annotated[float, typer.Option(metavar="MM", help="Of the lens [mm].")],
+    campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Its id or project number.")],
+    focal_length: Annotated[float, typer.Option(metavar="MM", help="Focal length of the lens [mm].")],
     pixel_pitch: Annotated[
-        float | None, typer.Option(metavar="UM", help="Else that of the camera's record [um].")
+        float | None, typer.Option(metavar="UM", help="Pixel pitch [um]; default: the camera's.")
     ] = None,
-    limit: Annotated[float | None, typer.Option(metavar="PX", help="What is tolerable; else 0.5 px.")] = None,
-    speed: Annotated[float | None, typer.Option(metavar="M/S", help="Over ground; with --height.")] = None,
-    height: Annotated[float | None, typer.Option(metavar="M", help="Above ground; with --speed.")] = None,
+    limit: Annotated[
+        float | None, typer.Option(metavar="PX", help="Largest tolerable motion; default: 0.5 px.")
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(metavar="M/S", help="Speed over ground; with --height.")
+    ] = None,
+    height: Annotated[
+        float | None, typer.Option(metavar="M", help="Height above ground; with --speed.")
+    ] = None,
     role: Annotated[str | None, typer.Option(help="Only frames of this role, such as field.")] = None,
 ) -> None:
-    """Show how far the picture moved in each frame.
+    """Show the image motion in each frame.
 
     From the attitudes that the files of a campaign record, and from the speed over ground where it is given.
     """

@@ -102,15 +102,14 @@ _SHARED = [
     _shared(
         "url",
         Annotated[
-            str | None, typer.Option(envvar="STILB_URL", help="The service; else where you signed in.")
+            str | None,
+            typer.Option(envvar="STILB_URL", help="Address of the service; default: the stored login."),
         ],
         None,
     ),
     _shared(
         "key",
-        Annotated[
-            str | None, typer.Option(envvar="STILB_KEY", help="The key; else the one you signed in with.")
-        ],
+        Annotated[str | None, typer.Option(envvar="STILB_KEY", help="Key; default: the stored login.")],
         None,
     ),
     _shared(

@@ -1,4 +1,4 @@
-"""Frames from a folder or a card to a campaign."""
+"""Upload of frames from a folder or a card to a campaign."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -23,10 +23,10 @@ from stilb.problem import Problem, Unclear, missing
 _PATIENT_RETRIES = 12
 
 Folder = Annotated[
-    Path, typer.Argument(metavar="FOLDER", exists=True, file_okay=False, help="With the frames.")
+    Path, typer.Argument(metavar="FOLDER", exists=True, file_okay=False, help="Folder with the frames.")
 ]
 Wait = Annotated[bool, typer.Option("--wait/--no-wait", help="Wait for the verdicts.")]
-Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds between two looks.")]
+Every = Annotated[float, typer.Option(min=0.1, help="With --watch: seconds between two checks.")]
 
 
 @command
@@ -34,16 +34,16 @@ def push(
     output: Output,
     folder: Folder,
     campaign: Annotated[
-        str | None, typer.Option(help="Its id or project number; else what campaign.toml says.")
+        str | None, typer.Option(help="Its id or project number; default: campaign.toml.")
     ] = None,
-    role: Annotated[str | None, typer.Option(help=f"What every file is: {', '.join(ROLES)}.")] = None,
-    scene: Annotated[str | None, typer.Option(help="The light level of every file.")] = None,
+    role: Annotated[str | None, typer.Option(help=f"Role of every file: {', '.join(ROLES)}.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Light level of every file.")] = None,
     *,
     watch: Annotated[bool, typer.Option("--watch", help="Follow the folder until Ctrl-C.")] = False,
     every: Every = 2.0,
     wait: Wait = True,
 ) -> None:
-    """Send the frames of a folder that have not arrived yet.
+    """Send the frames of a folder that are not yet uploaded.
 
     It ends with how they are. The same command again goes on where it was. What each file is follows from
     --role, from campaign.toml, or from its folder: dark/, field/, ... by name, any other folder is a light
@@ -56,7 +56,7 @@ def push(
         return
     files, left_out = list_files()
     if not files:
-        raise Unclear(f"No file in {folder} is a frame by the rules. {_how(left_out)}")
+        raise Unclear(f"No file in {folder} matches a rule. {_how(left_out)}")
     finish(output, transfer(output, folder, campaign_id, files, left_out=left_out, wait=wait))
 
 
@@ -100,7 +100,7 @@ def follow(
     watch, sent = Watch(list_files), dict[Path, FieldFile]()
     total = 0
     try:
-        output.note(f"watching {folder}; Ctrl-C ends it")
+        output.note(f"watching {folder}; stop with Ctrl-C")
         while True:
             settled = watch.look()
             if settled:
@@ -124,7 +124,7 @@ def _try_transfer(
     except Problem as problem:
         if not problem.retryable:
             raise
-        output.note(f"{problem}; these files go again at the next look")
+        output.note(f"{problem}; these files are sent again at the next check")
         watch.take_back(files)
         return None
 
@@ -134,10 +134,10 @@ def _lister(
 ) -> Callable[[], tuple[list[FieldFile], list[str]]]:
     if role is not None:
         if role not in ROLES:
-            raise typer.BadParameter(f"{role!r} is no role; there are {', '.join(ROLES)}")
+            raise typer.BadParameter(f"{role!r} is not a role; use one of {', '.join(ROLES)}")
         return partial(sort_files, folder, (Rule(role=role, scene=scene),))
     if scene is not None:
-        raise typer.BadParameter("--scene goes with --role")
+        raise typer.BadParameter("--scene needs --role")
     if (folder / FILENAME).exists():
         return partial(sort_files, folder, read_plan(folder).rules)
     return partial(sort_files, folder, USUAL_RULES, raw_only=True)
@@ -148,18 +148,18 @@ def _campaign_id(output: Output, folder: Path, named: str | None) -> str:
         if named is not None:
             return client.find_campaign(named).id
         if not (folder / FILENAME).exists():
-            raise typer.BadParameter(f"give --campaign, or make a {FILENAME}: stilb campaign init {folder}")
+            raise typer.BadParameter(f"give --campaign, or create a {FILENAME}: stilb campaign init {folder}")
         plan = read_plan(folder)
         found = find_planned(client, plan)
         if found is None:
             raise missing(
                 f"Campaign {plan.project_number!r} of this camera does not exist yet. "
-                f"Make it and send all: stilb campaign run {folder}"
+                f"Create it and send all frames: stilb campaign run {folder}"
             )
         return found.id
 
 
 def _how(left_out: Sequence[str]) -> str:
     if left_out:
-        return f"{', '.join(left_out[:5])}: say what they are with --role, or in {FILENAME}."
-    return "It holds no raw file."
+        return f"{', '.join(left_out[:5])}: give their role with --role, or in {FILENAME}."
+    return "It contains no raw files."

@@ -1,4 +1,4 @@
-"""Signing in and out: which service, and as whom."""
+"""Signing in and out, and the stored login."""
 
 from http import HTTPStatus
 from typing import Annotated
@@ -16,19 +16,19 @@ from stilb.records import OwnKey
 def login(
     output: Output, address: Annotated[str, typer.Argument(metavar="URL", help="Address of the service.")]
 ) -> None:
-    """Sign in: the key is checked, then kept for you alone.
+    """Sign in: the key is checked, then stored for you only.
 
     It is asked for, unless --key or STILB_KEY gives it, and kept in a file of mode 600.
     """
     address = address.rstrip("/")
     if not address.startswith(("http://", "https://")):
-        raise Unclear(f"{address} is no address: it begins with http:// or https://")
+        raise Unclear(f"{address} is not an address: it must begin with http:// or https://")
     key = output.key or _ask_for_key()
     with Client(address, key, retries=2) as client:
         own = _own_key(client, address)
     path = keep_login(config_folder(), Login(url=address, key=key))
     output.answer(
-        {**_describe(address, own), "kept_in": str(path)}, f"{_sentence(address, own)}. Kept in {path}"
+        {**_describe(address, own), "kept_in": str(path)}, f"{_sentence(address, own)}. Stored in {path}"
     )
 
 
@@ -38,7 +38,7 @@ def _ask_for_key() -> str:
     except typer.Abort as end:
         # a script has no terminal to type at
         if isinstance(end.__context__, EOFError):
-            raise Unclear("no key was typed: give it with --key, or in STILB_KEY") from end
+            raise Unclear("no key was entered: give it with --key, or in STILB_KEY") from end
         raise
 
 
@@ -49,20 +49,20 @@ def _own_key(client: Client, address: str) -> OwnKey:
         if problem.status != HTTPStatus.NOT_FOUND:
             raise
         raise Unclear(
-            f"{address} is no service's address. It has no page in it: http://127.0.0.1:8000"
+            f"{address} is not the address of a service. Give it without a path: http://127.0.0.1:8000"
         ) from problem
 
 
 @command
 def logout(output: Output) -> None:
-    """Forget the key on this machine. It stays valid until an admin revokes it."""
+    """Delete the key on this machine. It stays valid until an administrator revokes it."""
     there = forget_login(config_folder())
-    output.answer({"signed_out": there}, "Signed out." if there else "Nobody was signed in.")
+    output.answer({"signed_out": there}, "Signed out." if there else "You were not signed in.")
 
 
 @command
 def whoami(output: Output) -> None:
-    """Tell whose key this machine has, where, and what it may."""
+    """Show the stored key: its owner, service and scopes."""
     found = output.login()
     with output.client() as client:
         own = client.own_key()

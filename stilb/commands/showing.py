@@ -1,4 +1,4 @@
-"""How far a push is, on stderr: a bar with rate and remaining time on a terminal, a line a step elsewhere."""
+"""Progress of a push on stderr: a bar with rate and remaining time on a terminal, else one line per step."""
 
 import math
 from collections.abc import Iterator
@@ -70,7 +70,7 @@ def showing(console: Console) -> Iterator[Listener]:
 
 def tell_retry(console: Console, problem: Problem, pause_s: float) -> None:
     """A person who sees nothing move wants to know why, and until when."""
-    console.print(f"{(problem.detail or problem.code).rstrip('.')}; again in {math.ceil(pause_s)} s")
+    console.print(f"{(problem.detail or problem.code).rstrip('.')}; retry in {math.ceil(pause_s)} s")
 
 
 def lines(report: Report) -> Iterator[str]:

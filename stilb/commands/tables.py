@@ -1,4 +1,4 @@
-"""Tables as a terminal, a file and a pipe show them."""
+"""Tables for terminals, files and pipes."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence

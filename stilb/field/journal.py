@@ -35,7 +35,7 @@ class Journal:
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         if _stamp(path) != before:
-            raise OSError(f"{path} is still being written: push again when it is whole")
+            raise OSError(f"{path} is still being written: push again when it is complete")
         self._append(path, (*before, sha256))
         return sha256
 

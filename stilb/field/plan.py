@@ -78,11 +78,11 @@ def read_plan(folder: Path) -> Plan:
     try:
         said = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise Unclear(f"There is no {path}. Make one: stilb campaign init {folder}") from None
+        raise Unclear(f"{path} does not exist. Create it: stilb campaign init {folder}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise Unclear(
-            f"{path} cannot be read: {error}. Compare it with one that stilb campaign init writes into an "
-            "empty folder."
+            f"{path} cannot be read: {error}. Compare it with the file that stilb campaign init writes "
+            "into an empty folder."
         ) from error
     try:
         return _plan(_plain(said), folder)
@@ -137,12 +137,12 @@ def _check(said: Mapping[str, Any]) -> None:
 
 def _known(where: str, found: set[str], allowed: set[str]) -> None:
     for name in sorted(found - allowed):
-        raise Unclear(f"{name!r}{where} is unknown; there may be {', '.join(sorted(allowed))}")
+        raise Unclear(f"{name!r}{where} is unknown; allowed are {', '.join(sorted(allowed))}")
 
 
 def _rule(row: dict[str, Any]) -> Rule:
     if row["role"] not in ROLES:
-        raise Unclear(f"role {row['role']!r} in frames is unknown; there are {', '.join(ROLES)}")
+        raise Unclear(f"role {row['role']!r} in frames is unknown; use one of {', '.join(ROLES)}")
     if not {"pattern", "first", "last"} & set(row):
         raise Unclear(f"frames with the role {row['role']} need a pattern, or first and last")
     exposure = {name: row.pop(name) for name in _EXPOSURE & set(row)}
@@ -151,12 +151,14 @@ def _rule(row: dict[str, Any]) -> Rule:
 
 def _region(said: dict[str, Any], folder: Path) -> dict[str, Any]:
     if len(said) > 1:
-        raise Unclear("region takes one of polygon, imagej, file and parts")
+        raise Unclear("region needs exactly one of polygon, imagej, file and parts")
     if "polygon" in said:
         return {"polygon": _corners("polygon in region", said["polygon"])}
     if "parts" in said:
         if not isinstance(said["parts"], dict):
-            raise Unclear("parts in region must be written as [region.parts], a name and its corners a line")
+            raise Unclear(
+                "parts in region must be written as [region.parts], one name and its corners per line"
+            )
         return {"parts": {name: _corners(f"{name} in region", each) for name, each in said["parts"].items()}}
     if "file" in said:
         return {"imagej": read_macro(folder / said["file"])}
@@ -180,7 +182,7 @@ def read_spreadsheet(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise Unclear(f"{path} is not UTF-8. Save it as CSV UTF-8.") from error
     except FileNotFoundError:
-        raise Unclear(f"there is no {path}: put the readings there, or take [readings] out") from None
+        raise Unclear(f"{path} does not exist: put the readings there, or remove [readings]") from None
 
 
 def read_macro(path: Path) -> str:
@@ -188,7 +190,9 @@ def read_macro(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise Unclear(f"{path} holds no macro: record one in ImageJ (Plugins > Macros > Record).") from error
+        raise Unclear(
+            f"{path} contains no macro: record one in ImageJ (Plugins > Macros > Record)."
+        ) from error
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401  whatever TOML holds

@@ -127,8 +127,8 @@ def _choose(push: _Push) -> list[FieldFile]:
 def _compare(push: _Push, file: FieldFile, known: KnownFrame) -> None:
     if (known.role, known.scene) != (file.role, file.scene):
         push.notes[file.name] = (
-            f"is there already as {_words(known.role, known.scene)} ({known.filename}), here it is "
-            f"{_words(file.role, file.scene)}: it stays as it is until somebody corrects the frame"
+            f"exists already as {_words(known.role, known.scene)} ({known.filename}), here it is "
+            f"{_words(file.role, file.scene)}: it is not changed; correct the frame if needed"
         )
 
 

@@ -48,7 +48,7 @@ class Coefficients(Equipment):
         found = self.coefficients(self.find_camera(camera).id, name=_K, iso=iso, at=at, known_at=known_at)
         if len(found) > 1:
             isos = ", ".join(f"{one.iso:g}" for one in found if one.iso is not None)
-            raise Unclear(f"K is in force for several ISO values: {isos}. Say which one with iso.")
+            raise Unclear(f"K is in force for several ISO values: {isos}. Give one with iso.")
         return found[0]
 
     def series(

@@ -32,9 +32,9 @@ class Equipment(Connection):
         every = list(self.cameras())
         found = [one for one in every if named in {one.serial, f"{one.make} {one.model} {one.serial}"}]
         if len(found) > 1:
-            raise Unclear(f"Several cameras are called {named!r}: {_names(found)}. Give the id of one.")
+            raise Unclear(f"Several cameras are named {named!r}: {_names(found)}. Give the id of one.")
         if not found:
-            raise missing(f"No camera is called {named!r}. There are: {_names(every) or 'none yet'}.")
+            raise missing(f"No camera is named {named!r}. Registered: {_names(every) or 'none yet'}.")
         return found[0]
 
     def create_meter(

@@ -107,12 +107,12 @@ def test_measure_a_campaign(command, calibrated):
     ("arguments", "message"),
     [
         (("measure",), "give frames, or --campaign"),
-        (("measure", "f", "--grid", "3x5 1,2"), "--grid takes rows x columns and four corners"),
-        (("measure", "f", "--region", "1,2"), "--polygon takes three corners or more"),
-        (("roi", "c", "--polygon", "1,2 3,4 5,6", "--imagej", "makePolygon()"), "give one of"),
+        (("measure", "f", "--grid", "3x5 1,2"), "--grid needs rows x columns and four corners"),
+        (("measure", "f", "--region", "1,2"), "--polygon needs three corners or more"),
+        (("roi", "c", "--polygon", "1,2 3,4 5,6", "--imagej", "makePolygon()"), "give either"),
         (("calibrate", "c", "--set", "x"), "must be written as NAME=VALUE"),
-        (("calibrate", "c", "--tolerance", "4"), "--tolerance is a share: 0.04 for 4 %"),
-        (("k", "0K1XE8", "--at", "yesterday"), "'yesterday' is no time: give a day"),
+        (("calibrate", "c", "--tolerance", "4"), "--tolerance is a fraction: 0.04 for 4 %"),
+        (("k", "0K1XE8", "--at", "yesterday"), "'yesterday' is not a time: give a day"),
         (("k", "0K1XE8", "--at", "2026-05-01T20:00:00"), "a time with its zone"),
         (("k",), "Missing argument"),
         (("jobs", "--limit", "0"), "--limit"),
@@ -134,9 +134,9 @@ def test_a_region_is_set_and_shown(signed_in, team, tmp_path):
     assert signed_in("roi", campaign.id, "--imagej", macro).out == "9,9 70,9 70,50\n"
     assert signed_in("roi", campaign.id, "--imagej", "makePolygon(1,1").code == Exit.REFUSED
     lost = signed_in("roi", campaign.id, "--imagej", tmp_path / "none.ijm")
-    assert (lost.code, "neither makePolygon(...) nor a file" in lost.err) == (Exit.USAGE, True)
+    assert (lost.code, "neither makePolygon(...) nor an existing file" in lost.err) == (Exit.USAGE, True)
     macro.write_bytes(b"Iout\x00\xe4\x00\x00")
-    assert "holds no macro: record one in ImageJ" in signed_in("roi", campaign.id, "--imagej", macro).err
+    assert "contains no macro: record one in ImageJ" in signed_in("roi", campaign.id, "--imagej", macro).err
 
 
 def test_a_frame_has_a_region_of_its_own(signed_in, team, shots):

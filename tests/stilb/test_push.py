@@ -112,7 +112,7 @@ def test_the_same_bytes_under_two_names_go_once(signed_in, campaign, card):
 def test_a_frame_that_was_said_to_be_another_is_told(signed_in, campaign, card):
     signed_in("push", card / "level-2", "--campaign", campaign.id, "--role", "dark")
     ended = signed_in("push", card, "--campaign", campaign.id)
-    assert "is there already as dark" in ended.out
+    assert "exists already as dark" in ended.out
     assert "here it is light of level-2" in ended.out
 
 
@@ -144,7 +144,7 @@ def test_a_connection_that_is_cut_is_taken_up_again(stilb_command, team, campaig
         assert line.cuts == 1
     assert ended.code == Exit.DONE, ended.err
     assert ended.out.splitlines()[-1] == "10 of 10 received, 6 pass, 4 warn"
-    assert "; again in 1 s" in ended.err
+    assert "; retry in 1 s" in ended.err
 
 
 def test_killed_in_the_middle_it_goes_on_and_sends_nothing_twice(signed_in, campaign, card, team, live):
@@ -212,7 +212,7 @@ def test_a_campaign_by_its_project_number(signed_in, team, card):
 def test_a_service_that_went_away(signed_in, card):
     ended = signed_in("push", card, "--campaign", "c", "--url", "http://127.0.0.1:9", "--key", "k")
     assert (ended.code, ended.out) == (Exit.NETWORK, "")
-    assert "the same command again goes on" in ended.err
+    assert "run this again: it continues" in ended.err
 
 
 def test_without_campaign_or_plan(signed_in, card):
@@ -231,8 +231,8 @@ def test_a_plan_whose_campaign_nobody_made(signed_in, card):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--role", "bright"), "'bright' is no role; there are light, dark"),
-        (("--scene", "level-1"), "--scene goes with --role"),
+        (("--role", "bright"), "'bright' is not a role; use one of light, dark"),
+        (("--scene", "level-1"), "--scene needs --role"),
     ],
 )
 def test_options_that_say_nothing(signed_in, card, arguments, message):
@@ -245,7 +245,7 @@ def test_an_empty_folder(signed_in, campaign, tmp_path):
     (tmp_path / "card").mkdir()
     ended = signed_in("push", tmp_path / "card", "--campaign", campaign.id)
     assert ended.code == Exit.USAGE
-    assert "It holds no raw file" in ended.err
+    assert "It contains no raw files" in ended.err
 
 
 def test_watching_sends_what_has_settled(signed_in, campaign, card, tmp_path, monkeypatch, uploads):
@@ -295,5 +295,5 @@ def test_a_network_that_is_lost_while_watching_comes_back(signed_in, campaign, c
     monkeypatch.setattr("stilb.commands.push.sleep", lambda _: next(moments)())
     monkeypatch.setattr("stilb.commands.push.transfer", unlucky)
     ended = signed_in("push", card, "--campaign", campaign.id, "--watch", "--json")
-    assert "these files go again at the next look" in ended.err
+    assert "these files are sent again at the next check" in ended.err
     assert (ended.code, ended.json["received"], ended.json["sent"]) == (Exit.DONE, 10, 10)

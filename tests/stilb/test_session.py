@@ -100,7 +100,7 @@ def test_a_kept_file_that_is_broken(signed_in, config):
     (config / "login.json").write_text("[]")
     ended = signed_in("whoami")
     assert ended.code == Exit.USAGE
-    assert "Sign in anew" in ended.err
+    assert "Sign in again" in ended.err
 
 
 def test_a_mistyped_option_is_told_on_stderr(stilb_command):
