@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from html import escape
 
+from radiometry.drawing.svg import Panel, Scale, document, span
 from radiometry.tools.coverage import Coverage, View
 from radiometry.tools.motion import Motion, MotionCase, compute_motion, tolerable_rate_deg_s
-from service.svg import Panel, Scale, document, span
 
 _PANEL_PX, _LEFT_PX, _TOP_PX, _GAP_PX, _LINE_PX = 420, 72, 34, 90, 18
 _LEGEND_PX = _TOP_PX + _PANEL_PX + 62

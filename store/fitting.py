@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import fields, replace
+from dataclasses import replace
 from importlib.metadata import version as package_version
 from typing import Any
 
@@ -10,6 +10,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from radiometry.specification.parameters import list_parameters
 from store.codec import decode, encode
 from store.columns import new_id
 from store.queries.calibrations import next_version
@@ -24,9 +25,10 @@ _UNTOLD = "nobody has said what is photographed: describe the board in the campa
 def make_params(session: Session, campaign: Campaign, **said: Any) -> Any:  # noqa: ANN401 (the method's own)
     """A fit's parameters: what somebody says, what campaign and camera say, and the method's defaults."""
     kind = methods.get_method(campaign.method).params
-    if campaign.method == "luminance":
+    stated = {each.field: each for each in list_parameters(kind)}
+    if "panel_rho" in stated:
         said["panel_rho"] = campaign.surface_reflectance
-    if "pixel_pitch_um" in {field.name for field in fields(kind)}:
+    if "pixel_pitch_um" in stated:
         said.setdefault("pixel_pitch_um", session.get_one(Camera, campaign.camera_id).pixel_pitch_um)
     return decode(kind, said)
 

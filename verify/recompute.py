@@ -1,7 +1,7 @@
 """From the bytes of the frames, readings and panels to the figures, with the code that the service runs."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from radiometry import methods
@@ -12,9 +12,8 @@ from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
-from radiometry.luminance import method as luminance
 from radiometry.luminance.lens import name_channels
-from radiometry.reflectance import method as reflectance
+from radiometry.specification.method import MethodSpec
 from radiometry.vignetting import method as vignetting
 from stilb.export import hash_file
 from store.codec import decode, drop_absent, encode, encode_statistics
@@ -53,35 +52,34 @@ class Recomputed:
 
 def recompute(certificate: Node, data: Data, decoders: DecoderPool, on_frame: OnFrame) -> Recomputed:
     """Decode, measure and fit again, with the certificate's parameters and the data's frames and readings."""
-    method: str = certificate["method"]
-    params = decode(methods.get_method(method).params, certificate["parameters"])
+    spec = methods.get_method(certificate["method"])
+    params = decode(spec.params, certificate["parameters"])
     regions = {region["sha256"]: region for region in data.regions}
     frames = []
     for number, stated in enumerate(certificate["frames"], start=1):
         frames.append(_read(stated, certificate, data, regions.get(stated["roi_sha256"]), decoders))
         on_frame(number, len(certificate["frames"]))
-    readings = _readings(method, data)
+    readings = _readings(spec, data)
     try:
-        fit = methods.get_method(method).fit([frame.row for frame in frames if frame.row], readings, params)
+        fit = spec.fit([frame.row for frame in frames if frame.row], readings, params)
     except InputRejected as refusal:
         return Recomputed(params=params, frames=frames, readings=readings, fit=None, trouble=refusal.message)
     return Recomputed(params=params, frames=frames, readings=readings, fit=fit, trouble="")
 
 
-def _readings(method: str, data: Data) -> list[Any]:
-    if method == "reflectance":
-        return [
-            reflectance.Reading(
-                panel=panel["serial"],
-                band=band["band"],
-                reflectance=band["reflectance"],
-                standard_uncertainty=band.get("standard_uncertainty"),
-            )
+def _readings(spec: MethodSpec, data: Data) -> list[Any]:
+    if spec.reference is None:
+        return []
+    rows = data.readings
+    if spec.reference == "panel":
+        rows = [
+            {**band, "panel": panel["serial"]}
             for panel in data.panels
             for band in sorted(panel["bands"], key=lambda each: str(each["band"]))
         ]
-    names = luminance.Reading.__dataclass_fields__.keys()
-    return [decode(luminance.Reading, {name: row.get(name) for name in names}) for row in data.readings]
+    return [
+        decode(spec.reading, {each.name: row.get(each.name) for each in fields(spec.reading)}) for row in rows
+    ]
 
 
 def _read(
@@ -187,7 +185,7 @@ def _expose(stated: Node, header: FrameHeader, certificate: Node) -> Exposure | 
 def _signal(statistics: tuple[ChannelStatistics, ...], certificate: Node) -> Node:
     ordered = _in_order(statistics)
     rows = {"statistics": [drop_absent(encode_statistics(row)) for row in ordered]}
-    if certificate["method"] != "luminance":
+    if "channel" not in certificate["parameters"]:
         return rows
     signal = measure_signal(ordered, channel=certificate["parameters"]["channel"])
     return {
@@ -226,14 +224,13 @@ def inputs_of(certificate: Node, found: Recomputed, data: Data) -> Node:
 
 def _references(certificate: Node, data: Data) -> Node:
     """What the readings were made with, and what the signals were corrected with."""
-    match certificate["method"]:
-        case "luminance":
-            falloff = certificate.get("falloff")
-            return {"meters": _meters_of(certificate), **({"vignetting": falloff} if falloff else {})}
-        case "reflectance":
-            return {"panels": data.panels}
-        case _:
-            return {}
+    spec = methods.get_method(certificate["method"])
+    falloff = certificate.get("falloff")
+    return {
+        **({"meters": _meters_of(certificate)} if spec.reference == "meter" else {}),
+        **({"panels": data.panels} if spec.reference == "panel" else {}),
+        **({"vignetting": falloff} if falloff else {}),
+    }
 
 
 def _meters_of(certificate: Node) -> list[Node]:

@@ -4,6 +4,8 @@ from typing import Final
 
 from radiometry.geometry import method
 from radiometry.geometry.camera import UNITS
+from radiometry.geometry.certificate import CERTIFICATE
+from radiometry.geometry.plot import draw
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
 
@@ -41,4 +43,6 @@ SPEC: Final = MethodSpec(
     plan=drop_readings(method.plan),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_figures,
+    draw=draw,
+    certificate=CERTIFICATE,
 )

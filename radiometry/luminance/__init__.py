@@ -4,7 +4,10 @@ from typing import Final
 
 from radiometry.fitting.evidence import Extracted
 from radiometry.luminance import method
-from radiometry.specification.method import CoefficientKind, MethodSpec
+from radiometry.luminance.budget import explain_budget
+from radiometry.luminance.certificate import CERTIFICATE
+from radiometry.luminance.plot import draw
+from radiometry.specification.method import Budget, CoefficientKind, MethodSpec
 from radiometry.specification.roles import DARK, LIGHT
 
 __all__ = ["SPEC"]
@@ -19,6 +22,8 @@ SPEC: Final = MethodSpec(
     params=method.Params,
     result=method.Fit,
     reference="meter",
+    has_checklist=True,
+    reading=method.Reading,
     coefficients=(
         CoefficientKind(name="luminance_k", label="Luminance K", units=("DN*m2/(cd*s)",)),
         CoefficientKind(name="dark_signal_dn", label="Dark signal", units=("DN",)),
@@ -32,4 +37,16 @@ SPEC: Final = MethodSpec(
     plan=method.plan,
     fit=method.fit,
     list_coefficients=method.list_figures,
+    draw=draw,
+    certificate=CERTIFICATE,
+    list_expanded=lambda result: {
+        ("luminance_k", fit["coefficient"]["iso"], None): (
+            fit["coefficient"]["expanded_uncertainty"],
+            fit["coefficient"]["coverage_factor"],
+        )
+        for fit in result["iso_fits"]
+    },
+    list_budgets=lambda fitted: tuple(
+        Budget(holds_for={"iso": fit.coefficient.iso}, lines=explain_budget(fit)) for fit in fitted.iso_fits
+    ),
 )

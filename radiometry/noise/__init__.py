@@ -3,6 +3,8 @@
 from typing import Final
 
 from radiometry.noise import method
+from radiometry.noise.certificate import CERTIFICATE
+from radiometry.noise.plot import draw
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT, LIGHT
 
@@ -39,4 +41,6 @@ SPEC: Final = MethodSpec(
     plan=drop_readings(method.plan),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_figures,
+    draw=draw,
+    certificate=CERTIFICATE,
 )

@@ -3,6 +3,9 @@
 from typing import Final
 
 from radiometry.reflectance import method
+from radiometry.reflectance.budget import list_budgets
+from radiometry.reflectance.certificate import CERTIFICATE
+from radiometry.reflectance.plot import draw
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_target
 from radiometry.specification.roles import FIELD, PANEL
 
@@ -20,6 +23,7 @@ SPEC: Final = MethodSpec(
     result=method.Fit,
     features=method.Features,
     reference="panel",
+    reading=method.Reading,
     finds_region=True,
     manual_exposure=False,
     coefficients=(
@@ -33,5 +37,15 @@ SPEC: Final = MethodSpec(
     plan=method.plan,
     fit=method.fit,
     list_coefficients=method.list_figures,
+    draw=draw,
+    certificate=CERTIFICATE,
+    list_expanded=lambda result: {
+        ("reflectance_k", None, fit["coefficient"]["band"]): (
+            fit["coefficient"]["expanded_uncertainty"],
+            fit["coefficient"]["coverage_factor"],
+        )
+        for fit in result["band_fits"]
+    },
+    list_budgets=list_budgets,
     configure=method.configure,
 )

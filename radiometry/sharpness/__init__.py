@@ -3,6 +3,8 @@
 from typing import Final
 
 from radiometry.sharpness import method
+from radiometry.sharpness.certificate import CERTIFICATE
+from radiometry.sharpness.plot import draw
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
 
@@ -53,4 +55,6 @@ SPEC: Final = MethodSpec(
     plan=drop_readings(method.plan),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_figures,
+    draw=draw,
+    certificate=CERTIFICATE,
 )

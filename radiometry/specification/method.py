@@ -4,10 +4,29 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args, get_type_hints
 
+from radiometry.specification.certificate import CertificateText
 from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Role
 
 Reference = Literal["meter", "panel"]
+ExpandedKey = tuple[str, float | None, str | None]
+"""Name of a coefficient, its ISO value and its band."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """The uncertainty budget of one coefficient.
+
+    Attributes
+    ----------
+    holds_for : mapping
+        What the coefficient holds for, such as its ISO value or band.
+    lines : tuple
+        Frozen dataclasses, one per source.
+    """
+
+    holds_for: Mapping[str, Any]
+    lines: tuple[Any, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +52,12 @@ def _same(evidence: Any) -> Any:  # noqa: ANN401  any evidence
     return evidence
 
 
-def _empty(_: Any) -> Mapping[str, Any]:  # noqa: ANN401  any fit
+def _empty(_: Any) -> Mapping[Any, Any]:  # noqa: ANN401  any fit
     return {}
+
+
+def _none(_: Any) -> tuple[Any, ...]:  # noqa: ANN401  any fit
+    return ()
 
 
 def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -81,8 +104,12 @@ class MethodSpec:
         Frozen dataclass that describes what is photographed, None if no description is needed.
     reference : {"meter", "panel"} or None
         What a campaign is measured against: meter readings of scenes, or a panel's reflectances.
+    reading : type
+        Frozen dataclass of one reading of the reference.
     coefficients : tuple of CoefficientKind
         What the method reports, the most looked-for first.
+    has_checklist : bool
+        True if the procedure has a checklist that an operator ticks and signs.
     whole_frame : bool
         True if the whole frame is used where no region is drawn.
     finds_region : bool
@@ -107,6 +134,15 @@ class MethodSpec:
         ``(rows, readings, params) -> result``. Raises InputRejected.
     list_coefficients : callable
         ``(fitted) -> tuple of Figure``.
+    draw : callable
+        ``(stored result) -> str``, a plot as SVG. What does not exist may be None or missing.
+    certificate : CertificateText
+        What a certificate prints of the method.
+    list_expanded : callable
+        ``(stored result) -> mapping`` from `ExpandedKey` to the expanded uncertainty and coverage factor that
+        the fit states itself; empty if it states none.
+    list_budgets : callable
+        ``(fitted) -> tuple of Budget``, empty if the fit states none.
     configure : callable
         ``(fitted) -> mapping``, what a version holds for beside camera and lens, ready for JSON.
     """
@@ -125,13 +161,21 @@ class MethodSpec:
     plan: Callable[..., tuple[str, ...]]
     fit: Callable[..., Any]
     list_coefficients: Callable[..., tuple[Any, ...]]
+    draw: Callable[[dict[str, Any]], str]
+    certificate: CertificateText
     applied_roles: tuple[Role, ...] = ()
     features: type[Any] | None = None
     target: type[Any] | None = None
     reference: Reference | None = None
+    reading: type[Any] = field(default=type(None))
+    has_checklist: bool = False
     whole_frame: bool = False
     finds_region: bool = False
     manual_exposure: bool = True
+    list_expanded: Callable[[dict[str, Any]], Mapping[ExpandedKey, tuple[float, float]]] = field(
+        default=_empty
+    )
+    list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
     find_region: Callable[..., Any] = field(default=_nothing)
     make_row: Callable[..., Any] = field(default=_same)
     configure: Callable[..., Mapping[str, Any]] = field(default=_empty)
@@ -140,6 +184,11 @@ class MethodSpec:
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters of a fit, in the order in which a form shows them."""
         return list_parameters(self.params)
+
+    @property
+    def is_corrected(self) -> bool:
+        """True if a fit can be corrected by a version of another method, such as vignetting."""
+        return any(each.kind == "version" for each in self.parameters)
 
     @property
     def point(self) -> type[Any]:

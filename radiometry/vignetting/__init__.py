@@ -5,6 +5,8 @@ from typing import Final
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import method
+from radiometry.vignetting.certificate import CERTIFICATE
+from radiometry.vignetting.plot import draw
 
 __all__ = ["SPEC"]
 
@@ -32,4 +34,6 @@ SPEC: Final = MethodSpec(
     plan=drop_readings(method.plan),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_figures,
+    draw=draw,
+    certificate=CERTIFICATE,
 )

@@ -4,9 +4,9 @@ from typing import Any
 
 from radiometry.fitting.evidence import Figure
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
+from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from service.certificate.gaps import list_gaps
-from service.certificate.texts import describe_method
 from service.certificate.words import format_traceability, format_vignetting, list_statements
 from service.certificate.work import describe_meters, describe_work
 from service.schemas.calibrations import Gap
@@ -43,8 +43,9 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
     """Build the whole document, with the items that it lacks."""
     row = record.calibration
     meters, panels = describe_meters(record), _panels(record)
-    result, text = drop_absent(row.result), describe_method(row.method)
-    vignetting = format_vignetting(row.method, row.parameters.get("vignetting"))
+    spec = get_method(row.method)
+    result, text = drop_absent(row.result), spec.certificate
+    vignetting = format_vignetting(spec, row.parameters.get("vignetting"))
     certificate = CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
@@ -61,7 +62,7 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         work=describe_work(record),
         meters=meters,
         panels=panels,
-        traceability=format_traceability(row.method, meters, panels),
+        traceability=format_traceability(spec, meters, panels),
         readings=_readings(record),
         regions=_regions(record),
         frames=[_frame(record, used) for used in row.inputs["frames"]],
@@ -79,7 +80,7 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         created_at=row.created_at,
         published=_published(record),
         validity=_validity(record),
-        statements=list_statements(row.method, vignetting),
+        statements=list_statements(spec, vignetting),
     )
     gaps = [Gap(code=found.code.value, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
@@ -115,7 +116,7 @@ def _coefficients(record: CalibrationRecord) -> list[CertifiedCoefficient]:
 
 def _readings(record: CalibrationRecord) -> list[UsedReading]:
     """Of meters; a panel's reflectances stand with the panel."""
-    if record.calibration.method != "luminance":
+    if get_method(record.calibration.method).reference != "meter":
         return []
     found = zip(record.calibration.inputs["readings"], record.readings, strict=True)
     return [
@@ -151,10 +152,10 @@ def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
 
 
 def _measured(record: CalibrationRecord, statistics: list[ChannelStatistics]) -> dict[str, Any]:
-    """The statistics of a frame; of luminance also the signal that entered the fit."""
+    """Return the statistics of a frame, with the signal that entered the fit if that is one channel's."""
     stored = {"statistics": [encode_statistics(row) for row in statistics]}
     version = record.calibration
-    if version.method != "luminance":
+    if "channel" not in version.parameters:
         return stored
     signal = measure_signal(statistics, channel=version.parameters["channel"])
     return {

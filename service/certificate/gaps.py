@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
-from service.certificate.texts import describe_method
+from radiometry.methods import get_method
 from service.schemas.certificates import CertificateAnswer, UsedMeter
 
 _MOST_NAMED = 3
@@ -56,7 +56,7 @@ def list_gaps(certificate: CertificateAnswer) -> list[Found]:
 def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
     """Check 7.8.2.1 b, c, e, g, i, o and 7.8.4.1 b: the items that a person has to enter."""
     work = certificate.work
-    lens = certificate.item.lens or not describe_method(certificate.method).holds_for_lens or None
+    lens = certificate.item.lens or not get_method(certificate.method).certificate.holds_for_lens or None
     for value, code, message in (
         (
             certificate.laboratory.address,
@@ -130,7 +130,7 @@ def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
 
 def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
     """Check 7.8.4.1 c: the panel that the reflectances depend on."""
-    if certificate.method != "reflectance":
+    if get_method(certificate.method).reference != "panel":
         return
     if not certificate.panels:
         yield Found(

@@ -3,11 +3,11 @@
 from collections import defaultdict
 from collections.abc import Iterator
 
+from radiometry.methods import get_method
+from radiometry.specification.certificate import Column
 from service.certificate.figures import in_print, in_step, optional, percent, plain
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, facts, figure, flow, section, table
-from service.certificate.texts import Column, describe_method
-from service.plots import draw_calibration
 
 _LEGEND = "u: standard uncertainty. U = k u: expanded uncertainty. k: coverage factor (95 %)."
 _EXACT = "fixed"
@@ -15,7 +15,7 @@ _EXACT = "fixed"
 
 def summarise(certificate: Node) -> Node:
     """Return the table of the first page: the headline coefficients."""
-    headlines = describe_method(certificate["method"]).headlines
+    headlines = get_method(certificate["method"]).certificate.headlines
     return _tabulate([row for row in certificate["coefficients"] if row["name"] in headlines])
 
 
@@ -30,7 +30,7 @@ def list_notes(certificate: Node) -> list[str]:
 
 def list_sections(certificate: Node, preview: str) -> list[Node]:
     """Return the sections from the result to the points of the fit."""
-    headlines = describe_method(certificate["method"]).headlines
+    headlines = get_method(certificate["method"]).certificate.headlines
     others = [row for row in certificate["coefficients"] if row["name"] not in headlines]
     return [
         section("Result", [_drawn(certificate), facts(_conditions(certificate))]),
@@ -44,7 +44,7 @@ def list_sections(certificate: Node, preview: str) -> list[Node]:
 
 
 def _drawn(certificate: Node) -> Node:
-    plot = draw_calibration(certificate["method"], certificate["result"])
+    plot = get_method(certificate["method"]).draw(certificate["result"])
     return figure(plot, "Bars and bands: expanded uncertainty. Hollow: excluded or rejected.", width=1.0)
 
 
@@ -175,7 +175,7 @@ def _frame_table(frames: list[Node]) -> Node:
 
 
 def _points(certificate: Node) -> Node:
-    columns = describe_method(certificate["method"]).columns
+    columns = get_method(certificate["method"]).certificate.columns
     points = certificate["result"]["points"]
     if not points:
         return flow("None.")

@@ -1,9 +1,10 @@
 """Pages of a certificate: titles, tables and drawings, with every number as text.
 
-Everything printed comes from the dictionary that is served as certificate.json. A luminance certificate has
-pages of its own; all other methods share theirs.
+Everything printed comes from the dictionary that is served as certificate.json. A method that fits a curve
+per ISO value has pages of its own; all others share theirs.
 """
 
+from radiometry.methods import get_method
 from service.certificate import general
 from service.certificate.evidence import evidence_sections
 from service.certificate.figures import degrees, in_print, in_step, percent, plain, stamp
@@ -24,7 +25,7 @@ _LEGEND = (
 
 def lay_out(certificate: Node, preview: str) -> Node:
     """Return everything that the template sets. ``preview`` : an SVG of a frame with the region, or ""."""
-    is_luminance = certificate["method"] == "luminance"
+    is_curve = get_method(certificate["method"]).certificate.layout == "curve"
     return {
         "title": certificate["title"],
         "number": certificate["number"],
@@ -32,15 +33,15 @@ def lay_out(certificate: Node, preview: str) -> Node:
         "stamp": _STAMPS[certificate["validity"]["state"]],
         "item": _item(certificate),
         "work": _work(certificate),
-        "results": _summary(certificate) if is_luminance else general.summarise(certificate),
-        "summary": _sentences(certificate) if is_luminance else general.list_notes(certificate),
+        "results": _summary(certificate) if is_curve else general.summarise(certificate),
+        "summary": _sentences(certificate) if is_curve else general.list_notes(certificate),
         "authority": _authority(certificate),
         "gaps": [gap["message"] for gap in certificate["gaps"]],
         "flags": [_flag(flag) for flag in certificate["flags"]],
         "sections": [
             *(
                 [*result_sections(certificate), *evidence_sections(certificate, preview)]
-                if is_luminance
+                if is_curve
                 else general.list_sections(certificate, preview)
             ),
             *([_checklist(certificate)] if certificate["checklist"]["items"] else []),

@@ -1,8 +1,8 @@
 """Result sections of a luminance certificate: fit, budget and range per ISO value, models and points."""
 
+from radiometry.methods import get_method
 from service.certificate.figures import extent, in_print, in_step, percent, plain
 from service.certificate.sheet import Node, facts, figure, section, table
-from service.plots import draw_calibration
 
 
 def result_sections(certificate: Node) -> list[Node]:
@@ -10,16 +10,14 @@ def result_sections(certificate: Node) -> list[Node]:
     result = certificate["result"]
     budgets = {budget["iso"]: budget["lines"] for budget in certificate["budgets"]}
     return [
-        *(
-            _iso(result, fit, budgets[fit["coefficient"]["iso"]], certificate["vignetting"])
-            for fit in result["iso_fits"]
-        ),
+        *(_iso(certificate, fit, budgets[fit["coefficient"]["iso"]]) for fit in result["iso_fits"]),
         section("Models compared", [_models(result)]),
         section("Points of the fit", [_points(result)]),
     ]
 
 
-def _iso(result: Node, fit: Node, budget: list[Node], vignetting: str) -> Node:
+def _iso(certificate: Node, fit: Node, budget: list[Node]) -> Node:
+    result, draw = certificate["result"], get_method(certificate["method"]).draw
     c = fit["coefficient"]
     k, u = in_step(c["luminance_k"], c["luminance_k_standard_uncertainty"])
     dark, u_dark = in_step(c["dark_signal_dn"], c["dark_signal_standard_uncertainty_dn"])
@@ -30,11 +28,11 @@ def _iso(result: Node, fit: Node, budget: list[Node], vignetting: str) -> Node:
         ["Dark signal", f"{dark} DN, standard uncertainty {u_dark} DN"],
         ["Parameters", ", ".join(f"{name} = {plain(value, 8)}" for name, value in parameters)],
         ["Covariance", f"{covariance} (of the parameters, without the meter's calibration)"],
-        ["Valid for", _range(c, vignetting)],
+        ["Valid for", _range(c, certificate["vignetting"])],
         ["Expected", f"K about {plain(fit['expected_k'])} for a camera rated by ISO 12232"],
         ["Birge ratio", plain(fit["birge_ratio"], 4)],
     ]
-    plot = draw_calibration("luminance", {**result, "iso_fits": [fit], "points": _drawn(result)})
+    plot = draw({**result, "iso_fits": [fit], "points": _drawn(result)})
     caption = (
         f"ISO {plain(c['iso'])}: fit against X and ln X, and its residuals. Hollow: excluded or rejected. "
         f"Dashed: tolerance of {percent(result['tolerance_rel'])}."

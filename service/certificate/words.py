@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from service.certificate.texts import describe_method
+from radiometry.specification.method import MethodSpec
 from service.schemas.certificates import UsedMeter, UsedPanel
 from store.stating import COVERAGE_FACTOR
 
@@ -31,40 +31,34 @@ _SUFFICE = (
 _WHOLE = "This certificate may be reproduced only in full."
 
 
-def list_statements(method: str, vignetting: str) -> list[str]:
+def list_statements(spec: MethodSpec, vignetting: str) -> list[str]:
     """Return the statements that the laboratory makes with every certificate of a method."""
     corrected = f"The signals were corrected for vignetting with {vignetting}."
     return [
         _RELATES,
-        _EXPANDED if method in ("luminance", "reflectance") else _EXPANDED_PLAINLY,
-        *describe_method(method).statements,
-        *([_UNCORRECTED if vignetting == "none" else corrected] if method == "luminance" else []),
+        _EXPANDED if spec.certificate.states_coverage else _EXPANDED_PLAINLY,
+        *spec.certificate.statements,
+        *([_UNCORRECTED if vignetting == "none" else corrected] if spec.is_corrected else []),
         _SUFFICE,
         _WHOLE,
     ]
 
 
-def format_traceability(method: str, meters: Sequence[UsedMeter], panels: Sequence[UsedPanel]) -> str:
+def format_traceability(spec: MethodSpec, meters: Sequence[UsedMeter], panels: Sequence[UsedPanel]) -> str:
     """Return the sentence on the certificates that link the coefficients to their units."""
-    match method:
-        case "luminance":
-            return _through_meters(meters)
-        case "reflectance":
-            return _through_panels(panels)
-        case _:
-            return describe_method(method).traceability
+    if spec.reference == "meter":
+        return _through_meters(meters)
+    return _through_panels(panels) if spec.reference == "panel" else spec.certificate.traceability
 
 
-def format_vignetting(method: str, content_sha256: str | None) -> str:
+def format_vignetting(spec: MethodSpec, content_sha256: str | None) -> str:
     """Return the vignetting correction of the signals.
 
-    ``content_sha256`` : of the vignetting version that the luminance coefficient is valid with
+    ``content_sha256`` : of the vignetting version that the coefficients are valid with
     """
-    if method == "reflectance":
-        return "as stated in each file"
-    return (
-        f"the camera's vignetting version with content SHA-256 {content_sha256}" if content_sha256 else "none"
-    )
+    if content_sha256 is None:
+        return spec.certificate.vignetting
+    return f"the camera's vignetting version with content SHA-256 {content_sha256}"
 
 
 def _through_meters(meters: Sequence[UsedMeter]) -> str:

@@ -16,7 +16,6 @@ from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.plots import draw_calibration
 from service.problems import HttpCode, Problem, invalid, located
 from service.routes import problems, sends_file
 from service.schemas.calibrations import (
@@ -163,7 +162,7 @@ def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: 
         calibration = owned(session, Calibration, calibration_id, caller)
     tag = f"{calibration.content_sha256}-plot"
     return not_modified(request, tag) or Response(
-        draw_calibration(calibration.method, calibration.result),
+        methods.get_method(calibration.method).draw(calibration.result),
         headers=immutable_headers(tag),
         media_type="image/svg+xml",
     )

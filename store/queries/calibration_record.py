@@ -8,6 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.frame.statistics import ChannelStatistics
+from radiometry.methods import get_method
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.checklist import ChecklistItem, read_checklist, read_signature
 from store.queries.decisions import Act, key_names, list_publishings
@@ -105,7 +106,7 @@ def _acts(session: Session, calibration: Calibration) -> list[Act]:
 
 def _readings_used(session: Session, calibration: Calibration) -> list[Reading | None]:
     """Find the row of each meter reading that went in, also where it was withdrawn later."""
-    if calibration.method != "luminance":
+    if get_method(calibration.method).reference != "meter":
         return []
     rows = session.execute(
         select(Reading, Meter)

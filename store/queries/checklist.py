@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, Item, VersionFacts, find
 from radiometry.findings import shared
+from radiometry.methods import get_method
 from store.columns import utc_now
 from store.queries.evidence import Evidence, gather
 from store.tables import (
@@ -68,7 +69,7 @@ def read_checklist(session: Session, campaign: Campaign) -> list[ChecklistItem]:
 
 
 def has_checklist(campaign: Campaign) -> bool:
-    return campaign.method == "luminance"
+    return get_method(campaign.method).has_checklist
 
 
 def read_signature(session: Session, campaign: Campaign) -> ChecklistSignature | None:
@@ -184,7 +185,7 @@ def _newest_version(session: Session, campaign: Campaign) -> Calibration | None:
 
 
 def _version_facts(version: Calibration | None) -> VersionFacts | None:
-    if version is None or version.method != "luminance":
+    if version is None or not get_method(version.method).has_checklist:
         return None
     return VersionFacts(
         version=version.version,

@@ -8,8 +8,8 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.luminance.rows import Reading as LuminanceReading
-from radiometry.reflectance.rows import Reading as PanelReading
+from radiometry.methods import get_method
+from radiometry.specification.method import MethodSpec
 from store.tables import Campaign, FrameRow, Meter, Panel, Reading
 
 _ENGRAVED = ("kind", "make", "model", "serial")
@@ -26,18 +26,16 @@ class Reference:
 
 def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> Reference:
     """What the campaign's method measures against; most measure against nothing."""
-    match campaign.method:
-        case "luminance":
-            return Reference(
-                readings=_read_meters(session, campaign), sources={"meters": _meters(session, campaign)}
-            )
-        case "reflectance":
-            panel = find_panel(session, campaign, frames)
-            if panel is None:
-                return Reference(readings=[], sources={"panels": []})
-            return Reference(readings=_read_panel(panel), sources={"panels": [_describe_panel(panel)]})
-        case _:
-            return Reference(readings=[], sources={})
+    spec = get_method(campaign.method)
+    if spec.reference == "meter":
+        meters = _meters(session, campaign)
+        return Reference(readings=_read_meters(session, campaign, spec), sources={"meters": meters})
+    if spec.reference == "panel":
+        panel = find_panel(session, campaign, frames)
+        if panel is None:
+            return Reference(readings=[], sources={"panels": []})
+        return Reference(readings=_read_panel(panel, spec), sources={"panels": [_describe_panel(panel)]})
+    return Reference(readings=[], sources={})
 
 
 def find_panel(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> Panel | None:
@@ -64,9 +62,9 @@ def _panel_named_in(frame: FrameRow) -> str | None:
     return serial
 
 
-def _read_panel(panel: Panel) -> list[PanelReading]:
+def _read_panel(panel: Panel, spec: MethodSpec) -> list[Any]:
     return [
-        PanelReading(
+        spec.reading(
             panel=panel.serial,
             band=band["band"],
             reflectance=band["reflectance"],
@@ -80,14 +78,14 @@ def _describe_panel(panel: Panel) -> dict[str, Any]:
     return {"serial": panel.serial, "measured_on": panel.measured_on.isoformat(), "bands": panel.bands}
 
 
-def _read_meters(session: Session, campaign: Campaign) -> list[LuminanceReading]:
+def _read_meters(session: Session, campaign: Campaign, spec: MethodSpec) -> list[Any]:
     rows = session.execute(
         select(Reading, Meter)
         .outerjoin(Meter, Meter.id == Reading.meter_id)
         .where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None))
     )
     readings = [
-        LuminanceReading(
+        spec.reading(
             scene=reading.scene,
             quantity=reading.quantity,
             value=reading.value,

@@ -11,7 +11,6 @@ from jsonschema import Draft202012Validator
 from radiometry import methods
 from service.certificate import render_pdf
 from service.certificate.gaps import GapCode, list_gaps
-from service.certificate.texts import describe_method
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import calibrate
 from tests.support.certificates import certificate_of
@@ -80,7 +79,7 @@ def test_it_carries_what_the_version_rests_on(sqlite_house, version_of, certific
         assert frame["roi_sha256"] in {region["sha256"] for region in certificate["regions"]}
         stored = {each["channel"]: each["mean_dn"] for each in row["statistics"]}
         assert {each["channel"]: each["mean_dn"] for each in frame["statistics"]} == stored
-    columns = {column.name for column in describe_method(method).columns}
+    columns = {column.name for column in methods.get_method(method).certificate.columns}
     assert columns <= methods.get_method(method).point.__dataclass_fields__.keys()
     assert certificate["traceability"]
     assert certificate["checklist"] == {"items": []}
@@ -104,7 +103,7 @@ def test_its_coefficients_are_the_versions_with_their_coverage(version_of, certi
         assert 1.9 < factor < 13.0
         assert row["expanded_uncertainty"] == pytest.approx(factor * u, rel=1e-12)
         assert method == "reflectance" or factor == 2.0
-    assert describe_method(method).headlines & {row["name"] for row in stated}
+    assert methods.get_method(method).certificate.headlines & {row["name"] for row in stated}
 
 
 def test_a_panel_takes_the_place_of_meters(certificate_by):
@@ -158,7 +157,8 @@ def test_every_number_on_paper_is_one_of_the_jsons(sqlite_house, version_of, cer
     assert len(tokens) > 20
     assert [t for t in tokens if t not in quoted | ticks and not is_printed(t, numbers)] == []
     first, whole = " ".join(pages[0].split()), "".join("".join(pages).split())
-    for name in describe_method(method).headlines & {row["name"] for row in certificate["coefficients"]}:
+    headlines = methods.get_method(method).certificate.headlines
+    for name in headlines & {row["name"] for row in certificate["coefficients"]}:
         assert name in "".join(first.split())
     assert "Draft: not authorised" in first
     for frame in certificate["frames"]:

@@ -8,7 +8,7 @@ import pytest
 
 from radiometry import methods
 from radiometry.frame.packing import pack
-from service.plots import draw_calibration
+from radiometry.methods import get_method
 from store.codec import drop_absent, encode
 
 GRAPH = "{http://www.w3.org/2000/svg}"
@@ -150,7 +150,7 @@ RESULTS = {
 
 
 def draw(method):
-    return ET.fromstring(draw_calibration(method, RESULTS[method]()))
+    return ET.fromstring(get_method(method).draw(RESULTS[method]()))
 
 
 def lines(picture, css):
@@ -178,7 +178,7 @@ def test_every_method_is_drawn():
 @pytest.mark.parametrize("method", RESULTS)
 def test_what_does_not_exist_may_be_null_or_left_out(method):
     result = RESULTS[method]()
-    assert draw_calibration(method, drop_absent(result)) == draw_calibration(method, result)
+    assert get_method(method).draw(drop_absent(result)) == get_method(method).draw(result)
 
 
 @pytest.mark.parametrize("method", RESULTS)

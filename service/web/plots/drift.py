@@ -10,9 +10,9 @@ from bokeh.models.sources import ColumnDataSource
 from bokeh.models.tools import HoverTool
 from bokeh.plotting import figure
 
+from radiometry.drawing.svg import span
 from radiometry.fleet.determinations import Determination, Key
 from service.certificate.figures import in_print, in_step
-from service.svg import span
 from service.web.plots.figures import COLOURS, Theme, new_figure, style_legend
 
 _SYMBOLS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex")

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from service.plots.sheet import COLUMNS, Axis, dot, finish, line, name_series, place, write
-from service.svg import Panel
+from radiometry.drawing.sheet import COLUMNS, Axis, dot, finish, line, name_series, place, write
+from radiometry.drawing.svg import Panel
 
 Node = dict[str, Any]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from service.svg import Panel, Scale, span
+from radiometry.drawing.svg import Panel, Scale, span
 
 
 def scale(low, high, *, logarithmic=False):

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
-from service.svg import Panel, Scale, document, span
+from radiometry.drawing.svg import Panel, Scale, document, span
 
 COLUMNS = 3
 
@@ -33,6 +33,7 @@ class Axis:
     include: tuple[float, ...] = ()
 
     def scale(self, start_px: float, end_px: float) -> Scale:
+        """Return the scale of the axis between two pixels."""
         low, high = span(self.values, logarithmic=self.logarithmic, include=self.include)
         return Scale(low=low, high=high, start_px=start_px, end_px=end_px, logarithmic=self.logarithmic)
 

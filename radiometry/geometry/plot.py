@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from service.plots.sheet import Axis, dot, finish, line, place, swath, write
+from radiometry.drawing.sheet import Axis, dot, finish, line, place, swath, write
 
 Node = dict[str, Any]
 

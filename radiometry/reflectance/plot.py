@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from service.plots.sheet import Axis, bar, dot, finish, line, name_series, place, write
+from radiometry.drawing.sheet import Axis, bar, dot, finish, line, name_series, place, write
 
 Node = dict[str, Any]
 

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.drawing.sheet import Axis, bar, dot, finish, line, name_series, place, swath
+from radiometry.drawing.svg import Panel
 from radiometry.frame.packing import Packed, unpack
-from service.plots.sheet import Axis, bar, dot, finish, line, name_series, place, swath
-from service.svg import Panel
-from store.codec import decode
 
 Node = dict[str, Any]
 
@@ -96,7 +95,7 @@ def _draw_corners(result: Node) -> Iterator[str]:
 
 def _draw_residuals(fits: list[Node]) -> Iterator[str]:
     """Maps of (light - fitted) / fitted, all in one scale."""
-    maps = [_shrink(unpack(decode(Packed, fit["residuals"]))) for fit in fits]
+    maps = [_shrink(unpack(Packed(**fit["residuals"]))) for fit in fits]
     largest = max((float(np.nanmax(np.abs(each))) for each in maps if np.isfinite(each).any()), default=0.0)
     for index, (fit, residuals) in enumerate(zip(fits, maps, strict=True), start=2):
         c = fit["coefficient"]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from service.svg import Panel, Scale, document, span
+from radiometry.drawing.svg import Panel, Scale, document, span
 
 _WIDTH, _ROW_PX = 1140, 300
 _LEFT_PX, _PANEL_PX, _GAP_PX, _TOP_PX, _BOTTOM_PX = 64, 290, 82, 44, 52

@@ -1,0 +1,1 @@
+"""Plots as SVG text: panels with axes, and sheets of them."""
