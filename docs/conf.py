@@ -1,0 +1,38 @@
+"""Configuration of the documentation site: the pages of `docs/`, and the API reference from the docstrings."""
+
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+project = "stilb"
+release = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+extensions = ["myst_parser", "sphinx.ext.apidoc", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+html_theme_options = {"page_width": "70rem", "sidebar_width": "16rem", "fixed_sidebar": True}
+html_copy_source = False
+
+# the anchors that readers of the repository see too
+myst_heading_anchors = 4
+
+apidoc_modules = [
+    {
+        "path": str(ROOT / package),
+        "destination": f"reference/{package}",
+        # the commands describe themselves: stilb --help
+        "exclude_patterns": ["**/commands/**", "**/__main__.py"],
+        "automodule_options": {"members"},
+        "module_first": True,
+        "max_depth": 3,
+    }
+    for package in ("radiometry", "stilb")
+]
+autodoc_member_order = "bysource"
+# a parameter is not a place that a name may lead to: looking for one is a third of the build
+napoleon_use_param = False
+napoleon_use_ivar = True
+
+exclude_patterns = ["reference/*/modules.rst"]
+# docutils: names between bars in formulae, as |d|; ref.python: one name in several dataclasses
+suppress_warnings = ["docutils", "ref.python"]
