@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test faults chromium audit export verify verify-backup lint format fuzz bench docs architecture pictures lock clean
+.PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture pictures release lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -19,8 +19,12 @@ up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 test: export OPENBLAS_NUM_THREADS = 1
 # an image may forbid it: each of the hundreds of processes would then compile every module again
 test: export PYTHONDONTWRITEBYTECODE =
-test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL
-	@pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal
+test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
+	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal)
+
+quick: export OPENBLAS_NUM_THREADS = 1
+quick: lint  ## what a change needs in a minute: lint, types, and the tests of the science and of single units
+	@pytest -q -m "unit and not slow" -n $$(nproc) --maxprocesses 8 --dist worksteal
 
 faults: export OPENBLAS_NUM_THREADS = 1
 faults: $(VENV)/dev  ## drill every fault on both deployments and write docs/faults.md, in an hour (SEED=1, ARGS="--only disk")
@@ -64,6 +68,9 @@ architecture: $(VENV)/dev  ## draw the rooms and their table in docs/architectur
 
 pictures: $(VENV)/dev chromium  ## take the pictures of the README anew, from the test that drives the whole procedure
 	@STILB_ILLUSTRATIONS=docs/pictures pytest -q tests/browser/test_procedure.py
+
+release: $(VENV)/dev  ## check version, change log, tree and wheel for a release, and build into dist/
+	@python .ci/release.py
 
 lock: $(VENV)/uv  ## resolve the dependencies anew, with hashes
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra server pyproject.toml -o requirements.lock

@@ -1,4 +1,4 @@
-"""Configuration of the documentation site: the pages of `docs/`, and the API reference from the docstrings."""
+"""Configuration of the documentation site: the pages of `docs/`, and an API reference from docstrings."""
 
 import sys
 import tomllib
@@ -34,5 +34,6 @@ napoleon_use_param = False
 napoleon_use_ivar = True
 
 exclude_patterns = ["reference/*/modules.rst"]
+
 # docutils: names between bars in formulae, as |d|; ref.python: one name in several dataclasses
 suppress_warnings = ["docutils", "ref.python"]

@@ -1,6 +1,7 @@
 """What every suite shares: both databases, and the house put together without processes."""
 
 from collections import defaultdict
+from pathlib import Path
 from zlib import crc32
 
 import hypothesis
@@ -18,11 +19,21 @@ hypothesis.settings.register_profile("house", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("house")
 
 
-def pytest_collection_modifyitems(items):
-    """Keep of each test marked `either_database` the run on one database: which, its name decides.
+# what needs more than this process, and the suites that start whole deployments
+SERVED = {"migrated_sqlite", "postgres", "s3_endpoint", "wheel"}
+WHOLE = {"bench", "browser", "demo", "faults", "flow"}
 
-    Half of such tests run on SQLite and half on PostgreSQL, so that every module meets both.
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests of `make quick`, and keep of each test marked `either_database` the run on one database.
+
+    Which database, the test's name decides: half of such tests run on SQLite and half on PostgreSQL, so that
+    every module meets both.
     """
+    for item in items:
+        room = item.path.relative_to(Path(__file__).parent).parts[0]
+        if room not in WHOLE and SERVED.isdisjoint(item.fixturenames):
+            item.add_marker(pytest.mark.unit)
     offered = defaultdict(set)
     for item in items:
         if item.get_closest_marker("either_database"):

@@ -1,0 +1,107 @@
+"""What `make release` accepts and refuses."""
+
+import importlib.util
+import subprocess
+import zipfile
+
+import pytest
+
+from tests.support.compose import ROOT
+
+
+@pytest.fixture(scope="module")
+def release():
+    spec = importlib.util.spec_from_file_location("release", ROOT / ".ci" / "release.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """A repository with one commit."""
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = "stilb"\nversion = "1.2.3"\n')
+    (tmp_path / "CHANGELOG.md").write_text(
+        "# Change log\n\n## Unreleased\n\n## 1.2.3 - 2026-11-22\n\n- A.\n\n## 1.2.2\n"
+    )
+    git(tmp_path, "init", "-q")
+    commit(tmp_path)
+    return tmp_path
+
+
+def git(root, *arguments):
+    who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+    subprocess.run(["git", "-C", root, *who, *arguments], check=True, capture_output=True)
+
+
+def commit(root):
+    git(root, "add", "-A")
+    git(root, "commit", "-q", "--allow-empty", "-m", "c")
+
+
+def test_release_accepts_a_committed_version_with_its_entry(release, tree):
+    for check in (release.check_version, release.check_change_log, release.check_tree):
+        assert check(tree).right is True, check(tree)
+
+
+def test_version_of_another_commits_tag_is_refused(release, tree):
+    git(tree, "tag", "v1.2.3")
+    assert release.check_version(tree).right is True
+    commit(tree)
+    assert release.check_version(tree).right is False
+
+
+def test_development_version_is_refused(release, tree):
+    (tree / "pyproject.toml").write_text('[project]\nversion = "1.2.3.dev1"\n')
+    assert release.check_version(tree).right is False
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "## Unreleased\n- A.\n",
+        "## 1.2.3\n- A.\n",
+        "## 1.2.4 - 2026-11-22\n- A.\n",
+        "## 1.2.3 - 2026-11-22\n",
+    ],
+)
+def test_change_log_without_this_release_is_refused(release, tree, text):
+    (tree / "CHANGELOG.md").write_text(text)
+    assert release.check_change_log(tree).right is False
+
+
+def test_uncommitted_file_is_refused_by_name(release, tree):
+    (tree / "new.py").write_text("")
+    found = release.check_tree(tree)
+    assert (found.right, "new.py" in found.detail) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("version", "more", "right"), [("1.2.3", "", True), ("1.2.4", "", False), ("1.2.3", "store/a.py", False)]
+)
+def test_wheel_of_another_version_or_with_the_server_is_refused(release, tmp_path, version, more, right):
+    wheel = tmp_path / "stilb-1.2.3-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for name in ("stilb/__init__.py", *filter(None, [more])):
+            archive.writestr(name, "")
+        archive.writestr(f"stilb-{version}.dist-info/METADATA", f"Name: stilb\nVersion: {version}\n")
+    assert release.inspect_wheel(wheel, "1.2.3").right is right
+
+
+def test_server_is_reported_as_absent_until_it_is_declared(release, tree):
+    assert release.check_server(tree).right is None
+    (tree / "server").mkdir()
+    (tree / "server" / "pyproject.toml").write_text('[project]\nname = "stilb-server"\nversion = "1.2.2"\n')
+    assert release.check_server(tree).right is False
+
+
+def test_one_failed_check_fails_the_release(release, capsys):
+    checks = [release.Check(name="a", right=each, detail="d") for each in (True, None)]
+    assert release.report(iter(checks)) == 0
+    assert release.report(iter([*checks, release.Check(name="tree", right=False, detail="d")])) == 1
+    assert "FAILED" in capsys.readouterr().out
+
+
+def test_change_log_of_this_repository_has_its_version(release):
+    assert release.check_change_log(ROOT).right is True
