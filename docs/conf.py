@@ -29,8 +29,9 @@ apidoc_modules = [
     for package in ("radiometry", "stilb")
 ]
 autodoc_member_order = "bysource"
-# a parameter is not a place that a name may lead to: looking for one is a third of the build
+# no link is sought for the type of each parameter and result: that search is long
 napoleon_use_param = False
+napoleon_use_rtype = False
 napoleon_use_ivar = True
 
 exclude_patterns = ["reference/*/modules.rst"]

@@ -14,7 +14,14 @@ from store.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+# without the front page of the site: that of the repository is the README
+PAGES = [
+    *(
+        ROOT / name
+        for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md")
+    ),
+    *(page for page in sorted(DOCS.rglob("*.md")) if page != DOCS / "index.md"),
+]
 # Codes that are written where they are raised, and in no enumeration: jobs, conflicts, the client.
 WRITTEN = {
     "worker": re.compile(r'\bproblem\(\s*"(\w+)"'),
