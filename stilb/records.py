@@ -165,6 +165,17 @@ class KnownFrame(Record):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Finding(Record):
+    """An entry of the registry: what a flag, a reason or a refusal means, and what to do about it."""
+
+    code: str
+    severity: str
+    where: tuple[str, ...]
+    sentence: str
+    remedy: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class OwnKey(Record):
     """The key that a client asks with."""
 

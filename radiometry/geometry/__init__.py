@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from radiometry.geometry import method
+from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE
 from radiometry.geometry.plot import draw
@@ -37,6 +37,7 @@ SPEC: Final = MethodSpec(
         ),
         CoefficientKind(name="rms_px", label="Root mean square residual", units=("px",)),
     ),
+    findings=codes.FINDINGS,
     extract=method.extract,
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),

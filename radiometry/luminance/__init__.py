@@ -3,7 +3,7 @@
 from typing import Final
 
 from radiometry.fitting.evidence import Extracted
-from radiometry.luminance import method
+from radiometry.luminance import codes, method
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.plot import draw
@@ -28,6 +28,7 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="luminance_k", label="Luminance K", units=("DN*m2/(cd*s)",)),
         CoefficientKind(name="dark_signal_dn", label="Dark signal", units=("DN",)),
     ),
+    findings=codes.FINDINGS,
     extract=lambda frame, regions, **_: Extracted(
         statistics=method.extract(frame, regions[0].polygon), features=None
     ),

@@ -5,12 +5,7 @@ from types import MappingProxyType
 
 from radiometry.findings import Finding, files, shared
 from radiometry.fleet import codes as fleet
-from radiometry.geometry import codes as geometry
-from radiometry.luminance import codes as luminance
-from radiometry.noise import codes as noise
-from radiometry.reflectance import codes as reflectance
-from radiometry.sharpness import codes as sharpness
-from radiometry.vignetting import codes as vignetting
+from radiometry.methods import METHODS
 
 
 def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
@@ -31,7 +26,5 @@ def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
 
 
 FINDINGS = collect_findings(
-    *(shared.FINDINGS, files.FINDINGS, fleet.FINDINGS),
-    *(luminance.FINDINGS, reflectance.FINDINGS, vignetting.FINDINGS),
-    *(sharpness.FINDINGS, geometry.FINDINGS, noise.FINDINGS),
+    shared.FINDINGS, files.FINDINGS, fleet.FINDINGS, *(spec.findings for spec in METHODS)
 )

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from radiometry.noise import method
+from radiometry.noise import codes, method
 from radiometry.noise.certificate import CERTIFICATE
 from radiometry.noise.plot import draw
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
@@ -35,6 +35,7 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="dsnu_dn", label="Dark signal nonuniformity", units=("DN",)),
         CoefficientKind(name="prnu_rel", label="Photo response nonuniformity", units=("1",)),
     ),
+    findings=codes.FINDINGS,
     extract=drop_target(method.extract),
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from radiometry.reflectance import method
+from radiometry.reflectance import codes, method
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
 from radiometry.reflectance.plot import draw
@@ -29,6 +29,7 @@ SPEC: Final = MethodSpec(
     coefficients=(
         CoefficientKind(name="reflectance_k", label="Reflectance K", units=("1/s", "1", "sr", "m2*sr*nm/W")),
     ),
+    findings=codes.FINDINGS,
     extract=drop_target(method.extract),
     find_region=method.find_region,
     make_row=method.make_row,

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from radiometry.sharpness import method
+from radiometry.sharpness import codes, method
 from radiometry.sharpness.certificate import CERTIFICATE
 from radiometry.sharpness.plot import draw
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
@@ -49,6 +49,7 @@ SPEC: Final = MethodSpec(
         ),
         CoefficientKind(name="corner_falloff", label="Loss towards the corners", units=("1",)),
     ),
+    findings=codes.FINDINGS,
     extract=method.extract,
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args, get_type_hints
 
+from radiometry.findings import Finding
 from radiometry.specification.certificate import CertificateText
 from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Role
@@ -90,6 +91,8 @@ class MethodSpec:
         Name in the API, label on pages, and one sentence: what is calibrated, from what.
     schema_version : int
         Version of the form in which parameters and results are stored.
+    findings : tuple of Finding
+        What only this method finds, for the registry.
     roles : tuple of Role
         Roles of the frames that the fit uses; the first is the default of a frame.
     applied_roles : tuple of Role
@@ -163,6 +166,7 @@ class MethodSpec:
     list_coefficients: Callable[..., tuple[Any, ...]]
     draw: Callable[[dict[str, Any]], str]
     certificate: CertificateText
+    findings: tuple[Finding, ...] = ()
     applied_roles: tuple[Role, ...] = ()
     features: type[Any] | None = None
     target: type[Any] | None = None

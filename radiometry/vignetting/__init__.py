@@ -4,7 +4,7 @@ from typing import Final
 
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT
-from radiometry.vignetting import method
+from radiometry.vignetting import codes, method
 from radiometry.vignetting.certificate import CERTIFICATE
 from radiometry.vignetting.plot import draw
 
@@ -28,6 +28,7 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="centre_row_px", label="Centre row", units=("px",)),
         CoefficientKind(name="centre_col_px", label="Centre column", units=("px",)),
     ),
+    findings=codes.FINDINGS,
     extract=drop_target(method.extract),
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),

@@ -99,7 +99,7 @@ def test_figures_cells_and_what_to_know_stand_there(shown, night):
     )
     expect(shown.locator("#budget")).to_contain_text("f-number")
     expect(shown.locator("#better").get_by_role("listitem").first).to_be_visible()
-    expect(shown.locator("#flags")).to_contain_text("not the observer of EN 13201")
+    expect(shown.locator("#flags")).to_contain_text("not at the observer's position of EN 13201")
     check_access(shown)
     look(shown, "measurement")
     shown.get_by_role("button", name="Linear").click()

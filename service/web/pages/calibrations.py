@@ -1,12 +1,9 @@
 """One version of a calibration: what was found, from what, and what was decided of it."""
 
-import json
-from collections.abc import Iterable
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from radiometry.methods.findings import FINDINGS
 from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
@@ -33,7 +30,6 @@ def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContex
         calibration=calibration,
         camera=camera,
         campaign=campaign,
-        meanings=format_flags(raised["flag"] for raised in calibration.result.get("flags", [])),
         asked=" ".join(FORMS[calibration.method].model_fields),
     )
 
@@ -55,12 +51,6 @@ def plot_residuals(
     calibration_id: Id, caller: Reader, context: UsesContext, theme: Annotated[Theme, Query()] = "light"
 ) -> Response:
     return send_plot(draw_residuals(_luminance(context, calibration_id, caller).result, theme=theme))
-
-
-def format_flags(flags: Iterable[str]) -> str:
-    """JSON of what each of these flags means, for the page's module."""
-    raised = set(flags)
-    return json.dumps({flag: FINDINGS[flag].sentence for flag in raised})
 
 
 def _luminance(context: Context, calibration_id: str, caller: Caller) -> Calibration:

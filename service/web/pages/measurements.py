@@ -4,18 +4,14 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from radiometry.findings import shared
 from radiometry.reflectance.indices import INDICES
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.schemas.base import Text
-from service.web.pages.calibrations import format_flags
 from service.web.rendering import SignedInPage
 from store.tables import Calibration, FrameRow, Measurement
 
 router = APIRouter(include_in_schema=False)
-
-_OF_STATUS = (shared.CALIBRATION_NOT_PUBLISHED, shared.CALIBRATION_SUPERSEDED, shared.CALIBRATION_REVOKED)
 
 
 @router.get("/measurements")
@@ -45,11 +41,9 @@ def show_measurement(measurement_id: Id, page: SignedInPage, context: UsesContex
         measurement = owned(session, Measurement, measurement_id, page.caller)
         frame = session.get_one(FrameRow, measurement.frame_id)
         calibration = session.get_one(Calibration, measurement.calibration_id)
-    raised = [raised["flag"] for raised in measurement.result["flags"]]
     return page.render(
         "measurement.html",
         title=frame.filename,
         measurement=measurement,
         calibration=calibration,
-        meanings=format_flags([*raised, *_OF_STATUS]),
     )

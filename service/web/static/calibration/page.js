@@ -3,7 +3,7 @@
 import { all, get, getOr } from "../api.js";
 import { byId, fill, h } from "../dom.js";
 import { empty, failed, load } from "../states.js";
-import { drawFlags } from "../flags.js";
+import { drawFlags, explainFlags } from "../flags.js";
 import { drawBudget, drawModels } from "./detail.js";
 import { offerDecisions } from "./decide.js";
 import { drawStatus, drawVerdict } from "./result.js";
@@ -13,7 +13,7 @@ import { drawPoints } from "./points.js";
 import { Choice } from "./choice.js";
 
 const main = document.querySelector("main");
-const { calibrationId: id, method, meanings } = main.dataset;
+const { calibrationId: id, method } = main.dataset;
 const choice = new Choice();
 
 start();
@@ -22,7 +22,7 @@ async function start() {
   const calibration = get(`/v1/calibrations/${id}`);
   showStatus(calibration);
   load(byId("verdict"), () => calibration, drawVerdict);
-  load(byId("flags"), () => calibration, (found) => drawFlags(found.diagnostics.flags ?? [], JSON.parse(meanings)));
+  load(byId("flags"), async () => explainFlags((await calibration).diagnostics.flags ?? []), drawFlags);
   load(byId("points"), () => calibration, (found) => drawPoints(found, choice));
   load(byId("made"), () => calibration, drawMade);
   try {

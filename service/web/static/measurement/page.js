@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { bars } from "../bars.js";
 import { byId, fill, h, may } from "../dom.js";
-import { drawFlags } from "../flags.js";
+import { drawFlags, explainFlags } from "../flags.js";
 import { number, percent, sayTimes, tag, time, words } from "../format.js";
 import { empty, load } from "../states.js";
 import { drawFigures } from "./figures.js";
@@ -13,7 +13,7 @@ import { scaleTools } from "./tools.js";
 import { loadMap } from "./values.js";
 import { titleOf } from "./words.js";
 
-const { measurementId: id, meanings } = document.querySelector("main").dataset;
+const { measurementId: id } = document.querySelector("main").dataset;
 const measurement = get(`/v1/measurements/${id}`);
 
 load(byId("figures"), () => measurement, (found) => {
@@ -28,7 +28,7 @@ load(byId("map"), drawableMap, (drawn) => drawn);
 load(byId("with"), withFalloff, drawCalibration);
 load(byId("budget"), () => measurement, drawBudget);
 load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, each))) : h("p", { class: "muted" }, "No suggestions.")));
-load(byId("flags"), () => measurement, ({ flags }) => drawFlags(flags, JSON.parse(meanings)));
+load(byId("flags"), async () => explainFlags((await measurement).flags), drawFlags);
 load(byId("made"), () => measurement, drawRecord);
 
 async function drawableMap() {

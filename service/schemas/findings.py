@@ -1,0 +1,35 @@
+"""The registry of findings, as clients see it."""
+
+from dataclasses import asdict
+
+from pydantic import ConfigDict, Field
+
+from radiometry.findings import Place, Severity
+from radiometry.methods.findings import FINDINGS
+from service.schemas.base import Answer
+
+
+class FindingAnswer(Answer):
+    """What can be found in a frame, a fit or a measurement."""
+
+    code: str = Field(description="Stable: the `flag`, the `code` of a reason, or the `code` of a refusal.")
+    severity: Severity = Field(description='The gravest that an occurrence can have; "error": no result.')
+    where: list[Place] = Field(description="Where it can occur.")
+    sentence: str
+    remedy: str
+
+
+_EXAMPLE = FindingAnswer.model_validate(asdict(next(iter(FINDINGS.values())))).dump()
+
+
+class FindingsAnswer(Answer):
+    """Every finding that this service knows."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"items": [_EXAMPLE]}]})
+
+    items: list[FindingAnswer]
+
+
+def describe_findings() -> FindingsAnswer:
+    """Return every finding."""
+    return FindingsAnswer(items=[FindingAnswer.model_validate(asdict(each)) for each in FINDINGS.values()])
