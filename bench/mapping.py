@@ -1,16 +1,15 @@
 """From a file on the disk to its luminance map as TIFF: ours, and plain numpy over rawpy's decode."""
 
 import itertools
-import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import rawpy
-import tifffile
 
 from bench.report import judge, say, show_times
-from bench.subject import CAMERA, Scale, make_mosaic, write_copies
+from bench.subject import CAMERA, KINDS, Scale, measure_kinds, require_equal, save_plainly
 from bench.timing import compare, take_turns
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
@@ -18,35 +17,22 @@ from radiometry.luminance.maps import MapScale
 from simulation.dng import Compression
 from worker.decode.pool import DecoderPool
 from worker.maps.making import write_map
-from worker.maps.tiff import LEVEL, TILE_PX, MapFacts
+from worker.maps.tiff import MapFacts
 from worker.measuring.luminance import make_subject
 
 OURS = "ours, as the worker does it, without the picture"
 PLAIN = "plain numpy over rawpy's full decode"
 _SCALE = MapScale(slope_cd_m2_per_dn=0.00123, dark_signal_dn=256.3, channel="green")
 _EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
-_DESCRIPTION = '{"unit": "cd/m2"}'
-_DECODERS = 2  # as many as a worker has unless it is told otherwise
-_NAMES = 6  # more than the decoding process keeps open
 
 
 def run(scale: Scale) -> list[bool]:
     """Measure both kinds of file."""
-    verdicts: list[bool] = []
-    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
-        folder, mosaic = Path(name), make_mosaic(scale)
-        with DecoderPool(_DECODERS) as pool:
-            for compression in ("none", "ljpeg"):
-                paths = write_copies(folder, mosaic, compression, names=_NAMES)
-                verdicts.append(_measure(scale, compression, paths, pool))
-                for path in paths:
-                    path.unlink()
-    return verdicts
+    return measure_kinds(scale, partial(_measure, scale))
 
 
-def _measure(scale: Scale, compression: Compression, paths: list[Path], pool: DecoderPool) -> bool:
-    kind = "uncompressed" if compression == "none" else "lossless JPEG in tiles"
-    say(f"\na luminance map of {scale.cols} x {scale.rows} px, {kind}")
+def _measure(scale: Scale, compression: Compression, paths: list[Path], pool: DecoderPool) -> list[bool]:
+    say(f"\na luminance map of {scale.cols} x {scale.rows} px, {KINDS[compression]}")
     ours, plain = (paths[0].with_name(f"{name}.tif") for name in ("ours", "plain"))
     our_paths, plain_paths = itertools.cycle(paths), itertools.cycle(paths)
     ways: dict[str, Callable[[], object]] = {
@@ -54,12 +40,12 @@ def _measure(scale: Scale, compression: Compression, paths: list[Path], pool: De
         PLAIN: lambda: map_plainly(next(plain_paths), plain),
     }
     seconds = take_turns(ways, rounds=scale.rounds)
-    _require_equal(ours, plain)
+    require_equal(ours, plain, rtol=1e-5)
     show_times(seconds)
     say(f"  {'the TIFF':<54} {ours.stat().st_size / 1e6:8.1f} MB")
     for path in (ours, plain):
         path.unlink()
-    return judge("times faster than plain numpy", compare(seconds[PLAIN], seconds[OURS]), at_least=2.0)
+    return [judge("times faster than plain numpy", compare(seconds[PLAIN], seconds[OURS]), at_least=2.0)]
 
 
 def map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
@@ -85,19 +71,4 @@ def map_plainly(path: Path, target: Path) -> None:
     over = np.pad(mosaic >= CAMERA.sensor.white_level_dn, 1, mode="reflect")
     beside = over[:-2, 1:-1] | over[2:, 1:-1] | over[1:-1, :-2] | over[1:-1, 2:]
     luminance[np.where(green, over[1:-1, 1:-1], beside)] = np.nan
-    tifffile.imwrite(
-        target,
-        luminance,
-        tile=(TILE_PX, TILE_PX),
-        compression="zlib",
-        compressionargs={"level": LEVEL},
-        description=_DESCRIPTION,
-        metadata=None,
-    )
-
-
-def _require_equal(ours: Path, plain: Path) -> None:
-    """A quick way that gives another map is no way; single precision differs in the last digits."""
-    one, other = tifffile.imread(ours), tifffile.imread(plain)
-    if not np.allclose(one, other, rtol=1e-5, atol=1e-6, equal_nan=True):
-        raise AssertionError("the maps differ")
+    save_plainly(target, luminance, unit="cd/m2")

@@ -4,8 +4,8 @@ Every way ends in the same function on the same region, and must give the same n
 """
 
 import itertools
-import tempfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import imagecodecs
@@ -15,7 +15,7 @@ import tifffile
 
 from bench import imagej
 from bench.report import judge, say, show_times
-from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
+from bench.subject import CAMERA, KINDS, Scale, draw_roi, measure_kinds
 from bench.timing import compare, take_turns
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, bounding_window
@@ -29,28 +29,15 @@ Rows = tuple[ChannelStatistics, ...]
 OURS = "ours, as the worker does it, its process included"
 RAWPY = "rawpy's full decode"
 LIMIT = "the limit: only these pixels or tiles, no header"
-_NAMES = 6  # more than the decoding process keeps open
 
 
 def run(scale: Scale) -> list[bool]:
     """Measure both kinds of file."""
-    polygon = draw_roi(scale)
-    verdicts: list[bool] = []
-    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as folder:
-        mosaic = make_mosaic(scale)
-        with DecoderPool() as pool:
-            for compression in ("none", "ljpeg"):
-                paths = write_copies(Path(folder), mosaic, compression, names=_NAMES)
-                verdicts += _measure(scale, compression, paths, polygon, pool)
-                for path in paths:
-                    path.unlink()
-    return verdicts
+    return measure_kinds(scale, partial(_measure, scale))
 
 
-def _measure(
-    scale: Scale, compression: Compression, paths: list[Path], polygon: Polygon, pool: DecoderPool
-) -> list[bool]:
-    kind = "uncompressed" if compression == "none" else "lossless JPEG in tiles"
+def _measure(scale: Scale, compression: Compression, paths: list[Path], pool: DecoderPool) -> list[bool]:
+    polygon, kind = draw_roi(scale), KINDS[compression]
     window = bounding_window(polygon, height_px=scale.rows, width_px=scale.cols)
     size_mb = paths[0].stat().st_size / 1e6
     say(f"\nreading a region of 5 % of {scale.cols} x {scale.rows} px, {kind}, {size_mb:.0f} MB")

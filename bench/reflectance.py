@@ -13,7 +13,7 @@ import tifffile
 
 from bench.memory import measure_growth
 from bench.report import judge, say, show_times
-from bench.subject import Scale, link_copies
+from bench.subject import DECODERS, NAMES, Scale, link_copies, require_equal, save_plainly
 from bench.timing import compare, take_turns
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
@@ -24,12 +24,10 @@ from simulation.sequoia import Band as SimulatedBand
 from simulation.sequoia_file import name_file, write_sequoia
 from worker.decode.pool import DecoderPool
 from worker.maps.making import Subject, write_map
-from worker.maps.tiff import LEVEL, TILE_PX, MapFacts, Plane
+from worker.maps.tiff import MapFacts, Plane
 
 OURS = "ours, as the worker does it, without the pictures"
 PLAIN = "plain numpy and tifffile"
-_DECODERS = 2  # as many as a worker has unless it is told otherwise
-_NAMES = 6  # more than the decoding process keeps open
 _SURFACE = {"green": 0.12, "red": 0.08, "red_edge": 0.3, "nir": 0.45}
 _I_SS = 4300.0
 
@@ -57,7 +55,7 @@ def run(scale: Scale) -> list[bool]:
         with open_ours(bands) as (ours, _), open_plain(bands) as (plain, _):
             seconds = take_turns({OURS: ours, PLAIN: plain}, rounds=scale.rounds)
         for band in bands:
-            _require_equal(band.target("ours"), band.target("plain"))
+            require_equal(band.target("ours"), band.target("plain"), rtol=1e-4)
         show_times(seconds)
         say(f"  {'memory, ours with its decoders':<54} {measure_growth(partial(open_ours, bands))}")
         say(f"  {'memory, plain numpy':<54} {measure_growth(partial(open_plain, bands))}")
@@ -67,8 +65,8 @@ def run(scale: Scale) -> list[bool]:
 @contextmanager
 def open_ours(bands: Sequence[Band]) -> Iterator[tuple[Callable[[], None], list[int]]]:
     """What the worker does for each band of a capture."""
-    turns = itertools.cycle(range(_NAMES))
-    with DecoderPool(_DECODERS) as pool:
+    turns = itertools.cycle(range(NAMES))
+    with DecoderPool(DECODERS) as pool:
         pool.read_header(bands[0].paths[0])
 
         def work() -> None:
@@ -82,7 +80,7 @@ def open_ours(bands: Sequence[Band]) -> Iterator[tuple[Callable[[], None], list[
 @contextmanager
 def open_plain(bands: Sequence[Band]) -> Iterator[tuple[Callable[[], None], list[int]]]:
     """What a script does for each band of a capture."""
-    turns = itertools.cycle(range(_NAMES))
+    turns = itertools.cycle(range(NAMES))
 
     def work() -> None:
         number = next(turns)
@@ -122,15 +120,7 @@ def map_plainly(band: Band, path: Path) -> None:
     factor = exposure.f_number**2 / response * band.sensor.reflectance_k / _I_SS
     reflected = (samples.astype(np.float32) - np.float32(model.b)) / share * np.float32(factor)
     reflected[samples >= FULL_SCALE_DN] = np.nan
-    tifffile.imwrite(
-        band.target("plain"),
-        reflected,
-        tile=(TILE_PX, TILE_PX),
-        compression="zlib",
-        compressionargs={"level": LEVEL},
-        description='{"unit": "1"}',
-        metadata=None,
-    )
+    save_plainly(band.target("plain"), reflected, unit="1")
 
 
 def _write_bands(folder: Path, camera: Sequoia) -> list[Band]:
@@ -145,11 +135,4 @@ def _write_band(folder: Path, name: str, sensor: SimulatedBand, shot: Taken) -> 
     scale = reflectance.Scale(
         band=name, factor=k / _I_SS, u_rel=0.0, sources=(), reflectance_k=k, i_ss=_I_SS, flags=()
     )
-    return Band(paths=link_copies(first, _NAMES), sensor=sensor, exposure=shot.exposure, scale=scale)
-
-
-def _require_equal(ours: Path, plain: Path) -> None:
-    """A quick way that gives another map is no way; single precision differs in the last digits."""
-    one, other = tifffile.imread(ours), tifffile.imread(plain)
-    if not np.allclose(one, other, rtol=1e-4, atol=1e-6, equal_nan=True):
-        raise AssertionError("the maps differ")
+    return Band(paths=link_copies(first, NAMES), sensor=sensor, exposure=shot.exposure, scale=scale)

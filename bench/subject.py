@@ -1,19 +1,28 @@
 """The frame and the region that the readers are measured on."""
 
+import json
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import tifffile
 from numpy.typing import NDArray
 
 from radiometry.frame.exposure import Settings
 from radiometry.frame.roi import Polygon
 from simulation.camera import Camera
 from simulation.dng import Compression, write_dng
+from worker.decode.pool import DecoderPool
+from worker.maps.tiff import LEVEL, TILE_PX
 
 CAMERA = Camera()
 ROI_SHARE = 0.05
+KINDS: dict[Compression, str] = {"none": "uncompressed", "ljpeg": "lossless JPEG in tiles"}
+DECODERS = 2  # as many as a worker has unless it is told otherwise
+NAMES = 6  # more than the decoding process keeps open
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +62,21 @@ def draw_roi(scale: Scale) -> Polygon:
     )
 
 
+def measure_kinds(
+    scale: Scale, measure: Callable[[Compression, list[Path], DecoderPool], list[bool]]
+) -> list[bool]:
+    """Measure both kinds of file."""
+    verdicts: list[bool] = []
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as folder, DecoderPool(DECODERS) as pool:
+        mosaic = make_mosaic(scale)
+        for compression in KINDS:
+            paths = write_copies(Path(folder), mosaic, compression, names=NAMES)
+            verdicts += measure(compression, paths, pool)
+            for path in paths:
+                path.unlink()
+    return verdicts
+
+
 def write_copies(
     folder: Path, mosaic: NDArray[np.uint16], compression: Compression, *, names: int
 ) -> list[Path]:
@@ -69,3 +93,23 @@ def link_copies(first: Path, names: int) -> list[Path]:
     for other in others:
         other.hardlink_to(first)
     return [first, *others]
+
+
+def save_plainly(target: Path, plane: NDArray[np.float32], *, unit: str) -> None:
+    """As a script does with tifffile: our tiles, compression and level."""
+    tifffile.imwrite(
+        target,
+        plane,
+        tile=(TILE_PX, TILE_PX),
+        compression="zlib",
+        compressionargs={"level": LEVEL},
+        description=json.dumps({"unit": unit}),
+        metadata=None,
+    )
+
+
+def require_equal(ours: Path, plain: Path, *, rtol: float) -> None:
+    """A quick way that gives another map is no way; single precision differs in the last digits."""
+    one, other = tifffile.imread(ours), tifffile.imread(plain)
+    if not np.allclose(one, other, rtol=rtol, atol=1e-6, equal_nan=True):
+        raise AssertionError("the maps differ")
