@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture pictures release lock clean
+.PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables pictures release lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -62,6 +62,9 @@ bench: $(VENV)/dev  ## side by side with what people use today and with the limi
 
 docs: $(VENV)/dev  ## the documentation with the API reference, into build/site; a broken link or import fails it
 	@sphinx-build -q -W --keep-going -E -j 2 -b html docs build/site && echo "build/site/index.html"
+
+tables: $(VENV)/dev  ## write the tables of parameters and coefficients in docs/ from the specifications
+	@PYTHONPATH=. python docs/tables.py
 
 architecture: $(VENV)/dev  ## draw the rooms and their table in docs/architecture.md from the imports
 	@python docs/architecture.py

@@ -73,6 +73,19 @@ class Parameter:
         below = "" if high is None else f"{'below' if self.below_maximum else 'at most'} {high:g}"
         return " and ".join(part for part in (above, below) if part)
 
+    @property
+    def default_shown(self) -> str:
+        """The default as a document shows it."""
+        match self.default:
+            case bool():
+                return str(self.default).lower()
+            case tuple():
+                return " to ".join(f"{each:g}" for each in self.default)
+            case int() | float():
+                return f"{self.default:.3g}"
+            case _:
+                return str(self.default)
+
     def holds(self, value: float) -> bool:
         """Return True if a number lies within the range; NaN and infinity do not."""
         if not math.isfinite(value):

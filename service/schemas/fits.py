@@ -86,22 +86,9 @@ def _make_form(spec: MethodSpec) -> type[FitRequest]:
 
 def describe_parameter(parameter: Parameter) -> str:
     """Return the sentence of a parameter with its unit and what holds if it is left out."""
-    default = parameter.default_text or format_default(parameter)
+    default = parameter.default_text or parameter.default_shown
     unit = f" Unit: {parameter.unit}." if parameter.unit != "1" else ""
     return f"{parameter.description}{unit} Default: {default}."
-
-
-def format_default(parameter: Parameter) -> str:
-    """Return the default of a parameter as a document shows it."""
-    match parameter.default:
-        case bool():
-            return str(parameter.default).lower()
-        case tuple():
-            return " to ".join(f"{each:g}" for each in parameter.default)
-        case int() | float():
-            return f"{parameter.default:.3g}"
-        case _:
-            return str(parameter.default)
 
 
 def _make_field(parameter: Parameter) -> tuple[Any, Any]:

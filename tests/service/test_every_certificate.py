@@ -55,6 +55,8 @@ def leaves(value):
 def test_a_stored_version_is_as_the_document_describes_it(sqlite_house, version_of, method):
     version, document = version_of(method), sqlite_house.app.openapi()
     assert None not in leaves(version)
+    stated = {each.name: each.units for each in methods.get_method(method).coefficients}
+    assert all(each["unit"] in stated[each["name"]] for each in version["coefficients"])
     for part, kind in (("parameters", "Params"), ("diagnostics", "Fit"), ("points", "Point")):
         named = {"$ref": f"#/components/schemas/{method.capitalize()}{kind}"}
         schema = {"type": "array", "items": named} if part == "points" else named

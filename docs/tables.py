@@ -1,0 +1,63 @@
+"""Write the tables of parameters and coefficients in the pages of the methods: `make tables`.
+
+A table stands between `<!-- parameters -->` or `<!-- coefficients -->` and `<!-- end -->`.
+"""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from radiometry.methods import METHODS
+from radiometry.specification.method import MethodSpec
+from radiometry.specification.parameters import Parameter
+
+DOCS = Path(__file__).resolve().parent
+
+
+def render() -> dict[Path, str]:
+    """Return the text of each method's page with its tables as the specification states them."""
+    pages = {}
+    for spec in METHODS:
+        path = DOCS / f"{spec.name}.md"
+        text = path.read_text(encoding="utf-8")
+        for name, lines in (("parameters", list_parameters(spec)), ("coefficients", list_coefficients(spec))):
+            block = re.compile(rf"(?<=<!-- {name} -->\n).*?(?=<!-- end -->)", re.DOTALL)
+            if not block.search(text):
+                raise SystemExit(f"{path} has no place for its {name}: <!-- {name} --> and <!-- end -->")
+            text = block.sub(lambda _, lines=lines: "\n".join([*lines, ""]), text, count=1)
+        pages[path] = text
+    return pages
+
+
+def list_parameters(spec: MethodSpec) -> Iterable[str]:
+    """Return the lines of the table of a method's parameters."""
+    yield "| name | default | range | unit | meaning |"
+    yield "|---|---|---|---|---|"
+    for each in spec.parameters:
+        for row in (each, *each.members):
+            yield _format_row(row, within="" if row is each else f"{each.name}.")
+    yield "| `exclude` | no frame | | | Frames that the fit leaves out, each with the reason. |"
+
+
+def list_coefficients(spec: MethodSpec) -> Iterable[str]:
+    """Return the lines of the table of a method's coefficients."""
+    yield "| name | unit | coefficient |"
+    yield "|---|---|---|"
+    for each in spec.coefficients:
+        yield f"| `{each.name}` | {' or '.join(each.units)} | {each.label} |"
+
+
+def _format_row(parameter: Parameter, *, within: str) -> str:
+    allowed = ", ".join(f"`{choice.value}`" for choice in parameter.choices) or parameter.range_text
+    if parameter.none_allowed:
+        allowed += ", or `none`"
+    default = parameter.default_text or f"`{parameter.default_shown}`"
+    unit = parameter.unit if parameter.kind in ("number", "interval") else ""
+    stated = " Stated by the campaign." if parameter.given_by == "campaign" else ""
+    description = f"{parameter.description}{stated}".replace("|", "\\|")
+    return f"| `{within}{parameter.name}` | {default} | {allowed} | {unit} | {description} |"
+
+
+if __name__ == "__main__":
+    for page, text in render().items():
+        page.write_text(text, encoding="utf-8")
