@@ -28,7 +28,7 @@ SPEC: Final = MethodSpec(
         CoefficientKind(name="linearity_error_rel", label="Linearity error", units=("1",)),
         CoefficientKind(name="snr_max", label="Largest signal-to-noise ratio", units=("1",)),
         CoefficientKind(name="dynamic_range_db", label="Dynamic range", units=("dB",)),
-        CoefficientKind(name="dynamic_range_stops", label="Dynamic range", units=("stops",)),
+        CoefficientKind(name="dynamic_range_stops", label="Dynamic range", units=("stop",)),
         CoefficientKind(name="dark_current_e_per_s", label="Dark current", units=("e-/s",)),
         CoefficientKind(name="dark_current_dn_per_s", label="Dark current", units=("DN/s",)),
         CoefficientKind(name="dsnu_e", label="Dark signal nonuniformity", units=("e-",)),

@@ -11,7 +11,7 @@ from radiometry.specification.roles import CHART
 __all__ = ["SPEC"]
 
 _FREQUENCIES = (
-    ("cycles_per_pixel", "cycles/pixel"),
+    ("cycles_per_pixel", "cycles/px"),
     ("lp_per_mm", "lp/mm"),
     ("lp_per_ph", "LP/PH"),
     ("lw_per_ph", "LW/PH"),
