@@ -66,6 +66,9 @@ docs: $(VENV)/dev  ## the documentation with the API reference, into build/site;
 tables: $(VENV)/dev  ## write the tables of parameters and coefficients in docs/ from the specifications
 	@PYTHONPATH=. python docs/tables.py
 
+findings: $(VENV)/dev  ## write what flags, reasons and errors mean into docs/errors.md and docs/on-site.md
+	@python -m docs.findings
+
 architecture: $(VENV)/dev  ## draw the rooms and their table in docs/architecture.md from the imports
 	@python docs/architecture.py
 

@@ -114,7 +114,7 @@ REFUSED = reason(
     "refused",
     "fail",
     "The file cannot be used; `detail` is the sentence of its `refusal`.",
-    "Do what the entry of its code in [errors](errors.md) says.",
+    "Follow the entry of its code in the list of errors.",
 )
 ROI_UNFIT = reason(
     "roi_unfit",
@@ -155,13 +155,13 @@ WEAK_SIGNAL = reason(
 )
 UNEVEN = reason(
     "uneven",
-    "warn",
+    "fail",
     "The region is not one evenly lit surface.",
     "Check the preview: draw the region again, or even out the light.",
 )
 REDUNDANT = reason(
     "redundant",
-    "warn",
+    "fail",
     "Another frame of the campaign has the same settings and scene, or the same samples.",
     "Use another aperture or another light level instead of a repeat.",
 )

@@ -84,7 +84,7 @@ def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Rea
                 "shares the errors of reading and aperture and adds next to nothing. Change the aperture or "
                 "the level."
             )
-            found[row.frame] = [shared.REDUNDANT.reason(detail)]
+            found[row.frame] = [shared.REDUNDANT.reason(detail, "warn")]
     return found
 
 

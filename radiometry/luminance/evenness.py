@@ -100,4 +100,4 @@ def _uneven(unevenness: float, skew: float) -> Reason:
         "surface, without tape, edge or shadow? Draw it anew, give this frame a region of its own, or even "
         "out the light."
     )
-    return shared.UNEVEN.reason(detail)
+    return shared.UNEVEN.reason(detail, "warn")

@@ -34,7 +34,7 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
 
 def _inspect(stack: Stack, params: Params) -> list[tuple[str, Reason]]:
     found = [
-        (copy, shared.REDUNDANT.reason(f"Its samples are those of {original}: it is a copy.", "fail"))
+        (copy, shared.REDUNDANT.reason(f"Its samples are those of {original}: it is a copy."))
         for copy, original in stack.copies.items()
     ]
     of_all = _inspect_pairing(stack, params)

@@ -41,7 +41,7 @@ CHART_UNUSABLE = reason(
     "chart_unusable",
     "warn",
     "A channel of a region shows no edge or star that can be measured.",
-    "`detail` names the channel and the reason, in the words of [errors](errors.md).",
+    "`detail` names the channel and the reason, in the words of the list of errors.",
 )
 BLURRED = reason(
     "blurred",

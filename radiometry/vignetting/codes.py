@@ -19,7 +19,7 @@ CENTRE_UNCERTAIN = flag(
 )
 DUST = reason(
     "dust",
-    "warn",
+    "fail",
     "Small parts of a flat are darker or brighter than around them: the fit leaves those parts out.",
     "Clean the sensor, the filter or the target, move the camera between frames, and take it again.",
     "calibration",

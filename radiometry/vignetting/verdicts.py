@@ -41,14 +41,14 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
 def _inspect_flat(quality: Quality) -> list[Reason]:
     if quality.left_out:
         detail = f"{quality.left_out[0].upper()}{quality.left_out[1:]}."
-        return [Reason(code=_FAILURES[quality.problem], outcome="fail", detail=detail)]
+        return [_FAILURES[quality.problem].reason(detail)]
     found = []
     if quality.is_uneven:
         detail = (
             f"The light changes by {quality.gradient_rel or 0.0:.1%} across the frame. Even it out, or turn "
             "the target."
         )
-        found.append(shared.UNEVEN.reason(detail))
+        found.append(shared.UNEVEN.reason(detail, "warn"))
     if quality.signal_share < WEAK_SIGNAL_SHARE:
         detail = (
             f"The weakest channel has {quality.signal_share:.1%} of the span from black to white: an error "
@@ -57,5 +57,5 @@ def _inspect_flat(quality: Quality) -> list[Reason]:
         found.append(shared.WEAK_SIGNAL.reason(detail))
     if quality.spots:
         detail = f"{describe_spots(quality.spots)} Clean the sensor or move the target, and take it again."
-        found.append(codes.DUST.reason(detail))
+        found.append(codes.DUST.reason(detail, "warn"))
     return found

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import SecretStr
 
+from docs import findings
 from radiometry.methods.findings import FINDINGS
 from service.launch.refusal import Exit
 from service.problems import HttpCode
@@ -198,3 +199,10 @@ def test_decisions_are_numbered_without_a_gap():
 def test_the_readme_is_the_package_s_own():
     project = tomllib.loads(read(ROOT / "pyproject.toml"))["project"]
     assert project["readme"] == "README.md"
+
+
+@pytest.mark.parametrize("page", findings.PAGES, ids=lambda page: page.name)
+def test_the_entries_of_a_page_are_those_of_the_registry(page):
+    text = read(page)
+    assert findings.fill_entries(text, on_site=page.stem == "on-site") == text
+    assert text.count("<!-- finding -->") == len(found_at(*findings.PLACES[page.stem]))
