@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables pictures release lock clean
+.PHONY: help demo up test quick faults chromium audit export verify verify-backup lint format fuzz bench docs architecture tables pictures examples release lock clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 15
@@ -74,6 +74,9 @@ architecture: $(VENV)/dev  ## draw the rooms and their table in docs/architectur
 
 pictures: $(VENV)/dev chromium  ## take the pictures of the README anew, from the test that drives the whole procedure
 	@STILB_ILLUSTRATIONS=docs/pictures pytest -q tests/browser/test_procedure.py
+
+examples: $(VENV)/dev  ## record the examples of the OpenAPI document from the demos
+	@python -m demo.examples
 
 release: $(VENV)/dev  ## check version, change log, tree and wheel for a release, and build into dist/
 	@python .ci/release.py

@@ -95,30 +95,8 @@ def _choose(planned: Sequence[Shot]) -> tuple[Shot, ...]:
 def run(stage: Stage) -> bool:
     """Calibrate K; return True if every K agrees with its truth."""
     client, campaign = stage.client, plan(_SEED)
-    camera_id = register(stage, campaign.camera, sensor_width_mm=17.3)
-    campaign_id = begin(
-        stage,
-        camera_id,
-        "luminance",
-        project_number=f"DEMO-{_SEED}",
-        started_at=_STARTED_AT,
-        surface_reflectance=_SURFACE_REFLECTANCE,
-    )
-    client.set_roi(campaign_id, polygon=ROI.points)
-    if not any(client.readings(campaign_id)):
-        _read_meters(client, campaign_id, campaign.readings)
-    take(
-        stage,
-        campaign_id,
-        campaign.shots,
-        camera=campaign.camera,
-        seed=_SEED,
-        started_at=_STARTED_AT,
-        roi=ROI,
-    )
-    calibration = calibrate(
-        stage, campaign_id, valid_from=_STARTED_AT, model="proportional", tolerance=_TOLERANCE_REL
-    )
+    calibration = carry_out(stage, campaign, seed=_SEED)
+    camera_id = str(calibration.camera_id)
     found = compare(
         client.coefficients(camera_id, method="luminance"),
         client.series(camera_id=camera_id, method="luminance"),
@@ -127,6 +105,27 @@ def run(stage: Stage) -> bool:
     stage.display.show(as_table(found, find_largest_errors(calibration), tolerance_rel=_TOLERANCE_REL))
     stage.display.say(f"version {calibration.version} is {calibration.state}")
     return all(finding.agrees for finding in found.values())
+
+
+def carry_out(stage: Stage, campaign: Campaign, *, seed: int) -> stilb.Calibration:
+    """Send a campaign, fit it and put the version in force."""
+    client = stage.client
+    campaign_id = begin(
+        stage,
+        register(stage, campaign.camera, sensor_width_mm=17.3),
+        "luminance",
+        project_number=f"DEMO-{seed}",
+        started_at=_STARTED_AT,
+        surface_reflectance=_SURFACE_REFLECTANCE,
+    )
+    client.set_roi(campaign_id, polygon=ROI.points)
+    if not any(client.readings(campaign_id)):
+        _read_meters(client, campaign_id, campaign.readings)
+    camera, shots = campaign.camera, campaign.shots
+    take(stage, campaign_id, shots, camera=camera, seed=seed, started_at=_STARTED_AT, roi=ROI)
+    return calibrate(
+        stage, campaign_id, valid_from=_STARTED_AT, model="proportional", tolerance=_TOLERANCE_REL
+    )
 
 
 def _read_meters(client: stilb.Client, campaign_id: str, readings: Sequence[Reading]) -> None:

@@ -1,6 +1,8 @@
 """The OpenAPI document, made true: what FastAPI derives, and what it cannot know."""
 
+import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
@@ -9,7 +11,11 @@ from fastapi.openapi.utils import get_openapi
 from service.problems import HttpCode, problem_body
 from service.routes import problems
 from service.schemas.fits import NewCalibration, describe_requests
-from service.schemas.methods import MethodsAnswer, describe_methods, describe_versions
+from service.schemas.methods import describe_versions
+from service.tabular import write_csv
+
+_EXAMPLES = Path(__file__).with_name("examples.json")
+"""What `make examples` recorded, by the name of the schema."""
 
 _EXAMPLE_CODES = {
     400: HttpCode.BAD_REQUEST,
@@ -34,13 +40,17 @@ def build_document(app: FastAPI) -> Node:
     if app.openapi_schema is None:
         document = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
         _add_methods(document)
+        recorded = json.loads(_EXAMPLES.read_text(encoding="utf-8"))
         for operation in operations(document):
             _summarise(operation)
             _add_body_problems(operation)
             _show_problems(operation)
-            _show_examples(document, operation)
+            _show_examples(document, operation, recorded)
         for name in ("HTTPValidationError", "ValidationError"):
             document["components"]["schemas"].pop(name, None)
+        for name, schema in document["components"]["schemas"].items():
+            if name in recorded:
+                schema["examples"] = [recorded[name]]
         _absent_is_not_null(document)
         app.openapi_schema = document
     return app.openapi_schema
@@ -52,7 +62,6 @@ def _add_methods(document: Node) -> None:
     forms, body = describe_requests()
     held, properties = describe_versions()
     schemas.update({**forms, **held, NewCalibration.__name__: body})
-    schemas[MethodsAnswer.__name__]["examples"] = [describe_methods().dump()]
     for answer in schemas.values():
         if {"diagnostics", "points"} <= answer.get("properties", {}).keys():
             answer["properties"] |= properties
@@ -94,20 +103,27 @@ def _show_problems(operation: Node) -> None:
             answer["content"] = {_PROBLEM: {"schema": schema, "example": example}}
 
 
-def _show_examples(document: Node, operation: Node) -> None:
-    """The example of a body stands beside it, taken from the schema that names it."""
+def _show_examples(document: Node, operation: Node, recorded: Node) -> None:
+    """Put a recorded body beside each schema; of a table its first rows."""
     for holder in (operation.get("requestBody", {}), *operation["responses"].values()):
-        media = holder.get("content", {}).get("application/json")
-        if media is not None and "example" not in media:
-            media["example"] = _example(document, media["schema"])
+        content = holder.get("content", {})
+        media = content.get("application/json", {})
+        if (example := _find_example(document, media.get("schema", {}), recorded)) is not None:
+            media["example"] = example
+            if "requestBody" in operation and "text/csv" in content:
+                content["text/csv"]["example"] = write_csv(example.get("rows", [example]))
 
 
-def _example(document: Node, schema: Node) -> Any:  # noqa: ANN401
+def _find_example(document: Node, schema: Node, recorded: Node) -> Any:  # noqa: ANN401
+    name = schema.get("$ref", "").rpartition("/")[2] or schema.get("title", "")
+    if name in recorded:
+        return recorded[name]
     schema = resolve(document, schema)
-    for alternative in (*schema.get("oneOf", ()), *schema.get("anyOf", ())):
-        if "examples" not in schema:
-            return _example(document, alternative)
-    return schema["examples"][0]
+    if name.startswith("Page_"):
+        item = _find_example(document, schema["properties"]["items"]["items"], recorded)
+        return {"items": [item], "next": None}
+    alternatives = [*schema.get("oneOf", ()), *schema.get("anyOf", ())]
+    return _find_example(document, alternatives[0], recorded) if alternatives else None
 
 
 def _absent_is_not_null(node: Any) -> None:  # noqa: ANN401

@@ -1,11 +1,11 @@
 """Lists by keyset: stable while rows are added, and a page costs the same wherever it lies."""
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Generic, TypeVar, get_args
+from typing import Annotated, Any, Generic, TypeVar
 
 from fastapi import Query, Request
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from sqlalchemy import Select
 from sqlalchemy.orm import Session
 
@@ -18,18 +18,8 @@ Limit = Annotated[int, Query(ge=1, le=1000, description="How many items a page h
 Cursor = Annotated[Text | None, Query(description="Taken from the `next` address of the page before.")]
 
 
-def _show_one_item(schema: dict[str, Any], model: type[BaseModel]) -> None:
-    (item,) = get_args(model.model_fields["items"].annotation)
-    if isinstance(item, type) and issubclass(item, Answer):
-        example = item.model_json_schema()["examples"][0]
-        after = f"https://stilb.example/v1/list?cursor={example.get('id', example.get('seq'))}"
-        schema["examples"] = [{"items": [example], "next": after}]
-
-
 class Page(Answer, Generic[AnswerType]):
     """One page of a list; `next` is the address of the page after it, or null at the end."""
-
-    model_config = ConfigDict(json_schema_extra=_show_one_item)
 
     items: list[AnswerType]
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})

@@ -40,13 +40,26 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """One coefficient's trend.
+    """The trend of one coefficient. What a field lacks is None.
 
-    ``determinations`` : those used, in time
-    ``slope`` [unit per year], ``slope_interval`` : for 95 %; ``slope_p_value`` : of no drift at all
-    ``cost_per_year`` : the slope as it is felt; ``scatter`` : of one determination about the line
-    ``recalibrate_by`` : before this time the camera is within the tolerance with 95 % on either side
-    ``why`` : None with a date; else the sentence that says why there is none. What a field lacks is None.
+    Attributes
+    ----------
+    determinations : tuple of Determination
+        Those used, in time.
+    slope : Quantity or None
+        In the unit of the coefficient per year.
+    slope_interval : tuple or None
+        For 95 %, in the slope's unit.
+    slope_p_value : float or None
+        Small: it drifts.
+    cost_per_year : Quantity or None
+        The slope as its effect on the result.
+    scatter : Quantity or None
+        Of one determination about the line.
+    recalibrate_by : datetime or None
+        Before this time the camera is within the tolerance with 95 % on either side.
+    why : str or None
+        Why there is no date.
     """
 
     key: Key

@@ -13,7 +13,13 @@ from radiometry.fleet.verdicts import Judgement, Outcome
 class Tolerance:
     """The largest deviation from the shared value that is accepted.
 
-    ``limit``, ``unit`` : as the cost is given; ``kind`` : relative | absolute; ``of`` : of what it is a limit
+    Attributes
+    ----------
+    limit : float
+        In the unit of the cost.
+    kind : {"relative", "absolute"}
+    of : str
+        Of what it is a limit.
     """
 
     limit: float
@@ -24,9 +30,14 @@ class Tolerance:
 
 @dataclass(frozen=True, kw_only=True)
 class Deviation:
-    """One level's distance from the mean of all; ``cost`` : the same as it is felt, None where unknown.
+    """The distance of one level from the mean of all.
 
-    ``label`` : a serial number, or "body with lens" where a body had several lenses
+    Attributes
+    ----------
+    label : str
+        A serial number, or "body with lens" where a body had several lenses.
+    cost : Quantity or None
+        The same as its effect on the result; None where unknown.
     """
 
     label: str
@@ -57,14 +68,28 @@ class Effect:
 class ParameterVerdict:
     """Whether one value of a parameter serves all cameras that have it.
 
-    ``judged`` : False where no tolerance was given for it
-    ``mean`` : the shared value, the unweighted mean; its uncertainty is from repeatability alone
-    ``within_variance`` : of one determination repeated on one camera, with ``dof`` degrees of freedom
-    ``f_statistic`` : of all that makes cameras differ, bodies and lenses together
-    ``repeatability`` : its root, as it is felt
-    ``cost`` : the largest that sharing has for a camera, ``costliest`` : which one
-    ``repeats_needed`` : of each camera, to show that they are alike, where that is open and nothing was found
-    ``cameras_without`` : that have no such coefficient
+    Attributes
+    ----------
+    judged : bool
+        False: no tolerance was given for it, and the fleet's verdict ignores it.
+    mean : Quantity
+        The shared value, the unweighted mean; its uncertainty is from repeatability alone.
+    within_variance : Quantity or None
+        Of one determination repeated on one camera.
+    dof : int
+        Degrees of freedom of the repeatability.
+    f_statistic : float or None
+        Of all that makes cameras differ, bodies and lenses together.
+    repeatability : Quantity or None
+        Of one determination, as its effect on the result.
+    cost : Quantity or None
+        The largest cost of sharing for a camera.
+    costliest : str or None
+        The camera that this cost is of.
+    repeats_needed : int or None
+        Of each camera, to show that they are alike, where that is open and nothing was found.
+    cameras_without : tuple of str
+        Those that have no such coefficient.
     """
 
     key: Key

@@ -29,7 +29,13 @@ class Attitude:
 
 @dataclass(frozen=True, kw_only=True)
 class Turn:
-    """How the body turned from one record to the next, about its own axes: forward, right, down."""
+    """How the body turned from one record to the next, about its own axes: forward, right, down.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+        On the camera's clock.
+    """
 
     start_s: float
     end_s: float
@@ -64,10 +70,15 @@ class Optics:
 class FrameBlur:
     """The theoretical motion of one frame from rotation alone.
 
-    ``basis`` : during: the records enclose the exposure; nearest: they do not, the nearest two were taken;
-        largest: the exposure's time is not known, the fastest two were taken
-    ``centre_blur_px`` : from the line of sight's turning; ``corner_blur_px`` : with the yaw, which moves the
-        corners and not the centre, in the worst of the four
+    Attributes
+    ----------
+    basis : {"during", "nearest", "largest"}
+        during: the records enclose the exposure. nearest: the two nearest to it. largest: its time is not
+        known, the fastest two.
+    centre_blur_px : float
+        From the turning of the line of sight [px].
+    corner_blur_px : float
+        Theoretical, with the yaw, in the worst corner.
     """
 
     turn: Turn

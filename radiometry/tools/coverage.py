@@ -42,11 +42,20 @@ class View:
 class Coverage:
     """What a view covers; None for what lies above the horizon.
 
-    ``near_m``, ``far_m`` : where the middle of the picture's lower and upper edge meet the ground, from the
-        point below the camera along the tilt; ``near_m`` is negative behind that point
-    ``gsd_*_m`` : of a pixel across the line of sight, along the rows; ``gsd_*_along_m`` : along the tilt
-    ``footprint`` : (x, y) [m] of near left, near right, far right, far left, from the point below the camera
-    ``horizon_in_view`` : the upper edge looks above the ground
+    Attributes
+    ----------
+    near_m, far_m : float
+        Where the middle of the image's lower and upper edge meets the ground, from the point below the camera
+        along the tilt; negative behind that point.
+    gsd_near_m, gsd_centre_m, gsd_far_m : float
+        Of a pixel across the line of sight, in that whole row.
+    gsd_near_along_m, gsd_centre_along_m, gsd_far_along_m : float
+        Of a pixel along the tilt, on the ground.
+    footprint : tuple or None
+        [x, y] in metres of near left, near right, far right, far left, from the point below the camera; y is
+        azimuth 0.
+    horizon_in_view : bool
+        True if the upper edge looks above the ground.
     """
 
     horizontal_fov_deg: float

@@ -39,7 +39,13 @@ class SeriesRow:
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """A row that was not used; ``row`` : its number from 0."""
+    """A row that was not used.
+
+    Attributes
+    ----------
+    row : int
+        Its number, from 0.
+    """
 
     row: int
     reason: str
@@ -47,7 +53,15 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True)
 class ExponentFit:
-    """Exponents by setting, of those that vary; ``scatter_rel`` : of the signal about the fit."""
+    """Exponents by setting, of those that vary.
+
+    Attributes
+    ----------
+    used : int
+        How many rows entered.
+    scatter_rel : float
+        Of the signal about the fit.
+    """
 
     exponents: dict[str, Quantity]
     used: int

@@ -45,13 +45,24 @@ class MotionCase:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """What follows from a case; None for what was not asked, or does not exist.
+    """Image motion of a case; None for what was not asked, or does not exist.
 
-    ``rotation_ground_m`` : how far the line of sight wanders at the distance
-    ``rotation_blur_px``, ``forward_blur_px`` : theoretical; ``theoretical_blur_px`` : their sum, the worst
-        direction; ``practical_blur_px`` : half of that
-    ``tolerable_rate_deg_s`` : the rotation that by itself reaches the limit
-    ``longest_exposure_s`` : at which the case's whole theoretical motion reaches it; None if nothing moves
+    Attributes
+    ----------
+    rotation_ground_m : float or None
+        How far the line of sight wanders at the distance.
+    rotation_blur_px : float or None
+        Theoretical, from rotation alone.
+    forward_blur_px : float or None
+        Theoretical, from speed alone.
+    theoretical_blur_px : float or None
+        Rotation and speed together, in the worst direction.
+    practical_blur_px : float or None
+        Half of the theoretical blur.
+    tolerable_rate_deg_s : float
+        Of rotation alone, at which the THEORETICAL blur reaches limit_px.
+    longest_exposure_s : float or None
+        At which the theoretical blur reaches limit_px; absent if nothing moves.
     """
 
     gsd_m: float

@@ -45,5 +45,5 @@ def list_audit_entries(
             limit=limit,
             cursor=cursor,
             newest_first=True,
-            shape=lambda found: [AuditEntryAnswer.model_validate(row) for row in found],
+            shape=lambda found: [AuditEntryAnswer.restate(row) for row in found],
         )

@@ -38,7 +38,7 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
         campaign = Campaign(organisation_id=caller.organisation_id, **values)
         session.add(campaign)
         session.flush()
-        return Reply(status=201, body=CampaignAnswer.of(campaign))
+        return Reply(status=201, body=CampaignAnswer.restate(campaign))
 
     return writing.run(caller, change)
 
@@ -57,7 +57,7 @@ def list_campaigns(
             by=Campaign.id,
             limit=limit,
             cursor=cursor,
-            shape=lambda found: [CampaignAnswer.of(row) for row in found],
+            shape=lambda found: [CampaignAnswer.restate(row) for row in found],
         )
 
 
@@ -143,4 +143,6 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
 
 
 def _whole(session: Session, campaign: Campaign) -> CampaignAnswer:
-    return CampaignAnswer.whole(campaign, count(session, campaign), assess_readiness(session, campaign))
+    counts = count(session, campaign)
+    readiness = assess_readiness(session, campaign)
+    return CampaignAnswer.restate(campaign, readiness, frames=counts, readings=counts.readings)

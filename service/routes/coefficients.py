@@ -97,7 +97,7 @@ def _in_force(row: CoefficientRow, held: InForce) -> CoefficientInForce:
     publication = held.publication
     known_from = show_instant(publication.known_from)
     return CoefficientInForce(
-        **Coefficient.of(row).model_dump(),
+        **Coefficient.restate(row).model_dump(),
         calibration_id=held.calibration.id,
         version=held.calibration.version,
         valid_from=publication.valid_from,

@@ -34,7 +34,7 @@ def create_organisation(body: NewOrganisation, caller: Admin, writing: Writes) -
         session.add(organisation)
         session.flush()
         key = _create(session, organisation.id, NewKey(name="first", scopes=list(SCOPES)))
-        return Reply(status=201, body=OrganisationAnswer.of(organisation, key))
+        return Reply(status=201, body=OrganisationAnswer.restate(organisation, key=key))
 
     return writing.run(caller, change)
 
@@ -61,7 +61,7 @@ def list_keys(
             by=ApiKey.id,
             limit=limit,
             cursor=cursor,
-            shape=lambda found: [KeyAnswer.of(row) for row in found],
+            shape=lambda found: [KeyAnswer.restate(row) for row in found],
         )
 
 
@@ -71,7 +71,7 @@ def get_own_key(caller: Annotated[Caller, Depends(get_caller)], context: UsesCon
     with context.database.reading() as session:
         key = session.get_one(ApiKey, caller.key_id)
         organisation = session.get_one(Organisation, caller.organisation_id)
-        return OwnKeyAnswer.own(key, organisation).respond()
+        return OwnKeyAnswer.restate(key, organisation=organisation).respond()
 
 
 @router.delete("/keys/{key_id}", response_model=KeyAnswer, responses=problems(404))
@@ -83,7 +83,7 @@ def revoke_key(key_id: Id, caller: Admin, writing: Writes) -> Response:
         end_sessions(session, key)
         key.revoked_at = key.revoked_at or utc_now()
         session.flush()
-        return Reply(status=200, body=KeyAnswer.of(key))
+        return Reply(status=200, body=KeyAnswer.restate(key))
 
     return writing.run(caller, change)
 
@@ -101,4 +101,4 @@ def _create(session: Session, organisation_id: str, new: NewKey) -> KeyAnswer:
         secret=secret,
         expires_at=new.expires_at,
     )
-    return KeyAnswer.of(key).model_copy(update={"secret": secret})
+    return KeyAnswer.restate(key, secret=secret)

@@ -23,7 +23,7 @@ def get_organisation(caller: Reader, context: UsesContext) -> Any:  # noqa: ANN4
         row = session.get_one(Organisation, caller.organisation_id)
         used = read_usage(session, row.id)
     usage = UsageAnswer.of(used, context.quotas, context.rates.used(row.id), context.settings)
-    return OwnOrganisationAnswer.of(row, usage).respond()
+    return OwnOrganisationAnswer.restate(row, usage=usage).respond()
 
 
 @router.patch("", response_model=OwnOrganisationAnswer, responses=problems())
@@ -35,6 +35,6 @@ def change_organisation(body: OrganisationChange, caller: Admin, writing: Writes
         for name, value in body.model_dump(exclude_unset=True).items():
             setattr(organisation, name, value)
         session.flush()
-        return Reply(status=200, body=OwnOrganisationAnswer.model_validate(organisation))
+        return Reply(status=200, body=OwnOrganisationAnswer.restate(organisation))
 
     return writing.run(caller, change)

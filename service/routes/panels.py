@@ -40,7 +40,7 @@ def create_panel(body: NewPanel, caller: Calibrator, writing: Writes) -> Respons
                 f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other figures: "
                 "a measurement does not change. Send the day of the new measurement with the new figures.",
             )
-        return Reply(status=201 if new else 200, body=PanelAnswer.of(panel))
+        return Reply(status=201 if new else 200, body=PanelAnswer.restate(panel))
 
     return writing.run(caller, change)
 
@@ -59,7 +59,7 @@ def list_panels(
             by=Panel.id,
             limit=limit,
             cursor=cursor,
-            shape=lambda found: [PanelAnswer.of(row) for row in found],
+            shape=lambda found: [PanelAnswer.restate(row) for row in found],
         )
 
 
@@ -67,4 +67,4 @@ def list_panels(
 def get_panel(panel_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One panel as it was measured on a day."""
     with context.database.reading() as session:
-        return PanelAnswer.of(owned(session, Panel, panel_id, caller)).respond()
+        return PanelAnswer.restate(owned(session, Panel, panel_id, caller)).respond()

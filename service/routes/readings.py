@@ -35,30 +35,10 @@ MeterIds = Annotated[
 ]
 
 _SCHEMA = NewReading.model_json_schema()
-_REQUEST = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "application/json": {
-                "schema": {
-                    "oneOf": [
-                        _SCHEMA,
-                        {
-                            "type": "array",
-                            "items": _SCHEMA,
-                            "minItems": 1,
-                            "maxItems": MOST_READINGS,
-                        },
-                    ]
-                },
-                "example": {"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"},
-            },
-            "text/csv": {
-                "schema": {"type": "string"},
-                "example": "scene,quantity,value,unit\nlevel-1,luminance,54.4,cd/m2\n",
-            },
-        },
-    }
+_SEVERAL = {"type": "array", "items": _SCHEMA, "minItems": 1, "maxItems": MOST_READINGS}
+_CONTENT = {
+    "application/json": {"schema": {"oneOf": [_SCHEMA, _SEVERAL]}},
+    "text/csv": {"schema": {"type": "string"}},
 }
 
 
@@ -78,7 +58,7 @@ async def _body(request: Request) -> list[NewReading] | NewReading:
     status_code=201,
     response_model=ReadingAnswer | ReadingsAnswer,
     responses=problems(404),
-    openapi_extra=_REQUEST,
+    openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
 )
 def add_campaign_readings(
     campaign_id: Id,

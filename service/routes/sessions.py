@@ -76,4 +76,4 @@ def _is_admin(caller: Caller) -> bool:
 
 def _answer(session: Session, row: WebSession, caller: Caller) -> SessionAnswer:
     name = session.get_one(ApiKey, row.key_id).name
-    return SessionAnswer.of(row, key_name=name, current=row.id == caller.session_id)
+    return SessionAnswer.restate(row, key_name=name, current=row.id == caller.session_id)

@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from fastapi import APIRouter, Response
 from fastapi.responses import PlainTextResponse
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from service.context import UsesContext
 from service.metrics import render
@@ -20,8 +20,6 @@ router = APIRouter(tags=["system"])
 
 
 class Life(Answer):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"status": "ok"}]})
-
     status: Literal["ok"]
 
 
@@ -46,21 +44,6 @@ class PartAnswer(Answer):
 
 
 class Readiness(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "status": "degraded",
-                    "warnings": ["no worker is at work: jobs wait"],
-                    "damaged_files": 0,
-                    "parts": [
-                        {"kind": "sweeper", "state": "working", "silent_s": 3.2, "idle_s": 3.2, "details": {}}
-                    ],
-                }
-            ]
-        }
-    )
-
     status: Literal["ok", "degraded"]
     warnings: list[str] = Field(description="What waits, and why. Requests are served all the same.")
     damaged_files: int = Field(description="Damaged or missing ones; the same upload heals each.")

@@ -19,7 +19,6 @@ from service.schemas.tools.exposure import ExposureAnswer, ExposureTable, NewExp
 from service.schemas.tools.motion import MotionAnswer, MotionsAnswer, NewMotion
 from service.schemas.tools.settings import MOST_CASES
 from service.sheets import Kind, is_table, read_sheet, refuse_columns
-from service.tabular import write_csv
 from service.tool_plots import draw_footprints, draw_motion
 from service.writing import IdempotencyKey
 
@@ -71,10 +70,9 @@ def _read_table(data: bytes, form: type[F]) -> list[F]:
 def _body_of(form: type[Form]) -> dict[str, Any]:
     schema = form.model_json_schema()
     several = {"type": "array", "items": schema, "minItems": 1, "maxItems": MOST_CASES}
-    one = schema["examples"][0]
     content = {
-        "application/json": {"schema": {"oneOf": [schema, several]}, "example": one},
-        "text/csv": {"schema": {"type": "string"}, "example": write_csv([one])},
+        "application/json": {"schema": {"oneOf": [schema, several]}},
+        "text/csv": {"schema": {"type": "string"}},
     }
     return {"requestBody": {"required": True, "content": content}}
 
@@ -95,10 +93,9 @@ def _body_of_series() -> dict[str, Any]:
     schema = NewExposureSeries.model_json_schema()
     # written out where it is used: nothing registers it among the document's components
     schema["properties"]["rows"]["items"] = schema.pop("$defs")["ExposureRow"]
-    (example,) = schema["examples"]
     content = {
-        "application/json": {"schema": schema, "example": example},
-        "text/csv": {"schema": {"type": "string"}, "example": write_csv(example["rows"])},
+        "application/json": {"schema": schema},
+        "text/csv": {"schema": {"type": "string"}},
     }
     return {"requestBody": {"required": True, "content": content}}
 
@@ -193,7 +190,7 @@ def fit_exposure_exponents(
     white are left out, each with its reason.
     """
     fit = fit_exponents(body.series(), dark_dn=body.dark_dn, white_level_dn=body.white_level_dn)
-    return ExposureAnswer.of(fit).respond()
+    return ExposureAnswer.restate(fit).respond()
 
 
 def _move(form: NewMotion) -> MotionAnswer:

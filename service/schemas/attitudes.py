@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from radiometry.tools.attitude import Basis, FrameBlur, Turn
 from radiometry.tools.motion import USUAL_LIMIT_PX, MotionCase, compute_motion, tolerable_rate_deg_s
@@ -67,85 +67,37 @@ class CampaignOptics(FrameOptics):
         return replace(case, distance_m=self.distance_m, ground_speed_m_s=self.speed_m_s)
 
 
-class TurnAnswer(Answer):
+class TurnAnswer(Answer, restates=Turn):
     """From one record to the next, about the body's own axes."""
 
-    start_s: float = Field(description="On the camera's clock.")
-    end_s: float
-    roll_rate_deg_s: float
-    pitch_rate_deg_s: float
-    yaw_rate_deg_s: float
     tilt_rate_deg_s: float = Field(description="Of roll and pitch together.")
 
-    @classmethod
-    def of(cls, turn: Turn) -> "TurnAnswer":
-        return cls.model_validate(turn, from_attributes=True)
 
-
-_TURN: dict[str, Any] = {
-    "start_s": 149.791,
-    "end_s": 149.991,
-    "roll_rate_deg_s": -0.15,
-    "pitch_rate_deg_s": 0.23,
-    "yaw_rate_deg_s": -0.34,
-    "tilt_rate_deg_s": 0.27,
-}
-
-
-class FrameMotionAnswer(Answer):
+class FrameMotionAnswer(
+    Answer, restates=(FrameBlur, MotionCase), fields="basis corner_blur_px exposure_time_s limit_px turn"
+):
     """Blur of one frame from the attitudes that it records; rotation alone."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "frame_id": "frm_1",
-                    "exposure_time_s": 0.003,
-                    "basis": "nearest",
-                    "rotation_rate_deg_s": 0.27,
-                    "rotation_blur_px": 0.015,
-                    "practical_blur_px": 0.0075,
-                    "corner_blur_px": 0.029,
-                    "tolerable_rate_deg_s": 9.0,
-                    "limit_px": 0.5,
-                    "turn": _TURN,
-                    "turns": [_TURN],
-                }
-            ]
-        }
-    )
-
     frame_id: str
-    exposure_time_s: float
-    basis: Basis = Field(
-        description="during: the records enclose the exposure. nearest: the two nearest to it. largest: its "
-        "time is not known, the fastest two."
-    )
     rotation_rate_deg_s: float = Field(description="Of the line of sight: roll and pitch together.")
     rotation_blur_px: float = Field(description="Theoretical, in the centre of the picture.")
     practical_blur_px: float = Field(description="Half of the theoretical blur.")
-    corner_blur_px: float = Field(description="Theoretical, with the yaw, in the worst corner.")
     tolerable_rate_deg_s: float = Field(description="At which the theoretical blur reaches limit_px.")
-    limit_px: float
-    turn: TurnAnswer
     turns: list[TurnAnswer] = Field(description="From every record of the file to the next.")
 
     @classmethod
     def of(
         cls, frame_id: str, case: MotionCase, blur: FrameBlur, turns: tuple[Turn, ...]
     ) -> "FrameMotionAnswer":
-        return cls(
+        return cls.restate(
+            blur,
+            case,
             frame_id=frame_id,
-            exposure_time_s=case.exposure_time_s,
-            basis=blur.basis,
             rotation_rate_deg_s=blur.turn.tilt_rate_deg_s,
             rotation_blur_px=blur.centre_blur_px,
             practical_blur_px=blur.centre_blur_px / 2,
-            corner_blur_px=blur.corner_blur_px,
             tolerable_rate_deg_s=tolerable_rate_deg_s(case, case.exposure_time_s),
-            limit_px=case.limit_px,
-            turn=TurnAnswer.of(blur.turn),
-            turns=[TurnAnswer.of(turn) for turn in turns],
+            turns=turns,
         )
 
 
@@ -209,49 +161,6 @@ def format_rotation(case: MotionCase, blur: FrameBlur) -> dict[str, Any]:
 class CampaignMotionAnswer(Answer):
     """A campaign's frames, oldest first, in one answer; the columns of the CSV are those of a row."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "pixel_pitch_um": 3.75,
-                    "focal_length_mm": 3.98,
-                    "limit_px": 0.5,
-                    "ground_speed_m_s": 10,
-                    "distance_m": 60,
-                    "frames": 2,
-                    "with_rates": 1,
-                    "within_limit": 0,
-                    "beyond_limit": 1,
-                    "rows": [
-                        {
-                            "frame_id": "frm_1",
-                            "filename": "IMG_0000_GRE.TIF",
-                            "role": "field",
-                            "exposure_time_s": 0.003,
-                            "basis": "nearest",
-                            "rotation_rate_deg_s": 0.34,
-                            "yaw_rate_deg_s": -0.3,
-                            "rotation_blur_px": 0.019,
-                            "corner_blur_px": 0.031,
-                            "forward_blur_px": 0.531,
-                            "theoretical_blur_px": 0.55,
-                            "practical_blur_px": 0.275,
-                            "tolerable_rate_deg_s": 9.0,
-                            "within_limit": False,
-                        },
-                        {
-                            "frame_id": "frm_2",
-                            "filename": "IMG_0001_GRE.TIF",
-                            "role": "field",
-                            "missing_code": "frame_not_read",
-                            "missing": "This frame has not been read yet.",
-                        },
-                    ],
-                }
-            ]
-        }
-    )
-
     pixel_pitch_um: float
     focal_length_mm: float
     limit_px: float
@@ -267,12 +176,10 @@ class CampaignMotionAnswer(Answer):
     def of(
         cls, rows: list[FrameMotionRow], optics: CampaignOptics, pixel_pitch_um: float
     ) -> "CampaignMotionAnswer":
-        return cls(
+        return cls.restate(
+            optics,
             pixel_pitch_um=pixel_pitch_um,
-            focal_length_mm=optics.focal_length_mm,
-            limit_px=optics.limit_px,
             ground_speed_m_s=optics.speed_m_s,
-            distance_m=optics.distance_m,
             frames=len(rows),
             with_rates=sum(row.basis is not None for row in rows),
             within_limit=sum(row.within_limit is True for row in rows),

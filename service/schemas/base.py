@@ -1,8 +1,10 @@
 """What every form and every answer has in common."""
 
+import inspect
 import re
+import types
 from datetime import date, datetime
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union, get_args, get_origin, get_type_hints
 
 from fastapi.responses import JSONResponse
 from pydantic import (
@@ -18,7 +20,9 @@ from pydantic import (
     model_validator,
 )
 from pydantic_core import PydanticCustomError
+from sqlalchemy.orm import Mapped
 
+from radiometry.fitting import evidence
 from radiometry.frame.multispectral import name_band
 from radiometry.methods import METHODS
 from radiometry.specification.roles import ROLES
@@ -92,9 +96,48 @@ class Form(BaseModel):
 
 
 class Answer(BaseModel):
-    """What the service sends: what is absent is left out, never null."""
+    """What the service sends: what is absent is left out, never null.
+
+    An answer that restates a dataclass or a table names it, and takes the types of its fields and their
+    sentences from there: ``class TurnAnswer(Answer, restates=Turn)``. Of a table ``fields`` names the columns
+    that are answered, so that no new column is published unseen. A field that the answer states itself takes
+    the place of the one of that name.
+    """
 
     model_config = ConfigDict(allow_inf_nan=False, from_attributes=True)
+
+    def __init_subclass__(
+        cls,
+        *,
+        restates: type | tuple[type, ...] = (),
+        fields: str | None = None,
+        without: str = "",
+        **config: Any,  # noqa: ANN401
+    ) -> None:
+        super().__init_subclass__(**config)
+        sources = restates if isinstance(restates, tuple) else (restates,)
+        own = inspect.get_annotations(cls)
+        stated: dict[str, Any] = {}
+        for source in sources:
+            answered_as.setdefault(source, cls)
+            hints, sentences = get_type_hints(source), describe_fields(source)
+            for name in hints if fields is None else fields.split():
+                if name in hints and name not in {*own, *stated, *without.split()}:
+                    kind = _as_answered(hints[name])
+                    stated[name] = Annotated[kind, Field(description=sentences.get(name))]
+                    if type(None) in get_args(kind):
+                        setattr(cls, name, None)
+        cls.__annotations__ = stated | own
+
+    @classmethod
+    def restate(cls, *sources: Any, **said: Any) -> Self:  # noqa: ANN401
+        """Take each field from what is said here, else from the first source that has it."""
+        found = {
+            name: next(getattr(source, name) for source in sources if hasattr(source, name))
+            for name in cls.model_fields.keys() - said.keys()
+            if any(hasattr(source, name) for source in sources)
+        }
+        return cls.model_validate(found | said)
 
     def dump(self) -> dict[str, Any]:
         return self.model_dump(mode="json", exclude_none=True)
@@ -108,7 +151,38 @@ class Answer(BaseModel):
         return self.dump()
 
 
-class Quantity(Answer):
+answered_as: dict[Any, Any] = {datetime: Instant, date: Day}
+"""What a type of the science or the store is answered as."""
+
+
+def describe_fields(source: type) -> dict[str, str]:
+    """Return the sentence of each field, from the section Attributes of its class's docstring."""
+    said: dict[str, str] = {}
+    names: list[str] = []
+    section = inspect.cleandoc(source.__doc__ or "").partition("Attributes\n----------\n")[2]
+    for line in section.splitlines():
+        if not line.startswith(" "):
+            names = line.partition(" : ")[0].split(", ")
+        else:
+            said |= {name: f"{said.get(name, '')} {line.strip()}".strip() for name in names}
+    return said
+
+
+def _as_answered(kind: Any) -> Any:  # noqa: ANN401
+    """Return the type that is answered for a type: of what is restated itself its answer."""
+    origin, parts = get_origin(kind), tuple(map(_as_answered, get_args(kind)))
+    if kind in answered_as:
+        return answered_as[kind]
+    if origin in {None, Literal}:
+        return kind
+    if origin is Mapped:
+        return parts[0]
+    if origin in {Union, types.UnionType}:
+        return Union[parts]  # noqa: UP007  its members are known at run time only
+    return list[parts[0]] if parts[-1:] == (...,) else origin[parts]  # type: ignore[valid-type]
+
+
+class Quantity(Answer, restates=evidence.Quantity):
     """A reported figure with its uncertainty and unit."""
 
     value: float

@@ -2,9 +2,9 @@
 
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from service.schemas.base import Answer, Form, Instant, LongText
+from service.schemas.base import Answer, Form, Instant, LongText, Method
 from store.codec import drop_absent
 from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, CoefficientRow
@@ -14,14 +14,6 @@ State = Literal["draft", "published", "superseded", "revoked"]
 
 
 class NewPublication(Form):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"valid_from": "2026-05-01T00:00:00Z", "reason": "spring calibration, reviewed by A. Meier"}
-            ]
-        }
-    )
-
     valid_from: Instant
     valid_to: Instant | None = None
     reason: LongText
@@ -34,28 +26,15 @@ class NewPublication(Form):
 
 
 class NewRevocation(Form):
-    model_config = ConfigDict(
-        json_schema_extra={"examples": [{"reason": "the meter was out of calibration"}]}
-    )
-
     reason: LongText
 
 
-class Coefficient(Answer):
-    name: str
-    value: float
-    standard_uncertainty: float
-    unit: str
-    iso: float | None = None
-    f_number: float | None = None
-    band: str | None = None
-    channel: str | None = None
-    model: str
-    flags: list[str]
-
-    @classmethod
-    def of(cls, row: CoefficientRow) -> "Coefficient":
-        return cls.model_validate(row)
+class Coefficient(
+    Answer,
+    restates=CoefficientRow,
+    fields="name value standard_uncertainty unit iso f_number band channel model flags",
+):
+    pass
 
 
 class CoefficientInForce(Coefficient):
@@ -67,30 +46,6 @@ class CoefficientInForce(Coefficient):
 
 
 class CoefficientsAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "items": [
-                        {
-                            "name": "luminance_k",
-                            "value": 33.1,
-                            "standard_uncertainty": 0.4,
-                            "unit": "DN*m2/(cd*s)",
-                            "iso": 3200,
-                            "model": "proportional",
-                            "flags": [],
-                            "calibration_id": "cal_1",
-                            "version": 1,
-                            "valid_from": "2026-05-01T00:00:00Z",
-                            "why": "version 1 is in force from 2026-05-01T00:00:00Z on",
-                        }
-                    ]
-                }
-            ]
-        }
-    )
-
     items: list[CoefficientInForce]
 
 
@@ -101,61 +56,18 @@ class Gap(Answer):
     message: str
 
 
-class CalibrationAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "cal_1",
-                    "camera_id": "cam_1",
-                    "campaign_id": "cmp_1",
-                    "method": "luminance",
-                    "version": 1,
-                    "state": "draft",
-                    "configuration": {},
-                    "coefficients": [
-                        {
-                            "name": "luminance_k",
-                            "value": 33.1,
-                            "standard_uncertainty": 0.4,
-                            "unit": "DN*m2/(cd*s)",
-                            "iso": 3200,
-                            "model": "proportional",
-                            "flags": [],
-                        }
-                    ],
-                    "parameters": {},
-                    "software": {"stilb": "0.1.2", "release": "0.2.0"},
-                    "content_sha256": "0" * 64,
-                    "created_at": "2026-05-01T08:00:00Z",
-                    "created_by": "key_1",
-                }
-            ]
-        }
-    )
-
-    id: str
-    camera_id: str
-    campaign_id: str
-    method: str
-    version: int
-    state: State
-    configuration: dict[str, Any]
+class CalibrationAnswer(
+    Answer,
+    restates=(Calibration, VersionStatus),
+    fields="id camera_id campaign_id version state configuration software content_sha256 "
+    "created_at created_by valid_from valid_to superseded_by revoked_reason",
+):
+    method: Method
     coefficients: list[Coefficient]
     parameters: dict[str, Any]
     diagnostics: dict[str, Any] | None = None
     points: list[dict[str, Any]] | None = None
     inputs: dict[str, Any] | None = None
-    software: dict[str, Any] = Field(
-        description="The fit code version (`stilb`), the release (`release`) and the packages that fitted."
-    )
-    content_sha256: str
-    created_at: Instant
-    created_by: str
-    valid_from: Instant | None = None
-    valid_to: Instant | None = None
-    superseded_by: str | None = None
-    revoked_reason: str | None = None
     warnings: list[Gap] | None = Field(
         default=None, description="When it is published: what its certificate lacks."
     )
@@ -165,24 +77,9 @@ class CalibrationAnswer(Answer):
         cls, row: Calibration, status: VersionStatus, coefficients: list[CoefficientRow], *, whole: bool
     ) -> "CalibrationAnswer":
         """``whole``: with points, diagnostics and inputs, which a list leaves out."""
-        detail: dict[str, Any] = {}
+        detail: dict[str, Any] = {"inputs": None}
         if whole:
             result = drop_absent(row.result)
-            detail = {"points": result.pop("points", []), "diagnostics": result, "inputs": row.inputs}
-        return cls(
-            **{name: getattr(row, name) for name in _FROM_ROW},
-            parameters=drop_absent(row.parameters),
-            state=status.state,
-            coefficients=[Coefficient.of(c) for c in coefficients],
-            valid_from=status.valid_from,
-            valid_to=status.valid_to,
-            superseded_by=status.superseded_by,
-            revoked_reason=status.revoked_reason,
-            **detail,
-        )
-
-
-_FROM_ROW = (
-    *("id", "camera_id", "campaign_id", "method", "version", "configuration", "software"),
-    *("content_sha256", "created_at", "created_by"),
-)
+            detail = {"points": result.pop("points", []), "diagnostics": result}
+        parameters = drop_absent(row.parameters)
+        return cls.restate(row, status, parameters=parameters, coefficients=coefficients, **detail)

@@ -5,7 +5,6 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from service.schemas.base import Answer, Form, FrameRole, Instant, LongText, Method, Number, Text
-from store.judging import Readiness
 from store.queries.campaigns import Counts
 from store.tables import Campaign, Reading, Roi
 
@@ -49,90 +48,29 @@ class CampaignDetails(Form):
 
 
 class NewCampaign(CampaignDetails):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "camera_id": "cam_1",
-                    "method": "luminance",
-                    "project_number": "P-17",
-                    "recorder": "A. Meier",
-                }
-            ]
-        }
-    )
-
     camera_id: Text
     method: Method
 
 
 class CampaignChange(CampaignDetails):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"recorder": "B. Schulz"}]})
+    """What is corrected; what is left out stays."""
 
 
-class FrameCounts(Answer):
-    received: int = Field(description="All frames of the campaign.")
-    extracted: int
-    refused: int
+class FrameCounts(Answer, restates=Counts, fields="received extracted refused"):
+    pass
 
 
-class CampaignAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "cmp_1",
-                    "camera_id": "cam_1",
-                    "method": "luminance",
-                    "created_at": "2026-05-01T08:00:00Z",
-                    "frames": {"received": 30, "extracted": 29, "refused": 1},
-                    "readings": 12,
-                    "missing": ["scene level-4 has no luminance reading"],
-                    "advice": ["no dark frames at ISO 3200"],
-                }
-            ]
-        }
-    )
-
-    id: str
-    camera_id: str
+class CampaignAnswer(
+    Answer,
+    restates=Campaign,
+    fields="id camera_id method project_number recorder customer place conditions started_at comments "
+    "surface_reflectance panel_id target roi_id created_at",
+):
     method: Method
-    project_number: str | None = None
-    recorder: str | None = None
-    customer: str | None = None
-    place: str | None = None
-    conditions: str | None = None
-    started_at: Instant | None = None
-    comments: str | None = None
-    surface_reflectance: float | None = None
-    panel_id: str | None = None
-    target: dict[str, Any] | None = None
-    roi_id: str | None = Field(default=None, description="Of the region in use; none while nobody set one.")
-    created_at: Instant
     frames: FrameCounts | None = None
     readings: int | None = None
     missing: list[str] | None = Field(default=None, description="What a fit still needs, by name.")
     advice: list[str] | None = Field(default=None, description="What would make a fit good, by name.")
-
-    @classmethod
-    def of(cls, row: Campaign) -> "CampaignAnswer":
-        return cls.model_validate(
-            {name: getattr(row, name) for name in cls.model_fields if hasattr(row, name)}
-        )
-
-    @classmethod
-    def whole(cls, row: Campaign, counts: Counts, stock: Readiness) -> "CampaignAnswer":
-        """With what has arrived and what has not."""
-        return cls.of(row).model_copy(
-            update={
-                "frames": FrameCounts(
-                    received=counts.received, extracted=counts.extracted, refused=counts.refused
-                ),
-                "readings": counts.readings,
-                "missing": stock.missing,
-                "advice": stock.advice,
-            }
-        )
 
 
 class NamedRegion(Form):
@@ -147,11 +85,7 @@ class NewRoi(Form):
 
     model_config = ConfigDict(
         json_schema_extra={
-            "examples": [
-                {"polygon": [[2200, 1600], [3100, 1600], [3100, 2300], [2200, 2300]]},
-                {"imagej": "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);"},
-            ],
-            "oneOf": [{"required": ["polygon"]}, {"required": ["imagej"]}, {"required": ["regions"]}],
+            "oneOf": [{"required": ["polygon"]}, {"required": ["imagej"]}, {"required": ["regions"]}]
         }
     )
 
@@ -182,50 +116,22 @@ class RegionAnswer(Answer):
     polygon: list[Point]
 
 
-class RoiAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "roi_1",
-                    "polygon": [[2200, 1600], [3100, 1600], [3100, 2300], [2200, 2300]],
-                    "sha256": "0" * 64,
-                    "created_at": "2026-05-01T08:00:00Z",
-                }
-            ]
-        }
-    )
-
-    id: str
+class RoiAnswer(Answer, restates=Roi, fields="id sha256 created_at"):
     polygon: list[Point]
     regions: list[RegionAnswer] | None = Field(
         default=None, description="Of a region in parts; `polygon` is then the rectangle around them."
     )
-    sha256: str
-    created_at: Instant
 
     @classmethod
     def of(cls, row: Roi) -> "RoiAnswer":
-        parts = [RegionAnswer(name=part["name"], polygon=part["points"]) for part in row.parts or []]
-        return cls(
-            id=row.id,
-            polygon=row.points,
-            regions=parts or None,
-            sha256=row.sha256,
-            created_at=row.created_at,
-        )
+        parts = [{"name": part["name"], "polygon": part["points"]} for part in row.parts or []]
+        return cls.restate(row, polygon=row.points, regions=parts or None)
 
 
 MOST_READINGS = 10_000
 
 
 class NewReading(Form):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}]
-        }
-    )
-
     scene: Text
     quantity: Literal["luminance", "illuminance"]
     value: Annotated[Number, Field(gt=0, lt=1e9)]
@@ -241,40 +147,17 @@ class NewReading(Form):
         return self
 
 
-_READING: dict[str, Any] = {
-    "id": "rdg_1",
-    "scene": "level-1",
-    "quantity": "luminance",
-    "value": 54.4,
-    "unit": "cd/m2",
-    "entered_value": 54.4,
-    "entered_unit": "cd/m2",
-    "created_at": "2026-05-01T08:00:00Z",
-}
-
-
-class ReadingAnswer(Answer):
-    model_config = ConfigDict(json_schema_extra={"examples": [_READING]})
-
-    id: str
-    scene: str
-    quantity: str
-    value: float = Field(description="In SI: cd/m2 or lx.")
+class ReadingAnswer(
+    Answer,
+    restates=Reading,
+    fields="id scene quantity value entered_value entered_unit meter_id taken_at created_at withdrawn_at",
+):
     unit: str
-    entered_value: float
-    entered_unit: str
-    meter_id: str | None = None
-    taken_at: Instant | None = None
-    created_at: Instant
-    withdrawn_at: Instant | None = None
 
     @classmethod
     def of(cls, row: Reading) -> "ReadingAnswer":
-        fields: dict[str, Any] = {name: getattr(row, name) for name in cls.model_fields if hasattr(row, name)}
-        return cls(unit="cd/m2" if row.quantity == "luminance" else "lx", **fields)
+        return cls.restate(row, unit="cd/m2" if row.quantity == "luminance" else "lx")
 
 
 class ReadingsAnswer(Answer):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"items": [_READING]}]})
-
     items: list[ReadingAnswer]

@@ -3,7 +3,7 @@
 from datetime import date
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from service.schemas.base import Answer, Instant, Method
 from service.schemas.calibrations import Gap, State
@@ -192,47 +192,8 @@ class Validity(Answer):
     revoked: Revoked | None = None
 
 
-_EXAMPLE: dict[str, Any] = {
-    "schema_version": 1,
-    "title": "Certificate of calibration",
-    "number": "0K1XE8-luminance-1",
-    "calibration_id": "cal_1",
-    "content_sha256": "0" * 64,
-    "version": 1,
-    "method": "luminance",
-    "procedure": "Luminance coefficient of a camera against a luminance meter",
-    "equation": "N - D = K X,  X = t S L / f^2",
-    "configuration": {},
-    "laboratory": {"name": "City of Lansing"},
-    "item": {"make": "DJI", "model": "FC6520", "serial": "0K1XE8"},
-    "work": {"campaign_id": "cmp_1"},
-    "meters": [],
-    "panels": [],
-    "traceability": "No meter of these readings has a certificate.",
-    "readings": [],
-    "regions": [],
-    "frames": [],
-    "parameters": {},
-    "result": {},
-    "coefficients": [],
-    "budgets": [],
-    "vignetting": "none",
-    "flags": [],
-    "checklist": {"items": []},
-    "software": {"stilb": "0.1.2", "release": "0.2.0"},
-    "author": "field team",
-    "created_at": "2026-05-01T08:00:00Z",
-    "published": [],
-    "validity": {"state": "draft"},
-    "statements": ["It relates only to the item named above."],
-    "gaps": [{"code": "place_missing", "message": "The place of the measurements is not named."}],
-}
-
-
 class CertificateAnswer(Answer):
     """``result``: the fit as stored; frames, readings, regions and parameters give it anew."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     schema_version: int
     title: str

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field, Strict, model_validator
 
-from service.schemas.base import Answer, Form, Instant, LongText, Text
+from service.schemas.base import Answer, Form, LongText, Text
 from store.queries.checklist import ChecklistItem
 from store.tables import ChecklistSignature
 
@@ -23,15 +23,7 @@ class ChecklistChange(Form):
     """Ticks to set or to take away, a signature, or both."""
 
     model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "items": [{"key": "equipment_lamp", "done": True, "note": "40 W halogen, 3.2 m away"}],
-                    "signature": {"name": "A. Meier"},
-                }
-            ],
-            "anyOf": [{"required": ["items"]}, {"required": ["signature"]}],
-        }
+        json_schema_extra={"anyOf": [{"required": ["items"]}, {"required": ["signature"]}]}
     )
 
     items: Annotated[list[ItemChange] | None, Field(min_length=1, max_length=1000)] = None
@@ -44,54 +36,15 @@ class ChecklistChange(Form):
         return self
 
 
-class ItemAnswer(Answer):
-    key: str
-    section: str
-    text: str
-    done_by: str | None = Field(
-        default=None, description='A key\'s id; "stilb" for what follows from the record. Absent while open.'
-    )
-    done_at: Instant | None = None
-    evidence: str | None = Field(default=None, description="From what it follows.")
-    missing: str | None = Field(default=None, description="What the record still lacks for it.")
-    note: str | None = None
+class ItemAnswer(Answer, restates=ChecklistItem):
+    pass
 
 
-class SignatureAnswer(Answer):
-    name: str
-    signed_by: str
-    signed_at: Instant
+class SignatureAnswer(Answer, restates=ChecklistSignature, fields="name signed_by signed_at"):
+    pass
 
 
 class ChecklistAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "campaign_id": "cmp_1",
-                    "done": 1,
-                    "open": 1,
-                    "items": [
-                        {
-                            "key": "settings_format_dng",
-                            "section": "Adjust Zenmuse X5S Camera Settings for Image Shooting",
-                            "text": "The images should be taken in (.DNG) format",
-                            "done_by": "stilb",
-                            "done_at": "2026-05-01T09:00:00Z",
-                            "evidence": "Every light and dark frame is a raw DNG: 2 frames "
-                            "(DJI_0001.DNG, DJI_0002.DNG).",
-                        },
-                        {
-                            "key": "equipment_lamp",
-                            "section": "Drone Camera Calibration Equipment",
-                            "text": "A dimmable lamp",
-                        },
-                    ],
-                }
-            ]
-        }
-    )
-
     campaign_id: str
     done: int
     open: int
@@ -104,12 +57,12 @@ class ChecklistAnswer(Answer):
         cls, campaign_id: str, items: list[ChecklistItem], signature: ChecklistSignature | None
     ) -> "ChecklistAnswer":
         done = sum(item.done_by is not None for item in items)
-        return cls(
+        return cls.restate(
             campaign_id=campaign_id,
             done=done,
             open=len(items) - done,
-            items=[ItemAnswer.model_validate(item) for item in items],
-            signature=SignatureAnswer.model_validate(signature) if signature else None,
+            items=items,
+            signature=signature,
         )
 
 

@@ -1,15 +1,12 @@
 """Answers of the comparison of two measurements."""
 
-from typing import Any
-
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from radiometry.fitting.comparison import Comparison
 from service.schemas.base import Answer, Quantity
 from store.measuring.comparison import MeasurementComparison, Side
 
 _SURE = 2.0
-_CD_M2 = "cd/m2"
 
 
 class Compared(Answer):
@@ -42,32 +39,7 @@ class Measured(Answer):
         )
 
 
-_EXAMPLE: dict[str, Any] = {
-    "old": {
-        "measurement_id": "msr_1",
-        "filename": "DJI_0100.DNG",
-        "taken_at": "2026-05-02T21:14:00Z",
-        "mean": {"value": 0.787, "standard_uncertainty": 0.028, "unit": _CD_M2},
-    },
-    "new": {
-        "measurement_id": "msr_9",
-        "filename": "DJI_0311.DNG",
-        "taken_at": "2027-05-04T21:20:00Z",
-        "mean": {"value": 0.702, "standard_uncertainty": 0.025, "unit": _CD_M2},
-    },
-    "difference": {"value": -0.085, "standard_uncertainty": 0.004, "unit": _CD_M2},
-    "change": {"value": -10.8, "standard_uncertainty": 0.3, "unit": "%"},
-    "in_standard_uncertainties": 21.0,
-    "significant": True,
-    "said": "The mean fell by 10.80 %, 21.0 times the uncertainty of the difference: a significant change.",
-    "common": ["dark signal", "exposure time", "f-number", "fit of K", "meter calibration"],
-    "same_region": True,
-}
-
-
 class ContrastAnswer(Compared):
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
-
     old: Measured
     new: Measured
     significant: bool = Field(description="At least two standard uncertainties of the difference.")

@@ -143,7 +143,7 @@ def describe_requests() -> tuple[dict[str, Any], dict[str, Any]]:
     schemas : dict
         JSON schemas of the methods' forms and of their parts, by component name.
     body : dict
-        The schema of any of them, with an example of each.
+        The schema of any of them.
     """
     _, document = models_json_schema(
         [(form, "validation") for form in FORMS.values()], ref_template="#/components/schemas/{model}"
@@ -152,6 +152,5 @@ def describe_requests() -> tuple[dict[str, Any], dict[str, Any]]:
         "title": NewCalibration.__name__,
         "description": NewCalibration.__doc__,
         "anyOf": [{"$ref": f"#/components/schemas/{form.__name__}"} for form in FORMS.values()],
-        "examples": [{"exclude": [{"frame_id": "frm_1", "reason": "somebody walked through the light"}]}],
     }
     return document["$defs"], body

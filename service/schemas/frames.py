@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema
 from typing_extensions import TypeAliasType
 
 from radiometry.findings import InputRejected, Outcome
@@ -45,8 +45,6 @@ class Upload(Form):
 
 class FrameChange(Form):
     """A correction of what was said of a frame; the frame is then read again."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"scene": "level-2"}]})
 
     role: Role | None = None
     scene: Text | None = None
@@ -134,35 +132,6 @@ class SunshineMissing(Answer):
 
 
 class FrameAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "frm_1",
-                    "campaign_id": "cmp_1",
-                    "sha256": "0" * 64,
-                    "filename": "DJI_0001.DNG",
-                    "role": "light",
-                    "scene": "level-1",
-                    "state": "received",
-                    "warnings": [],
-                    "statistics": [],
-                    "verdict": {
-                        "outcome": "pending",
-                        "reasons": [
-                            {
-                                "code": "not_read",
-                                "outcome": "pending",
-                                "detail": "This frame waits to be read: ask again in a few seconds.",
-                            }
-                        ],
-                    },
-                    "created_at": "2026-05-01T08:00:00Z",
-                }
-            ]
-        }
-    )
-
     id: str
     campaign_id: str
     sha256: str

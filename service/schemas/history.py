@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from radiometry.fitting.comparison import Comparison, MeasuredChange
 from service.schemas.base import Answer, Instant, Quantity
@@ -12,17 +12,6 @@ from store.publications import InForce
 from store.tables import Calibration
 
 _OF_COEFFICIENT = ("name", "iso", "f_number", "band", "channel", "model")
-_CHANGE = {"value": -3.1, "standard_uncertainty": 0.9, "unit": "%"}
-_TOUCHED: dict[str, Any] = {
-    "measurement_id": "msr_1",
-    "frame_id": "frm_1",
-    "filename": "DJI_0100.DNG",
-    "taken_at": "2026-05-02T21:14:00Z",
-    "iso": 3200,
-    "successor": {"calibration_id": "cal_2", "version": 2},
-    "change": _CHANGE,
-    "basis": "signal",
-}
 
 
 class VersionNamed(Answer):
@@ -50,8 +39,6 @@ class VersionInForce(VersionNamed):
 
 class TouchedMeasurement(Answer):
     """A measurement that was made with the version, and what its successor would make of it."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [_TOUCHED]})
 
     measurement_id: str
     frame_id: str
@@ -86,30 +73,6 @@ class TouchedMeasurement(Answer):
 
 class RevocationAnswer(CalibrationAnswer):
     """The version as it stands now, and the measurements that were made with it."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "cal_1",
-                    "camera_id": "cam_1",
-                    "campaign_id": "cmp_1",
-                    "method": "luminance",
-                    "version": 1,
-                    "state": "revoked",
-                    "revoked_reason": "the meter was out of calibration",
-                    "configuration": {},
-                    "coefficients": [],
-                    "parameters": {},
-                    "software": {"stilb": "0.1.2", "release": "0.2.0"},
-                    "content_sha256": "0" * 64,
-                    "created_at": "2026-05-01T08:00:00Z",
-                    "created_by": "key_1",
-                    "measurements": [_TOUCHED],
-                }
-            ]
-        }
-    )
 
     measurements: list[TouchedMeasurement]
 
@@ -149,46 +112,6 @@ class FlagAt(Answer):
 
 
 class ImpactAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "calibration_id": "cal_2",
-                    "version": 2,
-                    "at": "2026-06-01T00:00:00Z",
-                    "said": "Version 1 is in force: publishing version 2 would take its place.",
-                    "against": {
-                        "calibration_id": "cal_1",
-                        "version": 1,
-                        "valid_from": "2026-05-01T00:00:00Z",
-                    },
-                    "meter_calibration": "common",
-                    "coefficients": [
-                        {
-                            "name": "luminance_k",
-                            "iso": 3200,
-                            "model": "proportional",
-                            "old": {"value": 30.0, "standard_uncertainty": 0.4, "unit": "DN*m2/(cd*s)"},
-                            "new": {"value": 30.96, "standard_uncertainty": 0.4, "unit": "DN*m2/(cd*s)"},
-                            "difference": {
-                                "value": 0.96,
-                                "standard_uncertainty": 0.37,
-                                "unit": "DN*m2/(cd*s)",
-                            },
-                            "change": {"value": 3.2, "standard_uncertainty": 1.2, "unit": "%"},
-                            "in_standard_uncertainties": 2.6,
-                        }
-                    ],
-                    "isos_gained": [],
-                    "isos_lost": [12800],
-                    "flags_gained": [{"flag": "lamp_drift", "where": "scene level-2"}],
-                    "flags_lost": [],
-                    "measurements": [_TOUCHED],
-                }
-            ]
-        }
-    )
-
     calibration_id: str
     version: int
     at: Instant

@@ -1,8 +1,8 @@
 """Jobs, as a client sees them."""
 
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from service.problems import problem_body
 from service.schemas.base import Answer, Form, Instant, ProblemAnswer, Text
@@ -13,50 +13,29 @@ State = Literal["queued", "running", "succeeded", "failed", "quarantined"]
 Kind = Literal["extract", "fit", "measure"]
 
 
-class JobAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "job_1",
-                    "kind": "fit",
-                    "subject_id": "cmp_1",
-                    "campaign_id": "cmp_1",
-                    "state": "succeeded",
-                    "progress": 1.0,
-                    "attempt": 1,
-                    "result": {"calibration_id": "cal_1"},
-                    "created_at": "2026-05-01T08:00:00Z",
-                }
-            ]
-        }
-    )
-
-    id: str
-    kind: str
-    subject_id: str
+class JobAnswer(
+    Answer,
+    restates=Job,
+    fields="id kind subject_id state progress attempt result created_at finished_at",
+):
     state: State
     progress: float = Field(ge=0, le=1)
-    attempt: int
     error: ProblemAnswer | None = None
-    result: dict[str, Any] | None = Field(default=None, description="Ids and links of what was made.")
     filename: str | None = Field(default=None, description="Of the frame that it works on, where it is one.")
     campaign_id: str | None = Field(default=None, description="The campaign of that frame, or its subject.")
-    created_at: Instant
     next_attempt_at: Instant | None = Field(
         default=None,
         description="When a job is tried again that waits for what `error.waits_for` names, if not sooner.",
     )
-    finished_at: Instant | None = None
 
     @classmethod
     def of(cls, row: Job, frame: FrameRow | None = None) -> "JobAnswer":
         error = None
         if row.error is not None:
             status = 422 if row.state == "failed" and row.traceback is None else 500
-            error = ProblemAnswer.model_validate(problem_body(row.error.get("status", status), **row.error))
-        return cls(
-            **{name: getattr(row, name) for name in _FROM_ROW},
+            error = problem_body(row.error.get("status", status), **row.error)
+        return cls.restate(
+            row,
             error=error,
             next_attempt_at=row.due_at if row.state == "queued" and error is not None else None,
             filename=frame.filename if frame else None,
@@ -64,17 +43,8 @@ class JobAnswer(Answer):
         )
 
 
-_FROM_ROW = (
-    *("id", "kind", "subject_id", "state", "progress", "attempt", "result", "created_at", "finished_at"),
-)
-
-
 class RetriedJobs(Form):
     """Which jobs are tried again: those that all of this holds for."""
-
-    model_config = ConfigDict(
-        json_schema_extra={"examples": [{"state": "failed", "code": "temporarily_unavailable"}]}
-    )
 
     state: Literal["failed", "quarantined"]
     kind: Kind | None = None
@@ -83,27 +53,10 @@ class RetriedJobs(Form):
 
 
 class RetriedAnswer(Answer):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"retried": 37}]})
-
     retried: int = Field(ge=0, description="How many jobs are queued again.")
 
 
 class QueueAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "queued": 12,
-                    "running": 2,
-                    "succeeded": 38,
-                    "failed": 1,
-                    "quarantined": 0,
-                    "oldest_wait_s": 4.2,
-                }
-            ]
-        }
-    )
-
     queued: int
     running: int
     succeeded: int

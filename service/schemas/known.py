@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Annotated
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from service.schemas.base import Answer, Form, Sha256
 from service.schemas.campaigns import Role
@@ -12,12 +12,8 @@ from store.tables import FrameRow
 
 MOST_HASHES = 1000
 
-_ONE, _OTHER = "a" * 64, "b" * 64
-
 
 class HashesAsked(Form):
-    model_config = ConfigDict(json_schema_extra={"examples": [{"sha256": [_ONE, _OTHER]}]})
-
     sha256: Annotated[list[Sha256], Field(min_length=1, max_length=MOST_HASHES)]
 
 
@@ -38,26 +34,6 @@ class KnownFrame(Answer):
 
 
 class KnownAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "known": [
-                        {
-                            "sha256": _ONE,
-                            "frame_id": "frm_1",
-                            "filename": "DJI_0001.DNG",
-                            "role": "light",
-                            "scene": "level-1",
-                            "state": "extracted",
-                        }
-                    ],
-                    "unknown": [_OTHER],
-                }
-            ]
-        }
-    )
-
     known: list[KnownFrame]
     unknown: list[str] = Field(description="To be sent. In the order asked, each once.")
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from radiometry.frame.verdicts import Verdict
 from service.schemas.base import Answer, Form
@@ -13,12 +13,6 @@ from service.schemas.frames import VerdictAnswer
 
 class NewLook(Form):
     """The corners of a region that nobody has set yet."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{"polygon": [[2200, 1600], [3100, 1600], [3100, 2300], [2200, 2300]]}]
-        }
-    )
 
     polygon: Annotated[
         list[Point],
@@ -31,28 +25,6 @@ class FrameVerdict(VerdictAnswer):
 
 
 class VerdictsAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "items": [
-                        {
-                            "frame_id": "frm_1",
-                            "outcome": "warn",
-                            "reasons": [
-                                {
-                                    "code": "reading_missing",
-                                    "outcome": "warn",
-                                    "detail": "Its scene has no luminance reading.",
-                                }
-                            ],
-                        }
-                    ]
-                }
-            ]
-        }
-    )
-
     items: list[FrameVerdict]
 
     @classmethod

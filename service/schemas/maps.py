@@ -5,7 +5,7 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import ConfigDict, Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema
 
 from service.map_values import Layout, Values, Window
 from service.schemas.base import Answer, Form
@@ -48,23 +48,6 @@ class ValueUncertainty(Answer):
 
 
 class MapValuesAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "unit": "cd/m2",
-                    "height_px": 3956,
-                    "width_px": 5280,
-                    "top": 0,
-                    "left": 0,
-                    "step": 2000,
-                    "values": [[0.81, 1.12]],
-                    "uncertainty": {"u_rel": 0.021, "u_constant": 0.0004, "u_pixel": 0.012},
-                }
-            ]
-        }
-    )
-
     unit: str = Field(description='As in map.tif: "cd/m2", or "1" of a reflectance or an index.')
     height_px: int = Field(description="Of the whole map.")
     width_px: int

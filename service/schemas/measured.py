@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from radiometry.findings import shared
 from radiometry.findings.advice import advise
@@ -23,67 +23,8 @@ from service.schemas.measured_parts import (
 from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, FrameRow, Measurement
 
-_CORNERS: list[Any] = [[2200, 1600], [3100, 1620], [3160, 2300], [2140, 2290]]
-
-
-def _quantity(value: float, uncertainty: float, unit: str = "cd/m2") -> dict[str, Any]:
-    return {"value": value, "standard_uncertainty": uncertainty, "unit": unit}
-
-
-_EXAMPLE: dict[str, Any] = {
-    "id": "msr_1",
-    "frame_id": "frm_1",
-    "campaign_id": "cmp_1",
-    "camera_id": "cam_1",
-    "filename": "DJI_0100.DNG",
-    "method": "luminance",
-    "calibration": {
-        "id": "cal_1",
-        "version": 3,
-        "why": "version 3 is in force from 2026-05-01T00:00:00Z on",
-        "state": "published",
-    },
-    "region": _CORNERS,
-    "region_origin": "campaign",
-    "pixels": 310000,
-    "mean": _quantity(0.787, 0.028),
-    "shared_u_cd_m2": 0.028,
-    "noise_u_cd_m2": 0.0001,
-    "min": _quantity(0.44, 0.022),
-    "max": _quantity(1.23, 0.046),
-    "median": _quantity(0.8, 0.028),
-    "percentiles": [{"percent": 5, "luminance": _quantity(0.48, 0.023)}],
-    "budget": [
-        {
-            "source": "f-number",
-            "shared": True,
-            "standard_uncertainty_cd_m2": 0.0236,
-            "variance_share": 0.71,
-        }
-    ],
-    "saturated_share": 0.0,
-    "vignetting": "none",
-    "signal": "green",
-    "flags": [
-        {
-            "flag": "no_vignetting_correction",
-            "where": "",
-            "detail": "Vignetting was corrected with: none.",
-        }
-    ],
-    "to_do_better": ["Calibrate the vignetting of this lens from flat fields."],
-    "links": {"map_tif": "/v1/measurements/msr_1/map.tif", "map_png": "/v1/measurements/msr_1/map.png"},
-    "parameters": {"products": ["map"]},
-    "software": {"stilb": "0.2.0"},
-    "content_sha256": "0" * 64,
-    "created_at": "2026-05-03T08:00:00Z",
-    "created_by": "key_1",
-}
-
 
 class MeasurementAnswer(Answer):
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
-
     id: str
     frame_id: str
     campaign_id: str

@@ -1,8 +1,8 @@
 """Measurements: what is asked for."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from radiometry.luminance.surface import MAX_CELLS_A_SIDE
 from radiometry.reflectance.indices import Index
@@ -11,7 +11,6 @@ from service.schemas.campaigns import NewRoi, Point, Reflectance
 from service.schemas.jobs import JobAnswer
 
 Side = Annotated[int, Field(ge=1, le=MAX_CELLS_A_SIDE, strict=True)]
-_CORNERS: list[Any] = [[2200, 1600], [3100, 1620], [3160, 2300], [2140, 2290]]
 
 
 class NewGrid(Form):
@@ -32,8 +31,6 @@ class NewGrid(Form):
 
 class MeasurementOptions(Form):
     """How to measure; what is left out is taken from the frame, its campaign and what is in force."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"reflectance": 0.08, "products": ["map"]}]})
 
     calibration_id: Annotated[
         Text | None, Field(description="Else the version in force when the frame was taken.")
@@ -62,18 +59,6 @@ class MeasurementOptions(Form):
 
 
 class NewMeasurement(MeasurementOptions):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "frame_id": "frm_1",
-                    "grid": {"corners": _CORNERS, "rows": 3, "columns": 5},
-                    "products": ["map"],
-                }
-            ]
-        }
-    )
-
     frame_id: Text
 
 
@@ -87,23 +72,5 @@ class NotMeasured(Answer):
 
 
 class CampaignMeasurementsAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "jobs": [JobAnswer.model_json_schema()["examples"][0] | {"kind": "measure"}],
-                    "not_measured": [
-                        {
-                            "frame_id": "frm_2",
-                            "filename": "DJI_0101.DNG",
-                            "code": "iso_not_calibrated",
-                            "detail": "The frame was taken at ISO 100; this calibration holds ISO 3200.",
-                        }
-                    ],
-                }
-            ]
-        }
-    )
-
     jobs: list[JobAnswer]
     not_measured: list[NotMeasured]

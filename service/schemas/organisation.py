@@ -1,20 +1,14 @@
 """An organisation as its own keys see and change it."""
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
-from service.schemas.base import Answer, Form, Instant, LongText
+from service.schemas.base import Answer, Form, LongText
 from store.settings import Settings
 from store.tables import Organisation
 from store.usage import Quotas, Used
 
 
 class OrganisationChange(Form):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{"address": "124 W Michigan Ave, Lansing", "refuses_incomplete_certificates": True}]
-        }
-    )
-
     address: LongText | None = None
     refuses_incomplete_certificates: bool | None = Field(
         default=None,
@@ -49,35 +43,7 @@ class UsageAnswer(Answer):
         )
 
 
-class OwnOrganisationAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "org_1",
-                    "name": "City of Lansing",
-                    "refuses_incomplete_certificates": False,
-                    "usage": {
-                        "frames": 128,
-                        "stored_bytes": 5376000000,
-                        "jobs_waiting": 3,
-                        "jobs_waiting_limit": 50000,
-                        "requests_in_minute": 12,
-                        "requests_in_minute_limit": 30000,
-                    },
-                    "created_at": "2026-05-01T08:00:00Z",
-                }
-            ]
-        }
-    )
-
-    id: str
-    name: str
-    address: str | None = None
-    refuses_incomplete_certificates: bool
-    created_at: Instant
+class OwnOrganisationAnswer(
+    Answer, restates=Organisation, fields="id name address refuses_incomplete_certificates created_at"
+):
     usage: UsageAnswer | None = Field(default=None, description="In the answer to GET.")
-
-    @classmethod
-    def of(cls, row: Organisation, usage: UsageAnswer) -> "OwnOrganisationAnswer":
-        return cls.model_validate(row).model_copy(update={"usage": usage})

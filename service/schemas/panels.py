@@ -2,19 +2,10 @@
 
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from service.schemas.base import Answer, BandName, Day, Form, Instant, Number, Text
+from service.schemas.base import Answer, BandName, Day, Form, Number, Text
 from store.tables import Panel
-
-_EXAMPLE: dict[str, Any] = {
-    "serial": "RP02-1603036-SC",
-    "measured_on": "2026-03-14",
-    "bands": [
-        {"band": "green", "reflectance": 0.69, "standard_uncertainty": 0.005},
-        {"band": "red", "reflectance": 0.68, "standard_uncertainty": 0.005},
-    ],
-}
 
 
 class PanelBand(Form, Answer):
@@ -30,8 +21,6 @@ class PanelBand(Form, Answer):
 
 
 class NewPanel(Form):
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
-
     serial: Text
     measured_on: Day
     bands: Annotated[list[PanelBand], Field(min_length=1, max_length=100)]
@@ -49,17 +38,5 @@ class NewPanel(Form):
         return {"serial": self.serial, "measured_on": self.measured_on, "bands": bands}
 
 
-class PanelAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={"examples": [{"id": "pnl_1", **_EXAMPLE, "created_at": "2026-05-01T08:00:00Z"}]}
-    )
-
-    id: str
-    serial: str
-    measured_on: Day
+class PanelAnswer(Answer, restates=Panel, fields="id serial measured_on created_at"):
     bands: list[PanelBand]
-    created_at: Instant
-
-    @classmethod
-    def of(cls, row: Panel) -> "PanelAnswer":
-        return cls.model_validate(row)

@@ -1,6 +1,6 @@
 """Requests and answers of recalls."""
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -39,17 +39,6 @@ class NewCause(Form):
 
 
 class NewPurge(Form):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "cause": {"meter_certificate_number": "D-K-15070-2026-04"},
-                    "reason": "the laboratory has withdrawn the certificate",
-                }
-            ]
-        }
-    )
-
     cause: NewCause
     reason: LongText
 
@@ -87,39 +76,19 @@ class CondemnedVersion(Answer):
         )
 
 
-class PurgeAnswer(Answer):
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": "prg_1",
-                    "state": "proposed",
-                    "cause": {"meter_certificate_number": "D-K-15070-2026-04"},
-                    "reason": "the laboratory has withdrawn the certificate",
-                    "calibration_ids": ["cal_1"],
-                    "created_by": "key_1",
-                    "created_at": "2026-06-01T08:00:00Z",
-                }
-            ]
-        }
-    )
-
-    id: str
+class PurgeAnswer(
+    Answer,
+    restates=Recall,
+    fields="id cause reason calibration_ids created_by created_at confirmed_by confirmed_at",
+):
     state: Literal["proposed", "confirmed"]
     cause: dict[str, str]
-    reason: str
     calibration_ids: list[str] = Field(description="The versions under review, which confirming revokes.")
-    created_by: str
-    created_at: Instant
-    confirmed_by: str | None = None
-    confirmed_at: Instant | None = None
     versions: list[CondemnedVersion] | None = Field(
         default=None, description="Their current status. Absent in a list."
     )
 
     @classmethod
     def of(cls, row: Recall, condemned: list[Condemned] | None = None) -> "PurgeAnswer":
-        fields: dict[str, Any] = {n: getattr(row, n) for n in cls.model_fields if hasattr(row, n)}
         versions = None if condemned is None else [CondemnedVersion.of(each) for each in condemned]
-        state: Literal["proposed", "confirmed"] = "confirmed" if row.confirmed_at else "proposed"
-        return cls(state=state, versions=versions, **fields)
+        return cls.restate(row, state="confirmed" if row.confirmed_at else "proposed", versions=versions)

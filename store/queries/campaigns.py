@@ -17,6 +17,14 @@ from store.tables import Campaign, FrameRow, Job, Reading, Roi
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
+    """How many frames and readings a campaign has.
+
+    Attributes
+    ----------
+    received : int
+        All frames of the campaign.
+    """
+
     received: int
     extracted: int
     refused: int

@@ -37,9 +37,16 @@ KEYS = frozenset(item.key for item in ITEMS)
 class ChecklistItem:
     """A line of the checklist as it stands.
 
-    ``done_by`` : a key's id, or "stilb" for what follows from the record; None while open
-    ``evidence`` : the sentence from which it follows; ``missing`` : what the record lacks for it
-    ``note`` : what somebody wrote beside it
+    Attributes
+    ----------
+    done_by : str or None
+        A key's id; "stilb" for what follows from the record. Absent while open.
+    evidence : str or None
+        The sentence from which it follows.
+    missing : str or None
+        What the record still lacks for it.
+    note : str or None
+        What was written beside it.
     """
 
     key: str

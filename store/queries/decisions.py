@@ -20,6 +20,16 @@ class Act:
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
+    """One decision about a version.
+
+    Attributes
+    ----------
+    by : str
+        The id of the key.
+    valid_from : datetime or None
+        As it was published.
+    """
+
     act: Literal["made", "published", "revoked"]
     calibration: Calibration
     at: datetime

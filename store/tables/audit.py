@@ -10,6 +10,16 @@ from store.tables.base import Base, Json
 
 
 class AuditEntry(Base):
+    """One entry of the audit trail.
+
+    Attributes
+    ----------
+    seq : int
+        Counts over all organisations: what lies between belongs to another one.
+    actor : str
+        A key's id, or the process that acted automatically: worker, sweeper, service.
+    """
+
     __tablename__ = "audit_entry"
     __table_args__ = (
         Index("ix_audit_entry_subject", "subject_id", "seq"),
@@ -20,7 +30,6 @@ class AuditEntry(Base):
     organisation_id: Mapped[str | None]
     at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     actor: Mapped[str]
-    """A key's id, or the process that acted by itself: worker, sweeper, service."""
     action: Mapped[str]
     subject_type: Mapped[str]
     subject_id: Mapped[str]

@@ -10,7 +10,13 @@ from store.tables.base import Audited, AuditedTogether, Base, Json
 
 
 class Calibration(Audited, Base):
-    """One version, complete and immutable (triggers hold it). Its state follows from publications."""
+    """One version, complete and immutable (triggers hold it). Its state follows from publications.
+
+    Attributes
+    ----------
+    software : dict
+        The fit code version (`stilb`), the release (`release`) and the packages that fitted.
+    """
 
     __tablename__ = "calibration"
     __table_args__ = (

@@ -12,6 +12,14 @@ from store.tables.base import Audited, AuditedTogether, Base, Json
 
 
 class Campaign(Audited, Base):
+    """A campaign of one camera and one method.
+
+    Attributes
+    ----------
+    roi_id : str or None
+        Of the region in use; absent while none is set.
+    """
+
     __tablename__ = "campaign"
     __table_args__ = (
         CheckConstraint("surface_reflectance > 0 AND surface_reflectance <= 1", "surface_reflectance_share"),
@@ -56,6 +64,14 @@ class Roi(Audited, Base):
 
 
 class Reading(Audited, Base):
+    """One meter reading of one scene.
+
+    Attributes
+    ----------
+    value : float
+        In SI: cd/m2 or lx.
+    """
+
     __tablename__ = "reading"
     __table_args__ = (
         CheckConstraint("quantity IN ('luminance', 'illuminance')", "quantity_known"),
@@ -67,7 +83,6 @@ class Reading(Audited, Base):
     scene: Mapped[str]
     quantity: Mapped[str]
     value: Mapped[float]
-    """In SI: cd/m2 or lx."""
     entered_value: Mapped[float]
     entered_unit: Mapped[str]
     meter_id: Mapped[str | None] = mapped_column(ForeignKey("meter.id"))

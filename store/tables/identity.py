@@ -25,6 +25,14 @@ class Organisation(Audited, Base):
 
 
 class ApiKey(Audited, Base):
+    """A key of one organisation, known by its hash.
+
+    Attributes
+    ----------
+    last_used_at : datetime or None
+        To ten minutes.
+    """
+
     __tablename__ = "api_key"
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
     __audit_digests__: ClassVar[frozenset[str]] = frozenset({"sha256"})
@@ -42,7 +50,15 @@ class ApiKey(Audited, Base):
 
 
 class WebSession(Audited, Base):
-    """A browser that signed in with a key. The cookie names it and is signed; nothing here opens it."""
+    """A browser that signed in with a key. The cookie names it and is signed; nothing here opens it.
+
+    Attributes
+    ----------
+    browser : str or None
+        As it names itself.
+    last_used_at : datetime or None
+        To ten minutes.
+    """
 
     __tablename__ = "web_session"
     __audit_without__: ClassVar[frozenset[str]] = frozenset({"last_used_at"})
@@ -51,7 +67,6 @@ class WebSession(Audited, Base):
     organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"), index=True)
     key_id: Mapped[str] = mapped_column(ForeignKey("api_key.id"), index=True)
     browser: Mapped[str | None]
-    """As it names itself."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
     expires_at: Mapped[datetime] = mapped_column(UtcDateTime)
     last_used_at: Mapped[datetime | None] = mapped_column(UtcDateTime, default=None)

@@ -10,6 +10,14 @@ from store.tables.base import Base, Json
 
 
 class Job(Base):
+    """One unit of work for a worker.
+
+    Attributes
+    ----------
+    result : dict or None
+        Ids and links of what was made.
+    """
+
     __tablename__ = "job"
     __table_args__ = (
         CheckConstraint("kind IN ('extract', 'fit', 'measure')", "kind_known"),

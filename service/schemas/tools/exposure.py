@@ -2,9 +2,9 @@
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
-from radiometry.tools.exponents import ExponentFit, SeriesRow
+from radiometry.tools.exponents import ExponentFit, LeftOut, SeriesRow
 from service.schemas.base import Answer, Form, Number, Quantity, Text
 from service.schemas.tools.settings import EXPOSURE_TIMES_S, ExposureTime
 
@@ -28,21 +28,6 @@ class ExposureRow(Form):
 
 class NewExposureSeries(Form):
     """Mean signals of one surface in one light, at several settings."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "rows": [
-                        {"exposure_time_s": time, "f_number": 11, "iso": 200, "signal_dn": signal}
-                        for time, signal in ((0.01, 373), (0.02, 752), (0.04, 1472), (0.1, 3780))
-                    ],
-                    "dark_dn": 8,
-                    "white_level_dn": 16384,
-                }
-            ]
-        }
-    )
 
     rows: Annotated[list[ExposureRow], Field(min_length=1, max_length=MOST_ROWS)]
     dark_dn: Annotated[
@@ -79,34 +64,11 @@ class Exponents(Answer):
     iso: Quantity | None = None
 
 
-class LeftOutRow(Answer):
-    row: int = Field(description="Its number, from 0.")
-    reason: str
+class LeftOutRow(Answer, restates=LeftOut):
+    pass
 
 
-class ExposureAnswer(Answer):
+class ExposureAnswer(Answer, restates=ExponentFit):
     """signal - dark = A t^a N^b S^s: 1, -2 and 1 for a linear sensor behind an ideal lens."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "exponents": {
-                        "exposure_time_s": {"value": 1.0048, "standard_uncertainty": 0.0079, "unit": "1"}
-                    },
-                    "used": 4,
-                    "left_out": [],
-                    "scatter_rel": 0.0134,
-                }
-            ]
-        }
-    )
-
     exponents: Exponents
-    used: int = Field(description="How many rows entered.")
-    left_out: list[LeftOutRow]
-    scatter_rel: float = Field(description="Of the signal about the fit.")
-
-    @classmethod
-    def of(cls, fit: ExponentFit) -> "ExposureAnswer":
-        return cls.model_validate(fit, from_attributes=True)

@@ -1,9 +1,8 @@
 """Image motion: what is typed in, and what follows from it."""
 
-from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from radiometry.tools.motion import USUAL_LIMIT_PX, Motion, MotionCase
 from service.schemas.base import Answer, Form, Number, Text
@@ -19,21 +18,6 @@ Limit = Annotated[
 
 class NewMotion(Form):
     """One lens, one exposure, one way of moving. Rates are magnitudes: 0 or more."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "pixel_pitch_um": 4.65,
-                    "focal_length_mm": 9,
-                    "exposure_time_s": 0.00125,
-                    "distance_m": 25,
-                    "rotation_rate_deg_s": 165.6,
-                    "limit_px": 0.5,
-                }
-            ]
-        }
-    )
 
     name: Annotated[Text | None, Field(description="Given back, to find it in a table.")] = None
     pixel_pitch_um: PixelPitch
@@ -62,57 +46,19 @@ class NewMotion(Form):
         return MotionCase(**said)
 
 
-_MOTION: dict[str, Any] = {
-    "gsd_m": 0.012917,
-    "rotation_angle_deg": 0.207,
-    "rotation_ground_m": 0.090321,
-    "rotation_blur_px": 6.9926,
-    "theoretical_blur_px": 6.9926,
-    "practical_blur_px": 3.4963,
-    "tolerable_rate_deg_s": 11.841,
-    "longest_exposure_s": 8.9380e-05,
-    "limit_px": 0.5,
-}
-
-
-class MotionAnswer(Answer):
+class MotionAnswer(Answer, restates=Motion):
     """Blur in pixels; what was not asked for is left out. Limits are of the theoretical motion."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_MOTION]})
-
     name: str | None = None
-    gsd_m: float
-    rotation_angle_deg: float | None = None
-    rotation_ground_m: float | None = None
-    rotation_blur_px: float | None = Field(default=None, description="Theoretical, from rotation alone.")
-    forward_blur_px: float | None = Field(default=None, description="Theoretical, from speed alone.")
-    theoretical_blur_px: float | None = Field(
-        default=None, description="Rotation and speed together, in the worst direction."
-    )
-    practical_blur_px: float | None = Field(default=None, description="Half of the theoretical blur.")
-    tolerable_rate_deg_s: float = Field(
-        description="Of rotation alone, at which the THEORETICAL blur reaches limit_px."
-    )
-    longest_exposure_s: float | None = Field(
-        default=None, description="At which the theoretical blur reaches limit_px; absent if nothing moves."
-    )
     limit_px: float
     ground_speed_m_s: float | None = Field(default=None, description="As it was understood.")
 
     @classmethod
     def of(cls, form: NewMotion, motion: Motion) -> "MotionAnswer":
-        case = form.case()
-        return cls(
-            name=form.name,
-            limit_px=case.limit_px,
-            ground_speed_m_s=case.ground_speed_m_s,
-            **asdict(motion),
-        )
+        return cls.restate(motion, form.case(), name=form.name)
 
 
 class MotionsAnswer(Answer):
     """A table's results, in its order."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"items": [_MOTION]}]})
 
     items: list[MotionAnswer]
