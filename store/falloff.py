@@ -18,9 +18,9 @@ from radiometry.vignetting import method as vignetting
 from store.codec import encode
 from store.columns import utc_now
 from store.errors import Conflict
-from store.measuring.version import read_time
 from store.publications import in_force
 from store.queries.evidence import Evidence
+from store.queries.frames import read_time
 from store.tables import Calibration, Campaign, FrameRow, Revocation, Roi
 
 METHOD = "vignetting"

@@ -4,7 +4,7 @@ import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Literal
+from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -13,16 +13,13 @@ from radiometry.fitting.comparison import Comparison, MeasuredChange, change_lum
 from radiometry.fitting.evidence import Quantity
 from store.codec import decode_exposure
 from store.falloff import list_corrected
+from store.measuring.meters import METHOD_OF_CHANGE, MeterCalibration, compare_meters
 from store.measuring.record import read_coefficients
-from store.measuring.version import read_time
 from store.publications import InForce
 from store.queries.calibrations import coefficients_of
+from store.queries.frames import read_time
 from store.reflected import compare_panels, touch_reflectance
 from store.tables import Calibration, CoefficientRow, FrameRow, Measurement, Publication, Slot
-
-MeterCalibration = Literal["common", "separate", "unknown"]
-
-_METHOD_OF_CHANGE = "luminance"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,8 +123,8 @@ def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Cal
     if old.method == new.method == "reflectance":
         change = touch_reflectance(measurement, frame, old, new)
         return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)
-    if old.method != _METHOD_OF_CHANGE or frame.exposure is None:
-        why = f"What changes is told for versions of {_METHOD_OF_CHANGE} and reflectance only."
+    if old.method != METHOD_OF_CHANGE or frame.exposure is None:
+        why = f"What changes is told for versions of {METHOD_OF_CHANGE} and reflectance only."
         return Touched(measurement=measurement, frame=frame, successor=new, change=None, why=why)
     change = change_luminance(
         read_coefficients(old),
@@ -216,26 +213,3 @@ def _quantity(row: CoefficientRow) -> Quantity:
 
 def _flags(calibration: Calibration) -> set[tuple[str, str]]:
     return {(flag["flag"], flag["where"]) for flag in calibration.result.get("flags", [])}
-
-
-def compare_meters(old: Calibration, new: Calibration) -> tuple[MeterCalibration, float]:
-    """Whether both hang on the same certificates, and the error that they then share, relative to K."""
-    if old.method != _METHOD_OF_CHANGE or new.method != _METHOD_OF_CHANGE:
-        return "separate", 0.0
-    before, after = _certificates(old), _certificates(new)
-    if before is None or after is None:
-        return "unknown", 0.0
-    coefficients = (*read_coefficients(old), *read_coefficients(new))
-    if before != after or any(coefficient.model == "semilog" for coefficient in coefficients):
-        return "separate", 0.0
-    return "common", min(coefficient.meter_calibration_u_rel for coefficient in coefficients)
-
-
-def _certificates(calibration: Calibration) -> set[tuple[str, ...]] | None:
-    """The certificates behind a version's luminance readings; None where one has none."""
-    readings = [r for r in calibration.inputs.get("readings", []) if r["quantity"] == "luminance"]
-    meters = [m for m in calibration.inputs.get("meters", []) if m["kind"] == "luminance"]
-    named = {f"{m['make']} {m['model']} {m['serial']}" for m in meters if "certificate" in m}
-    if not readings or not all(reading["meter"] in named for reading in readings):
-        return None
-    return {(m["make"], m["model"], m["serial"], m["certificate"]["number"]) for m in meters}

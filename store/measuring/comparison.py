@@ -8,7 +8,7 @@ from radiometry.fitting.comparison import Comparison
 from radiometry.fitting.shared_errors import Budgeted, compare_measured, scale_effects, sign_effects
 from radiometry.frame.exposure import Exposure
 from store.codec import decode_exposure
-from store.impact import compare_meters
+from store.measuring.meters import compare_meters
 from store.measuring.record import read_coefficients
 from store.tables import Calibration, FrameRow, Measurement
 

@@ -1,18 +1,15 @@
 """Which version a frame is measured with: the one that is named, or the one in force when it was taken."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from typing import Any
 
-from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
 from store.errors import Conflict
 from store.publications import InForce, in_force
+from store.queries.frames import read_time
 from store.tables import Calibration, Campaign, FrameRow, Revocation
-
-# A time without an offset is somewhere between UTC+14 and UTC-12.
-_EARLIEST, _LATEST = timedelta(hours=-14), timedelta(hours=12)
 
 
 def choose_version(
@@ -68,19 +65,3 @@ def _fits(configuration: dict[str, Any], frame: FrameRow) -> bool:
 
 def _holds_until(held: InForce, latest: datetime) -> bool:
     return held.publication.valid_to is None or held.publication.valid_to > latest
-
-
-def read_time(frame: FrameRow) -> tuple[datetime, datetime]:
-    """The earliest and the latest instant that the frame's time may mean."""
-    taken = (frame.header or {}).get("taken_at")
-    if taken is None:
-        raise InputRejected(
-            shared.FRAME_TIME_MISSING,
-            f"Frame {frame.filename} does not say when it was taken, so no calibration can be looked up: "
-            "name one with calibration_id.",
-        )
-    instant: datetime = TypeAdapter(datetime).validate_python(taken)
-    if instant.tzinfo is not None:
-        return instant, instant
-    instant = instant.replace(tzinfo=UTC)
-    return instant + _EARLIEST, instant + _LATEST

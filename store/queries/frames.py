@@ -5,12 +5,15 @@ import json
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from pydantic import TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from radiometry.findings import InputRejected, shared
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
 from store import jobs
@@ -20,6 +23,9 @@ from store.files import keep_blob
 from store.software import EXTRACTOR
 from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Roi
 from store.tables.base import Json
+
+# A time without an offset is somewhere between UTC+14 and UTC-12.
+_EARLIEST, _LATEST = timedelta(hours=-14), timedelta(hours=12)
 
 _STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
 
@@ -187,3 +193,19 @@ def extractions_of(session: Session, frame_ids: list[str]) -> dict[str, list[Ext
     for row in rows:
         found[row.frame_id].append(row)
     return found
+
+
+def read_time(frame: FrameRow) -> tuple[datetime, datetime]:
+    """The earliest and the latest instant that the frame's time may mean."""
+    taken = (frame.header or {}).get("taken_at")
+    if taken is None:
+        raise InputRejected(
+            shared.FRAME_TIME_MISSING,
+            f"Frame {frame.filename} does not say when it was taken, so no calibration can be looked up: "
+            "name one with calibration_id.",
+        )
+    instant: datetime = TypeAdapter(datetime).validate_python(taken)
+    if instant.tzinfo is not None:
+        return instant, instant
+    instant = instant.replace(tzinfo=UTC)
+    return instant + _EARLIEST, instant + _LATEST
