@@ -6,6 +6,7 @@ from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE
 from radiometry.geometry.plot import draw
+from radiometry.specification.application import Application
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
 
@@ -46,4 +47,5 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_figures,
     draw=draw,
     certificate=CERTIFICATE,
+    application=Application(),
 )

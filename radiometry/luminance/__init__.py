@@ -7,6 +7,7 @@ from radiometry.luminance import codes, method
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.plot import draw
+from radiometry.specification.application import Application
 from radiometry.specification.method import Budget, CoefficientKind, MethodSpec
 from radiometry.specification.roles import DARK, LIGHT
 
@@ -40,6 +41,7 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_figures,
     draw=draw,
     certificate=CERTIFICATE,
+    application=Application(options=("grid", "reflectance")),
     list_expanded=lambda result: {
         ("luminance_k", fit["coefficient"]["iso"], None): (
             fit["coefficient"]["expanded_uncertainty"],

@@ -6,6 +6,7 @@ from radiometry.reflectance import codes, method
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
 from radiometry.reflectance.plot import draw
+from radiometry.specification.application import Application
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_target
 from radiometry.specification.roles import FIELD, PANEL
 
@@ -40,6 +41,7 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_figures,
     draw=draw,
     certificate=CERTIFICATE,
+    application=Application(options=("incidence_angle_deg", "index")),
     list_expanded=lambda result: {
         ("reflectance_k", None, fit["coefficient"]["band"]): (
             fit["coefficient"]["expanded_uncertainty"],

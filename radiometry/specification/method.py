@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args, get_type_hints
 
 from radiometry.findings import Finding
+from radiometry.specification.application import Application
 from radiometry.specification.certificate import CertificateText
 from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Role
@@ -146,6 +147,8 @@ class MethodSpec:
         the fit states itself; empty if it states none.
     list_budgets : callable
         ``(fitted) -> tuple of Budget``, empty if the fit states none.
+    application : Application or None
+        What a version makes of a later frame, None if it cannot be applied.
     configure : callable
         ``(fitted) -> mapping``, what a version holds for beside camera and lens, ready for JSON.
     """
@@ -167,6 +170,7 @@ class MethodSpec:
     draw: Callable[[dict[str, Any]], str]
     certificate: CertificateText
     findings: tuple[Finding, ...] = ()
+    application: Application | None = None
     applied_roles: tuple[Role, ...] = ()
     features: type[Any] | None = None
     target: type[Any] | None = None
@@ -188,6 +192,11 @@ class MethodSpec:
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters of a fit, in the order in which a form shows them."""
         return list_parameters(self.params)
+
+    @property
+    def measurement_options(self) -> tuple[str, ...]:
+        """Options of a measurement with a version, beside region and products."""
+        return self.application.options if self.application else ()
 
     @property
     def is_corrected(self) -> bool:

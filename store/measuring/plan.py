@@ -16,6 +16,7 @@ from radiometry.luminance.lens import name_channels
 from radiometry.luminance.maps import find_map_scale
 from radiometry.luminance.measurement import Request, find_window
 from radiometry.luminance.surface import Grid, outline
+from radiometry.methods import METHODS, get_method
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.indices import Index
 from store.codec import decode, decode_exposure, decode_header, encode
@@ -87,24 +88,19 @@ def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Capt
 
 
 def _refuse_foreign_options(method: str, asked: Asked) -> None:
-    """What only another method could do is said, not left out in silence."""
-    options: dict[str, dict[str, object]] = {
-        "luminance": {"grid": asked.grid, "reflectance": asked.reflectance},
-        "reflectance": {"incidence_angle_deg": asked.incidence_angle_deg, "index": asked.index},
-        "geometry": {},
-    }
-    if method not in options:
+    """Refuse the options of other methods, instead of ignoring them."""
+    if get_method(method).application is None:
+        able = ", ".join(spec.name for spec in METHODS if spec.application)
         raise InputRejected(
             shared.OPTION_NOT_OF_METHOD,
             f"A frame of a {method} campaign has nothing to be measured. Upload it with role=field to a "
-            f"campaign of one of these methods: {', '.join(options)}.",
+            f"campaign of one of these methods: {able}.",
         )
     foreign = [
         name
-        for other, values in options.items()
-        if other != method
-        for name, value in values.items()
-        if value is not None
+        for spec in METHODS
+        for name in spec.measurement_options
+        if name not in get_method(method).measurement_options and getattr(asked, name) is not None
     ]
     if foreign:
         raise InputRejected(
