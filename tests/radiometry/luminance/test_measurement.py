@@ -8,9 +8,11 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.findings.advice import advise
+from radiometry.findings.shared import SATURATED
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
+from radiometry.luminance.codes import ROI_ELSEWHERE
 from radiometry.luminance.measurement import Request, find_window, measure
 from radiometry.luminance.surface import Grid
 from tests.radiometry.coefficients import COEFFICIENT
@@ -237,7 +239,7 @@ def test_the_window_holds_region_and_grid():
 
 
 def test_every_flag_of_a_measurement_has_a_remedy_and_the_largest_source_is_named():
-    sentences = advise(["saturated", "roi_elsewhere"], budget=[("dark signal", 0.2), ("f-number", 0.8)])
+    sentences = advise([SATURATED, ROI_ELSEWHERE], budget=[("dark signal", 0.2), ("f-number", 0.8)])
     assert len(sentences) == 3
     assert "quarter of the exposure time" in sentences[0]
     assert "f-number is the largest source" in sentences[-1]
