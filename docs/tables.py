@@ -1,8 +1,11 @@
-"""Write the tables of parameters and coefficients in the pages of the methods: `make tables`.
+"""Write what is derived from the specifications: `make tables`.
 
-A table stands between `<!-- parameters -->` or `<!-- coefficients -->` and `<!-- end -->`.
+The tables of parameters and coefficients in the pages of the methods, and the methods that the client knows
+without asking a service. A table stands
+between `<!-- parameters -->` or `<!-- coefficients -->` and `<!-- end -->`.
 """
 
+import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,12 +13,14 @@ from pathlib import Path
 from radiometry.methods import METHODS
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import Parameter
+from service.schemas.methods import describe_methods
 
 DOCS = Path(__file__).resolve().parent
+CLIENT = DOCS.parent / "stilb" / "field" / "methods.json"
 
 
 def render() -> dict[Path, str]:
-    """Return the text of each method's page with its tables as the specification states them."""
+    """Return each file with its text as the specifications give it."""
     pages = {}
     for spec in METHODS:
         path = DOCS / f"{spec.name}.md"
@@ -26,7 +31,8 @@ def render() -> dict[Path, str]:
                 raise SystemExit(f"{path} has no place for its {name}: <!-- {name} --> and <!-- end -->")
             text = block.sub(lambda _, lines=lines: "\n".join([*lines, ""]), text, count=1)
         pages[path] = text
-    return pages
+    answer = json.dumps(describe_methods().dump(), indent=1, ensure_ascii=False)
+    return {**pages, CLIENT: f"{answer}\n"}
 
 
 def list_parameters(spec: MethodSpec) -> Iterable[str]:

@@ -29,6 +29,7 @@ SPEC: Final = MethodSpec(
     result=method.Fit,
     features=method.Features,
     target=method.Target,
+    target_example={"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0},
     whole_frame=True,
     manual_exposure=False,
     coefficients=(

@@ -25,6 +25,7 @@ class Params:
         "micrometres.",
         unit="um",
         default_text="the camera's, where it is registered",
+        example=3.28,
         minimum=0.1,
         maximum=100.0,
     )

@@ -56,6 +56,7 @@ class Params:
         description="Relative standard uncertainty of one luminance reading apart from the meter's "
         "calibration: aim, spot, digits.",
         default_text="estimated from the scatter between scenes",
+        example=0.01,
         minimum=0.0,
         maximum=1.0,
         below_maximum=True,
@@ -83,6 +84,7 @@ class Params:
         label="Luminance factor of the target",
         description="rho of the taped surface, for the cross-check L = rho E / pi.",
         default_text="no cross-check",
+        example=0.18,
         given_by="campaign",
         minimum=0.0,
         above_minimum=True,
@@ -96,6 +98,7 @@ class Params:
         description="Vignetting version that the signals are divided by, or `in_force`: the one in force "
         "when the light frames were taken. Stored as the version's content hash.",
         default_text="no correction",
+        example="in_force",
     )
 
     def __post_init__(self) -> None:

@@ -27,6 +27,7 @@ SPEC: Final = MethodSpec(
     result=method.Fit,
     features=method.Features,
     target=method.Target,
+    target_example={"kind": "siemens_star", "cycles": 48},
     manual_exposure=False,
     coefficients=(
         *(

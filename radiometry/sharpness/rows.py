@@ -72,6 +72,7 @@ class Params:
         "millimetre.",
         unit="um",
         default_text="the camera's, where it is registered",
+        example=3.28,
         minimum=0.1,
         maximum=100.0,
     )

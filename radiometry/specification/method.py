@@ -106,6 +106,8 @@ class MethodSpec:
         Frozen dataclass of what `extract` returns beside statistics, None if statistics are enough.
     target : type or None
         Frozen dataclass that describes what is photographed, None if no description is needed.
+    target_example : mapping or None
+        A target as a request states it, for documents and forms.
     reference : {"meter", "panel"} or None
         What a campaign is measured against: meter readings of scenes, or a panel's reflectances.
     reading : type
@@ -174,6 +176,7 @@ class MethodSpec:
     applied_roles: tuple[Role, ...] = ()
     features: type[Any] | None = None
     target: type[Any] | None = None
+    target_example: Mapping[str, Any] | None = None
     reference: Reference | None = None
     reading: type[Any] = field(default=type(None))
     has_checklist: bool = False

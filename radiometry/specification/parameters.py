@@ -39,7 +39,8 @@ class Parameter:
     minimum, maximum : float or None
         Bounds, included unless ``above_minimum`` or ``below_maximum`` is True.
     default : object
-        None if there is none; ``default_text`` then states what the fit does.
+        None if there is none; ``default_text`` then states what the fit does, and ``example`` is a value
+        that could be given.
     given_by : {"request", "campaign"}
         "campaign" if the value is part of the campaign and no request may change it.
     none_allowed : bool
@@ -59,6 +60,7 @@ class Parameter:
     choices: tuple[Choice, ...] = ()
     default: Any = None
     default_text: str = ""
+    example: Any = None
     given_by: Literal["request", "campaign"] = "request"
     none_allowed: bool = False
     members: tuple["Parameter", ...] = ()

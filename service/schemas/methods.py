@@ -37,6 +37,7 @@ class ParameterAnswer(Answer):
     choices: list[ChoiceAnswer]
     default: Any = Field(default=None, description="Left out where there is none; see default_text.")
     default_text: str = Field(description="What the fit does without it, if it has no default.")
+    example: Any = Field(default=None, description="A value that could be given, where there is no default.")
     given_by: Literal["request", "campaign"]
     none_allowed: bool = Field(description='Whether "none" switches it off.')
     members: list["ParameterAnswer"] = Field(description="Of a group: its parameters.")
@@ -76,6 +77,7 @@ class MethodAnswer(Answer):
         default=None, description="What a campaign is measured against: readings of a meter, or a panel."
     )
     needs_target: bool = Field(description="Whether the campaign describes what is photographed.")
+    target_example: dict[str, Any] | None = None
     whole_frame: bool = Field(description="Whether the whole frame is used where no region is drawn.")
     finds_region: bool = Field(description="Whether the region is looked for where none is drawn.")
     parameters: list[ParameterAnswer]
@@ -91,6 +93,7 @@ class MethodAnswer(Answer):
             roles=[RoleAnswer(**asdict(role), used_in_fit=used) for role, used in roles],
             reference=spec.reference,
             needs_target=spec.target is not None,
+            target_example=dict(spec.target_example) if spec.target_example else None,
             whole_frame=spec.whole_frame,
             finds_region=spec.finds_region,
             parameters=[ParameterAnswer.of(each) for each in spec.parameters],

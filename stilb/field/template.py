@@ -1,7 +1,14 @@
-"""The campaign.toml that `stilb campaign init` writes: to be filled in, with what there is said in it."""
+"""The campaign.toml that `stilb campaign init` writes, made from the methods as the service describes them.
+
+`methods.json` is the answer of `GET /v1/methods`, written by `make tables`.
+"""
 
 import json
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
 
 _TEXT = """\
 # One campaign: one camera, one method. Then: stilb campaign run {folder}
@@ -13,23 +20,26 @@ serial = {serial}
 # pixel_pitch_um = 3.28
 
 [campaign]
+{description}
 method = {method}
 project_number = {project_number}  # the same number again is the same campaign
 # recorder = "A. Meier"
 # place = "hangar 2"
 # started_at = 2026-05-01T20:30:00Z
-{of_method}
+{reference}
+{target}
 # What the files are; the first that fits decides. Names may also be given as a range, without a pattern:
 # {{ first = "DJI_0001.DNG", last = "DJI_0012.DNG" }}
 {frames}
 # The region in pixels of the frame: corners, or what ImageJ's macro recorder writes. It may be drawn later.
 # [region]
 {region}
+# Parameters of the fit. Remove the first # of a line to set one; otherwise the default shown is used.
 [fit]
 {fit}
 """
 
-_LUMINANCE = """\
+_METER = """\
 # surface_reflectance = 0.18  # of the taped surface, where it is known
 
 # The meter, with its certificate where it has one; one table a meter.
@@ -44,7 +54,7 @@ _LUMINANCE = """\
 # The readings: a spreadsheet saved as CSV with the columns scene, quantity, value, unit (cd/m2, fL, lx, fc).
 {readings}
 """
-_REFLECTANCE = """
+_PANEL = """
 # The panel as it was measured on a day: what it reflects in each band, and with what standard uncertainty.
 # [panel]
 # serial = "RP04-1832179-SC"
@@ -53,61 +63,73 @@ _REFLECTANCE = """
 {{ band = "green", reflectance = 0.49, standard_uncertainty = 0.005 }},\
  {{ band = "nir", reflectance = 0.48, standard_uncertainty = 0.005 }}]
 """
-_SHARPNESS = """
-# What is photographed: slanted edges, or stars of so many pairs of sectors.
-# [target]
-# kind = "siemens_star"
-# cycles = 48
-"""
-_GEOMETRY = """
-# The board that is photographed, by its inner corners.
-# [target]
-# kind = "checkerboard"
-# columns = 9
-# rows = 6
-# square_size_mm = 25.0
-"""
-_OF_METHOD = {
-    "luminance": _LUMINANCE,
-    "reflectance": _REFLECTANCE,
-    "sharpness": _SHARPNESS,
-    "geometry": _GEOMETRY,
-}
-
-# By method, each role's folder.
-_FOLDERS = {
-    "luminance": {"dark": "dark", "field": "field", "light": "{scene}"},
-    "reflectance": {"panel": "panel", "field": "field"},
-    "vignetting": {"dark": "dark", "flat": "flat"},
-    "sharpness": {"chart": "chart"},
-    "geometry": {"chart": "chart"},
-    "noise": {"dark": "dark", "flat": "flat"},
-}
-METHODS = tuple(_FOLDERS)
-_REMARKS = {"light": "  # a folder a light level: level-1/, level-2/, ..."}
+_REFERENCES = {"meter": _METER, "panel": _PANEL, None: ""}
 _ONE = '# imagej = "makePolygon(2200,1600,3100,1600,3100,2300,2200,2300);"\n'
 _PARTS = """\
 # [region.parts]
 # centre = [[2200, 1600], [2400, 1600], [2400, 1800], [2200, 1800]]
 # top-left = [[200, 160], [400, 160], [400, 360], [200, 360]]
 """
-_FITS = {"luminance": 'model = "proportional"\ntolerance = 0.04'}
+
+
+@cache
+def read_methods() -> Mapping[str, Mapping[str, Any]]:
+    """Return the methods by name, each as `GET /v1/methods` describes it."""
+    text = files("stilb.field").joinpath("methods.json").read_text(encoding="utf-8")
+    return {each["name"]: each for each in json.loads(text)["items"]}
 
 
 def write_template(said: Mapping[str, str], *, folder: str, has_readings: bool) -> str:
-    """The text; ``said``: make, model, serial, method, project_number, each "" where nobody has said it."""
-    method, mark = said["method"], "" if has_readings else "# "
+    """Return the text; ``said``: make, model, serial, method, project_number, each "" if it is not known."""
+    method, mark = read_methods()[said["method"]], "" if has_readings else "# "
     readings = f'{mark}[readings]\n{mark}file = "readings.csv"'
     return _TEXT.format(
         folder=folder,
-        of_method=_OF_METHOD.get(method, "").format(readings=readings),
-        frames="\n".join(_rule(role, name) for role, name in _FOLDERS[method].items()),
-        region=_PARTS if method == "sharpness" else _ONE,
-        fit=_FITS.get(method, "# as docs/ of the method say"),
+        description="\n".join(_comment(method["description"])),
+        reference=_REFERENCES[method.get("reference")].format(readings=readings),
+        target=_format_target(method),
+        frames="\n".join(_list_rules(method)),
+        region=_PARTS if method.get("several_regions") else _ONE,
+        fit="\n".join(line for each in method["parameters"] for line in _list_parameter(each)),
         # A JSON text is a TOML text too.
         **{name: json.dumps(value, ensure_ascii=False) for name, value in said.items()},
     )
 
 
-def _rule(role: str, folder: str) -> str:
-    return f'[[frames]]\npattern = "{folder}/*"{_REMARKS.get(role, "")}\nrole = "{role}"\n'
+def _format_target(method: Mapping[str, Any]) -> str:
+    example = method.get("target_example")
+    if example is None:
+        return ""
+    lines = [f"# {name} = {json.dumps(value)}" for name, value in example.items()]
+    return "\n".join(["# What is photographed.", "# [target]", *lines, ""])
+
+
+def _list_rules(method: Mapping[str, Any]) -> Iterator[str]:
+    """Return a folder per role; that of scenes takes any folder, so it comes last."""
+    roles = {each["name"]: each for each in method["roles"]}
+    roles.setdefault("field", {"name": "field", "description": "Frames to measure.", "has_scene": False})
+    for role in sorted(roles.values(), key=lambda each: each["has_scene"]):
+        folder = "{scene}" if role["has_scene"] else role["name"]
+        yield f'[[frames]]  # {role["description"]}\npattern = "{folder}/*"\nrole = "{role["name"]}"\n'
+
+
+def _list_parameter(parameter: Mapping[str, Any]) -> Iterator[str]:
+    if parameter["given_by"] != "request":
+        return
+    choices = ", ".join(json.dumps(choice["value"]) for choice in parameter["choices"])
+    off = ' "none" switches it off.' if parameter["none_allowed"] else ""
+    allowed = f" One of {choices}." if choices else ""
+    unit = f" [{parameter['unit']}]" if parameter["unit"] != "1" else ""
+    yield from _comment(f"{parameter['label']}{unit}: {parameter['description']}{allowed}{off}")
+    if "default" in parameter:
+        yield f"# {parameter['name']} = {json.dumps(parameter['default'])}"
+    elif parameter["members"]:
+        members = ", ".join(f"{each['name']} = {each['default']:.4g}" for each in parameter["members"])
+        yield f"# {parameter['name']} = {{ {members} }}  # left out: {parameter['default_text']}"
+    else:
+        example = json.dumps(parameter["example"])
+        yield f"# {parameter['name']} = {example}  # left out: {parameter['default_text']}"
+
+
+def _comment(text: str) -> list[str]:
+    return textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="#   ")
