@@ -71,7 +71,7 @@ def test_corrected_readings_take_the_place_of_the_others(signed_in, handful, tea
     text = (handful / NUMBERS).read_text()
     (handful / NUMBERS).write_text(text.replace("luminance,39.92", "luminance,39.9"))
     kept = signed_in("campaign", "run", handful, "--no-fit")
-    assert "8 more readings are in the campaign than the folder holds" in kept.err
+    assert "The campaign has 8 readings that are not in the folder" in kept.err
     assert "--replace-readings" in kept.err
     signed_in("campaign", "run", handful, "--no-fit", "--replace-readings")
     assert 39.9 in in_use(team, campaign_id)
