@@ -1,0 +1,80 @@
+"""Style of the docstrings of radiometry and simulation."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXCEPTIONS = Path(__file__).parent / "docstrings"  # <package>.txt: its files that do not conform yet
+OPENINGS = ("Give", "Say", "Tell", "Hold", "Look", "What", "Who", "Of", "Whether", "From")
+INLINE = ("Takes", "Source:")
+DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
+
+
+def test_docstrings_open_with_a_result_and_name_their_parameters():
+    found = {path: faults for path in list_files() if (faults := list(find_faults(path, path.read_text())))}
+    open_files = {ROOT / line for page in EXCEPTIONS.glob("*.txt") for line in page.read_text().split()}
+    assert not [fault for path in found.keys() - open_files for fault in found[path]]
+    assert not sorted(map(str, open_files - found.keys())), "these conform: delete their lines"
+
+
+@pytest.mark.parametrize(
+    ("source", "fault"),
+    [
+        ('def f():\n    """Give one."""', "opens with Give"),
+        ('class F:\n    """What it is."""', "opens with What"),
+        ('def f(x):\n    """Return x.\n\n    Takes x : m, a length\n    """', "has Takes"),
+        ('def f(x):\n    """Return x."""', "has no Parameters section"),
+        ("def f(x):\n    return x", "has no Parameters section"),
+        ('class F:\n    def f(self, *, x):\n        """Return x."""', "has no Parameters section"),
+    ],
+)
+def test_lint_finds_each_fault(source, fault):
+    assert any(text.endswith(fault) for text in find_faults(ROOT / "radiometry/example.py", source))
+
+
+def test_lint_accepts_numpydoc_and_private_helpers():
+    source = (
+        'def f(x):\n    """Return x.\n\n    Parameters\n    ----------\n    x : float\n        Length [m].\n    """\n'
+        "def _g(x):\n    return x\n"
+        "class F:\n    def __post_init__(self, x):\n        pass\n"
+        '    def size(self):\n        """Return the size."""'
+    )
+    assert not list(find_faults(ROOT / "radiometry/example.py", source))
+
+
+def test_simulation_needs_no_sections():
+    assert not list(find_faults(ROOT / "simulation/example.py", 'def f(x):\n    """Return x."""'))
+
+
+def list_files() -> list[Path]:
+    return [path for room in ("radiometry", "simulation") for path in (ROOT / room).rglob("*.py")]
+
+
+def find_faults(path: Path, source: str) -> Iterator[str]:
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if not isinstance(node, DOCUMENTED):
+            continue
+        text = ast.get_docstring(node) or ""
+        where = f"{path.relative_to(ROOT)}: {getattr(node, 'name', 'module')}"
+        if (first := text.split(" ")[0]) in OPENINGS:
+            yield f"{where} opens with {first}"
+        yield from (f"{where} has {word}" for word in INLINE if f"\n{word}" in text)
+    if path.is_relative_to(ROOT / "radiometry"):
+        for function in _list_public_functions(tree.body):
+            arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+            takes = [one for one in arguments if one.arg not in {"self", "cls"}]
+            text = ast.get_docstring(function) or ""
+            if takes and "Parameters\n----------\n" not in text:
+                yield f"{path.relative_to(ROOT)}: {function.name} has no Parameters section"
+
+
+def _list_public_functions(body: list[ast.stmt]) -> Iterator[ast.FunctionDef]:
+    for node in body:
+        if isinstance(node, ast.ClassDef):
+            yield from _list_public_functions(node.body)
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            yield node
