@@ -37,7 +37,7 @@ def test_lint_finds_each_fault(source, fault):
 
 def test_lint_accepts_numpydoc_and_private_helpers():
     source = (
-        'def f(x):\n    """Return x.\n\n    Parameters\n    ----------\n    x : float\n        Length [m].\n    """\n'
+        'def f(x):\n    """Return x.\n\n    Parameters\n    ----------\n    x : float\n    """\n'
         "def _g(x):\n    return x\n"
         "class F:\n    def __post_init__(self, x):\n        pass\n"
         '    def size(self):\n        """Return the size."""'
