@@ -91,6 +91,6 @@ def test_a_lost_connection_is_told_and_the_page_goes_on_when_it_is_back(page, co
     settle(page)
     expect(page.get_by_role("alert")).to_contain_text("The service does not answer")
     context.unroute("**/v1/cameras*")
-    page.get_by_role("button", name="Retry").click()
+    page.get_by_role("button", name="Try again").click()
     expect(page.get_by_text("No cameras yet")).to_be_visible()
     context.complaints.clear()
