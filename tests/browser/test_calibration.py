@@ -107,7 +107,7 @@ def test_a_point_is_left_out_with_a_reason_and_the_version_before_stays(shown, n
     row = shown.locator("#points").get_by_role("row").filter(has_text=found["frame"])
     expect(row).to_contain_text("somebody walked through the light")
     expect(shown.locator("#version-status")).to_contain_text("draft")
-    expect(shown.locator("#siblings").get_by_role("row").filter(has_text="1 left out").first).to_be_visible()
+    expect(shown.locator("#siblings").get_by_role("row").filter(has_text="1 excluded").first).to_be_visible()
     # once more, with what was left out kept and another model
     second = shown.url
     shown.get_by_role("button", name="Refit…", exact=True).click()

@@ -74,7 +74,7 @@ def test_a_region_that_was_found_says_so_and_gives_way_to_a_drawn_one(page, team
     expect(dialog).to_contain_text("found by the code of panel RP02-1603036-SC")
     dialog.get_by_role("button", name="Draw another region").click()
     region = page.locator("#region")
-    expect(region).to_contain_text("region, found by the code of panel RP02-1603036-SC")
+    expect(region).to_contain_text("region is shown, found by the code of panel RP02-1603036-SC")
     expect(region.get_by_role("button", name="Corner 4 of 4")).to_be_visible()
     page.evaluate("scrollTo(0, 0)")
     check_access(page)

@@ -151,7 +151,7 @@ function bulkForm(state, chosen, after) {
       state.renew(await patch(`/v1/frames/${id}`, said));
       chosen.delete(id);
     }
-    toast(`${counted(ids.length, "frame")} changed and read again.`);
+    toast(`${ids.length} changed and read again.`);
     after();
     await state.touch();
   };

@@ -127,7 +127,7 @@ function itemTable(state, queue) {
   return virtualTable({
     columns: [{ head: "File", class: "name" }, { head: "Progress", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }],
     rowHeight: ROW_PX,
-    caption: "Files to send",
+    caption: "Upload list",
     keyOf: (item) => item.key,
     markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : "", state.verdicts.get(item.frameId)?.outcome].join("|"),
     draw: (item) => [
