@@ -185,9 +185,7 @@ def test_readings_are_pasted_and_each_bad_line_is_named(page, team):
     page.goto(f"/campaigns/{campaign.id}#readings")
     page.get_by_label("Lines").fill("level-1\t54,4\nlevel-2\t1,234\nlevel-3\tabout 2\n\nlevel-4\t0,26\tfL")
     faults = page.locator(".faults li")
-    expect(faults).to_have_text(
-        [re.compile("Line 2: .*is ambiguous"), re.compile("Line 3: .*not a number")]
-    )
+    expect(faults).to_have_text([re.compile("Line 2: .*is ambiguous"), re.compile("Line 3: .*not a number")])
     page.get_by_role("button", name="Add", exact=True).click()
     expect(page.get_by_role("alert").filter(has_text="Line 2")).to_have_count(2)
 
