@@ -20,7 +20,16 @@ hypothesis.settings.load_profile("house")
 
 
 # what needs more than this process, and the suites that start whole deployments
-SERVED = {"migrated_sqlite", "postgres", "s3_endpoint", "wheel"}
+SERVED = {
+    "database_url",
+    "migrated_sqlite",
+    "postgres",
+    "s3_endpoint",
+    "shared_house",
+    "staged",
+    "stages",
+    "wheel",
+}
 WHOLE = {"bench", "browser", "demo", "faults", "flow"}
 
 
