@@ -55,7 +55,8 @@ is answered and no job is left, everything is compared with a run without a faul
 | told | from 4 s on: did `/readyz` and `/livez` say how it was, in 2 s and `machine`? empty: not asked |
 | machine | the slowest answer of an idle web server beside it, asked four times a second; empty: not asked |
 
-Where other work keeps the machine busy, which `machine` shows, all seconds are upper values.
+Where other work keeps the machine busy, as `machine` or a high load average shows, all seconds are
+upper values.
 
 A part that hangs is stopped by a signal and left so: the fault ends when it has been replaced. The clock is
 set for all processes but PostgreSQL's by a library that is loaded before theirs; their monotonic clocks run
