@@ -15,7 +15,7 @@ COVERAGE_FACTOR = 2.0
 def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> list[Json]:
     """The figures of a version, each with its expanded uncertainty and coverage factor.
 
-    ``figures`` : with the names of `radiometry.fitting.evidence.Figure`
+    ``figures`` : with the names of `radiometry.fitting.evidence.CoefficientValue`
     """
     expanded = get_method(method).list_expanded(result)
     rows = []

@@ -84,7 +84,7 @@ class BudgetEntry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figure:
+class CoefficientValue:
     """One coefficient of a version as dashboards see it.
 
     ``name`` : with its unit where it has one, as in the HTTP contract; ``model`` : the equation it belongs to

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
-from radiometry.fitting.evidence import Figure, Quantity
+from radiometry.fitting.evidence import CoefficientValue, Quantity
 from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, project
 from radiometry.geometry.coverage import find_covered_radius_px, measure_coverage, measure_tilt_deg
 from radiometry.geometry.curve import compute_curve
@@ -57,10 +57,10 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     return _build(settled, points, params)
 
 
-def list_figures(fit: Fit) -> tuple[Figure, ...]:
+def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
     """Give the coefficients as dashboards see them."""
     return tuple(
-        Figure(
+        CoefficientValue(
             name=each.name,
             value=each.value,
             standard_uncertainty=each.standard_uncertainty,

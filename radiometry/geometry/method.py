@@ -20,7 +20,7 @@ from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.exports import export_json, export_opencv, export_ros
 from radiometry.geometry.features import Features, extract_features
 from radiometry.geometry.fit import fit_geometry as fit
-from radiometry.geometry.fit import list_figures
+from radiometry.geometry.fit import list_coefficients
 from radiometry.geometry.planning import plan_views as plan
 from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, Point
 from radiometry.geometry.rows import FrameRow, Params
@@ -47,7 +47,7 @@ __all__ = [
     "extract",
     "fit",
     "judge",
-    "list_figures",
+    "list_coefficients",
     "missing",
     "plan",
     "require_size",

@@ -76,7 +76,7 @@ class Coverage:
 class Fit:
     """A geometry calibration.
 
-    ``coefficients`` : as `list_figures` gives them; ``covariance`` : (9, 9) of `camera.PARAMETERS`
+    ``coefficients`` : as `list_coefficients` gives them; ``covariance`` : (9, 9) of `camera.PARAMETERS`
     ``offset_row``, ``offset_col`` : of the principal point from the middle of the frame
     ``principal_distance_mm``, ``offset_*_um`` : None without a pixel pitch
     """

@@ -20,7 +20,7 @@ from radiometry.luminance.lens import correct_signal
 from radiometry.luminance.measured import Measured, Percentile, Share, Surface
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
-from radiometry.luminance.surface import Cells, Figure, Grid, judge_uniformity, lay_grid
+from radiometry.luminance.surface import Cells, Estimate, Grid, judge_uniformity, lay_grid
 from radiometry.vignetting.lens import Lens
 
 _GREENS = ("G1", "G2", "G")
@@ -245,9 +245,9 @@ def _illuminate(luminance: Quantity, reflectance: float | None) -> Quantity | No
     )
 
 
-def _quantity(figure: Figure, unit: str) -> Quantity:
+def _quantity(figure: Estimate, unit: str) -> Quantity:
     return Quantity(value=figure.value, standard_uncertainty=figure.standard_uncertainty, unit=unit)
 
 
-def _ratio(figure: Figure | None) -> Quantity | None:
+def _ratio(figure: Estimate | None) -> Quantity | None:
     return _quantity(figure, "1") if figure is not None else None

@@ -15,7 +15,7 @@ from typing import Any
 from scipy.special import chdtri
 
 from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.evidence import Figure, FrameEvidence
+from radiometry.fitting.evidence import CoefficientValue, FrameEvidence
 from radiometry.frame import Frame
 from radiometry.frame.darkness import flag_not_dark
 from radiometry.frame.roi import Polygon, Window, mask
@@ -63,7 +63,7 @@ __all__ = [
     "extract",
     "fit",
     "judge",
-    "list_figures",
+    "list_coefficients",
     "luminance_per_dn",
     "make_row",
     "missing",
@@ -157,7 +157,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     )
 
 
-def list_figures(fitted: Fit) -> tuple[Figure, ...]:
+def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     """Give K of every ISO value, then the dark signals, by rising ISO."""
     where: dict[str, list[str]] = {raised.where: [] for raised in fitted.flags}
     for raised in fitted.flags:
@@ -172,7 +172,7 @@ def list_figures(fitted: Fit) -> tuple[Figure, ...]:
             "flags": tuple(flags),
         }
         ks.append(
-            Figure(
+            CoefficientValue(
                 name="luminance_k",
                 value=coefficient.luminance_k,
                 standard_uncertainty=coefficient.luminance_k_standard_uncertainty,
@@ -181,7 +181,7 @@ def list_figures(fitted: Fit) -> tuple[Figure, ...]:
             )
         )
         darks.append(
-            Figure(
+            CoefficientValue(
                 name="dark_signal_dn",
                 value=coefficient.dark_signal_dn,
                 standard_uncertainty=coefficient.dark_signal_standard_uncertainty_dn,

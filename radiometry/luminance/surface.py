@@ -45,7 +45,7 @@ class Cells:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figure:
+class Estimate:
     """A number with its standard uncertainty."""
 
     value: float
@@ -59,13 +59,13 @@ class Uniformity:
     ``u_o`` : L_min / L_av; ``u_l`` : per row of cells, its smallest over its largest
     """
 
-    average_cd_m2: Figure
-    smallest_cd_m2: Figure
-    largest_cd_m2: Figure
-    u_o: Figure | None
-    u_l: tuple[Figure | None, ...]
-    average_to_min: Figure | None
-    max_to_min: Figure | None
+    average_cd_m2: Estimate
+    smallest_cd_m2: Estimate
+    largest_cd_m2: Estimate
+    u_o: Estimate | None
+    u_l: tuple[Estimate | None, ...]
+    average_to_min: Estimate | None
+    max_to_min: Estimate | None
 
 
 def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
@@ -173,7 +173,7 @@ def judge_uniformity(cells: Cells) -> Uniformity:
     )
 
 
-def _line(cells: Cells, row: int) -> Figure | None:
+def _line(cells: Cells, row: int) -> Estimate | None:
     values = cells.values_cd_m2
     start, line = row * values.shape[1], values[row]
     low, high = start + int(line.argmin()), start + int(line.argmax())
@@ -187,7 +187,7 @@ def _only(values: Matrix, index: int) -> Matrix:
     return gradient
 
 
-def _ratio(cells: Cells, above: tuple[float, Matrix], below: tuple[float, Matrix]) -> Figure | None:
+def _ratio(cells: Cells, above: tuple[float, Matrix], below: tuple[float, Matrix]) -> Estimate | None:
     """Give a quotient: its gradient is (g_above - quotient g_below) / below."""
     if below[0] <= 0.0:
         return None
@@ -195,7 +195,7 @@ def _ratio(cells: Cells, above: tuple[float, Matrix], below: tuple[float, Matrix
     return _figure(cells, quotient, (above[1] - quotient * below[1]) / below[0])
 
 
-def _figure(cells: Cells, value: float, gradient: Matrix) -> Figure:
+def _figure(cells: Cells, value: float, gradient: Matrix) -> Estimate:
     noise = float(np.sum((gradient * cells.noise_cd_m2) ** 2))
     shared = np.einsum("rc,krc->k", gradient, cells.shared_cd_m2)
-    return Figure(value=value, standard_uncertainty=math.sqrt(noise + float(shared @ shared)))
+    return Estimate(value=value, standard_uncertainty=math.sqrt(noise + float(shared @ shared)))

@@ -10,7 +10,7 @@ not measured here, so there is no quantum efficiency and no threshold in photons
 from collections.abc import Sequence
 
 from radiometry.findings import InputRejected, shared
-from radiometry.fitting.evidence import Extracted, Figure, Quantity, Region
+from radiometry.fitting.evidence import CoefficientValue, Extracted, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
@@ -34,7 +34,7 @@ __all__ = [
     "extract",
     "fit",
     "judge",
-    "list_figures",
+    "list_coefficients",
     "missing",
     "plan",
 ]
@@ -108,10 +108,10 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     )
 
 
-def list_figures(fit: Fit) -> tuple[Figure, ...]:
+def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
     """Give the figures of every ISO value and channel, those that exist."""
     return tuple(
-        Figure(
+        CoefficientValue(
             name=name,
             value=quantity.value,
             standard_uncertainty=quantity.standard_uncertainty,

@@ -38,7 +38,7 @@ SPEC: Final = MethodSpec(
     judge=method.judge,
     plan=method.plan,
     fit=method.fit,
-    list_coefficients=method.list_figures,
+    list_coefficients=method.list_coefficients,
     draw=draw,
     certificate=CERTIFICATE,
     application=Application(options=("incidence_angle_deg", "index")),

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from radiometry.findings import InputRejected, Raised, shared
-from radiometry.fitting.evidence import Extracted, Figure, FrameEvidence, Region
+from radiometry.fitting.evidence import CoefficientValue, Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
@@ -90,7 +90,7 @@ __all__ = [
     "find_scale_of_frame",
     "fit",
     "judge",
-    "list_figures",
+    "list_coefficients",
     "make_row",
     "measure_sunshine",
     "missing",
@@ -178,11 +178,11 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     )
 
 
-def list_figures(fitted: Fit) -> tuple[Figure, ...]:
+def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     """Give K of every band, by rising wavelength where the files say it."""
     coefficients = (each.coefficient for each in fitted.band_fits)
     return tuple(
-        Figure(
+        CoefficientValue(
             name="reflectance_k",
             value=coefficient.reflectance_k,
             standard_uncertainty=coefficient.reflectance_k_standard_uncertainty,

@@ -56,7 +56,7 @@ SPEC: Final = MethodSpec(
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
     plan=drop_readings(method.plan),
     fit=drop_readings(method.fit),
-    list_coefficients=method.list_figures,
+    list_coefficients=method.list_coefficients,
     draw=draw,
     certificate=CERTIFICATE,
 )

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Sequence
 
 from radiometry.findings import InputRejected, shared
-from radiometry.fitting.evidence import Extracted, Figure, Region
+from radiometry.fitting.evidence import CoefficientValue, Extracted, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.sharpness.candidates import Candidate, collect_candidates, list_missing
@@ -37,7 +37,7 @@ __all__ = [
     "extract",
     "fit",
     "judge",
-    "list_figures",
+    "list_coefficients",
     "missing",
     "plan",
     "unresolved_diameter",
@@ -101,13 +101,13 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     )
 
 
-def list_figures(fitted: Fit) -> tuple[Figure, ...]:
+def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     """Give every coefficient of every position, then the falloff to the corners.
 
     ``model`` holds the position, "slanted_edge:top-left"; the falloff's is the kind of target alone.
     """
     figures = [
-        Figure(
+        CoefficientValue(
             name=coefficient.name,
             value=coefficient.quantity.value,
             standard_uncertainty=coefficient.quantity.standard_uncertainty,
@@ -121,7 +121,7 @@ def list_figures(fitted: Fit) -> tuple[Figure, ...]:
         for coefficient in each.coefficients
     ]
     figures += [
-        Figure(
+        CoefficientValue(
             name="corner_falloff",
             value=table.corner_falloff.value,
             standard_uncertainty=table.corner_falloff.standard_uncertainty,

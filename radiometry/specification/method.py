@@ -139,7 +139,7 @@ class MethodSpec:
     fit : callable
         ``(rows, readings, params) -> result``. Raises InputRejected.
     list_coefficients : callable
-        ``(fitted) -> tuple of Figure``.
+        ``(fitted) -> tuple of CoefficientValue``.
     draw : callable
         ``(stored result) -> str``, a plot as SVG. What does not exist may be None or missing.
     certificate : CertificateText

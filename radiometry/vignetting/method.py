@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Sequence
 
 from radiometry.findings import InputRejected, shared
-from radiometry.fitting.evidence import Extracted, Figure, Quantity, Region
+from radiometry.fitting.evidence import CoefficientValue, Extracted, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
@@ -73,7 +73,7 @@ __all__ = [
     "extract",
     "fit",
     "judge",
-    "list_figures",
+    "list_coefficients",
     "missing",
     "plan",
     "read_residuals",
@@ -148,10 +148,10 @@ def _fit_all(used: Sequence[Candidate]) -> list[FittedChannel]:
     return fitted
 
 
-def list_figures(fit: Fit) -> tuple[Figure, ...]:
+def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
     """Give k1, k2, k3, the centre and the corner's falloff, per f-number and channel."""
     return tuple(
-        Figure(
+        CoefficientValue(
             name=name,
             value=quantity.value,
             standard_uncertainty=quantity.standard_uncertainty,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from radiometry.fitting.evidence import Figure
+from radiometry.fitting.evidence import CoefficientValue
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
@@ -108,7 +108,8 @@ def _regions(record: CalibrationRecord) -> list[Region]:
 def _coefficients(record: CalibrationRecord) -> list[CertifiedCoefficient]:
     version = record.calibration
     figures = [
-        {name: getattr(row, name) for name in Figure.__dataclass_fields__} for row in record.coefficients
+        {name: getattr(row, name) for name in CoefficientValue.__dataclass_fields__}
+        for row in record.coefficients
     ]
     stated = state_coefficients(version.method, version.result, figures)
     return [CertifiedCoefficient(**figure) for figure in stated]

@@ -72,7 +72,7 @@ def test_a_row_of_luminance_names_its_gain_maps_alone(drawn):
 
 def test_the_figures_of_luminance_are_k_and_dark_by_rising_iso(drawn):
     fit = luminance.fit(drawn.rows, drawn.readings, luminance.Params())
-    figures = luminance.list_figures(fit)
+    figures = luminance.list_coefficients(fit)
     count = len(fit.iso_fits)
     assert [figure.name for figure in figures] == ["luminance_k"] * count + ["dark_signal_dn"] * count
     coefficient = min((each.coefficient for each in fit.iso_fits), key=lambda each: each.iso)

@@ -44,7 +44,7 @@ def test_a_lamp_that_burnt_in_all_dark_frames_of_a_noise_campaign():
     fit = noise.fit(brightened(take(SMALL, 3), 900, lambda row: row.role == "dark"), PARAMS)
     (found,) = raised(fit, "dark_not_dark")
     assert "5.6% of the span" in found.detail
-    assert "dark_not_dark" in noise.list_figures(fit)[0].flags
+    assert "dark_not_dark" in noise.list_coefficients(fit)[0].flags
 
 
 def test_a_warm_sensor_is_a_noise_campaign_s_subject():
@@ -77,4 +77,4 @@ def test_lit_dark_frames_of_a_falloff(black_level_dn, flagged):
     found = raised(fit, "dark_not_dark")
     assert [each.where for each in found] == (["iso 100"] if flagged else [])
     assert all(each.detail.startswith("dark-2, dark-3: Its mean is") for each in found)
-    assert ("dark_not_dark" in vignetting.list_figures(fit)[0].flags) is flagged
+    assert ("dark_not_dark" in vignetting.list_coefficients(fit)[0].flags) is flagged

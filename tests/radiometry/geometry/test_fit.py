@@ -107,7 +107,7 @@ def test_what_is_reported_in_millimetres(opencv_fit):
 
 
 def test_figures_and_json(opencv_fit):
-    figures = geometry.list_figures(opencv_fit)
+    figures = geometry.list_coefficients(opencv_fit)
     assert [each.name for each in figures] == [
         *("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2", "rms_px")
     ]

@@ -72,7 +72,7 @@ def test_a_straight_sensor_has_a_linearity_error_of_its_noise(rich):
 
 
 def test_the_coefficient_rows_have_their_names_and_units(rich):
-    figures = noise.list_figures(rich[2])
+    figures = noise.list_coefficients(rich[2])
     first = [figure for figure in figures if (figure.iso, figure.channel) == (100.0, "R")]
     assert {figure.name: figure.unit for figure in first} == {
         "system_gain_dn_per_e": "DN/e-",
@@ -152,7 +152,7 @@ def test_transposed_frames_have_the_same_noise():
             )
             for one in taken
         ]
-        return noise.list_figures(noise.fit(rows, PARAMS))
+        return noise.list_coefficients(noise.fit(rows, PARAMS))
 
     for one, other in zip(fit(np.asarray), fit(np.transpose), strict=True):
         assert one.value == pytest.approx(other.value, rel=1e-9)

@@ -105,7 +105,7 @@ def test_numbers_in_steps_of_sixteen_are_the_same_electrons(read_noise_e):
     sensor = change(SMALL, gain_dn_per_e=0.1, read_noise_e=read_noise_e, white_level_dn=4095.0)
     rows = take(sensor, 5, times=(*TIMES, 1.5), dark_times=(0.02, 1.0))
     plain, steps = (
-        {figure.name: figure for figure in noise.list_figures(noise.fit(each, PARAMS))}
+        {figure.name: figure for figure in noise.list_coefficients(noise.fit(each, PARAMS))}
         for each in (rows, [repack(row, shift_left) for row in rows])
     )
     for name, figure in plain.items():
@@ -167,4 +167,4 @@ def test_an_iso_without_levels_still_has_its_dark_figures():
     assert (poor.iso, poor.transfer) == (800.0, None)
     assert poor.read_noise_dn.value == pytest.approx(3.0, abs=4 * poor.read_noise_dn.standard_uncertainty)
     assert (noise_codes.NO_PHOTON_TRANSFER, "iso 800 grey") in {(r.flag, r.where) for r in fit.flags}
-    assert {f.name for f in noise.list_figures(fit) if f.iso == 800.0} == {"read_noise_dn", "dsnu_dn"}
+    assert {f.name for f in noise.list_coefficients(fit) if f.iso == 800.0} == {"read_noise_dn", "dsnu_dn"}

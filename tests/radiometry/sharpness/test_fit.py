@@ -50,7 +50,7 @@ def flags_of(fit):
 
 
 def test_every_position_has_the_figures_of_the_contract(fitted):
-    figures = {(each.model, each.name): each for each in sharpness.list_figures(fitted)}
+    figures = {(each.model, each.name): each for each in sharpness.list_coefficients(fitted)}
     for position, blur_px in (("centre", MIDDLE_PX), ("top-left", CORNER_PX), ("bottom-right", CORNER_PX)):
         model = f"slanted_edge:{position}"
         for name, unit, truth in (
@@ -80,7 +80,7 @@ def test_the_falloff_is_a_quarter(fitted):
     assert 0 < table.corner_falloff.standard_uncertainty < 0.02
     for each in table.rows:
         assert each.ratio.value == pytest.approx(0.75, abs=4 * each.ratio.standard_uncertainty)
-    (figure,) = [each for each in sharpness.list_figures(fitted) if each.name == "corner_falloff"]
+    (figure,) = [each for each in sharpness.list_coefficients(fitted) if each.name == "corner_falloff"]
     assert (figure.model, figure.unit, figure.value) == ("slanted_edge", "1", table.corner_falloff.value)
 
 
@@ -208,7 +208,7 @@ def test_a_good_campaign_has_no_flag(fitted):
 def test_a_single_frame_is_flagged(rows):
     fit = sharpness.fit(rows[:1], PARAMS)
     assert ("sharpness_once", "position centre") in flags_of(fit)
-    figure = next(each for each in sharpness.list_figures(fit) if each.model == "slanted_edge:centre")
+    figure = next(each for each in sharpness.list_coefficients(fit) if each.model == "slanted_edge:centre")
     assert figure.flags == ("sharpness_once",)
 
 
@@ -269,7 +269,7 @@ def test_what_the_edges_show_is_flagged(rows, flag, changes, beside):
 
 def test_an_edge_sharper_than_the_curve_has_no_mtf50(rows):
     fit = sharpness.fit([change_edges(rows[0], mtf50=None)], PARAMS)
-    names = {each.name for each in sharpness.list_figures(fit)}
+    names = {each.name for each in sharpness.list_coefficients(fit)}
     assert "mtf50_cycles_per_pixel" not in names
     assert "edge_rise_10_90_px" in names
     assert fit.falloff == ()
@@ -296,7 +296,7 @@ def test_stars_have_their_own_figures():
     target = sharpness.Target(kind="siemens_star", cycles=36)
     features = extract(render_chart(camera, [star], seeded()), [star.region], camera=camera, target=target)
     fit = sharpness.fit([row("a", features)], sharpness.Params(star_contrast=0.2, pixel_pitch_um=5.0))
-    figures = {each.name: each for each in sharpness.list_figures(fit)}
+    figures = {each.name: each for each in sharpness.list_coefficients(fit)}
     power = figures["resolving_power_cycles_per_pixel"]
     assert power.model == "siemens_star:centre"
     assert power.value == pytest.approx(math.sqrt(-math.log(0.2 * 0.966) / 2) / (math.pi * 0.7), rel=0.02)

@@ -101,7 +101,7 @@ def test_fit_survives_json_and_is_finite(fitted):
 
 
 def test_figures_have_the_contract_s_names(fitted):
-    figures = vignetting.list_figures(fitted)
+    figures = vignetting.list_coefficients(fitted)
     names = {"k1", "k2", "k3", "centre_row_px", "centre_col_px", "corner_falloff"}
     assert {each.name for each in figures} == names
     assert len(figures) == 6 * 16
