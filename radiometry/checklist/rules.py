@@ -92,7 +92,7 @@ def _frames(facts: Facts) -> dict[str, Finding]:
         ),
         "shooting_iso_and_apertures": (
             _lack_of_frames(facts, light) or _lack_of_settings(light, levels),
-            "; ".join(_tell_settings(iso, _at(light, iso)) for iso in _isos(light)) + ".",
+            "; ".join(_format_settings(iso, _at(light, iso)) for iso in _isos(light)) + ".",
         ),
         "shooting_every_combination": (
             _lack_of_frames(facts, light) or _lack_of_combination(light, levels),
@@ -143,7 +143,7 @@ def _dark(facts: Facts) -> dict[str, Finding]:
         "dark_frames": _judge(
             "frames",
             _lack_of_frames(facts, light) or _lack_of_dark(light, dark),
-            "; ".join(_tell_settings(iso, _at(dark, iso)) for iso in _isos(light)) + ".",
+            "; ".join(_format_settings(iso, _at(dark, iso)) for iso in _isos(light)) + ".",
         ),
         "dark_extracted": _judge(
             "statistics",
@@ -181,7 +181,7 @@ def _fit(facts: Facts) -> dict[str, Finding]:
         "computed from the pixel intensity it would need the K it looks for. The fit in ln RHS is reported "
         "beside the others, as semilog.",
         "plot": f"{name}: signal against RHS and ln RHS per ISO, {plot}.",
-        "regression": f"{name}: {'; '.join(map(_tell_k, isos))}.",
+        "regression": f"{name}: {'; '.join(map(_format_k, isos))}.",
     }
     return {f"calibration_{key}": _judge("version", lacking, text) for key, text in said.items()}
 
@@ -262,13 +262,13 @@ def _combinations(frames: Iterable[FrameFacts]) -> list[tuple[float, float, floa
     return sorted({_settings(frame) for frame in frames})
 
 
-def _tell_settings(iso: float, frames: Sequence[FrameFacts]) -> str:
+def _format_settings(iso: float, frames: Sequence[FrameFacts]) -> str:
     apertures = ", ".join(f"f/{value:g}" for value in sorted({frame.f_number for frame in frames}))
     times = ", ".join(f"{value:g} s" for value in sorted({frame.exposure_time_s for frame in frames}))
     return f"ISO {iso:g}: {apertures} at {times}, {_list(frames)}"
 
 
-def _tell_k(iso: IsoFacts) -> str:
+def _format_k(iso: IsoFacts) -> str:
     return (
         f"ISO {iso.iso:g}: K = {iso.luminance_k:.6g} {iso.luminance_k_unit}, standard uncertainty "
         f"{iso.luminance_k_standard_uncertainty:.2g}, {iso.model} model, {iso.points} points"

@@ -10,8 +10,8 @@ from radiometry.fitting import models
 from radiometry.fitting.gls import Component, Matrix, Solution, Vector, are_separable, solve
 from radiometry.fitting.sources import READING, SCATTER, Curve, list_sources
 
-_MOST_ROUNDS = 200
-_SETTLED_REL = 1e-11
+_MAX_ITERATIONS = 200
+_RELATIVE_TOLERANCE = 1e-11
 _COVERAGE = 0.95
 
 
@@ -57,17 +57,17 @@ def coverage_factor(dof: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Settled:
+class _Converged:
     """The iteration's last round."""
 
-    axes: models.Axes
+    linear: models.LinearModel
     components: list[Component]
     solution: Solution
 
     @property
     def dof(self) -> int:
         """Points without parameters."""
-        return self.axes.response.size - self.solution.parameters.size
+        return self.linear.response.size - self.solution.parameters.size
 
     def find_u(self, source: str) -> float:
         """Give a source's standard uncertainty, 0 where it is not among them."""
@@ -97,7 +97,7 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     if len(curve.rhs) <= len(models.PARAMETER_NAMES[model]):
         return None
     start = models.start(model, curve.rhs, curve.signal_dn)
-    stated = _settle(curve, model, start, scattered=False)
+    stated = _converge(curve, model, start, scattered=False)
     if stated is not None and (model == "semilog" or stated.solution.chi_squared <= stated.dof):
         return _judge(curve, model, stated, stated.solution.chi_squared)
     # noise alone can weigh points that disagree so unlike that nothing settles: with their scatter it does
@@ -107,53 +107,53 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     return None if stated is None else _judge(curve, model, stated, stated.solution.chi_squared)
 
 
-def _settle(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> _Settled | None:
+def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> _Converged | None:
     """Renew the weights until the parameters settle; None where they do not, or no weights are left."""
-    for _ in range(_MOST_ROUNDS):
-        axes = models.lay_out(model, curve.rhs, curve.signal_dn, theta)
-        if axes is None:
+    for _ in range(_MAX_ITERATIONS):
+        linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
+        if linear is None:
             return None
-        components = list_sources(curve, axes, model=model, scattered=scattered)
+        components = list_sources(curve, linear, model=model, scattered=scattered)
         try:
-            solution = solve(axes.design, axes.response, components)
+            solution = solve(linear.design, linear.response, components)
         except np.linalg.LinAlgError:
             return None
-        step = np.abs(axes.design @ (solution.parameters - theta))
+        step = np.abs(linear.design @ (solution.parameters - theta))
         theta = solution.parameters
-        if model == "semilog" or np.max(step) < _SETTLED_REL:
-            return _Settled(axes=axes, components=components, solution=solution)
+        if model == "semilog" or np.max(step) < _RELATIVE_TOLERANCE:
+            return _Converged(linear=linear, components=components, solution=solution)
     return None
 
 
-def _add_scatter(curve: Curve, model: str, theta: Vector) -> _Settled | None:
+def _add_scatter(curve: Curve, model: str, theta: Vector) -> _Converged | None:
     """Fit with the scatter between frames estimated too; None where the points say nothing about it."""
-    axes = models.lay_out(model, curve.rhs, curve.signal_dn, theta)
-    if axes is None or curve.scatter_u_rel is not None:
+    linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
+    if linear is None or curve.scatter_u_rel is not None:
         return None
-    components = list_sources(curve, axes, model=model, scattered=True)
+    components = list_sources(curve, linear, model=model, scattered=True)
     unknown = [component.structure for component in components if component.variance is None]
-    if not are_separable(axes.design, unknown):
+    if not are_separable(linear.design, unknown):
         return None
-    found = _settle(curve, model, theta, scattered=True)
+    found = _converge(curve, model, theta, scattered=True)
     return found if found is not None and found.find_u(SCATTER) > 0.0 else None
 
 
-def _by_stated(settled: _Settled) -> float:
+def _by_stated(converged: _Converged) -> float:
     """Give chi^2 as the other sources alone would have it, each with the variance that was found."""
-    variances = zip(settled.components, settled.solution.variances, strict=True)
+    variances = zip(converged.components, converged.solution.variances, strict=True)
     known = [replace(part, variance=variance) for part, variance in variances if part.source != SCATTER]
-    return solve(settled.axes.design, settled.axes.response, known).chi_squared
+    return solve(converged.linear.design, converged.linear.response, known).chi_squared
 
 
-def _judge(curve: Curve, model: str, settled: _Settled, stated_chi_squared: float) -> CurveFit:
+def _judge(curve: Curve, model: str, converged: _Converged, stated_chi_squared: float) -> CurveFit:
     """Compare the scatter with the uncertainties, and say what K's variance is made of."""
-    solution, dof, theta = settled.solution, settled.dof, settled.solution.parameters
+    solution, dof, theta = converged.solution, converged.dof, converged.solution.parameters
     weighed = model != "semilog"
     excess = max(1.0, solution.chi_squared / dof) if weighed else 1.0
-    factors = [1.0 if component.common else excess for component in settled.components]
+    factors = [1.0 if component.common else excess for component in converged.components]
     covariance: Matrix = np.sum([f * c for f, c in zip(factors, solution.contributions, strict=True)], axis=0)
-    shares, doubt = _k_variance(settled, excess=excess, model=model)
-    estimated = sum(component.variance is None for component in settled.components)
+    shares, doubt = _k_variance(converged, excess=excess, model=model)
+    estimated = sum(component.variance is None for component in converged.components)
     return CurveFit(
         model=model,
         parameters=models.from_theta(model, theta),
@@ -161,24 +161,24 @@ def _judge(curve: Curve, model: str, settled: _Settled, stated_chi_squared: floa
         k_weights=solution.weights[0],
         k_shares=shares,
         k_uncertainty_of_variance=doubt,
-        repeatability_u_rel=_repeatability(curve, settled) if weighed else None,
-        scatter_u_rel=settled.find_u(SCATTER),
+        repeatability_u_rel=_repeatability(curve, converged) if weighed else None,
+        scatter_u_rel=converged.find_u(SCATTER),
         chi_squared=solution.chi_squared if weighed else None,
         stated_chi_squared=stated_chi_squared if weighed else None,
         dof=dof,
         birge_ratio=math.sqrt(excess),
-        log_likelihood=solution.log_likelihood + settled.axes.log_jacobian,
+        log_likelihood=solution.log_likelihood + converged.linear.log_jacobian,
         free_parameters=theta.size + estimated + (not weighed),
     )
 
 
-def _repeatability(curve: Curve, settled: _Settled) -> float:
+def _repeatability(curve: Curve, converged: _Converged) -> float:
     given = curve.repeatability_u_rel
-    return settled.find_u(READING) if given is None else given
+    return converged.find_u(READING) if given is None else given
 
 
 def _k_variance(
-    settled: _Settled, *, excess: float, model: str
+    converged: _Converged, *, excess: float, model: str
 ) -> tuple[dict[str, tuple[str, float]], float]:
     """Give the sources' shares of K's relative variance, and half the variance of their sum.
 
@@ -186,13 +186,13 @@ def _k_variance(
     v_j w'Q_j w, with cov(v) from the information; Birge's ratio multiplies by chi^2 / dof, itself known to
     2 / dof.
     """
-    solution = settled.solution
+    solution = converged.solution
     scale = models.relative_scale(model, solution.parameters)
     weight = solution.weights[0]
     shares: dict[str, tuple[str, float]] = {}
     slopes: list[float] = []
     doubt = testable = given = 0.0
-    for component, contribution in zip(settled.components, solution.contributions, strict=True):
+    for component, contribution in zip(converged.components, solution.contributions, strict=True):
         share = max(0.0, scale * float(contribution[0, 0]))  # rounding can leave less than nothing
         shares[component.source] = (component.kind, share)
         if component.common:
@@ -207,5 +207,5 @@ def _k_variance(
     doubt += excess**2 * float(slope @ solution.covariance_of_estimates @ slope) / 2
     if excess > 1.0:
         shares["scatter beyond these"] = ("A", (excess - 1.0) * testable)
-        doubt += (excess * given) ** 2 / settled.dof
+        doubt += (excess * given) ** 2 / converged.dof
     return shares, doubt

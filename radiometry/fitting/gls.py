@@ -68,7 +68,7 @@ def solve(design: Matrix, response: Vector, components: Sequence[Component]) -> 
       design : (n, p); response : (n,), in one unit; components : together positive definite
     References [1] JCGM 102:2011
     """
-    variances, covariance_of_estimates = _settle_variances(design, response, components)
+    variances, covariance_of_estimates = _complete_variances(design, response, components)
     covariance = _add_up(components, variances)
     factor = cho_factor(covariance, lower=True)
     whitened = cho_solve(factor, design)
@@ -115,7 +115,7 @@ def are_separable(design: Matrix, structures: Sequence[Matrix]) -> bool:
     return bool(np.linalg.matrix_rank(scaled, tol=_INDISTINCT) == len(structures))
 
 
-def _settle_variances(
+def _complete_variances(
     design: Matrix, response: Vector, components: Sequence[Component]
 ) -> tuple[tuple[float, ...], Matrix]:
     """Give every component's variance, and the covariance of the estimated ones."""

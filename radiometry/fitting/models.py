@@ -35,7 +35,7 @@ K_UNITS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axes:
+class LinearModel:
     """A model as a linear problem near some parameters: response = design @ theta.
 
     ``per_dn`` : change of the response per DN of signal; ``per_relative_x`` : per relative change of X
@@ -49,7 +49,7 @@ class Axes:
     log_jacobian: float
 
 
-def lay_out(model: str, rhs: Vector, signal_dn: Vector, theta: Vector) -> Axes | None:
+def linearise(model: str, rhs: Vector, signal_dn: Vector, theta: Vector) -> LinearModel | None:
     """Lay a model out as a linear problem; the sensitivities are taken on the curve of ``theta``.
 
     On the curve and not at the measured points: a weight that followed a point's noise would bias the fit.
@@ -60,7 +60,7 @@ def lay_out(model: str, rhs: Vector, signal_dn: Vector, theta: Vector) -> Axes |
     """
     one = np.ones_like(rhs)
     if model == "semilog":
-        return Axes(
+        return LinearModel(
             design=np.column_stack([np.log(rhs), one]),
             response=signal_dn,
             per_dn=one,
@@ -80,7 +80,7 @@ def lay_out(model: str, rhs: Vector, signal_dn: Vector, theta: Vector) -> Axes |
     response = np.log(signal_dn) - offset
     if model == "affine":
         response = np.log(signal_dn / fitted) + design @ theta
-    return Axes(
+    return LinearModel(
         design=design,
         response=response,
         per_dn=1.0 / fitted,

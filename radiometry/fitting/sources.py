@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.fitting.gls import Component, Vector, shared_structure
-from radiometry.fitting.models import Axes
+from radiometry.fitting.models import LinearModel
 
 READING = "meter repeatability"
 SCATTER = "scatter between frames"
@@ -69,23 +69,23 @@ class Curve:
         )
 
 
-def list_sources(curve: Curve, axes: Axes, *, model: str, scattered: bool) -> list[Component]:
+def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bool) -> list[Component]:
     """List the sources of error with their structure in the units of the response.
 
     ``scattered`` : with the scatter between frames, if it is to be estimated
     """
     n = len(curve.rhs)
     if model == "semilog":
-        spread = _ordinary_variance(axes)
+        spread = _ordinary_variance(linear)
         return [Component(source="scatter", kind="A", structure=np.eye(n), variance=spread, dof=n - 2)]
-    reading = axes.per_relative_x / np.sqrt(curve.readings)
+    reading = linear.per_relative_x / np.sqrt(curve.readings)
     given = curve.repeatability_u_rel
-    by_dark = axes.per_dn / curve.lens_shares
+    by_dark = linear.per_dn / curve.lens_shares
     return [
         Component(
             source="signal noise",
             kind="A",
-            structure=np.diag((axes.per_dn * curve.signal_u_dn) ** 2),
+            structure=np.diag((linear.per_dn * curve.signal_u_dn) ** 2),
             variance=1.0,
         ),
         Component(
@@ -101,14 +101,14 @@ def list_sources(curve: Curve, axes: Axes, *, model: str, scattered: bool) -> li
             structure=shared_structure(curve.scenes, reading),
             variance=None if given is None else given**2,
         ),
-        _relative("f-number", curve.f_numbers, 2 * axes.per_relative_x, curve.f_number_u_rel),
-        _relative("exposure time", curve.times_s, axes.per_relative_x, curve.time_u_rel),
+        _relative("f-number", curve.f_numbers, 2 * linear.per_relative_x, curve.f_number_u_rel),
+        _relative("exposure time", curve.times_s, linear.per_relative_x, curve.time_u_rel),
         *_of_lens(curve),
-        *_of_frames(curve, axes, scattered=scattered),
+        *_of_frames(curve, linear, scattered=scattered),
     ]
 
 
-def _of_frames(curve: Curve, axes: Axes, *, scattered: bool) -> list[Component]:
+def _of_frames(curve: Curve, linear: LinearModel, *, scattered: bool) -> list[Component]:
     """Give the error that a frame has alone: its light was not what its settings and its scene say."""
     given = curve.scatter_u_rel
     if not (scattered if given is None else given):
@@ -117,7 +117,7 @@ def _of_frames(curve: Curve, axes: Axes, *, scattered: bool) -> list[Component]:
         Component(
             source=SCATTER,
             kind="A",
-            structure=np.diag(axes.per_relative_x**2),
+            structure=np.diag(linear.per_relative_x**2),
             variance=None if given is None else given**2,
         )
     ]
@@ -148,10 +148,10 @@ def _relative(source: str, labels: Sequence[float], sensitivity: Vector, u_rel: 
     )
 
 
-def _ordinary_variance(axes: Axes) -> float:
+def _ordinary_variance(linear: LinearModel) -> float:
     """Give the residual variance of ordinary least squares, > 0 also for points on a line."""
-    _, p = axes.design.shape
-    theta = np.linalg.lstsq(axes.design, axes.response, rcond=None)[0]
-    residual = axes.response - axes.design @ theta
-    smallest = (math.ulp(1.0) * float(np.max(np.abs(axes.response)))) ** 2
+    _, p = linear.design.shape
+    theta = np.linalg.lstsq(linear.design, linear.response, rcond=None)[0]
+    residual = linear.response - linear.design @ theta
+    smallest = (math.ulp(1.0) * float(np.max(np.abs(linear.response)))) ** 2
     return max(float(residual @ residual) / float(len(residual) - p), smallest)

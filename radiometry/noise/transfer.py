@@ -13,7 +13,7 @@ from radiometry.noise.stacks import Stack
 
 FEWEST_LEVELS = 3
 _ROUNDS = 20
-_SETTLED_REL = 1e-12
+_RELATIVE_TOLERANCE = 1e-12
 _FALL_IN_ERRORS = 3.0
 
 SaturationOrigin = Literal["white_level", "variance_maximum", "white_level_assumed"]
@@ -113,9 +113,9 @@ def fit_gain(levels: Sequence[Level], saturation: Saturation, *, range_share: fl
         inverse = np.linalg.inv(_covariance(used, x, gain))
         information = float(x @ inverse @ x)
         weights = inverse @ x / information
-        settled = abs(float(weights @ y) - gain) <= _SETTLED_REL * gain
+        converged = abs(float(weights @ y) - gain) <= _RELATIVE_TOLERANCE * gain
         gain = float(weights @ y)
-        if settled:
+        if converged:
             break
     residual = y - gain * x
     chi_squared = float(residual @ inverse @ residual)

@@ -10,7 +10,7 @@ from radiometry.fitting.models import (
     from_theta,
     invert,
     invert_gradient,
-    lay_out,
+    linearise,
     predict,
     start,
 )
@@ -58,13 +58,13 @@ def test_the_linear_problem_reproduces_points_on_the_curve(model):
     signals = predict(model, np.array(PARAMETERS[model]), RHS)
     theta = start(model, RHS, signals)
     for _ in range(30):
-        axes = lay_out(model, RHS, signals, theta)
-        theta = np.linalg.lstsq(axes.design, axes.response, rcond=None)[0]
+        linear = linearise(model, RHS, signals, theta)
+        theta = np.linalg.lstsq(linear.design, linear.response, rcond=None)[0]
     assert from_theta(model, theta) == pytest.approx(PARAMETERS[model], rel=1e-9)
 
 
 def test_a_curve_below_dark_cannot_be_laid_out():
-    assert lay_out("affine", RHS, np.array([1.0, 2.0, 3.0]), np.array([1.0, -10.0])) is None
+    assert linearise("affine", RHS, np.array([1.0, 2.0, 3.0]), np.array([1.0, -10.0])) is None
 
 
 def test_no_inverse_is_not_a_number_and_no_exception():
