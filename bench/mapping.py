@@ -13,12 +13,13 @@ from bench.subject import CAMERA, KINDS, Scale, measure_kinds, require_equal, sa
 from bench.timing import compare, take_turns
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.maps import MapScale
 from simulation.dng import Compression
 from worker.decode.pool import DecoderPool
 from worker.maps.making import write_map
 from worker.maps.tiff import MapFacts
-from worker.measuring.luminance import make_subject
+from worker.measuring.surface import make_subject
 
 OURS = "ours, as the worker does it, without the picture"
 PLAIN = "plain numpy over rawpy's full decode"
@@ -52,7 +53,7 @@ def map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
     """What the worker does for one frame."""
     header: FrameHeader = pool.read_header(path)
     facts = MapFacts(header=header, exposure=_EXPOSURE, software="stilb", description={"unit": "cd/m2"})
-    write_map(pool, make_subject(path, header, _SCALE), facts, target)
+    write_map(pool, make_subject(APPLICATION, path, header, _SCALE), facts, target)
 
 
 def map_plainly(path: Path, target: Path) -> None:

@@ -29,7 +29,7 @@ def encode(value: Any) -> Any:  # noqa: ANN401
     return _drop_later(plain) if isinstance(value, _GROWN) else plain
 
 
-def decode(kind: type[Any], stored: Any) -> Any:  # noqa: ANN401
+def decode(kind: Any, stored: Any) -> Any:  # noqa: ANN401
     """A dataclass from plain JSON values."""
     return _adapter(kind).validate_python(stored)
 

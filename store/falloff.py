@@ -1,10 +1,9 @@
-"""The vignetting version that a luminance fit is corrected with, and that its measurements then need."""
+"""The version that a fit of another method is corrected with, and that its measurements then need."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pydantic import TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -12,10 +11,10 @@ from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
-from radiometry.luminance import method as luminance
-from radiometry.luminance.lens import name_channels
-from radiometry.vignetting import method as vignetting
-from store.codec import encode
+from radiometry.methods import METHODS, get_method
+from radiometry.specification.application import Correction, SurfaceApplication
+from store.applied import read_applied
+from store.codec import decode, encode
 from store.columns import utc_now
 from store.errors import Conflict
 from store.publications import in_force
@@ -23,66 +22,75 @@ from store.queries.evidence import Evidence
 from store.queries.frames import read_time
 from store.tables import Calibration, Campaign, FrameRow, Revocation, Roi
 
-METHOD = "vignetting"
-
-_COEFFICIENTS = TypeAdapter(tuple[vignetting.Coefficient, ...])
-
 
 @dataclass(frozen=True)
 class _Light:
     """A light frame that a fit would use. ``row``: as the fit sees it; ``frame``: as it is kept."""
 
-    row: luminance.FrameRow
+    row: Any
     frame: FrameRow
     roi: Roi
 
-    def channels(self, params: luminance.Params) -> tuple[str, ...]:
-        return name_channels((self.frame.header or {})["cfa"], channel=params.channel)
+    def channels(self, application: SurfaceApplication, params: Any) -> tuple[str, ...]:  # noqa: ANN401
+        named: tuple[str, ...] = application.name_channels(
+            (self.frame.header or {})["cfa"], channel=params.channel
+        )
+        return named
 
 
 def choose_falloff(
     session: Session,
     campaign: Campaign,
     evidence: Evidence,
-    params: luminance.Params,
+    params: Any,  # noqa: ANN401  the method's own
     named: Calibration | None,
 ) -> Calibration:
     """The version that is named, or else the one in force when the campaign's light frames were taken.
 
     Raises InputRejected or Conflict, saying what to do, for a version that cannot correct these frames.
     """
+    corrector, application = _find_corrector(campaign.method)
     lights = list(_list_lights(session, evidence, params))
-    chosen = named or _find_in_force(session, campaign, lights)
+    chosen = named or _find_in_force(session, campaign, corrector, lights)
     if chosen.camera_id != campaign.camera_id:
         raise InputRejected(
             shared.WRONG_CAMERA,
-            f"Vignetting {chosen.id} is of another camera than this campaign. Name a version of its own.",
+            f"{corrector.capitalize()} {chosen.id} is of another camera than this campaign. "
+            "Name a version of its own.",
         )
-    if chosen.method != METHOD:
+    if chosen.method != corrector:
         raise Conflict(
-            "method_mismatch", f"Calibration {chosen.id} is of {chosen.method}: name one of vignetting."
+            "method_mismatch", f"Calibration {chosen.id} is of {chosen.method}: name one of {corrector}."
         )
     _refuse_revoked(session, chosen)
     for light in lights:
         header = light.frame.header or {}
-        vignetting.Lens(coefficients=_read_fitted(chosen), f_number=light.row.exposure.f_number).require(
-            channels=light.channels(params), height_px=header["height_px"], width_px=header["width_px"]
+        lens = _read_correction(corrector).lens(
+            coefficients=read_applied(chosen), f_number=light.row.exposure.f_number
+        )
+        lens.require(
+            channels=light.channels(application, params),
+            height_px=header["height_px"],
+            width_px=header["width_px"],
         )
     return chosen
 
 
 def correct(session: Session, campaign: Campaign, evidence: Evidence, params: Any) -> Evidence:  # noqa: ANN401
     """The evidence with V of each light frame's region, where the parameters name a version."""
-    if campaign.method != "luminance" or params.vignetting is None:
+    named = get_method(campaign.method).corrected_by
+    content_sha256 = getattr(params, named) if named else None
+    if named is None or content_sha256 is None:
         return evidence
-    version = _find(session, campaign.camera_id, params.vignetting)
-    coefficients = _read_fitted(version)
+    corrector, application = _find_corrector(campaign.method)
+    version = _find(session, campaign.camera_id, corrector, content_sha256)
+    coefficients = read_applied(version)
     shares: dict[str, Quantity] = {}
     known: dict[tuple[str, float, tuple[str, ...]], Quantity] = {}
     for light in _list_lights(session, evidence, params):
-        key = light.roi.id, light.row.exposure.f_number, light.channels(params)
+        key = light.roi.id, light.row.exposure.f_number, light.channels(application, params)
         if key not in known:
-            known[key] = vignetting.average_over_polygon(
+            known[key] = _read_correction(corrector).average_over_polygon(
                 coefficients, Polygon.from_points(light.roi.points), channels=key[2], f_number=key[1]
             )
         shares[light.row.frame] = known[key]
@@ -90,7 +98,7 @@ def correct(session: Session, campaign: Campaign, evidence: Evidence, params: An
     return replace(
         evidence,
         frames=[replace(row, lens_share=shares.get(row.frame)) for row in evidence.frames],
-        references={**evidence.references, METHOD: [source]},
+        references={**evidence.references, corrector: [source]},
     )
 
 
@@ -99,44 +107,58 @@ def find_falloff(session: Session, calibration: Calibration) -> Calibration | No
 
     Raises Conflict(calibration_revoked)
     """
-    content_sha256 = calibration.parameters.get(METHOD)
-    if content_sha256 is None:
+    corrector = get_method(calibration.method).corrected_by
+    content_sha256 = calibration.parameters.get(corrector) if corrector else None
+    if corrector is None or content_sha256 is None:
         return None
-    found = _find(session, calibration.camera_id, content_sha256)
+    found = _find(session, calibration.camera_id, corrector, content_sha256)
     _refuse_revoked(session, found)
     return found
 
 
-def read_lens(calibration: Calibration, exposure: Exposure) -> vignetting.Lens | None:
+def read_lens(calibration: Calibration, exposure: Exposure) -> Any:  # noqa: ANN401  the method's own
     """The lens at a frame's f-number, by what went into a luminance version; None: it was made without."""
-    sources = calibration.inputs.get(METHOD, [])
-    if not sources:
+    corrector = get_method(calibration.method).corrected_by
+    sources = calibration.inputs.get(corrector, []) if corrector else []
+    if corrector is None or not sources:
         return None
-    coefficients = _COEFFICIENTS.validate_python(sources[0]["coefficients"])
-    return vignetting.Lens(coefficients=coefficients, f_number=exposure.f_number)
+    coefficients = decode(get_method(corrector).applied_type, sources[0]["coefficients"])
+    return _read_correction(corrector).lens(coefficients=coefficients, f_number=exposure.f_number)
 
 
 def list_corrected(session: Session, version: Calibration) -> list[str]:
-    """The luminance versions that need a vignetting version, by their ids; none of another method."""
-    if version.method != METHOD:
+    """Return the ids of the versions that were corrected with this one, if its method corrects others."""
+    corrected = [spec.name for spec in METHODS if spec.corrected_by == version.method]
+    if not corrected:
         return []
     rows = session.execute(
         select(Calibration.id, Calibration.parameters)
-        .where(Calibration.camera_id == version.camera_id, Calibration.method == "luminance")
+        .where(Calibration.camera_id == version.camera_id, Calibration.method.in_(corrected))
         .order_by(Calibration.version)
     )
-    return [row[0] for row in rows if row[1].get(METHOD) == version.content_sha256]
+    return [row[0] for row in rows if row[1].get(version.method) == version.content_sha256]
 
 
-def _read_fitted(version: Calibration) -> tuple[vignetting.Coefficient, ...]:
-    return _COEFFICIENTS.validate_python([fit["coefficient"] for fit in version.result["channel_fits"]])
+def _find_corrector(method: str) -> tuple[str, SurfaceApplication]:
+    """Return the name of the method that corrects this one, and how this one is applied."""
+    spec = get_method(method)
+    if spec.corrected_by is None or not isinstance(spec.application, SurfaceApplication):
+        raise TypeError(f"{method} is corrected by no other method")
+    return spec.corrected_by, spec.application
 
 
-def _find(session: Session, camera_id: str, content_sha256: str) -> Calibration:
+def _read_correction(corrector: str) -> Correction:
+    correction = get_method(corrector).correction
+    if correction is None:
+        raise TypeError(f"{corrector} corrects no other method")
+    return correction
+
+
+def _find(session: Session, camera_id: str, method: str, content_sha256: str) -> Calibration:
     """The camera's version with this content: of several, which then say the same, the first."""
     rows = session.scalars(
         select(Calibration)
-        .where(Calibration.camera_id == camera_id, Calibration.method == METHOD)
+        .where(Calibration.camera_id == camera_id, Calibration.method == method)
         .where(Calibration.content_sha256 == content_sha256)
         .order_by(Calibration.version)
     )
@@ -147,12 +169,12 @@ def _refuse_revoked(session: Session, version: Calibration) -> None:
     if session.get(Revocation, version.id):
         raise Conflict(
             "calibration_revoked",
-            f"Version {version.version} of vignetting was revoked: fit luminance with one that stands, and "
+            f"Version {version.version} of {version.method} was revoked: fit with one that stands, and "
             "measure with that fit.",
         )
 
 
-def _list_lights(session: Session, evidence: Evidence, params: luminance.Params) -> Iterator[_Light]:
+def _list_lights(session: Session, evidence: Evidence, params: Any) -> Iterator[_Light]:  # noqa: ANN401
     rows = {row.frame: row for row in evidence.frames if row.role == "light" and row.statistics}
     out = {exclusion.frame for exclusion in params.exclude}
     rois = {
@@ -165,27 +187,27 @@ def _list_lights(session: Session, evidence: Evidence, params: luminance.Params)
             yield _Light(rows[name], frame, rois[evidence.rois[name]])
 
 
-def _find_in_force(session: Session, campaign: Campaign, lights: list[_Light]) -> Calibration:
+def _find_in_force(session: Session, campaign: Campaign, corrector: str, lights: list[_Light]) -> Calibration:
     timeless = [light.row.frame for light in lights if (light.frame.header or {}).get("taken_at") is None]
     if timeless:
         raise InputRejected(
             shared.FRAME_TIME_MISSING,
-            f"Frame {timeless[0]} does not say when it was taken, so that no vignetting can be looked up: "
-            "name one with vignetting_id.",
+            f"Frame {timeless[0]} does not say when it was taken, so that no {corrector} can be looked "
+            f"up: name one with {corrector}_id.",
         )
     times = [read_time(light.frame) for light in lights]
     earliest = min((first for first, _ in times), default=utc_now())
     latest = max((last for _, last in times), default=earliest)
     held = [
         found.calibration
-        for found in in_force(session, camera_id=campaign.camera_id, method=METHOD, at=earliest)
+        for found in in_force(session, camera_id=campaign.camera_id, method=corrector, at=earliest)
         if found.publication.valid_to is None or found.publication.valid_to > latest
     ]
     if len(held) != 1:
         reason = "several, for different lenses, are" if held else "no one version is"
         raise Conflict(
             "no_calibration_in_force",
-            f"Of this camera's vignetting {reason} in force for all times at which the light frames may have "
-            "been taken. Publish a version for that time, or name one with vignetting_id.",
+            f"Of this camera's {corrector} {reason} in force for all times at which the light frames may "
+            f"have been taken. Publish a version for that time, or name one with {corrector}_id.",
         )
     return held[0]

@@ -9,16 +9,18 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.fitting.comparison import Comparison, MeasuredChange, change_luminance, compare_quantities
+from radiometry.fitting.comparison import Comparison, MeasuredChange, compare_quantities
 from radiometry.fitting.evidence import Quantity
+from radiometry.methods import METHODS, get_method
+from radiometry.specification.application import BandApplication, SurfaceApplication
+from store.applied import read_applied
 from store.codec import decode_exposure
 from store.falloff import list_corrected
-from store.measuring.meters import METHOD_OF_CHANGE, MeterCalibration, compare_meters
-from store.measuring.record import read_coefficients
+from store.measuring.meters import MeterCalibration, compare_meters
 from store.publications import InForce
 from store.queries.calibrations import coefficients_of
 from store.queries.frames import read_time
-from store.reflected import compare_panels, touch_reflectance
+from store.reflected import compare_panels, touch_band
 from store.tables import Calibration, CoefficientRow, FrameRow, Measurement, Publication, Slot
 
 
@@ -120,15 +122,17 @@ def _find_successor(frame: FrameRow, others: Sequence[InForce]) -> tuple[Calibra
 
 
 def _touch(measurement: Measurement, frame: FrameRow, old: Calibration, new: Calibration) -> Touched:
-    if old.method == new.method == "reflectance":
-        change = touch_reflectance(measurement, frame, old, new)
+    application = get_method(old.method).application
+    if isinstance(application, BandApplication) and old.method == new.method:
+        change = touch_band(application, measurement, frame, old, new)
         return Touched(measurement=measurement, frame=frame, successor=new, change=change, why=change.why)
-    if old.method != METHOD_OF_CHANGE or frame.exposure is None:
-        why = f"What changes is told for versions of {METHOD_OF_CHANGE} and reflectance only."
+    if not isinstance(application, SurfaceApplication) or frame.exposure is None:
+        told = [spec.name for spec in METHODS if spec.reference is not None and spec.application]
+        why = f"What changes is told for versions of {' and '.join(told)} only."
         return Touched(measurement=measurement, frame=frame, successor=new, change=None, why=why)
-    change = change_luminance(
-        read_coefficients(old),
-        read_coefficients(new),
+    change = application.change(
+        read_applied(old),
+        read_applied(new),
         exposure=decode_exposure(frame.exposure),
         signal_dn=measurement.result.get("signal_dn"),
         lens_share=(measurement.result.get("lens_share") or {}).get("value", 1.0),
@@ -170,12 +174,14 @@ def _compare_references(
     old: Calibration, new: Calibration
 ) -> tuple[MeterCalibration, dict[tuple[str, str | None], float]]:
     """Whether both hang on the same meters or panel; the error that they share, by coefficient and band."""
-    if old.method == new.method == "reflectance":
+    spec = get_method(old.method)
+    name = spec.coefficients[0].name
+    if old.method == new.method and spec.reference == "panel":
         shared, of_bands = compare_panels(old, new)
-        return shared, {("reflectance_k", band): u_rel for band, u_rel in of_bands.items()}
+        return shared, {(name, band): u_rel for band, u_rel in of_bands.items()}
     shared, u_rel = compare_meters(old, new)
     # the meter's error is in K alone, and in no semilogarithmic slope
-    return shared, {("luminance_k", None): u_rel}
+    return shared, {(name, None): u_rel}
 
 
 def _compare(

@@ -4,9 +4,9 @@ from typing import Any, Literal
 
 from radiometry.findings import InputRejected
 from radiometry.fitting.comparison import MeasuredChange
-from radiometry.reflectance.comparison import change_reflectance
+from radiometry.specification.application import BandApplication
+from store.applied import read_applied
 from store.codec import decode_header
-from store.measuring.record import read_band_coefficients
 from store.tables import Calibration, FrameRow, Measurement
 
 PanelCalibration = Literal["common", "separate", "unknown"]
@@ -25,17 +25,21 @@ def compare_panels(old: Calibration, new: Calibration) -> tuple[PanelCalibration
     return "common", {band: min(of_old[band], of_new[band]) for band in of_old.keys() & of_new.keys()}
 
 
-def touch_reflectance(
-    measurement: Measurement, frame: FrameRow, old: Calibration, new: Calibration
+def touch_band(
+    application: BandApplication,
+    measurement: Measurement,
+    frame: FrameRow,
+    old: Calibration,
+    new: Calibration,
 ) -> MeasuredChange:
     """The change of what was measured, or why there is no figure."""
     if "index" in measurement.parameters:
         return MeasuredChange.untold("An index changes with both of its bands: measure it anew.")
     band = str(measurement.result.get("band", ""))
     try:
-        change = change_reflectance(
-            read_band_coefficients(old),
-            read_band_coefficients(new),
+        change = application.change(
+            read_applied(old),
+            read_applied(new),
             header=decode_header(frame.header or {}),
             incidence_angle_deg=float(measurement.parameters.get("incidence_angle_deg", 0.0)),
             common_u_rel=compare_panels(old, new)[1].get(band, 0.0),

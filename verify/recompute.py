@@ -12,9 +12,8 @@ from radiometry.frame.acceptance import Camera, SuppliedExposure, accept_frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
-from radiometry.luminance.lens import name_channels
+from radiometry.specification.application import SurfaceApplication
 from radiometry.specification.method import MethodSpec
-from radiometry.vignetting import method as vignetting
 from stilb.export import hash_file
 from store.codec import decode, drop_absent, encode, encode_statistics
 from store.queries.campaigns import Drawing
@@ -149,15 +148,19 @@ def _make_row(
         # by way of JSON, as the service keeps them
         features=decode(kind, encode(extracted.features)) if kind else None,
     )
-    row = methods.get_method(certificate["method"]).make_row(evidence)
+    spec = methods.get_method(certificate["method"])
+    row = spec.make_row(evidence)
     if not certificate.get("falloff") or stated["role"] != "light" or exposure is None:
         return row
     if stated["frame"] in {exclusion["frame"] for exclusion in certificate["parameters"]["exclude"]}:
         return row
-    share = vignetting.average_over_polygon(
-        decode(tuple[vignetting.Coefficient, ...], certificate["falloff"][0]["coefficients"]),
+    corrector = methods.get_method(spec.corrected_by or "")
+    if corrector.correction is None or not isinstance(spec.application, SurfaceApplication):
+        raise TypeError(f"{spec.name} is not corrected by {corrector.name}")
+    share = corrector.correction.average_over_polygon(
+        decode(corrector.applied_type, certificate["falloff"][0]["coefficients"]),
         around,
-        channels=name_channels(header.cfa, channel=certificate["parameters"]["channel"]),
+        channels=spec.application.name_channels(header.cfa, channel=certificate["parameters"]["channel"]),
         f_number=exposure.f_number,
     )
     return replace(row, lens_share=share)
@@ -229,7 +232,7 @@ def _references(certificate: Node, data: Data) -> Node:
     return {
         **({"meters": _meters_of(certificate)} if spec.reference == "meter" else {}),
         **({"panels": data.panels} if spec.reference == "panel" else {}),
-        **({"vignetting": falloff} if falloff else {}),
+        **({spec.corrected_by: falloff} if falloff and spec.corrected_by else {}),
     }
 
 

@@ -1,14 +1,10 @@
 """Two calibrations of one camera against each other, and what the second would make of a measurement."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.fitting import models
 from radiometry.fitting.evidence import Quantity
-from radiometry.frame.exposure import Exposure
-from radiometry.luminance.results import Coefficient
 
 PERCENT = "%"
 
@@ -76,73 +72,3 @@ def compare_quantities(old: Quantity, new: Quantity, *, common_u_rel: float = 0.
         change=change,
         in_standard_uncertainties=abs(difference) / u if u > 0.0 else None,
     )
-
-
-def change_luminance(
-    old: Sequence[Coefficient],
-    new: Sequence[Coefficient],
-    *,
-    exposure: Exposure,
-    signal_dn: float | None,
-    lens_share: float = 1.0,
-    common_u_rel: float = 0.0,
-) -> MeasuredChange:
-    """Give the change of a luminance that was measured with ``old`` if it had been measured with ``new``.
-
-        L = X f^2 / (t S), X from the model at N - D       change = L_new / L_old - 1
-
-    Takes
-      signal_dn : N, black included [DN], as it was measured; None where it was not kept
-      lens_share : V, by which N - D was divided; versions that differ in vignetting cannot be compared
-      common_u_rel : of the meter's calibration where both versions hang on the same one
-    Source: JCGM 100:2008, 5.2.2; the error of N is the same in both and cancels for signals above dark
-    """
-    before, after = _at_iso(old, exposure.iso), _at_iso(new, exposure.iso)
-    if before is None or after is None:
-        lacking = "The version used" if before is None else "The version that would take its place"
-        return MeasuredChange.untold(f"{lacking} holds no coefficient for ISO {exposure.iso:g}.")
-    if before.channel != after.channel:
-        return MeasuredChange.untold(
-            f"One version takes the {before.channel} signal, the other {after.channel}."
-        )
-    if before.vignetting != after.vignetting:
-        return MeasuredChange.untold(
-            "The versions are corrected with different vignetting, or one of them with none."
-        )
-    if signal_dn is None:
-        if {before.model, after.model} != {"proportional"}:
-            return MeasuredChange.untold(
-                "The measured signal was not kept; K alone tells the change for proportional models."
-            )
-        ratio = before.luminance_k / after.luminance_k
-    else:
-        ratio = _ratio(before, after, exposure, signal_dn, lens_share)
-    if not math.isfinite(ratio):
-        return MeasuredChange.untold("The signal is so near the dark signal that a ratio says nothing.")
-    u_rel = math.sqrt(max(0.0, _k_u_rel(before) ** 2 + _k_u_rel(after) ** 2 - 2.0 * common_u_rel**2))
-    change = Quantity(
-        value=100.0 * (ratio - 1.0), standard_uncertainty=100.0 * abs(ratio) * u_rel, unit=PERCENT
-    )
-    return MeasuredChange(change=change, basis="k_ratio" if signal_dn is None else "signal", why=None)
-
-
-def _ratio(
-    before: Coefficient, after: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float
-) -> float:
-    was, becomes = (_luminance(each, exposure, signal_dn, lens_share) for each in (before, after))
-    return becomes / was if was > 0.0 else math.nan
-
-
-def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float) -> float:
-    settings = exposure.on_basis(coefficient.exposure_basis)
-    adjusted_dn = (signal_dn - coefficient.dark_signal_dn) / lens_share
-    rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
-    return rhs * settings.f_number**2 / (settings.exposure_time_s * settings.iso)
-
-
-def _k_u_rel(coefficient: Coefficient) -> float:
-    return coefficient.luminance_k_standard_uncertainty / abs(coefficient.luminance_k)
-
-
-def _at_iso(coefficients: Sequence[Coefficient], iso: float) -> Coefficient | None:
-    return next((coefficient for coefficient in coefficients if coefficient.iso == iso), None)

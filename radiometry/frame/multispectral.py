@@ -5,9 +5,11 @@ Two families are known: Parrot's Sequoia and MicaSense's RedEdge and Altum. Each
 
 import re
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 System = Literal["sequoia", "micasense"]
+Index = Literal["ndvi", "ndre", "gndvi"]
+INDICES: tuple[Index, ...] = get_args(Index)
 
 _BAND_ALIASES: Final = {"gre": "green", "reg": "red_edge", "rededge": "red_edge"}
 

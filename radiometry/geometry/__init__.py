@@ -6,7 +6,7 @@ from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE
 from radiometry.geometry.plot import draw
-from radiometry.specification.application import Application
+from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
 
@@ -48,5 +48,11 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     draw=draw,
     certificate=CERTIFICATE,
-    application=Application(),
+    application=PictureApplication(
+        quantity="undistorted picture",
+        unit="DN",
+        require_size=method.require_size,
+        undistort_frame=method.undistort_frame,
+    ),
+    applied="camera",
 )

@@ -4,10 +4,10 @@ from typing import Final
 
 from radiometry.fitting.evidence import Extracted
 from radiometry.luminance import codes, method
+from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.plot import draw
-from radiometry.specification.application import Application
 from radiometry.specification.method import Budget, CoefficientKind, MethodSpec
 from radiometry.specification.roles import DARK, LIGHT
 
@@ -41,7 +41,8 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     draw=draw,
     certificate=CERTIFICATE,
-    application=Application(options=("grid", "reflectance")),
+    application=APPLICATION,
+    applied="iso_fits",
     list_expanded=lambda result: {
         ("luminance_k", fit["coefficient"]["iso"], None): (
             fit["coefficient"]["expanded_uncertainty"],

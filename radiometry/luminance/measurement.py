@@ -11,6 +11,7 @@ from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes, method
@@ -20,7 +21,7 @@ from radiometry.luminance.lens import correct_signal
 from radiometry.luminance.measured import Measured, Percentile, Share, Surface
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
-from radiometry.luminance.surface import Cells, Estimate, Grid, judge_uniformity, lay_grid
+from radiometry.luminance.surface import Cells, Estimate, judge_uniformity, lay_grid
 from radiometry.vignetting.lens import Lens
 
 _GREENS = ("G1", "G2", "G")

@@ -8,26 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
+from radiometry.frame.grid import MAX_CELLS_A_SIDE, Grid
 from radiometry.frame.roi import MAX_COORDINATE_PX, Polygon
 from radiometry.luminance import codes
 
-MAX_CELLS_A_SIDE = 50
-
 Matrix = NDArray[np.float64]
 Lattice = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Grid:
-    """Equal cells of a rectangular surface, by the image of its corners.
-
-    ``corners`` : (x, y) [px] of the surface's top-left, top-right, bottom-right, bottom-left corner, as the
-        surface runs, whichever way it lies in the image
-    """
-
-    corners: tuple[tuple[float, float], ...]
-    rows: int
-    columns: int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,10 +3,10 @@
 from typing import Final
 
 from radiometry.reflectance import codes, method
+from radiometry.reflectance.applying import APPLICATION
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
 from radiometry.reflectance.plot import draw
-from radiometry.specification.application import Application
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_target
 from radiometry.specification.roles import FIELD, PANEL
 
@@ -41,7 +41,9 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     draw=draw,
     certificate=CERTIFICATE,
-    application=Application(options=("incidence_angle_deg", "index")),
+    application=APPLICATION,
+    applied="band_fits",
+    measure_light=method.measure_sunshine,
     list_expanded=lambda result: {
         ("reflectance_k", None, fit["coefficient"]["band"]): (
             fit["coefficient"]["expanded_uncertainty"],

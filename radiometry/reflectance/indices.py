@@ -2,20 +2,17 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader
+from radiometry.frame.multispectral import Index
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance import codes
 from radiometry.reflectance.alignment import align, move_region
 from radiometry.reflectance.imaging import require_band
-
-Index = Literal["ndvi", "ndre", "gndvi"]
-INDICES: tuple[Index, ...] = get_args(Index)
 
 NIR = "nir"
 _SECOND: Mapping[Index, str] = {"ndvi": "red", "ndre": "red_edge", "gndvi": "green"}

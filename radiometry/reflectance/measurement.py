@@ -11,12 +11,12 @@ from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.multispectral import Index
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import codes
 from radiometry.reflectance.application import apply_features
 from radiometry.reflectance.features import extract_features
 from radiometry.reflectance.imaging import compute_signal
-from radiometry.reflectance.indices import Index
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
 
 PERCENTILES = (5, 10, 90, 95)

@@ -27,9 +27,7 @@ from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.findings import check_candidates, check_fit, check_frame
 from radiometry.reflectance.fit import describe_point, fit_band
 from radiometry.reflectance.indices import (
-    INDICES,
     BandMap,
-    Index,
     IndexMap,
     align_region,
     compute_index,
@@ -58,7 +56,6 @@ from radiometry.reflectance.tilt import TiltParams
 from radiometry.reflectance.verdicts import judge, plan
 
 __all__ = [
-    "INDICES",
     "AppliedReflectance",
     "BandFit",
     "BandMap",
@@ -68,7 +65,6 @@ __all__ = [
     "Fit",
     "FoundPanel",
     "FrameRow",
-    "Index",
     "IndexMap",
     "Knot",
     "Params",

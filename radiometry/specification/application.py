@@ -1,6 +1,44 @@
-"""Application of a version to a later frame: the options that a measurement takes."""
+"""Application of a version to later frames, by what a measurement makes of a frame.
 
+Store and worker choose the way of a measurement by the class of the application. Each field that is callable
+is the function of that name in the method's package, where it is documented.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Protocol
+
+from radiometry.frame.roi import Polygon
+
+Function = Callable[..., Any]
+
+
+class FoundRegion(Protocol):
+    """Region that a method found in a frame by itself, and the serial number that it read there."""
+
+    @property
+    def region(self) -> Polygon:
+        """Region in the frame [px]."""
+
+    @property
+    def serial(self) -> str:
+        """Serial number of what was found."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """Correction of the signals of another method by a version of this one.
+
+    Attributes
+    ----------
+    lens : type
+        ``(*, coefficients, f_number)``, the correction at an f-number.
+    average_over_polygon : callable
+        ``(coefficients, polygon, *, channels, f_number) -> Quantity``, the divisor of a region's signal.
+    """
+
+    lens: Function
+    average_over_polygon: Function
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -9,8 +47,64 @@ class Application:
 
     Attributes
     ----------
+    quantity, unit : str
+        Quantity of the map that is made of a frame, and its unit.
     options : tuple of str
         Options of a measurement that this method takes, beside region and products.
+    needs_exposure : bool
+        True if a frame without exposure cannot be measured.
     """
 
+    quantity: str
+    unit: str
     options: tuple[str, ...] = ()
+    needs_exposure: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceApplication(Application):
+    """Measurement of a lit surface: a region, the cells of a grid, and a map of one scale.
+
+    Attributes
+    ----------
+    rim_px : int
+        Pixels around a block that `compute_map` needs.
+    """
+
+    name_channels: Function
+    choose_coefficient: Function
+    request: Function
+    correction: Function
+    outline: Function
+    find_window: Function
+    find_map_scale: Function
+    measure: Function
+    compute_map: Function
+    change: Function
+    rim_px: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandApplication(Application):
+    """Measurement of one band of a capture, or of an index of two of its bands."""
+
+    name_bands: Function
+    align_region: Function
+    find_scale_of_frame: Function
+    extract_features: Function
+    apply: Function
+    measure_region: Function
+    measure_index: Function
+    compute_map: Function
+    band_map: Function
+    compute_index: Function
+    change: Function
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureApplication(Application):
+    """A whole frame as another camera would have taken it; nothing is measured in it."""
+
+    require_size: Function
+    undistort_frame: Function
+    needs_exposure: bool = False

@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
 
 from radiometry.findings import Finding
-from radiometry.specification.application import Application
+from radiometry.specification.application import Application, Correction, FoundRegion
 from radiometry.specification.certificate import CertificateText
 from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Role
@@ -151,6 +152,12 @@ class MethodSpec:
         ``(fitted) -> tuple of Budget``, empty if the fit states none.
     application : Application or None
         What a version makes of a later frame, None if it cannot be applied.
+    applied : str
+        Field of ``result`` with what is applied: fits, each with its ``coefficient``, or one model.
+    correction : Correction or None
+        What a version corrects the signals of another method with, None if it corrects none.
+    measure_light : callable or None
+        ``(band) -> light``, the light that a multispectral frame's own sensor recorded. Raises InputRejected.
     configure : callable
         ``(fitted) -> mapping``, what a version holds for beside camera and lens, ready for JSON.
     """
@@ -173,6 +180,9 @@ class MethodSpec:
     certificate: CertificateText
     findings: tuple[Finding, ...] = ()
     application: Application | None = None
+    applied: str = ""
+    correction: Correction | None = None
+    measure_light: Callable[..., Any] | None = None
     applied_roles: tuple[Role, ...] = ()
     features: type[Any] | None = None
     target: type[Any] | None = None
@@ -187,7 +197,7 @@ class MethodSpec:
         default=_empty
     )
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
-    find_region: Callable[..., Any] = field(default=_nothing)
+    find_region: Callable[..., FoundRegion | None] = field(default=_nothing)
     make_row: Callable[..., Any] = field(default=_same)
     configure: Callable[..., Mapping[str, Any]] = field(default=_empty)
 
@@ -200,6 +210,20 @@ class MethodSpec:
     def measurement_options(self) -> tuple[str, ...]:
         """Options of a measurement with a version, beside region and products."""
         return self.application.options if self.application else ()
+
+    @property
+    def applied_type(self) -> Any:  # noqa: ANN401  a type, or a form of one
+        """The type of what is applied to other frames."""
+        hint = get_type_hints(self.result)[self.applied]
+        parts = get_args(hint)
+        if not parts:
+            return hint
+        return GenericAlias(tuple, (get_type_hints(parts[0])["coefficient"], ...))
+
+    @property
+    def corrected_by(self) -> str | None:
+        """Name of the method whose version a fit can be corrected by, None if there is none."""
+        return next((each.field for each in self.parameters if each.kind == "version"), None)
 
     @property
     def is_corrected(self) -> bool:

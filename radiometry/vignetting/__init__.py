@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from radiometry.specification.application import Correction
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
@@ -37,4 +38,6 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     draw=draw,
     certificate=CERTIFICATE,
+    applied="channel_fits",
+    correction=Correction(lens=method.Lens, average_over_polygon=method.average_over_polygon),
 )

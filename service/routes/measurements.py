@@ -7,7 +7,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected
-from radiometry.luminance.surface import Grid
+from radiometry.frame.grid import Grid
 from service.auth import Caller, Reader, Uploader
 from service.context import Context, UsesContext
 from service.immutable import not_modified, send_blob

@@ -8,14 +8,15 @@ from typing_extensions import TypeAliasType
 from radiometry.findings import InputRejected, Outcome
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.frame.verdicts import Verdict
+from radiometry.methods import METHODS
 from radiometry.methods.findings import FINDINGS
-from radiometry.reflectance.method import measure_sunshine
 from service.schemas.base import Answer, Form, Instant, LongText, Positive, PositiveText, Text
 from service.schemas.campaigns import Role
 from store.blobs import Damage
 from store.codec import decode_header
 from store.tables import Blob, Extraction, FrameRow
 
+_measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)
 _REASONS = [each.code for each in FINDINGS.values() if "verdict" in each.where]
 ReasonCode = TypeAliasType("ReasonCode", Annotated[str, WithJsonSchema({"type": "string", "enum": _REASONS})])
 State = Literal["received", "read", "extracted", "refused"]
@@ -243,7 +244,7 @@ def _from_band(header: dict[str, Any] | None) -> dict[str, Any]:
         return {}
     said: dict[str, Any] = {"band": band.band, "capture_id": band.capture_id}
     try:
-        sunshine = measure_sunshine(band)
+        sunshine = _measure_light(band)
     except InputRejected as missing:
         return said | {"sunshine_missing": SunshineMissing(code=str(missing.code), detail=missing.message)}
     names = ("i_ss", "standard_uncertainty", "unit", "readings", "spread_rel", "left_out")

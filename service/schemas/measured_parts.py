@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from radiometry.reflectance.indices import Index
+from radiometry.frame.multispectral import Index
 from service.schemas.base import Answer, Quantity
 
 

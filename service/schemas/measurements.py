@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from radiometry.luminance.surface import MAX_CELLS_A_SIDE
-from radiometry.reflectance.indices import Index
+from radiometry.frame.grid import MAX_CELLS_A_SIDE
+from radiometry.frame.multispectral import Index
 from service.schemas.base import Answer, Form, Number, Text
 from service.schemas.campaigns import NewRoi, Point, Reflectance
 from service.schemas.jobs import JobAnswer

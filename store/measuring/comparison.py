@@ -7,9 +7,11 @@ from typing import Any
 from radiometry.fitting.comparison import Comparison
 from radiometry.fitting.shared_errors import Budgeted, compare_measured, scale_effects, sign_effects
 from radiometry.frame.exposure import Exposure
+from radiometry.methods import get_method
+from radiometry.specification.application import BandApplication
+from store.applied import read_applied
 from store.codec import decode_exposure
 from store.measuring.meters import compare_meters
-from store.measuring.record import read_coefficients
 from store.tables import Calibration, FrameRow, Measurement
 
 
@@ -64,7 +66,7 @@ def compare_measurements(old: Side, new: Side) -> MeasurementComparison:
 def find_common(old: Side, new: Side) -> set[str]:
     """Sources whose error is the same in both: of one version, of one meter, of one setting of a camera."""
     same_version = old.calibration.id == new.calibration.id
-    if old.measurement.method == "reflectance":
+    if isinstance(get_method(old.measurement.method).application, BandApplication):
         k = [side.result.get("reflectance_k") for side in (old, new)]
         return {"K"} if same_version and k[0] is not None and k[0] == k[1] else set()
     if old.frame.exposure is None or new.frame.exposure is None:
@@ -74,7 +76,7 @@ def find_common(old: Side, new: Side) -> set[str]:
     if same_version and before.iso == after.iso:
         common |= {"meter calibration", "dark signal"}
         # more parameters than one have a correlation that the budget does not keep
-        models = {each.model for each in read_coefficients(old.calibration) if each.iso == before.iso}
+        models = {each.model for each in read_applied(old.calibration) if each.iso == before.iso}
         common |= {"fit of K"} if models == {"proportional"} else set()
     elif same_version or compare_meters(old.calibration, new.calibration)[0] == "common":
         common |= {"meter calibration"}

@@ -1,23 +1,22 @@
-"""The meter certificates behind two luminance versions."""
+"""The meter certificates behind two versions."""
 
 from typing import Literal
 
-from store.measuring.record import read_coefficients
+from radiometry.methods import get_method
+from store.applied import read_applied
 from store.tables import Calibration
 
 MeterCalibration = Literal["common", "separate", "unknown"]
 
-METHOD_OF_CHANGE = "luminance"
-
 
 def compare_meters(old: Calibration, new: Calibration) -> tuple[MeterCalibration, float]:
     """Whether both hang on the same certificates, and the error that they then share, relative to K."""
-    if old.method != METHOD_OF_CHANGE or new.method != METHOD_OF_CHANGE:
+    if {get_method(each.method).reference for each in (old, new)} != {"meter"}:
         return "separate", 0.0
     before, after = _certificates(old), _certificates(new)
     if before is None or after is None:
         return "unknown", 0.0
-    coefficients = (*read_coefficients(old), *read_coefficients(new))
+    coefficients = (*read_applied(old), *read_applied(new))
     if before != after or any(coefficient.model == "semilog" for coefficient in coefficients):
         return "separate", 0.0
     return "common", min(coefficient.meter_calibration_u_rel for coefficient in coefficients)

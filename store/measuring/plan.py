@@ -4,30 +4,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pydantic import TypeAdapter
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
+from radiometry.frame.grid import Grid
+from radiometry.frame.multispectral import Index
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
-from radiometry.geometry import method as geometry
-from radiometry.luminance.application import choose_coefficient
-from radiometry.luminance.lens import name_channels
-from radiometry.luminance.maps import find_map_scale
-from radiometry.luminance.measurement import Request, find_window
-from radiometry.luminance.surface import Grid, outline
 from radiometry.methods import METHODS, get_method
-from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.indices import Index
+from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
+from store.applied import read_applied
 from store.codec import decode, decode_exposure, decode_header, encode
 from store.falloff import find_falloff, read_lens
 from store.measuring.captures import Captures
-from store.measuring.record import read_band_coefficients, read_camera, read_coefficients
 from store.measuring.version import choose_version
 from store.queries.frames import current_roi, whole_frame_of
 from store.tables import Calibration, Campaign, FrameRow
-
-_GRID = TypeAdapter(Grid)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +58,14 @@ def plan_measurement(
         "products": list(asked.products),
         **({"allow": list(asked.allow)} if asked.allow else {}),
     }
-    if campaign.method == "luminance":
-        return plan | _plan_luminance(session, frame, calibration, polygon, asked)
-    if campaign.method == "geometry":
-        _require_picture(frame, calibration, asked)
-        return plan
-    return plan | _plan_reflectance(frame, calibration, polygon, asked, captures)
+    match get_method(campaign.method).application:
+        case SurfaceApplication() as application:
+            return plan | _plan_surface(session, frame, calibration, application, polygon, asked)
+        case BandApplication() as application:
+            return plan | _plan_band(frame, calibration, application, polygon, asked, captures)
+        case PictureApplication() as application:
+            _require_picture(frame, calibration, application, asked)
+    return plan
 
 
 def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Captures) -> FrameRow:
@@ -84,7 +78,10 @@ def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Capt
     method = session.get_one(Campaign, frame.campaign_id).method
     _require_read(frame, method)
     _refuse_foreign_options(method, asked)
-    return captures.find(frame, reflectance.name_bands(asked.index)[0])
+    application = get_method(method).application
+    if not isinstance(application, BandApplication):
+        raise TypeError(f"{method} takes an index without bands")
+    return captures.find(frame, application.name_bands(asked.index)[0])
 
 
 def _refuse_foreign_options(method: str, asked: Asked) -> None:
@@ -109,19 +106,24 @@ def _refuse_foreign_options(method: str, asked: Asked) -> None:
         )
 
 
-def _plan_luminance(
-    session: Session, frame: FrameRow, calibration: Calibration, polygon: Polygon, asked: Asked
+def _plan_surface(
+    session: Session,
+    frame: FrameRow,
+    calibration: Calibration,
+    application: SurfaceApplication,
+    polygon: Polygon,
+    asked: Asked,
 ) -> dict[str, Any]:
-    coefficients, exposure = read_coefficients(calibration), decode_exposure(frame.exposure or {})
-    coefficient, header = choose_coefficient(coefficients, iso=exposure.iso), frame.header or {}
+    coefficients, exposure = read_applied(calibration), decode_exposure(frame.exposure or {})
+    coefficient, header = application.choose_coefficient(coefficients, iso=exposure.iso), frame.header or {}
     falloff, lens = find_falloff(session, calibration), read_lens(calibration, exposure)
     if lens is not None:
-        channels = name_channels(header["cfa"], channel=coefficient.channel)
+        channels = application.name_channels(header["cfa"], channel=coefficient.channel)
         lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
     if "map" in asked.products:
-        find_map_scale(coefficients, exposure, lens=lens)
-    request = Request(polygon=polygon, grid=asked.grid, reflectance=asked.reflectance)
-    find_window(request, height_px=header["height_px"], width_px=header["width_px"])
+        application.find_map_scale(coefficients, exposure, lens=lens)
+    request = application.request(polygon=polygon, grid=asked.grid, reflectance=asked.reflectance)
+    application.find_window(request, height_px=header["height_px"], width_px=header["width_px"])
     return {
         **({"grid": encode(asked.grid)} if asked.grid else {}),
         **({"reflectance": asked.reflectance} if asked.reflectance is not None else {}),
@@ -137,40 +139,47 @@ def _name_version(version: Calibration) -> dict[str, Any]:
     }
 
 
-def _require_picture(frame: FrameRow, calibration: Calibration, asked: Asked) -> None:
-    """What geometry makes of a frame is its undistorted picture, and that is of the whole frame."""
+def _require_picture(
+    frame: FrameRow, calibration: Calibration, application: PictureApplication, asked: Asked
+) -> None:
+    """Require that the whole frame is asked for as a picture, and that it has the calibration's size."""
     header = frame.header or {}
-    geometry.require_size(
-        read_camera(calibration), height_px=header["height_px"], width_px=header["width_px"]
+    application.require_size(
+        read_applied(calibration), height_px=header["height_px"], width_px=header["width_px"]
     )
     if "map" not in asked.products or asked.polygon is not None:
         raise InputRejected(
             shared.OPTION_NOT_OF_METHOD,
-            "What geometry gives of a frame is its whole undistorted picture: ask for products=[map], "
-            "without a region.",
+            f"What {calibration.method} gives of a frame is its whole {application.quantity}: ask for "
+            "products=[map], without a region.",
         )
 
 
-def _plan_reflectance(
-    frame: FrameRow, calibration: Calibration, polygon: Polygon, asked: Asked, captures: Captures
+def _plan_band(
+    frame: FrameRow,
+    calibration: Calibration,
+    application: BandApplication,
+    polygon: Polygon,
+    asked: Asked,
+    captures: Captures,
 ) -> dict[str, Any]:
-    coefficients, angle_deg = read_band_coefficients(calibration), asked.incidence_angle_deg or 0.0
+    coefficients, angle_deg = read_applied(calibration), asked.incidence_angle_deg or 0.0
     plan: dict[str, Any] = {"incidence_angle_deg": angle_deg}
     header = decode_header(frame.header or {})
     bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     headers = [header]
     if asked.index is not None:
-        other = captures.find(frame, reflectance.name_bands(asked.index)[1])
+        other = captures.find(frame, application.name_bands(asked.index)[1])
         require_whole(other, read_proof(other), asked.allow)
         headers.append(decode_header(other.header or {}))
-        here, there = reflectance.align_region(polygon, header, headers[1])
+        here, there = application.align_region(polygon, header, headers[1])
         plan |= {
             "index": asked.index,
             "polygon": _list_points(here),
             "other": {"frame_id": other.id, "sha256": other.sha256, "polygon": _list_points(there)},
         }
     for each in headers:
-        reflectance.find_scale_of_frame(each, coefficients=coefficients, incidence_angle_deg=angle_deg)
+        application.find_scale_of_frame(each, coefficients=coefficients, incidence_angle_deg=angle_deg)
     return plan
 
 
@@ -178,12 +187,12 @@ def _list_points(polygon: Polygon) -> list[list[float]]:
     return [list(point) for point in polygon.points]
 
 
-def read_request(parameters: dict[str, Any]) -> Request:
-    """A plan's request, as the science wants it."""
+def read_request(application: SurfaceApplication, parameters: dict[str, Any]) -> Any:  # noqa: ANN401
+    """Return the request of a plan, as the method takes it."""
     grid = parameters.get("grid")
-    return Request(
+    return application.request(
         polygon=Polygon.from_points(parameters["polygon"]),
-        grid=_GRID.validate_python(grid) if grid else None,
+        grid=decode(Grid, grid) if grid else None,
         reflectance=parameters.get("reflectance"),
     )
 
@@ -198,7 +207,8 @@ def _require_read(frame: FrameRow, method: str) -> None:
             shared.FRAME_NOT_READ,
             f"Frame {frame.filename} has not been read yet: wait for its job and ask again.",
         )
-    if frame.exposure is None and method != "geometry":
+    application = get_method(method).application
+    if frame.exposure is None and (application is None or application.needs_exposure):
         raise InputRejected(
             shared.EXPOSURE_MISSING,
             f"Frame {frame.filename} states no exposure: type its exposure_time_s, f_number and iso in.",
@@ -224,16 +234,17 @@ def require_whole(frame: FrameRow, proof: Proof | None, allowed: Sequence[str]) 
 
 def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: Asked) -> tuple[Polygon, str]:
     """The request's own region, else the frame's or the campaign's, else the grid's outline."""
-    if campaign.method == "geometry":
+    application = get_method(campaign.method).application
+    if isinstance(application, PictureApplication):
         return whole_frame_of(frame), "whole_frame"
     if asked.polygon is not None:
         return asked.polygon, "request"
     roi = current_roi(session, frame, campaign)
     if roi is not None:
         return Polygon.from_points(roi.points), "frame" if frame.roi_id else "campaign"
-    if asked.grid is not None:
-        return outline(asked.grid), "grid"
-    if campaign.method == "reflectance":
+    if asked.grid is not None and isinstance(application, SurfaceApplication):
+        return application.outline(asked.grid), "grid"
+    if isinstance(application, BandApplication):
         return whole_frame_of(frame), "whole_frame"
     raise InputRejected(
         shared.REGION_MISSING,

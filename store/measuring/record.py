@@ -6,25 +6,17 @@ from dataclasses import dataclass
 from importlib.metadata import version as package_version
 from typing import Any
 
-from pydantic import TypeAdapter
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.frame.roi import Polygon
-from radiometry.geometry import method as geometry
-from radiometry.luminance.results import Coefficient
-from radiometry.reflectance import method as reflectance
 from store.blobs import StoredBlob
-from store.codec import decode
 from store.columns import new_id
 from store.files import keep_blob
 from store.software import MEASURER, read_version
 from store.tables import Blob, Calibration, Campaign, FrameRow, Measurement
 
 RESULT_SCHEMA = 1
-
-_COEFFICIENTS = TypeAdapter(tuple[Coefficient, ...])
-_BAND_COEFFICIENTS = TypeAdapter(tuple[reflectance.Coefficient, ...])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,21 +25,6 @@ class Products:
 
     tif: StoredBlob
     png: StoredBlob
-
-
-def read_coefficients(calibration: Calibration) -> tuple[Coefficient, ...]:
-    fits = calibration.result["iso_fits"]
-    return _COEFFICIENTS.validate_python([iso_fit["coefficient"] for iso_fit in fits])
-
-
-def read_band_coefficients(calibration: Calibration) -> tuple[reflectance.Coefficient, ...]:
-    fits = calibration.result["band_fits"]
-    return _BAND_COEFFICIENTS.validate_python([band_fit["coefficient"] for band_fit in fits])
-
-
-def read_camera(calibration: Calibration) -> geometry.CameraModel:
-    camera: geometry.CameraModel = decode(geometry.CameraModel, calibration.result["camera"])
-    return camera
 
 
 def read_regions(calibration: Calibration) -> tuple[Polygon, ...]:

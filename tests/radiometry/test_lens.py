@@ -9,17 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.fitting.comparison import change_luminance
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import measure_signal
 from radiometry.luminance import method as luminance
+from radiometry.luminance.change import change_luminance
 from radiometry.luminance.lens import compute_shares, correct_signal, name_channels
 from radiometry.luminance.maps import RIM_PX, compute_map, find_map_scale
 from radiometry.luminance.measurement import Request, Vignetting, measure
-from radiometry.luminance.surface import Grid
 from radiometry.vignetting.method import Coefficient, Lens
 from tests.radiometry.coefficients import COEFFICIENT
 from tests.radiometry.luminance.exact import PARAMS, READINGS, ROWS, K, fit

@@ -1,1 +1,1 @@
-"""Measuring a frame, one file a method; what they share is in `task`."""
+"""Measuring a frame, one file for each class of application; what they share is in `task`."""

@@ -13,7 +13,7 @@ from radiometry.frame.acceptance import Acceptance, Camera, SuppliedExposure, ac
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
-from radiometry.reflectance.method import FoundPanel
+from radiometry.specification.application import FoundRegion
 from store import tables
 from store.blobs import StoredBlob, StoredFile
 from store.codec import decode, decode_header, encode, encode_statistics
@@ -66,7 +66,7 @@ class _Found:
     proof: Proof
     extracted: _Extracted | None
     region_refused: InputRejected | None
-    panel: FoundPanel | None
+    panel: FoundRegion | None
     """Found in a frame for which nobody has drawn a region."""
 
 
@@ -148,14 +148,13 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
 
 def _find_panel(
     context: Context, subject: _Subject, header: FrameHeader, file: StoredFile
-) -> FoundPanel | None:
+) -> FoundRegion | None:
     frame, method = subject.frame, subject.campaign.method
     room = methods.get_method(method)
     if subject.roi is not None or not room.finds_region or frame.role not in room.role_names:
         return None
     whole = context.decoders.read_window(file, (0, 0, header.height_px, header.width_px))
-    found: FoundPanel | None = methods.get_method(method).find_region(whole, header=header)
-    return found
+    return methods.get_method(method).find_region(whole, header=header)
 
 
 def _measure(
@@ -184,7 +183,7 @@ def _measure(
     )
 
 
-def _regions(roi: Roi | None, panel: FoundPanel | None, header: FrameHeader) -> list[Region]:
+def _regions(roi: Roi | None, panel: FoundRegion | None, header: FrameHeader) -> list[Region]:
     if panel is not None:
         return [Region(name="", polygon=panel.region)]
     if roi is None:
@@ -225,7 +224,7 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     return {"frame_id": frame.id}
 
 
-def _keep_panel(session: Session, frame: FrameRow, campaign: Campaign, panel: FoundPanel) -> Roi | None:
+def _keep_panel(session: Session, frame: FrameRow, campaign: Campaign, panel: FoundRegion) -> Roi | None:
     """Make it the frame's own region, unless somebody has drawn one, or changed the role, meanwhile."""
     roles = methods.get_method(campaign.method).role_names
     if current_roi(session, frame, campaign) is not None or frame.role not in roles:

@@ -5,6 +5,8 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, files, shared
+from radiometry.methods import get_method
+from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
 from store.blobs import StoredFile
 from store.codec import decode_header, encode
 from store.jobs import Claim
@@ -13,7 +15,7 @@ from store.measuring.record import Products, find_measurement, has_lost_products
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
-from worker.measuring import geometry, luminance, reflectance
+from worker.measuring import band, picture, surface
 from worker.measuring.task import Task
 from worker.tasks.outcome import Outcome
 
@@ -92,15 +94,14 @@ def _make_task(
 
 
 def _measure(task: Task) -> tuple[dict[str, Any], Products | None]:
-    match task.calibration.method:
-        case "luminance":
-            return luminance.measure(task)
-        case "reflectance":
-            return reflectance.measure(task)
-        case "geometry":
-            return geometry.measure(task)
-        case method:
-            raise AssertionError(f"the plan let a frame be measured by {method}")
+    match get_method(task.calibration.method).application:
+        case SurfaceApplication() as application:
+            return surface.measure(task, application)
+        case BandApplication() as application:
+            return band.measure(task, application)
+        case PictureApplication() as application:
+            return picture.measure(task, application)
+    raise AssertionError(f"the plan let a frame be measured by {task.calibration.method}")
 
 
 def _links(row: Measurement) -> dict[str, Any]:

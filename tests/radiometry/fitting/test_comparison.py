@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radiometry.fitting.comparison import change_luminance, compare_quantities
+from radiometry.fitting.comparison import compare_quantities
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
+from radiometry.luminance.change import change_luminance
 from tests.radiometry.coefficients import COEFFICIENT
 
 EXPOSURE = Exposure(

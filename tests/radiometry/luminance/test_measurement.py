@@ -11,10 +11,10 @@ from radiometry.findings.advice import advise
 from radiometry.findings.shared import SATURATED
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon
 from radiometry.luminance.codes import ROI_ELSEWHERE
 from radiometry.luminance.measurement import Request, find_window, measure
-from radiometry.luminance.surface import Grid
 from tests.radiometry.coefficients import COEFFICIENT
 
 EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)

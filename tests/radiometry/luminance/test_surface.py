@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
+from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Window, mask
-from radiometry.luminance.surface import Cells, Grid, judge_uniformity, lay_grid, outline
+from radiometry.luminance.surface import Cells, judge_uniformity, lay_grid, outline
 
 ROAD = [[1.2, 0.9, 0.8, 0.9, 1.1], [1.0, 0.8, 0.6, 0.7, 1.0], [0.7, 0.5, 0.45, 0.5, 0.65]]
 SQUARE = ((0.0, 0.0), (80.0, 0.0), (80.0, 60.0), (0.0, 60.0))

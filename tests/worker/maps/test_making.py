@@ -13,6 +13,7 @@ from PIL import ExifTags, Image
 
 from bench.subject import Scale, make_mosaic
 from radiometry.frame.exposure import Exposure
+from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.maps import MapScale, compute_map
 from tests.support.frames import write_raw
 from worker.decode.metadata import read_metadata
@@ -22,7 +23,7 @@ from worker.maps import strips
 from worker.maps.making import make_map
 from worker.maps.picture import LUMINANCE
 from worker.maps.tiff import MapFacts
-from worker.measuring.luminance import make_subject
+from worker.measuring.surface import make_subject
 
 SCALE = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
 EXPOSURE = Exposure(
@@ -55,7 +56,12 @@ def make(decoders, path, *, scale=SCALE, **place):
     facts = MapFacts(header=header, exposure=EXPOSURE, software="stilb test", description={"unit": "cd/m2"})
     target = path.with_suffix(".tif")
     made = make_map(
-        decoders, make_subject(path, header, scale), facts, target, style=LUMINANCE, caption="frame"
+        decoders,
+        make_subject(APPLICATION, path, header, scale),
+        facts,
+        target,
+        style=LUMINANCE,
+        caption="frame",
     )
     return target, made.picture
 
@@ -141,6 +147,7 @@ import sys
 from pathlib import Path
 import worker.__main__
 from radiometry.frame.exposure import Exposure
+from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.maps import MapScale
 from radiometry.luminance.measurement import Request, find_window, measure
 from radiometry.frame.roi import Polygon
@@ -148,7 +155,7 @@ from tests.radiometry.coefficients import COEFFICIENT
 from worker.decode.pool import DecoderPool
 from worker.maps.making import make_map
 from worker.maps.picture import LUMINANCE
-from worker.measuring.luminance import make_subject
+from worker.measuring.surface import make_subject
 from worker.maps.tiff import MapFacts
 
 path = Path(sys.argv[1])
@@ -163,7 +170,7 @@ with DecoderPool(1) as decoders:
     del frame
     scale = MapScale(slope_cd_m2_per_dn=0.004, dark_signal_dn=256.3, channel="green")
     facts = MapFacts(header=header, exposure=exposure, software="stilb", description={})
-    make_map(decoders, make_subject(path, header, scale), facts, path.with_suffix(".tif"),
+    make_map(decoders, make_subject(APPLICATION, path, header, scale), facts, path.with_suffix(".tif"),
              style=LUMINANCE, caption="whole")
 status = Path("/proc/self/status").read_text()
 print(wide * high, status.partition("VmHWM:")[2].split()[0])

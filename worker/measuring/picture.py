@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from radiometry.frame import Frame
-from radiometry.geometry import method as geometry
+from radiometry.specification.application import PictureApplication
+from store.applied import read_applied
 from store.codec import decode_exposure
-from store.measuring.record import Products, read_camera
+from store.measuring.record import Products
 from store.software import read_version
 from worker.maps.packet import write_packet
 from worker.maps.picture import WIDEST_PX
@@ -24,10 +25,10 @@ _DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.5, 99.5
 _GAMMA = 1 / 2.2
 
 
-def measure(task: Task) -> tuple[dict[str, Any], Products]:
+def measure(task: Task, application: PictureApplication) -> tuple[dict[str, Any], Products]:
     """The camera that was used, and the picture as TIFF and as a preview."""
     header = task.header
-    found = geometry.undistort_frame(_read(task), read_camera(task.calibration))
+    found = application.undistort_frame(_read(task), read_applied(task.calibration))
     task.report(0.7)
     parameters = {
         row["name"]: {name: row[name] for name in ("value", "standard_uncertainty", "unit")}
@@ -43,8 +44,8 @@ def measure(task: Task) -> tuple[dict[str, Any], Products]:
         "parameters": parameters,
     }
     description = task.describe(
-        quantity="undistorted picture",
-        unit="DN",
+        quantity=application.quantity,
+        unit=application.unit,
         unseen=0,
         black_level_dn=list(header.black_level_dn),
         white_level_dn=list(header.white_level_dn),

@@ -10,11 +10,10 @@ import numpy as np
 
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.roi import Polygon, bounding_window
-from radiometry.reflectance import method as reflectance
-from radiometry.reflectance.measurement import measure_index, measure_region
-from radiometry.reflectance.method import AppliedReflectance, BandMap
+from radiometry.specification.application import BandApplication
+from store.applied import read_applied
 from store.codec import decode_header, encode
-from store.measuring.record import Products, read_band_coefficients
+from store.measuring.record import Products
 from store.software import read_version
 from store.tables import FrameRow
 from worker.maps.making import Made, Subject, make_map
@@ -27,24 +26,24 @@ from worker.measuring.task import Task, keep, keep_file
 _INDEX_ENDS = (-1.0, 1.0)
 
 
-def measure(task: Task) -> tuple[dict[str, Any], Products | None]:
+def measure(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
     """The result as it is stored, and the map where one was asked for."""
     if "index" in task.parameters:
-        return _measure_index(task)
+        return _measure_index(task, application)
     pixels = _read_region(task)
-    measured = measure_region(
+    measured = application.measure_region(
         pixels,
         _region(task),
         header=task.header,
         exposure=task.exposure,
-        coefficients=read_band_coefficients(task.calibration),
+        coefficients=read_applied(task.calibration),
         incidence_angle_deg=_angle(task),
     )
     task.report(0.1)
     result: dict[str, Any] = encode(measured)
     if not task.wants_map:
         return result, None
-    made, products = _map_band(task)
+    made, products = _map_band(task, application)
     total = task.header.height_px * task.header.width_px
     counts = {"pixels": total, "below_zero": made.below_zero, "above_one": made.above_one}
     return result | {"map": counts | {"saturated": made.unknown}}, products
@@ -66,14 +65,17 @@ def _read_region(task: Task) -> Frame:
     )
 
 
-def _map_band(task: Task) -> tuple[Made, Products]:
+def _map_band(task: Task, application: BandApplication) -> tuple[Made, Products]:
     header, exposure = task.header, task.exposure
-    scale = reflectance.find_scale_of_frame(
-        header, coefficients=read_band_coefficients(task.calibration), incidence_angle_deg=_angle(task)
+    scale = application.find_scale_of_frame(
+        header, coefficients=read_applied(task.calibration), incidence_angle_deg=_angle(task)
     )
 
     def compute(frame: Frame) -> Plane:
-        return reflectance.compute_map(frame, header=header, exposure=exposure, scale=scale).reflectance
+        made: Plane = application.compute_map(
+            frame, header=header, exposure=exposure, scale=scale
+        ).reflectance
+        return made
 
     subject = Subject(
         file=task.file,
@@ -83,7 +85,7 @@ def _map_band(task: Task) -> tuple[Made, Products]:
     )
     assert header.multispectral is not None  # noqa: S101  the plan refused files without one
     packet = write_packet(header.attitude, header.multispectral)
-    description = _describe(task, header, quantity="reflectance")
+    description = _describe(task, header, quantity=application.quantity)
     return _draw(task, subject, header, REFLECTANCE, description, packet)
 
 
@@ -129,7 +131,7 @@ def _draw(
         return made, Products(tif=keep_file(blobs, target), png=keep(blobs, made.picture))
 
 
-def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
+def _measure_index(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
     """``task.frame`` shows the near infrared; the plan names the other band's frame."""
     with task.context.database.reading() as session:
         other_row = session.get_one(FrameRow, task.parameters["other"]["frame_id"])
@@ -144,13 +146,15 @@ def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
             file=file,
             parameters=task.parameters | {"polygon": task.parameters["other"]["polygon"]},
         )
-        result: dict[str, Any] = encode(measure_index(index, _apply(task), _apply(other)))
+        result: dict[str, Any] = encode(
+            application.measure_index(index, _apply(task, application), _apply(other, application))
+        )
         task.report(0.1)
         if not task.wants_map:
             return result, None
-        names = reflectance.name_bands(index)
-        bands = {name: _whole(each) for name, each in zip(names, (task, other), strict=True)}
-    found = reflectance.compute_index(index, bands)
+        names = application.name_bands(index)
+        bands = {name: _whole(each, application) for name, each in zip(names, (task, other), strict=True)}
+    found = application.compute_index(index, bands)
     task.report(0.6)
     values = found.values
     subject = Subject(
@@ -168,27 +172,27 @@ def _measure_index(task: Task) -> tuple[dict[str, Any], Products | None]:
     return result | {"map": counts}, products
 
 
-def _apply(task: Task) -> AppliedReflectance:
-    features = reflectance.extract_features(
+def _apply(task: Task, application: BandApplication) -> Any:  # noqa: ANN401  the method's own
+    features = application.extract_features(
         _read_region(task), _region(task), header=task.header, exposure=task.exposure
     )
-    return reflectance.apply(
+    return application.apply(
         features,
         header=task.header,
-        coefficients=read_band_coefficients(task.calibration),
+        coefficients=read_applied(task.calibration),
         incidence_angle_deg=_angle(task),
     )
 
 
-def _whole(task: Task) -> BandMap:
+def _whole(task: Task, application: BandApplication) -> Any:  # noqa: ANN401  the method's own
     """The reflectance of a whole frame, strip by strip into one array."""
     header, exposure = task.header, task.exposure
-    scale = reflectance.find_scale_of_frame(
-        header, coefficients=read_band_coefficients(task.calibration), incidence_angle_deg=_angle(task)
+    scale = application.find_scale_of_frame(
+        header, coefficients=read_applied(task.calibration), incidence_angle_deg=_angle(task)
     )
     plane = np.empty((header.height_px, header.width_px), np.float32)
     for top, height in cut_strips(header):
         frame = task.context.decoders.read_window(task.file, (top, 0, height, header.width_px))
-        computed = reflectance.compute_map(frame, header=header, exposure=exposure, scale=scale)
+        computed = application.compute_map(frame, header=header, exposure=exposure, scale=scale)
         plane[top : top + height] = computed.reflectance
-    return BandMap(header=header, reflectance=plane)
+    return application.band_map(header=header, reflectance=plane)

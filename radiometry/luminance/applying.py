@@ -1,0 +1,23 @@
+"""Application of a luminance version to a frame: region, grid and map."""
+
+from typing import Final
+
+from radiometry.luminance import application, change, lens, maps, measurement, surface
+from radiometry.specification.application import SurfaceApplication
+
+APPLICATION: Final = SurfaceApplication(
+    quantity="luminance",
+    unit="cd/m2",
+    options=("grid", "reflectance"),
+    name_channels=lens.name_channels,
+    choose_coefficient=application.choose_coefficient,
+    request=measurement.Request,
+    correction=measurement.Vignetting,
+    outline=surface.outline,
+    find_window=measurement.find_window,
+    find_map_scale=maps.find_map_scale,
+    measure=measurement.measure,
+    compute_map=maps.compute_map,
+    change=change.change_luminance,
+    rim_px=maps.RIM_PX,
+)
