@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from radiometry.methods import get_method
+from radiometry.specification.application import SurfaceApplication
 from service.schemas.base import Quantity
 from service.schemas.measured import MeasurementAnswer
 
@@ -62,10 +64,11 @@ def flatten(answer: MeasurementAnswer) -> dict[str, Any]:
         "region_origin": answer.region_origin,
         "pixels": answer.pixels,
     }
+    surface = isinstance(get_method(answer.method).application, SurfaceApplication)
     for figure in _FIGURES:
         quantity: Quantity | None = getattr(answer, figure)
         if quantity is not None:
-            name = _name(figure) if answer.method == "luminance" else _name_of_band(answer, figure)
+            name = _name(figure) if surface else _name_of_band(answer, figure)
             row[name] = quantity.value
             row[f"{name}_standard_uncertainty"] = quantity.standard_uncertainty
     for entry in answer.percentiles:

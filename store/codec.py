@@ -1,32 +1,28 @@
 """Between the science's dataclasses and what the tables keep."""
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, fields, is_dataclass
 from functools import cache
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from pydantic import TypeAdapter
 
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.luminance import method as luminance
 from store.tables.base import Json
 
 _HEADER = TypeAdapter(FrameHeader)
 _EXPOSURE = TypeAdapter(Exposure)
 # one a type, built once: building an adapter costs far more than using it
 _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
-# What these had not when versions were first written is left out where there is none, and not null: a content
-# hash is over the very text, and stays what it was.
-_GROWN = (luminance.Params, luminance.Fit)
-_LATER = frozenset({"vignetting", "lens_share", "frame_scatter_rel", "stated_chi_squared"})
 
 
 def encode(value: Any) -> Any:  # noqa: ANN401
     """A dataclass as plain JSON values; tuples become lists, so that what is stored equals what is read."""
     plain = _adapter(type(value)).dump_python(value, mode="json")
-    return _drop_later(plain) if isinstance(value, _GROWN) else plain
+    later = _list_later(type(value))
+    return _drop_later(plain, later) if later else plain
 
 
 def decode(kind: Any, stored: Any) -> Any:  # noqa: ANN401
@@ -53,11 +49,33 @@ def encode_statistics(row: ChannelStatistics) -> dict[str, Any]:
     return asdict(row)
 
 
-def _drop_later(value: Any) -> Any:  # noqa: ANN401
+def _find_later(kind: Any) -> frozenset[str]:  # noqa: ANN401
+    """Return the names of fields that older versions do not have, of a type and of all that it holds.
+
+    Where there is none they are left out, and not null: a content hash is over the very text, and stays.
+    """
+    found: set[str] = set()
+    if is_dataclass(kind):
+        hints = get_type_hints(kind)
+        for each in fields(kind):
+            found |= {each.name} if each.metadata.get("later") else set()
+            found |= _list_later(hints[each.name])
+    for part in get_args(kind):
+        found |= _list_later(part)
+    return frozenset(found)
+
+
+_list_later: Callable[[Any], frozenset[str]] = cache(_find_later)
+
+
+def _drop_later(value: Any, later: frozenset[str]) -> Any:  # noqa: ANN401
     if isinstance(value, dict):
-        kept = {name: member for name, member in value.items() if member is not None or name not in _LATER}
-        return {name: _drop_later(member) for name, member in kept.items()}
-    return [_drop_later(member) for member in value] if isinstance(value, list) else value
+        return {
+            name: _drop_later(member, later)
+            for name, member in value.items()
+            if member is not None or name not in later
+        }
+    return [_drop_later(member, later) for member in value] if isinstance(value, list) else value
 
 
 def drop_absent(value: Any) -> Any:  # noqa: ANN401

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
+from radiometry.methods import get_method
 from verify.compare import Row
 from verify.data import Node
 
@@ -48,7 +49,7 @@ def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, R
     """The results by name: of luminance per ISO value, of other methods every coefficient with u."""
     # the whole certificate is compared with the data's copy too, under the same names
     figures = {row.quantity: row for row in rows if row.group in ("iso_fits", "coefficients")}
-    if certificate["method"] == "luminance":
+    if get_method(certificate["method"]).certificate.layout == "curve":
         for index, fit in enumerate(certificate["result"]["iso_fits"]):
             for name, symbol in _HEADLINES.items():
                 row = figures.get(f"iso_fits[{index}].coefficient.{name}")

@@ -1,9 +1,10 @@
 """What comes out of a luminance fit: plain numbers, ready for JSON; what does not exist is None."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
+from radiometry.specification.stored import LATER
 
 K_UNIT = "DN*m2/(cd*s)"
 
@@ -44,7 +45,7 @@ class Coefficient:
     f_number_range: tuple[float, float]
     signal_range_dn: tuple[float, float]
     rhs_range: tuple[float, float]
-    vignetting: str | None = None
+    vignetting: str | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +71,8 @@ class ModelFit:
     meter_repeatability_rel: float | None
     left_out_max_rel: float | None
     left_out_rms_rel: float | None
-    frame_scatter_rel: float | None = None
-    stated_chi_squared: float | None = None
+    frame_scatter_rel: float | None = field(default=None, metadata=LATER)
+    stated_chi_squared: float | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +102,7 @@ class Point:
     fitted_luminance_cd_m2: float | None
     residual_rel: float | None
     weight: float
-    lens_share: Quantity | None = None
+    lens_share: Quantity | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -94,6 +94,7 @@ class Params:
     vignetting: str | None = parameter(
         None,
         name="vignetting_id",
+        later=True,
         label="Vignetting version",
         description="Vignetting version that the signals are divided by, or `in_force`: the one in force "
         "when the light frames were taken. Stored as the version's content hash.",

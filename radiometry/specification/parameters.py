@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
+from radiometry.specification.stored import LATER
+
 Kind = Literal["number", "integer", "boolean", "choice", "interval", "group", "version"]
 
 _KEY: Final = "parameter"
@@ -102,15 +104,17 @@ def parameter(
     *,
     label: str,
     description: str,
+    later: bool = False,
     **stated: Any,  # noqa: ANN401  the other attributes of Parameter
 ) -> Any:  # noqa: ANN401  a field of a dataclass takes its annotated type
     """Return a dataclass field that carries the description of its parameter.
 
-    ``labels`` maps each choice of a field of a `Literal` type to its label; the other names are those of
-    `Parameter`. The type follows from the field's annotation.
+    ``later`` marks a field that older versions do not have (`stored.LATER`). ``labels`` maps each choice of
+    a field of a `Literal` type to its label; the other names are those of `Parameter`. The
+    type follows from the field's annotation.
     """
     stated |= {"label": label, "description": description}
-    return dataclasses.field(default=default, metadata={_KEY: stated})
+    return dataclasses.field(default=default, metadata={_KEY: stated, **(LATER if later else {})})
 
 
 def list_parameters(kind: type[Any]) -> tuple[Parameter, ...]:

@@ -233,16 +233,17 @@ def _read_params(
         name = evidence.names[exclusion.frame_id]
         exclusions.append(Exclusion(frame=name, reason=exclusion.reason, by=caller.key_name))
     said["exclude"] = tuple(sorted(exclusions, key=lambda e: e.frame))
-    asked = said.pop("vignetting", None)
+    corrector = methods.get_method(campaign.method).corrected_by
+    asked = said.pop(corrector, None) if corrector else None
     try:
         params = make_params(session, campaign, **said)
     except ValidationError as error:
         raise invalid(located(error, "body")) from error
-    if asked is None:
+    if corrector is None or asked is None:
         return params
     named = None if asked == IN_FORCE else owned(session, Calibration, asked, caller)
     chosen = choose_falloff(session, campaign, evidence, params, named)
-    return replace(params, vignetting=chosen.content_sha256)
+    return replace(params, **{corrector: chosen.content_sha256})
 
 
 def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> Response:  # noqa: ANN401

@@ -5,6 +5,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.orm import Session
 
+from radiometry.methods import get_method
+from radiometry.specification.application import PictureApplication
 from service.auth import Caller, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
@@ -38,8 +40,9 @@ def contrast_measurements(
 
 def _side(session: Session, measurement_id: str, caller: Caller) -> Side:
     row = owned(session, Measurement, measurement_id, caller)
-    if row.method == "geometry":
-        message = "is an undistorted image and has no value to compare"
+    application = get_method(row.method).application
+    if isinstance(application, PictureApplication):
+        message = f"is an {application.quantity} and has no value to compare"
         raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
     return Side(
         measurement=row,

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
+from radiometry.methods import get_method
+from radiometry.specification.application import PictureApplication
 from service.auth import Reader
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
@@ -36,7 +38,7 @@ def get_measurement_map_values(
     if row.map_tif_sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
         raise Problem(404, HttpCode.NOT_FOUND, detail)
-    if row.method == "geometry":
+    if isinstance(get_method(row.method).application, PictureApplication):
         detail = "An undistorted picture is no map of values: take its map.tif."
         raise Problem(404, HttpCode.NOT_FOUND, detail)
     tag = f"{row.map_tif_sha256}-{row.content_sha256[:16]}-{asked.tag}"

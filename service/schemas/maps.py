@@ -73,20 +73,20 @@ class MapValuesAnswer(Answer):
             left=window.left,
             step=step,
             values=_plain(values),
-            uncertainty=uncertainty_of(row.method, row.result),
+            uncertainty=uncertainty_of(row.result),
         )
 
 
-def uncertainty_of(method: str, result: dict[str, Any]) -> ValueUncertainty | None:
+def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
     """From a stored budget: all that is shared scales with the value, but for the dark signal."""
-    if method == "luminance":
-        mean, smallest = result["mean"]["value"], result["smallest"]
-        shared = {s["source"]: s["standard_uncertainty_cd_m2"] for s in result["budget"] if s["shared"]}
-    elif "budget" in result:
-        mean, smallest = result["mean"]["value"], result["smallest"]
-        shared = {s["source"]: s["standard_uncertainty"] for s in result["budget"] if s["shared"]}
-    else:
+    if "budget" not in result:
         return None
+    mean, smallest = result["mean"]["value"], result["smallest"]
+    shared = {
+        share["source"]: share.get("standard_uncertainty_cd_m2", share.get("standard_uncertainty"))
+        for share in result["budget"]
+        if share["shared"]
+    }
     if not mean:
         return None
     constant = shared.pop(_DARK, 0.0)

@@ -6,7 +6,9 @@ from pydantic import Field
 
 from radiometry.findings import shared
 from radiometry.findings.advice import advise
+from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
+from radiometry.specification.application import PictureApplication, SurfaceApplication
 from service.schemas.base import Answer, Instant, Quantity
 from service.schemas.measured_parts import (
     BandAnswer,
@@ -137,7 +139,8 @@ _OUTSIDE = ("below_zero_share", "above_one_share")
 def _figures(row: Measurement) -> dict[str, Any]:
     """What the method measured."""
     result = row.result
-    if row.method == "luminance":
+    application = get_method(row.method).application
+    if isinstance(application, SurfaceApplication):
         return {
             **{name: result[name] for name in (*_SHARED, "vignetting", "shared_u_cd_m2", "noise_u_cd_m2")},
             **_surface(row),
@@ -147,7 +150,7 @@ def _figures(row: Measurement) -> dict[str, Any]:
             "signal": result["channel"],
             "lens_share": result.get("lens_share"),
         }
-    if row.method == "geometry":
+    if isinstance(application, PictureApplication):
         undistorted = UndistortedAnswer.model_validate(result["undistorted"])
         return {"undistorted": undistorted, "vignetting": "none", "signal": "".join(undistorted.planes)}
     if "index" in result:

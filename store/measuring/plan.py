@@ -127,7 +127,7 @@ def _plan_surface(
     return {
         **({"grid": encode(asked.grid)} if asked.grid else {}),
         **({"reflectance": asked.reflectance} if asked.reflectance is not None else {}),
-        **({"vignetting": _name_version(falloff)} if falloff else {}),
+        **({falloff.method: _name_version(falloff)} if falloff else {}),
     }
 
 

@@ -137,4 +137,4 @@ def test_the_layout_is_that_of_the_file(tmp_path):
 
 
 def test_an_index_has_no_such_uncertainty():
-    assert uncertainty_of("reflectance", {"index": "ndvi", "bands": []}) is None
+    assert uncertainty_of({"index": "ndvi", "bands": []}) is None

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from radiometry.frame import FrameHeader
+from radiometry.methods import get_method
 from radiometry.specification.application import SurfaceApplication
 from store.applied import read_applied
 from store.codec import encode
@@ -47,7 +48,7 @@ def _measure(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN40
     pixels = task.context.decoders.read_window(
         task.file, (window.row0, window.col0, window.height, window.width)
     )
-    lens, falloff = read_lens(task.calibration, task.exposure), task.parameters.get("vignetting")
+    lens, falloff = read_lens(task.calibration, task.exposure), _find_correction(task)
     return application.measure(
         pixels,
         request,
@@ -59,6 +60,12 @@ def _measure(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN40
         else None,
         rendered=header.rendered,
     )
+
+
+def _find_correction(task: Task) -> Any:  # noqa: ANN401  as the plan names it
+    """Return the version that corrects the frame, as the plan names it, None if there is none."""
+    corrector = get_method(task.calibration.method).corrected_by
+    return task.parameters.get(corrector) if corrector else None
 
 
 def _map(task: Task, application: SurfaceApplication) -> Products:
@@ -73,7 +80,7 @@ def _map(task: Task, application: SurfaceApplication) -> Products:
             unit=application.unit,
             saturated="NaN",
             signal=scale.channel,
-            vignetting=task.parameters.get("vignetting", "none"),
+            vignetting=_find_correction(task) or "none",
         ),
         packet=write_packet(task.header.attitude),
     )

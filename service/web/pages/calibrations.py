@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
+from radiometry.methods import get_method
 from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
@@ -42,7 +43,7 @@ def plot_signal(
     axes: Annotated[Axes, Query()] = "linear",
     theme: Annotated[Theme, Query()] = "light",
 ) -> Response:
-    found = _luminance(context, calibration_id, caller)
+    found = _curve(context, calibration_id, caller)
     return send_plot(draw_signal(found.result, axes=axes, theme=theme))
 
 
@@ -50,13 +51,13 @@ def plot_signal(
 def plot_residuals(
     calibration_id: Id, caller: Reader, context: UsesContext, theme: Annotated[Theme, Query()] = "light"
 ) -> Response:
-    return send_plot(draw_residuals(_luminance(context, calibration_id, caller).result, theme=theme))
+    return send_plot(draw_residuals(_curve(context, calibration_id, caller).result, theme=theme))
 
 
-def _luminance(context: Context, calibration_id: str, caller: Caller) -> Calibration:
+def _curve(context: Context, calibration_id: str, caller: Caller) -> Calibration:
     with context.database.reading() as session:
         found = owned(session, Calibration, calibration_id, caller)
-    if found.method != "luminance":
+    if get_method(found.method).certificate.layout != "curve":
         detail = f"This version is of {found.method}: its plot is /v1/calibrations/{found.id}/plot.svg."
         raise Problem(404, HttpCode.NOT_FOUND, detail)
     return found
