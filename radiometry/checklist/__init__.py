@@ -1,4 +1,4 @@
-"""The checklist at the end of the luminance procedure, and which of its items the record itself can tick."""
+"""Checklist at the end of the luminance procedure, and the items that the record can tick."""
 
 from radiometry.checklist.facts import Facts, FrameFacts, IsoFacts, VersionFacts
 from radiometry.checklist.items import ITEMS, Item

@@ -1,4 +1,4 @@
-"""What the record knows of a campaign: all that the checklist's rules look at."""
+"""Facts of a campaign that the rules of the checklist evaluate."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,10 +8,30 @@ from dataclasses import dataclass
 class FrameFacts:
     """One frame that was read.
 
-    ``role`` : "light" | "dark"; ``scene`` : the light level's name
-    ``manual`` : whether the exposure was set by hand, as the file says; None where it says nothing
-    ``typed_in`` : the exposure values that the file lacks and somebody typed in
-    ``extracted`` : its statistics in its present region exist
+    Attributes
+    ----------
+    name : str
+        Name of the frame.
+    role : str
+        "light" or "dark".
+    scene : str or None
+        Name of the light level.
+    container : str
+        File format, as in `FrameHeader`.
+    rendered : bool
+        True if the frame is a converted image.
+    manual : bool or None
+        True if the file states manual exposure; None if it does not state the mode.
+    exposure_time_s : float
+        Exposure time [s].
+    f_number : float
+        F-number.
+    iso : float
+        ISO value.
+    typed_in : tuple of str
+        Names of the exposure values that the file lacks and a person entered.
+    extracted : bool
+        True if its statistics in its present region exist.
     """
 
     name: str
@@ -29,7 +49,25 @@ class FrameFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class IsoFacts:
-    """What a version found for one ISO value. ``dark_frames`` : how many its dark signal is the median of."""
+    """Result of a version for one ISO value.
+
+    Attributes
+    ----------
+    iso : float
+        ISO value.
+    model : str
+        Name of the fitted model.
+    luminance_k, luminance_k_standard_uncertainty : float
+        Coefficient K and its standard uncertainty, in `luminance_k_unit`.
+    luminance_k_unit : str
+        Unit of K.
+    dark_signal_dn : float
+        Dark signal [DN].
+    dark_frames : int
+        Number of frames whose median is the dark signal.
+    points : int
+        Number of points.
+    """
 
     iso: float
     model: str
@@ -43,7 +81,17 @@ class IsoFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class VersionFacts:
-    """A calibration version of the campaign. ``plot`` : where its plot is."""
+    """A calibration version of the campaign.
+
+    Attributes
+    ----------
+    version : int
+        Number of the version.
+    plot : str
+        Address of its plot.
+    isos : tuple of IsoFacts
+        Results, one per ISO value.
+    """
 
     version: int
     plot: str
@@ -54,10 +102,24 @@ class VersionFacts:
 class Facts:
     """A campaign.
 
-    ``frames`` : light and dark, in the order of their names; ``unread`` : names of those that wait
-    ``readings`` : scene -> luminance readings [cd/m2] that stand
-    ``region`` : the corners [x, y] that hold for the campaign; empty where none was drawn
-    ``version`` : the newest that was not revoked
+    Attributes
+    ----------
+    project_number : str or None
+        Number of the project, if recorded.
+    started_on, started_at : str or None
+        Date and time of the start, if recorded.
+    recorder : str or None
+        Person who records, if recorded.
+    frames : tuple of FrameFacts
+        Light and dark frames, in the order of their names.
+    unread : tuple of str
+        Names of the frames that are not read yet.
+    readings : mapping of str to tuple of float
+        Valid luminance readings by scene [cd/m2].
+    region : tuple of tuple[float, float]
+        Corners [x, y] of the campaign's region [px]; empty if none was drawn.
+    version : VersionFacts or None
+        Newest version that was not revoked.
     """
 
     project_number: str | None

@@ -1,11 +1,21 @@
-"""The items of the printed checklist, section by section, in the print's own words."""
+"""Items of the printed checklist, by section, in the words of the print."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
 class Item:
-    """One line of the checklist. ``key`` is stable: ticks are kept under it."""
+    """One line of the checklist.
+
+    Attributes
+    ----------
+    key : str
+        Stable key under which ticks are stored.
+    section : str
+        Heading of the section.
+    text : str
+        Text of the print.
+    """
 
     key: str
     section: str

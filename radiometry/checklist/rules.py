@@ -1,4 +1,4 @@
-"""The items that the record itself can tick, each with the sentence that says why, or why not yet."""
+"""Items that the record can tick, each with the evidence or with what is missing."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,10 +17,17 @@ _MOST_NAMES = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What the record says of one item.
+    """State of one item according to the record.
 
-    ``sentence`` : the evidence when ``done``, else what is missing
-    ``source`` : the part of the record from which it follows, and whose age is the tick's
+    Attributes
+    ----------
+    done : bool
+        True if the record proves the item.
+    sentence : str
+        The evidence if `done`, otherwise what is missing.
+    source : Source
+        Part of the record from which the state follows, and whose age is the
+        tick's.
     """
 
     done: bool
@@ -29,10 +36,27 @@ class Finding:
 
 
 def find(facts: Facts) -> dict[str, Finding]:
-    """Look at every item that can be decided from the record; what only people can know is not in the answer.
+    """Evaluate every item that can be decided from the record.
 
-    Steps that the print does by hand in ImageJ are done by the extraction here; their evidence says so.
-    Source: standard operating procedure "Drone Camera Calibration", procedure checklist.
+    Parameters
+    ----------
+    facts : Facts
+        Record of the campaign.
+
+    Returns
+    -------
+    dict of str to Finding
+        State by key of the item; items that only people can decide are absent.
+
+    Notes
+    -----
+    Steps that the print [1]_ does by hand in ImageJ are done by the extraction
+    here; their evidence states this.
+
+    References
+    ----------
+    .. [1] Standard operating procedure "Drone Camera Calibration", procedure
+           checklist
     """
     return _general(facts) | _scenes(facts) | _frames(facts) | _extraction(facts) | _dark(facts) | _fit(facts)
 

@@ -1,4 +1,4 @@
-"""Two calibrations of one camera against each other, and what the second would make of a measurement."""
+"""Comparison of two calibrations of one camera, and of the measurements that they would give."""
 
 import math
 from dataclasses import dataclass
@@ -11,10 +11,16 @@ PERCENT = "%"
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """A new value against an old one of the same unit.
+    """A new value compared with an old one of the same unit.
 
-    ``difference`` : new - old; ``change`` : new / old - 1 in %, None where the old value is 0
-    ``in_standard_uncertainties`` : |difference| / u(difference); None where both are exact
+    Attributes
+    ----------
+    difference : Quantity
+        new - old.
+    change : Quantity or None
+        new / old - 1 [%]; None if the old value is 0.
+    in_standard_uncertainties : float or None
+        abs(difference) / u(difference); None if both values are exact.
     """
 
     difference: Quantity
@@ -24,11 +30,19 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredChange:
-    """How a measured luminance or reflectance changes with another calibration, new / old - 1 in %.
+    """Change of a measured luminance or reflectance under another calibration.
 
-    ``basis`` : "signal": both calibrations were applied to the measured signal, dark signals included;
-        "k_ratio": K_old / K_new - 1, where only the coefficients are known: right for signals far above dark
-    ``why`` : None with a change; else the sentence that says why there is none
+    Attributes
+    ----------
+    change : Quantity or None
+        new / old - 1 [%]; None if it cannot be computed.
+    basis : {"signal", "k_ratio"} or None
+        "signal" if both calibrations were applied to the measured signal, dark
+        signals included. "k_ratio" for K_old / K_new - 1, used where only the
+        coefficients are known; it is right for signals far above dark.
+    why : str or None
+        None if there is a change; otherwise the sentence that states why there is
+        none.
     """
 
     change: Quantity | None
@@ -37,21 +51,50 @@ class MeasuredChange:
 
     @classmethod
     def untold(cls, why: str) -> "MeasuredChange":
-        """Give no figure, and the sentence that says why."""
+        """Return no change, with the sentence that states why.
+
+        Parameters
+        ----------
+        why : str
+            Sentence for a person.
+
+        Returns
+        -------
+        MeasuredChange
+            A record whose `change` and `basis` are None.
+        """
         return cls(change=None, basis=None, why=why)
 
 
 def compare_quantities(old: Quantity, new: Quantity, *, common_u_rel: float = 0.0) -> Comparison:
     """Compare two values that may share one relative error, as two K by the same meter do.
 
+    Parameters
+    ----------
+    old, new : Quantity
+        Values with standard uncertainties, in the same unit.
+    common_u_rel : float, default: 0.0
+        Relative standard uncertainty m of the error that both values share; already
+        included in both uncertainties.
+
+    Returns
+    -------
+    Comparison
+        Difference and relative change, each with its standard uncertainty.
+
+    Notes
+    -----
+    From the law of propagation with the covariance m^2 new old [1]_::
+
         u(new - old)^2 = u_new^2 + u_old^2 - 2 new old m^2
         u(new / old)^2 = (new / old)^2 ((u_new / new)^2 + (u_old / old)^2 - 2 m^2)
 
-    m scales both values alike: it cancels in the ratio, and in the difference up to m (new - old).
+    m scales both values alike: it cancels in the ratio, and in the difference up to
+    m (new - old).
 
-    Takes
-      common_u_rel : m, the standard uncertainty of the shared error, part of both given uncertainties
-    Source: JCGM 100:2008, 5.2.2, with the covariance m^2 new old
+    References
+    ----------
+    .. [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
     """
     covariance = common_u_rel**2 * new.value * old.value
     variance = new.standard_uncertainty**2 + old.standard_uncertainty**2 - 2.0 * covariance

@@ -1,4 +1,4 @@
-"""One calibration curve: points with shared errors, a model, its parameters and what is known of them."""
+"""Fit of one calibration curve: points with shared errors, a model, and its parameters."""
 
 import math
 from dataclasses import dataclass, replace
@@ -17,15 +17,42 @@ _COVERAGE = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class CurveFit:
-    """A model fitted to a curve.
+    """A model fitted to a calibration curve.
 
-    ``covariance`` : of ``parameters``, with the Birge ratio
-    ``k_weights`` : (n,) weight of each point's response in the model's first parameter
-    ``k_shares`` : source -> (kind, relative variance of the first parameter from it), Birge's excess too
-    ``k_uncertainty_of_variance`` : half the variance of the relative variance of K, for the effective dof
-    ``repeatability_u_rel`` : given or estimated; None where the model does not use one
-    ``scatter_u_rel`` : between frames, 0 where the other sources explain how the points scatter
-    ``chi_squared`` : with all sources; ``stated_chi_squared`` : without the scatter between frames
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    parameters : ndarray of float64
+        Fitted parameters, named by `models.PARAMETER_NAMES`.
+    covariance : ndarray of float64
+        Covariance of `parameters`, Birge ratio included, (p, p).
+    k_weights : ndarray of float64
+        Weight of each point's response in the model's first parameter, (n,).
+    k_shares : dict of str to tuple[str, float]
+        For each source, its kind (A or B) and the relative variance that it
+        contributes to the first parameter. The excess from the Birge ratio is one
+        of them.
+    k_uncertainty_of_variance : float
+        Half the variance of the relative variance of K, for the effective degrees
+        of freedom.
+    repeatability_u_rel : float or None
+        Relative standard uncertainty of one meter reading, given or estimated; None
+        if the model does not use one.
+    scatter_u_rel : float
+        Relative scatter between frames; 0 if the other sources explain the scatter
+        of the points.
+    chi_squared, stated_chi_squared : float or None
+        With all sources, and without the scatter between frames; None for
+        "semilog".
+    dof : int
+        Points minus parameters.
+    birge_ratio : float
+        sqrt(chi^2 / dof) where that exceeds 1, else 1.
+    log_likelihood : float
+        Log likelihood of the signals in DN, comparable between models.
+    free_parameters : int
+        Number of fitted parameters, estimated variances included.
     """
 
     model: str
@@ -44,7 +71,22 @@ class CurveFit:
     free_parameters: int
 
     def effective_dof(self, common_variance_rel: float = 0.0) -> float:
-        """Degrees of freedom of K's variance (Welch, Satterthwaite), a further exact variance included."""
+        """Return the degrees of freedom of K's variance after Welch and Satterthwaite [1]_.
+
+        Parameters
+        ----------
+        common_variance_rel : float, default: 0.0
+            Further relative variance of K that is known exactly.
+
+        Returns
+        -------
+        float
+            At least 1; infinite if the variance of K is known exactly.
+
+        References
+        ----------
+        .. [1] JCGM 100:2008, G.4.1, doi:10.59161/JCGM100-2008E
+        """
         variance = sum(share for _, share in self.k_shares.values()) + common_variance_rel
         if self.k_uncertainty_of_variance == 0.0:
             return math.inf
@@ -52,13 +94,24 @@ class CurveFit:
 
 
 def coverage_factor(dof: float) -> float:
-    """Give k for a level of confidence of 95 %: Student's t, 1.96 for infinite degrees of freedom."""
+    """Return the coverage factor k for a coverage probability of 95 %.
+
+    Parameters
+    ----------
+    dof : float
+        Effective degrees of freedom; may be infinite.
+
+    Returns
+    -------
+    float
+        Quantile of Student's t; 1.96 for infinite degrees of freedom.
+    """
     return float(stdtrit(dof, (1 + _COVERAGE) / 2))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Converged:
-    """The iteration's last round."""
+    """Last iteration of a fit that converged."""
 
     linear: models.LinearModel
     components: list[Component]
@@ -66,33 +119,69 @@ class _Converged:
 
     @property
     def dof(self) -> int:
-        """Points without parameters."""
+        """Points minus parameters."""
         return self.linear.response.size - self.solution.parameters.size
 
     def find_u(self, source: str) -> float:
-        """Give a source's standard uncertainty, 0 where it is not among them."""
+        """Return a source's standard uncertainty, 0 if it is not among the components.
+
+        Parameters
+        ----------
+        source : str
+            Name of the source.
+
+        Returns
+        -------
+        float
+            Square root of the source's variance.
+        """
         variances = zip(self.components, self.solution.variances, strict=True)
         return math.sqrt(sum(variance for component, variance in variances if component.source == source))
 
 
 def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
-    """Fit one model to a curve by iterated generalised least squares.
+    """Fit one model to a calibration curve by iterated generalised least squares.
 
-    The covariance of ln N, here for N = K X, holds what points share [1]:
-        V_ik = (u(N_i)^2 [i=k] + u(D)^2) / (K^2 X_i X_k)
-             + u_r^2 / m_s [same scene] + 4 u_f^2 [same f-number] + u_t^2 [same time]
-             + u(V_i) u(V_k) / (V_i V_k) [same f-number], where N was divided by V, and u(N), u(D) with it
-             + u_s^2 [i=k], only where the other sources leave chi^2 / dof > 1
-    X carries errors too (effective variance), so V depends on K and is renewed until K settles. u_r, where it
-    is not given, and u_s, of each frame's own light (shutter, aperture, lamp), are estimated together by
-    restricted maximum likelihood [2]. u_s stays out where it is 0, and where the points cannot tell it from
-    u_r, as with one frame per scene. What chi^2 / dof is then still above 1 multiplies the variances that the
-    scatter can test (Birge [3]); an error common to all points is not among them.
+    Parameters
+    ----------
+    curve : Curve
+        Points of one curve: X, signal above dark [DN], uncertainties, and the
+        labels of shared errors.
+    model : {"proportional", "affine", "power", "semilog"}
+        Curve to fit. "semilog" is fitted by ordinary least squares, as the
+        procedure does.
 
-    `semilog` is ordinary least squares, as the procedure does it.
+    Returns
+    -------
+    CurveFit or None
+        None if there are no more points than parameters, or if the iteration does
+        not converge.
 
-    Returns None when there are too few points for the model or the iteration does not settle
-    References [1] JCGM 102:2011; [2] `gls.estimate_variances`; [3] Phys. Rev. 40, 207, 1932
+    Notes
+    -----
+    The first three models are fitted to ln N. For N = K X the covariance of ln N is
+    [1]_::
+
+        V_ik = (u(N_i)^2 [i=k] + u(D)^2) / (K^2 X_i X_k) + u_r^2 / m_s [same scene]
+             + 4 u_f^2 [same f-number] + u_t^2 [same time] + u_s^2 [i=k]
+
+    plus u(V_i) u(V_k) / (V_i V_k) [same f-number] where N was divided by the
+    vignetting V; u(N) and u(D) are then divided by V too. X has errors as well, so
+    V_ik depends on K and is updated until K converges. u_s enters only if the other
+    sources leave chi^2 / dof > 1; it and an u_r that is not given are estimated
+    together by REML [2]_. If chi^2 / dof is still above 1, the testable variances
+    are multiplied by it (Birge [3]_).
+
+    u_s, the scatter of each frame's own light (shutter, aperture, lamp), is left
+    out if it is 0, and if the points cannot separate it from u_r, as with one frame
+    per scene. An error common to all points is not testable by their scatter.
+
+    References
+    ----------
+    .. [1] JCGM 102:2011, doi:10.59161/JCGM102-2011
+    .. [2] H. D. Patterson, R. Thompson, Biometrika 58, 545 (1971),
+           doi:10.1093/biomet/58.3.545
+    .. [3] R. T. Birge, Phys. Rev. 40, 207 (1932), doi:10.1103/PhysRev.40.207
     """
     if len(curve.rhs) <= len(models.PARAMETER_NAMES[model]):
         return None
@@ -108,7 +197,7 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
 
 
 def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> _Converged | None:
-    """Renew the weights until the parameters settle; None where they do not, or no weights are left."""
+    """Update the weights until the parameters converge; None if they do not, or if no weights are left."""
     for _ in range(_MAX_ITERATIONS):
         linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
         if linear is None:
@@ -126,7 +215,7 @@ def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> _C
 
 
 def _add_scatter(curve: Curve, model: str, theta: Vector) -> _Converged | None:
-    """Fit with the scatter between frames estimated too; None where the points say nothing about it."""
+    """Fit with the scatter between frames estimated too; None if the points do not determine it."""
     linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
     if linear is None or curve.scatter_u_rel is not None:
         return None
@@ -139,14 +228,14 @@ def _add_scatter(curve: Curve, model: str, theta: Vector) -> _Converged | None:
 
 
 def _by_stated(converged: _Converged) -> float:
-    """Give chi^2 as the other sources alone would have it, each with the variance that was found."""
+    """Return chi^2 without the scatter between frames, each other source with the variance found for it."""
     variances = zip(converged.components, converged.solution.variances, strict=True)
     known = [replace(part, variance=variance) for part, variance in variances if part.source != SCATTER]
     return solve(converged.linear.design, converged.linear.response, known).chi_squared
 
 
 def _judge(curve: Curve, model: str, converged: _Converged, stated_chi_squared: float) -> CurveFit:
-    """Compare the scatter with the uncertainties, and say what K's variance is made of."""
+    """Compare the scatter with the uncertainties, and list the contributions to K's variance."""
     solution, dof, theta = converged.solution, converged.dof, converged.solution.parameters
     weighed = model != "semilog"
     excess = max(1.0, solution.chi_squared / dof) if weighed else 1.0
@@ -180,11 +269,14 @@ def _repeatability(curve: Curve, converged: _Converged) -> float:
 def _k_variance(
     converged: _Converged, *, excess: float, model: str
 ) -> tuple[dict[str, tuple[str, float]], float]:
-    """Give the sources' shares of K's relative variance, and half the variance of their sum.
+    """Return the sources' shares of K's relative variance, and half the variance of their sum.
 
-    A share v_j with nu_j degrees of freedom has variance 2 v_j^2 / nu_j. An estimated component's share is
-    v_j w'Q_j w, with cov(v) from the information; Birge's ratio multiplies by chi^2 / dof, itself known to
-    2 / dof.
+    Notes
+    -----
+    A share v_j with nu_j degrees of freedom has variance 2 v_j^2 / nu_j. The share
+    of an estimated component is v_j w'Q_j w, with cov(v) from the information
+    matrix. Birge's ratio multiplies by chi^2 / dof, which has itself a relative
+    variance of 2 / dof.
     """
     solution = converged.solution
     scale = models.relative_scale(model, solution.parameters)

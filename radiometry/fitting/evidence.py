@@ -1,4 +1,4 @@
-"""What every method is given, and what it gives back, whatever it calibrates."""
+"""Inputs and outputs shared by all calibration methods."""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -13,7 +13,15 @@ F = TypeVar("F")
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
-    """A part of the picture that is looked at by itself; ``name`` is "" where there is only one."""
+    """A part of the image that is evaluated separately.
+
+    Attributes
+    ----------
+    name : str
+        "" if there is only one region.
+    polygon : Polygon
+        Outline of the region [px].
+    """
 
     name: str
     polygon: Polygon
@@ -21,10 +29,15 @@ class Region:
 
 @dataclass(frozen=True, kw_only=True)
 class Extracted(Generic[F]):
-    """What one frame says.
+    """Result of the extraction of one frame.
 
-    ``statistics`` : of the raw numbers in its region, a row per channel
-    ``features`` : the method's own figures, ready for JSON; None where the statistics are all it needs
+    Attributes
+    ----------
+    statistics : tuple of ChannelStatistics
+        Statistics of the raw values in the frame's region, one row per channel.
+    features : F or None
+        Values specific to the method, ready for JSON; None if the method needs the
+        statistics alone.
     """
 
     statistics: tuple[ChannelStatistics, ...]
@@ -33,13 +46,24 @@ class Extracted(Generic[F]):
 
 @dataclass(frozen=True, kw_only=True)
 class FrameEvidence(Generic[F]):
-    """One frame of a campaign as a fit sees it.
+    """One frame of a campaign as input of a fit.
 
-    ``frame`` : its name in messages and points; unique in a campaign
-    ``scene`` : what the frame shows, where somebody said so
-    ``exposure`` : None only for a chart whose file states none
-    ``statistics``, ``features`` : of `extract`, None while the frame waits for it or for its region
-    ``has_region`` : False while nobody has drawn a region that the method needs
+    Attributes
+    ----------
+    frame : str
+        Name of the frame in messages and points; unique in a campaign.
+    role : str
+        Role of the frame, such as "light" or "dark".
+    scene : str or None
+        Name of what the frame shows, if it was given.
+    header : FrameHeader
+        Metadata of the raw file.
+    exposure : Exposure or None
+        None only for a chart whose file states no exposure.
+    statistics, features : tuple of ChannelStatistics or F, or None
+        Results of `extract`; None until the frame is extracted or has its region.
+    has_region : bool, default: True
+        False if the method needs a region and none is drawn.
     """
 
     frame: str
@@ -54,7 +78,17 @@ class FrameEvidence(Generic[F]):
 
 @dataclass(frozen=True, kw_only=True)
 class Exclusion:
-    """A frame that somebody leaves out of the fit: which, why, and who says so."""
+    """A frame that a person excludes from the fit.
+
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    reason : str
+        Reason for the exclusion.
+    by : str
+        Person who decided it.
+    """
 
     frame: str
     reason: str
@@ -63,7 +97,17 @@ class Exclusion:
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """A reported quantity."""
+    """A reported quantity.
+
+    Attributes
+    ----------
+    value : float
+        Estimate of the quantity.
+    standard_uncertainty : float
+        Standard uncertainty, in the same unit.
+    unit : str
+        Unit of both; "1" for a ratio.
+    """
 
     value: float
     standard_uncertainty: float
@@ -72,9 +116,18 @@ class Quantity:
 
 @dataclass(frozen=True, kw_only=True)
 class BudgetEntry:
-    """One source's share of a coefficient's uncertainty.
+    """Contribution of one source to the uncertainty of a coefficient.
 
-    ``kind`` : A (from scatter) or B (from elsewhere); ``u_rel`` : relative to the coefficient
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    kind : str
+        "A" (evaluated from scatter) or "B" (evaluated by other means).
+    u_rel : float
+        Contribution relative to the coefficient.
+    variance_share : float
+        Fraction of the coefficient's variance, 0 to 1.
     """
 
     source: str
@@ -85,10 +138,24 @@ class BudgetEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class CoefficientValue:
-    """One coefficient of a version as dashboards see it.
+    """One coefficient of a version as dashboards read it.
 
-    ``name`` : with its unit where it has one, as in the HTTP contract; ``model`` : the equation it belongs to
-    ``iso``, ``f_number``, ``band``, ``channel`` : what it holds for, None where it holds for all
+    Attributes
+    ----------
+    name : str
+        Name, with its unit if it has one, as in the HTTP contract.
+    value, standard_uncertainty : float
+        Value and its standard uncertainty, in `unit`.
+    unit : str
+        Unit of the value.
+    model : str
+        Equation that the coefficient belongs to.
+    iso, f_number : float or None, default: None
+        Condition that the value holds for; None if it holds for all.
+    band, channel : str or None, default: None
+        Band or channel that the value holds for; None if it holds for all.
+    flags : tuple of str, default: ()
+        Codes of the flags that apply to the value.
     """
 
     name: str

@@ -17,12 +17,23 @@ _INDISTINCT = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
-    """One source of error with its share of the covariance, V_j = variance * structure.
+    """One source of error and its part of the covariance, V_j = variance * structure.
 
-    ``structure`` : (n, n), in the unit of the response squared per unit of ``variance``
-    ``variance`` : None: to be estimated from the scatter
-    ``dof`` : degrees of freedom behind a given variance
-    ``common`` : one and the same error in all points; their scatter says nothing about it
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    kind : str
+        "A" (evaluated from scatter) or "B" (evaluated by other means).
+    structure : ndarray of float64
+        Matrix Q_j, in units of the response squared per unit of `variance`, (n, n).
+    variance : float or None
+        Variance v_j; None if it is to be estimated from the scatter.
+    dof : float, default: math.inf
+        Degrees of freedom of a given variance.
+    common : bool, default: False
+        True if all points have the same error, so that their scatter does not test
+        it.
     """
 
     source: str
@@ -35,12 +46,25 @@ class Component:
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """A linear model solved by generalised least squares.
+    """Solution of a linear model by generalised least squares.
 
-    ``weights`` : (p, n): parameters = weights @ response
-    ``contributions`` : (p, p) covariance of the parameters from each component
-    ``variances`` : per component, given or estimated
-    ``covariance_of_estimates`` : (m, m) of the m estimated variances, in the order of their components
+    Attributes
+    ----------
+    parameters : ndarray of float64
+        Estimates theta, (p,).
+    weights : ndarray of float64
+        Matrix W with parameters = W @ response, (p, n).
+    contributions : tuple of ndarray of float64
+        Covariance of the parameters from each component, (p, p) each.
+    variances : tuple of float
+        Variance of each component, given or estimated.
+    covariance_of_estimates : ndarray of float64
+        Covariance of the m estimated variances, in the order of their components,
+        (m, m).
+    chi_squared : float
+        Weighted sum of squared residuals.
+    log_likelihood : float
+        Log likelihood of the response.
     """
 
     parameters: Vector
@@ -53,20 +77,40 @@ class Solution:
 
     @property
     def covariance(self) -> Matrix:
-        """The covariance of the parameters from all components, (p, p)."""
+        """Covariance of the parameters from all components, (p, p)."""
         total: Matrix = np.sum(self.contributions, axis=0)
         return total
 
 
 def solve(design: Matrix, response: Vector, components: Sequence[Component]) -> Solution:
-    """Solve y = A theta + e, cov(e) = V = sum_j v_j Q_j, for theta and for each v_j that is not given.
+    """Solve y = A theta + e for theta and for each variance that is not given.
 
-    theta = (A' V^-1 A)^-1 A' V^-1 y = W y,   cov(theta) = W V W' = sum_j v_j W Q_j W'
-    so that every component's share of every parameter's variance is known [1].
+    Parameters
+    ----------
+    design : ndarray of float64
+        Matrix A, (n, p).
+    response : ndarray of float64
+        Vector y, in one unit, (n,).
+    components : sequence of Component
+        Sources of error, whose sum is positive definite.
 
-    Takes
-      design : (n, p); response : (n,), in one unit; components : together positive definite
-    References [1] JCGM 102:2011
+    Returns
+    -------
+    Solution
+        Parameters, their covariance by component, and the variances.
+
+    Notes
+    -----
+    With cov(e) = V = sum_j v_j Q_j [1]_::
+
+        theta = (A' V^-1 A)^-1 A' V^-1 y = W y
+        cov(theta) = W V W' = sum_j v_j W Q_j W'
+
+    so that the share of every component in every parameter's variance is known.
+
+    References
+    ----------
+    .. [1] JCGM 102:2011, doi:10.59161/JCGM102-2011
     """
     variances, covariance_of_estimates = _complete_variances(design, response, components)
     covariance = _add_up(components, variances)
@@ -92,10 +136,19 @@ def solve(design: Matrix, response: Vector, components: Sequence[Component]) -> 
 
 
 def shared_structure(labels: Sequence[object], sensitivity: Vector) -> Matrix:
-    """Give Q of an error that points with one label share: Q_ik = s_i s_k where the labels are equal, else 0.
+    """Return the matrix Q of an error that points with the same label share.
 
-    Takes
-      sensitivity : (n,) change of the response per unit of the error
+    Parameters
+    ----------
+    labels : sequence of object
+        Label of each point, n in all.
+    sensitivity : ndarray of float64
+        Change s of the response per unit of the error, (n,).
+
+    Returns
+    -------
+    ndarray of float64
+        Q_ik = s_i s_k where the labels are equal, else 0, (n, n).
     """
     names = {label: index for index, label in enumerate(dict.fromkeys(labels))}
     index = np.array([names[label] for label in labels])
@@ -103,10 +156,24 @@ def shared_structure(labels: Sequence[object], sensitivity: Vector) -> Matrix:
 
 
 def are_separable(design: Matrix, structures: Sequence[Matrix]) -> bool:
-    """Say whether scatter about the design can tell the variances of these structures apart.
+    """Return True if the scatter about the design determines the variances of these structures separately.
 
-    With Z a basis of what the design does not explain, it cannot where the Z'QZ depend on each other
-    linearly: then only a sum of the variances shows in the residuals.
+    Parameters
+    ----------
+    design : ndarray of float64
+        Matrix A, (n, p).
+    structures : sequence of ndarray of float64
+        Matrices Q_j, (n, n) each.
+
+    Returns
+    -------
+    bool
+        False if the Z'QZ are linearly dependent.
+
+    Notes
+    -----
+    Z is a basis of the residual space of the design. If the Z'QZ depend on each
+    other linearly, only a sum of the variances appears in the residuals.
     """
     rest = _leave_over(design)
     flat = [(rest.T @ structure @ rest).ravel() for structure in structures]
@@ -118,7 +185,7 @@ def are_separable(design: Matrix, structures: Sequence[Matrix]) -> bool:
 def _complete_variances(
     design: Matrix, response: Vector, components: Sequence[Component]
 ) -> tuple[tuple[float, ...], Matrix]:
-    """Give every component's variance, and the covariance of the estimated ones."""
+    """Return every component's variance, and the covariance of the estimated ones."""
     unknown = [index for index, component in enumerate(components) if component.variance is None]
     variances = [component.variance or 0.0 for component in components]
     if not unknown:
@@ -145,15 +212,40 @@ def estimate_variances(
 ) -> tuple[tuple[float, ...], Matrix]:
     """Estimate the v_j >= 0 in V = known + sum_j v_j Q_j by restricted maximum likelihood.
 
-    The likelihood is that of Z'y alone, Z a basis of what the design does not explain. With Z'VZ = L L',
-    w = L^-1 Z'y and S_j = L^-1 Z'Q_j Z L^-T the scores 2 dl/dv_j = w'S_j w - tr S_j are zero at the estimate;
-    where one is negative at v_j = 0 already, the other errors explain all the scatter and v_j = 0. The
-    covariance of the estimates is the inverse of the expected information, tr(S_i S_j) / 2.
+    Parameters
+    ----------
+    design : ndarray of float64
+        Matrix A, (n, p).
+    response : ndarray of float64
+        Vector y, (n,).
+    known : ndarray of float64
+        Covariance that is given, (n, n).
+    structures : sequence of ndarray of float64
+        Matrices Q_j of the variances to estimate, which `are_separable`.
 
-    Takes
-      structures : which `are_separable`
-    Returns the v_j and their covariance
-    References S. R. Searle, G. Casella, C. E. McCulloch, Variance Components, Wiley 1992, chapter 6
+    Returns
+    -------
+    tuple[tuple[float, ...], Matrix]
+        The v_j, and their covariance, (m, m).
+
+    Notes
+    -----
+    The likelihood is that of Z'y alone, with Z a basis of the residual space of the
+    design [1]_, [2]_. With Z'VZ = L L', w = L^-1 Z'y and S_j = L^-1 Z'Q_j Z L^-T,
+    the scores are zero at the estimate::
+
+        2 dl/dv_j = w'S_j w - tr S_j
+
+    If a score is negative at v_j = 0, the other errors explain all the scatter and
+    v_j = 0. The covariance of the estimates is the inverse of the expected
+    information, tr(S_i S_j) / 2.
+
+    References
+    ----------
+    .. [1] S. R. Searle, G. Casella, C. E. McCulloch, Variance Components, Wiley
+           1992, chapter 6, doi:10.1002/9780470316856
+    .. [2] H. D. Patterson, R. Thompson, Biometrika 58, 545 (1971),
+           doi:10.1093/biomet/58.3.545
     """
     rest = _leave_over(design)
     seen = [rest.T @ structure @ rest for structure in structures]
@@ -165,16 +257,19 @@ def estimate_variances(
 
 
 def _leave_over(design: Matrix) -> Matrix:
-    """Give an orthonormal basis of what the design does not explain, (n, n - p)."""
+    """Return an orthonormal basis of the residual space of the design, (n, n - p)."""
     basis: Matrix = np.linalg.qr(design, mode="complete")[0]
     return basis[:, design.shape[1] :]
 
 
 def _find_variances(left: Vector, known: Matrix, structures: Sequence[Matrix]) -> tuple[float, ...]:
-    """Find where the scores are zero: of the last v along the best values of the others for each of its own.
+    """Return the variances at which the scores are zero.
 
-    Along these the likelihood's slope is its slope in v alone, so one bracketed root after another is enough,
-    and no step can leave v_j >= 0.
+    Notes
+    -----
+    The last variance is searched along the best values of the others for each of
+    its own. Along these the slope of the likelihood is its slope in v alone, so one
+    bracketed root after another is enough, and no step can leave v_j >= 0.
     """
     *others, structure = structures
     if not others:
@@ -198,9 +293,13 @@ def _find_variances(left: Vector, known: Matrix, structures: Sequence[Matrix]) -
 
 
 def _find_variance(left: Vector, known: Matrix, structure: Matrix) -> float:
-    """Find the zero of the only score, from the eigenvalues of S and w along its axes.
+    """Return the zero of the only score, from the eigenvalues of S and w along its axes.
 
-    2 dl/dv = sum_i s_i (w_i^2 - 1 - v s_i) / (1 + v s_i)^2, negative beyond the largest (w_i^2 - 1) / s_i
+    Notes
+    -----
+    The score is negative beyond the largest (w_i^2 - 1) / s_i::
+
+        2 dl/dv = sum_i s_i (w_i^2 - 1 - v s_i) / (1 + v s_i)^2
     """
     response, (whitened,) = _whiten(left, known, [structure])
     sizes, axes = np.linalg.eigh(whitened)
@@ -222,7 +321,7 @@ def _root(score: Callable[[float], float], upper: float) -> float:
 def _whiten(
     response: Vector, covariance: Matrix, structures: Sequence[Matrix]
 ) -> tuple[Vector, list[Matrix]]:
-    """Give L^-1 y and L^-1 Q L^-T of a covariance L L'."""
+    """Return L^-1 y and L^-1 Q L^-T of a covariance L L'."""
     root = np.linalg.cholesky(covariance)
 
     def divide(right: Matrix) -> Matrix:

@@ -3,8 +3,9 @@
     proportional  N = K X          power    N = K X^g
     affine        N = K X + b      semilog  N = a ln X + b
 
-The first three are fitted on ln N: readings, apertures and times err by factors, so their errors add up
-there, whereas in DN their products (3 % of 3 % is 0.1 %) would exceed the noise of a well exposed region.
+The first three are fitted on ln N: the errors of readings, apertures and times are
+factors, so they add up there, whereas in DN their products (3 % of 3 % is 0.1 %)
+would exceed the noise of a well exposed region.
 """
 
 import math
@@ -38,8 +39,19 @@ K_UNITS = {
 class LinearModel:
     """A model as a linear problem near some parameters: response = design @ theta.
 
-    ``per_dn`` : change of the response per DN of signal; ``per_relative_x`` : per relative change of X
-    ``log_jacobian`` : ln |d response / d signal| summed, which makes likelihoods comparable between models
+    Attributes
+    ----------
+    design : ndarray of float64
+        Matrix of the linear problem, (n, p).
+    response : ndarray of float64
+        Left-hand side, (n,).
+    per_dn : ndarray of float64
+        Change of the response per DN of signal, (n,).
+    per_relative_x : ndarray of float64
+        Change of the response per relative change of X, (n,).
+    log_jacobian : float
+        Sum of ln abs(d response / d signal), which makes likelihoods comparable
+        between models.
     """
 
     design: Matrix
@@ -50,13 +62,28 @@ class LinearModel:
 
 
 def linearise(model: str, rhs: Vector, signal_dn: Vector, theta: Vector) -> LinearModel | None:
-    """Lay a model out as a linear problem; the sensitivities are taken on the curve of ``theta``.
+    """Write a model as a linear problem, with the sensitivities on the curve of `theta`.
 
-    On the curve and not at the measured points: a weight that followed a point's noise would bias the fit.
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    rhs : ndarray of float64
+        Right-hand side X, above 0, (n,).
+    signal_dn : ndarray of float64
+        Signal above dark, above 0 [DN], (n,).
+    theta : ndarray of float64
+        Argument of `from_theta`, (p,).
 
-    Takes
-      rhs, signal_dn : (n,) > 0; theta : `from_theta`'s argument
-    Returns None where the curve is not above dark at every point
+    Returns
+    -------
+    LinearModel or None
+        None if the curve is not above dark at every point.
+
+    Notes
+    -----
+    The sensitivities are taken on the curve and not at the measured points: a
+    weight that followed the noise of a point would bias the fit.
     """
     one = np.ones_like(rhs)
     if model == "semilog":
@@ -90,7 +117,22 @@ def linearise(model: str, rhs: Vector, signal_dn: Vector, theta: Vector) -> Line
 
 
 def start(model: str, rhs: Vector, signal_dn: Vector) -> Vector:
-    """Give theta to start the iteration from: the proportional K; semilog needs none."""
+    """Return the theta at which the iteration starts: the proportional K.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    rhs : ndarray of float64
+        Right-hand side X, (n,).
+    signal_dn : ndarray of float64
+        Signal above dark [DN], (n,).
+
+    Returns
+    -------
+    ndarray of float64
+        Start values, (p,); zeros for "semilog", which needs none.
+    """
     log_k = float(np.mean(np.log(signal_dn / rhs)))
     guesses = {
         "proportional": [log_k],
@@ -102,14 +144,43 @@ def start(model: str, rhs: Vector, signal_dn: Vector) -> Vector:
 
 
 def from_theta(model: str, theta: Vector) -> Vector:
-    """Turn the linear problem's solution into the model's parameters: two models solve for ln K."""
+    """Convert the solution of the linear problem to the parameters of the model.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    theta : ndarray of float64
+        Solution of the linear problem, (p,). "proportional" and "power" solve for
+        ln K.
+
+    Returns
+    -------
+    ndarray of float64
+        Parameters as named by `PARAMETER_NAMES`, (p,).
+    """
     if model not in _IN_LOG_K:
         return theta
     return np.concatenate([np.exp(theta[:1]), theta[1:]])
 
 
 def covariance_from_theta(model: str, theta: Vector, covariance: Matrix) -> Matrix:
-    """Carry a covariance along `from_theta`."""
+    """Propagate a covariance through `from_theta`.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    theta : ndarray of float64
+        Solution of the linear problem, (p,).
+    covariance : ndarray of float64
+        Covariance of theta, (p, p).
+
+    Returns
+    -------
+    ndarray of float64
+        Covariance of the parameters, (p, p).
+    """
     if model not in _IN_LOG_K:
         return covariance
     jacobian = np.ones_like(theta)
@@ -118,12 +189,40 @@ def covariance_from_theta(model: str, theta: Vector, covariance: Matrix) -> Matr
 
 
 def relative_scale(model: str, theta: Vector) -> float:
-    """Give the factor from the variance of theta's first element to K's relative variance."""
+    """Return the factor from the variance of theta's first element to K's relative variance.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    theta : ndarray of float64
+        Solution of the linear problem, (p,).
+
+    Returns
+    -------
+    float
+        1 if the model solves for ln K, else 1 / theta_0^2.
+    """
     return 1.0 if model in _IN_LOG_K else 1.0 / float(theta[0]) ** 2
 
 
 def predict(model: str, parameters: Vector, rhs: Vector) -> Vector:
-    """Give the signal above dark [DN] at X."""
+    """Compute the signal above dark at X.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    parameters : ndarray of float64
+        Parameters as named by `PARAMETER_NAMES`, (p,).
+    rhs : ndarray of float64
+        Right-hand side X, (n,).
+
+    Returns
+    -------
+    ndarray of float64
+        Signal above dark [DN], (n,).
+    """
     if model == "proportional":
         return np.asarray(parameters[0] * rhs, np.float64)
     if model == "affine":
@@ -134,7 +233,22 @@ def predict(model: str, parameters: Vector, rhs: Vector) -> Vector:
 
 
 def invert(model: str, parameters: Sequence[float], signal_dn: float) -> float:
-    """Give X at a signal above dark; infinite or NaN where the model has none (power: at dark and below)."""
+    """Compute X at a signal above dark.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    parameters : sequence of float
+        Parameters as named by `PARAMETER_NAMES`, (p,).
+    signal_dn : float
+        Signal above dark [DN].
+
+    Returns
+    -------
+    float
+        X; infinite or NaN where the model has none ("power": at dark and below).
+    """
     first, second = (*parameters, 0.0)[:2]
     with np.errstate(all="ignore"):
         if model == "power":
@@ -147,7 +261,22 @@ def invert(model: str, parameters: Sequence[float], signal_dn: float) -> float:
 
 
 def invert_gradient(model: str, parameters: Sequence[float], signal_dn: float) -> tuple[float, Vector]:
-    """Give dX / dN [1/DN] and dX / d parameters at a signal above dark, where `invert` has an answer."""
+    """Compute the derivatives of X at a signal above dark where `invert` has a solution.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    parameters : sequence of float
+        Parameters as named by `PARAMETER_NAMES`, (p,).
+    signal_dn : float
+        Signal above dark [DN].
+
+    Returns
+    -------
+    tuple[float, Vector]
+        dX / dN [1/DN], and dX / d parameters, (p,).
+    """
     first, second = (*parameters, 0.0)[:2]
     rhs = invert(model, parameters, signal_dn)
     if model == "proportional":

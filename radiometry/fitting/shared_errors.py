@@ -1,4 +1,4 @@
-"""Two measurements against each other: what they share cancels, what is each one's own does not."""
+"""Comparison of two measurements: errors that they share cancel, each one's own do not."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -14,9 +14,16 @@ _OF_VALUE_ALONE = frozenset({DARK, NOISE})
 
 @dataclass(frozen=True, kw_only=True)
 class Budgeted:
-    """A measured value with the effect that one standard uncertainty of each source has on it.
+    """A measured value with the effect of one standard uncertainty of each source on it.
 
-    ``effects`` : by source, in the value's unit, with the sign of the value's sensitivity
+    Attributes
+    ----------
+    value : float
+        Measured value.
+    unit : str
+        Unit of the value and of the effects.
+    effects : mapping of str to float
+        Effect by source, with the sign of the value's sensitivity.
     """
 
     value: float
@@ -25,17 +32,43 @@ class Budgeted:
 
 
 def sign_effects(value: float, uncertainties: Mapping[str, float]) -> dict[str, float]:
-    """Give a budget's uncertainties their signs: all scale a value, but dark is taken off it.
+    """Return the signed effects of a budget's uncertainties on a luminance.
 
-    L = (N - D) f^2 / (K t S): dL/dD < 0 for any L, the others go with the sign of L
+    Parameters
+    ----------
+    value : float
+        Measured value.
+    uncertainties : mapping of str to float
+        Standard uncertainty by source, in the value's unit.
+
+    Returns
+    -------
+    dict of str to float
+        Signed effect by source.
+
+    Notes
+    -----
+    All sources scale the value except dark, which is subtracted. From L = (N - D)
+    f^2 / (K t S): dL/dD < 0 for any L, the others have the sign of L.
     """
     return {source: -u if source == DARK else math.copysign(u, value) for source, u in uncertainties.items()}
 
 
 def scale_effects(mean: Budgeted, value: float, standard_uncertainty: float) -> Budgeted:
-    """Give a cell of a frame the effects of the frame's mean: scaled with the value, dark as it is.
+    """Return the effects of a frame's mean on one cell of the frame.
 
-    What the cell's uncertainty holds beyond them is its own noise.
+    Parameters
+    ----------
+    mean : Budgeted
+        Mean of the frame with its effects.
+    value, standard_uncertainty : float
+        Value of the cell and its standard uncertainty, in the unit of the mean.
+
+    Returns
+    -------
+    Budgeted
+        The effects scaled with the value, that of dark unchanged. The remaining
+        uncertainty of the cell is its own noise.
     """
     factor = value / mean.value if mean.value else 0.0
     effects = {
@@ -48,17 +81,33 @@ def scale_effects(mean: Budgeted, value: float, standard_uncertainty: float) -> 
 
 
 def compare_measured(old: Budgeted, new: Budgeted, *, common: Collection[str]) -> Comparison:
-    """Compare two measured values, of which some sources of error are one and the same error.
+    """Compare two measured values of which some sources have the same error in both.
+
+    Parameters
+    ----------
+    old, new : Budgeted
+        Values with signed effects, in the same unit.
+    common : collection of str
+        Sources whose error is the same in both.
+
+    Returns
+    -------
+    Comparison
+        Difference and relative change, each with its standard uncertainty.
+
+    Notes
+    -----
+    Correlated inputs are treated as independent effects [1]_::
 
         u(new - old)^2 = sum over common (e_new - e_old)^2 + sum over others (e_new^2 + e_old^2)
         u(new / old)^2 = the same of e_new / old - e_old new / old^2
 
-    A common error that scales both, as that of K, cancels in the ratio, and in the difference up to its
-    share of new - old.
+    A common error that scales both values, as that of K, cancels in the ratio, and
+    in the difference up to its share of new - old.
 
-    Takes
-      common : sources whose error is the same in both
-    Source: JCGM 100:2008, 5.2.2 and F.1.2.3: correlated inputs as independent effects
+    References
+    ----------
+    .. [1] JCGM 100:2008, 5.2.2 and F.1.2.3, doi:10.59161/JCGM100-2008E
     """
     difference = new.value - old.value
     u = _spread(old.effects, new.effects, common)

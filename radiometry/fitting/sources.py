@@ -1,4 +1,4 @@
-"""The points of a calibration curve, and the sources of their errors: which points share which."""
+"""Points of a calibration curve and the sources of their errors, with the points that share each."""
 
 import math
 from collections.abc import Sequence
@@ -16,17 +16,40 @@ SCATTER = "scatter between frames"
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """The points of one curve, (n,) each, and the uncertainties that the caller knows.
+    """Points of one curve, n in all, and the uncertainties that the caller knows.
 
-    ``rhs`` : X = t S L / f^2; ``signal_dn`` : N above dark, > 0; ``signal_u_dn`` : of each point alone, > 0
-    ``scenes``, ``f_numbers``, ``times_s`` : labels; points with one label share one error
-    ``readings`` : how many meter readings were averaged for the point's scene
-    ``dark_u_dn``, ``dark_dof`` : of the dark signal, which all points share
-    ``repeatability_u_rel`` : of one meter reading; None: estimated from the scatter between scenes
-    ``scatter_u_rel`` : of a frame against the next at the same settings, by shutter, aperture and lamp; None:
-        estimated from the scatter, where the other sources do not explain it
-    ``lens_shares`` : V, by which the signals were divided, 1 where vignetting is not corrected; so was their
-        noise, and so is the dark signal's error; ``lens_u_rel`` : u(V) / V, shared within an f-number
+    Attributes
+    ----------
+    rhs : ndarray of float64
+        Right-hand side X = t S L / f^2, (n,).
+    signal_dn : ndarray of float64
+        Signal N above dark, above 0 [DN], (n,).
+    signal_u_dn : ndarray of float64
+        Standard uncertainty of each point alone, above 0 [DN], (n,).
+    scenes : tuple of str
+        Label of each point; points with the same label share one error.
+    f_numbers, times_s : tuple of float
+        Labels of each point, used in the same way.
+    readings : ndarray of int64
+        Number of meter readings averaged for the point's scene, (n,).
+    dark_u_dn, dark_dof : float
+        Standard uncertainty of the dark signal that all points share [DN], and its
+        degrees of freedom.
+    f_number_u_rel, time_u_rel : float
+        Relative standard uncertainties of f-number and exposure time.
+    repeatability_u_rel : float or None
+        Relative standard uncertainty of one meter reading; None if it is estimated
+        from the scatter between scenes.
+    lens_shares : ndarray of float64
+        Relative illumination V by which the signals were divided, 1 if vignetting
+        is not corrected, (n,). Their noise, and the dark signal's error, are
+        divided by it too.
+    lens_u_rel : ndarray of float64
+        u(V) / V, shared within an f-number, (n,).
+    scatter_u_rel : float or None, default: None
+        Relative scatter of a frame against the next at the same settings, by
+        shutter, aperture and lamp. None if it is estimated from the scatter where
+        the other sources do not explain it.
     """
 
     rhs: Vector
@@ -48,7 +71,22 @@ class Curve:
     def take(
         self, keep: NDArray[np.bool_], *, repeatability_u_rel: float | None, scatter_u_rel: float
     ) -> "Curve":
-        """Give some of the points, with the meter's repeatability and the frames' scatter now known."""
+        """Return some of the points, with repeatability and scatter now known.
+
+        Parameters
+        ----------
+        keep : ndarray of bool
+            True for the points to keep, (n,).
+        repeatability_u_rel : float or None
+            Relative standard uncertainty of one meter reading.
+        scatter_u_rel : float
+            Relative scatter between frames.
+
+        Returns
+        -------
+        Curve
+            The points that are kept, in the same order.
+        """
         chosen = np.flatnonzero(keep)
         return Curve(
             rhs=self.rhs[keep],
@@ -72,7 +110,21 @@ class Curve:
 def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bool) -> list[Component]:
     """List the sources of error with their structure in the units of the response.
 
-    ``scattered`` : with the scatter between frames, if it is to be estimated
+    Parameters
+    ----------
+    curve : Curve
+        Points of the curve.
+    linear : LinearModel
+        The model as a linear problem.
+    model : str
+        Name of the model.
+    scattered : bool
+        True to include the scatter between frames as a variance to estimate.
+
+    Returns
+    -------
+    list of Component
+        One component per source.
     """
     n = len(curve.rhs)
     if model == "semilog":
@@ -109,7 +161,7 @@ def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bo
 
 
 def _of_frames(curve: Curve, linear: LinearModel, *, scattered: bool) -> list[Component]:
-    """Give the error that a frame has alone: its light was not what its settings and its scene say."""
+    """Return the error of each frame's own light, which its settings and its scene do not state."""
     given = curve.scatter_u_rel
     if not (scattered if given is None else given):
         return []
@@ -124,7 +176,7 @@ def _of_frames(curve: Curve, linear: LinearModel, *, scattered: bool) -> list[Co
 
 
 def _of_lens(curve: Curve) -> list[Component]:
-    """Give the error of V; the response is ln N, so that V's relative error is its change."""
+    """Return the error of V; the response is ln N, so the relative error of V is its change."""
     if not np.any(curve.lens_u_rel):
         return []
     return [
@@ -149,7 +201,7 @@ def _relative(source: str, labels: Sequence[float], sensitivity: Vector, u_rel: 
 
 
 def _ordinary_variance(linear: LinearModel) -> float:
-    """Give the residual variance of ordinary least squares, > 0 also for points on a line."""
+    """Return the residual variance of ordinary least squares, above 0 also for points on a line."""
     _, p = linear.design.shape
     theta = np.linalg.lstsq(linear.design, linear.response, rcond=None)[0]
     residual = linear.response - linear.design @ theta

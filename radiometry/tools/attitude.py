@@ -1,4 +1,4 @@
-"""Blur of frames whose file records the aircraft's attitude: rates from one record to the next."""
+"""Motion blur of frames whose file records the aircraft's attitude, from rates between records."""
 
 import itertools
 import math
@@ -19,7 +19,15 @@ Basis = Literal["during", "nearest", "largest"]
 
 @dataclass(frozen=True, kw_only=True)
 class Attitude:
-    """A record of yaw, pitch and roll [deg] at a time [s]: north-east-down to the body, in that order."""
+    """Attitude record: yaw, pitch and roll, applied in that order, from north-east-down to the body.
+
+    Attributes
+    ----------
+    time_s : float
+        Time of the record [s].
+    yaw_deg, pitch_deg, roll_deg : float
+        Angles [deg].
+    """
 
     time_s: float
     yaw_deg: float
@@ -29,12 +37,14 @@ class Attitude:
 
 @dataclass(frozen=True, kw_only=True)
 class Turn:
-    """How the body turned from one record to the next, about its own axes: forward, right, down.
+    """Rotation of the body from one record to the next, about its own axes: forward, right, down.
 
     Attributes
     ----------
     start_s, end_s : float
-        On the camera's clock.
+        Times of the two records on the camera's clock [s].
+    roll_rate_deg_s, pitch_rate_deg_s, yaw_rate_deg_s : float
+        Mean rotation rates about the three axes [deg/s].
     """
 
     start_s: float
@@ -45,13 +55,21 @@ class Turn:
 
     @property
     def tilt_rate_deg_s(self) -> float:
-        """Of the line of sight of a camera that looks along the body's down axis."""
+        """Rotation rate of the line of sight of a camera that looks along the body's down axis [deg/s]."""
         return math.hypot(self.roll_rate_deg_s, self.pitch_rate_deg_s)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shot:
-    """A frame: when its exposure began on the records' clock (None: not known), and how long it took."""
+    """Exposure of one frame.
+
+    Attributes
+    ----------
+    at_s : float or None
+        Start of the exposure on the records' clock [s]; None if it is not known.
+    exposure_time_s : float
+        Exposure time [s].
+    """
 
     at_s: float | None
     exposure_time_s: float
@@ -59,7 +77,17 @@ class Shot:
 
 @dataclass(frozen=True, kw_only=True)
 class Optics:
-    """What turns an angle into pixels; ``corner_px`` : from the centre of the picture to its corner."""
+    """Camera dimensions that convert an angle to pixels.
+
+    Attributes
+    ----------
+    pixel_pitch_um : float
+        Pixel pitch [um].
+    focal_length_mm : float
+        Focal length [mm].
+    corner_px : float
+        Distance from the image centre to its corner [px].
+    """
 
     pixel_pitch_um: float
     focal_length_mm: float
@@ -68,17 +96,19 @@ class Optics:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameBlur:
-    """The theoretical motion of one frame from rotation alone.
+    """Theoretical motion of one frame from rotation alone.
 
     Attributes
     ----------
-    basis : {"during", "nearest", "largest"}
-        during: the records enclose the exposure. nearest: the two nearest to it. largest: its time is not
-        known, the fastest two.
+    turn : Turn
+        Rotation that was used.
+    basis : Basis
+        "during" if the records enclose the exposure, "nearest" for the two nearest
+        to it, "largest" for the fastest two if its time is not known.
     centre_blur_px : float
-        From the turning of the line of sight [px].
+        Motion from the rotation of the line of sight [px].
     corner_blur_px : float
-        Theoretical, with the yaw, in the worst corner.
+        Theoretical motion with the yaw, in the worst corner [px].
     """
 
     turn: Turn
@@ -88,7 +118,18 @@ class FrameBlur:
 
 
 def read_attitudes(multispectral: Multispectral | None) -> tuple[Attitude, ...]:
-    """Give the attitudes of a file's sunshine records, in the order of time; empty where it has none."""
+    """Return the attitudes of a file's sunshine records in the order of time.
+
+    Parameters
+    ----------
+    multispectral : Multispectral or None
+        Multispectral metadata of the file, if it has any.
+
+    Returns
+    -------
+    tuple of Attitude
+        One attitude per time; empty if the file has none.
+    """
     if multispectral is None or multispectral.counts is None:
         return ()
     found = {
@@ -105,10 +146,26 @@ def read_attitudes(multispectral: Multispectral | None) -> tuple[Attitude, ...]:
 
 
 def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
-    """Give the rates between successive records, which must be in order of time.
+    """Compute the rotation rates between successive records.
 
-    rate = log(R_i^T R_{i+1}) / (t_{i+1} - t_i)   in the body's axes, R = Rz(yaw) Ry(pitch) Rx(roll)
-    Differences of the angles themselves would jump at 360 degrees, and are no rates of a tilted body.
+    Parameters
+    ----------
+    attitudes : sequence of Attitude
+        Records in order of time.
+
+    Returns
+    -------
+    tuple of Turn
+        One rotation per pair of successive records.
+
+    Notes
+    -----
+    In the body's axes, with R = Rz(yaw) Ry(pitch) Rx(roll)::
+
+        rate = log(R_i^T R_{i+1}) / (t_{i+1} - t_i)
+
+    Differences of the angles themselves would jump at 360 degrees, and are not the
+    rates of a tilted body.
     """
     turns = []
     for first, second in itertools.pairwise(attitudes):
@@ -130,13 +187,36 @@ def compute_turns(attitudes: Sequence[Attitude]) -> tuple[Turn, ...]:
 def blur_of_frames(
     shots: Sequence[Shot], attitudes: Sequence[Attitude], *, optics: Optics
 ) -> tuple[FrameBlur, ...]:
-    """Give the blur of frames whose camera is fixed to the body and looks along its down axis.
+    """Compute the blur of frames whose camera is fixed to the body and looks along its down axis.
+
+    Parameters
+    ----------
+    shots : sequence of Shot
+        Frames, each with its time and exposure time.
+    attitudes : sequence of Attitude
+        Records in order of time.
+    optics : Optics
+        Dimensions of the camera.
+
+    Returns
+    -------
+    tuple of FrameBlur
+        Blur of each frame, in the order of `shots`.
+
+    Raises
+    ------
+    InputRejected
+        `attitude_missing` if there are fewer than two records.
+
+    Notes
+    -----
+    With c the focal length and s_p the pixel pitch::
 
         centre = (c / s_p) hypot(roll, pitch) t,    corner = centre + r_corner |yaw| t
-    Both are theoretical motions (the practical one is half), to first order in the picture's angles. Records
-    some tenths of a second apart show the slow part of the turning only: vibration is not in them.
 
-    Raises InputRejected(attitude_missing) if there are fewer than two records
+    Both are theoretical motions (the practical one is half), to first order in the
+    image's angles. Records some tenths of a second apart show the slow part of the
+    rotation only and do not include vibration.
     """
     turns = compute_turns(attitudes)
     if not turns:
@@ -151,9 +231,28 @@ def blur_of_frames(
 def blur_of_file(
     header: FrameHeader, *, exposure_time_s: float, pixel_pitch_um: float, focal_length_mm: float
 ) -> FrameBlur:
-    """Give the blur of one frame from the attitudes that its own file records, as `blur_of_frames` does.
+    """Compute the blur of one frame from the attitudes that its own file records.
 
-    Raises InputRejected(attitude_missing) as it does
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the file.
+    exposure_time_s : float
+        Exposure time [s].
+    pixel_pitch_um : float
+        Pixel pitch [um].
+    focal_length_mm : float
+        Focal length [mm].
+
+    Returns
+    -------
+    FrameBlur
+        Blur as computed by `blur_of_frames`.
+
+    Raises
+    ------
+    InputRejected
+        `attitude_missing` if there are fewer than two records.
     """
     multispectral = header.multispectral
     at_us = multispectral.exposed_at_us if multispectral else None
@@ -178,7 +277,7 @@ def _blur(shot: Shot, turns: Sequence[Turn], optics: Optics) -> FrameBlur:
 
 
 def _choose(shot: Shot, turns: Sequence[Turn]) -> tuple[Turn, Basis]:
-    """Pick the turn that tells most of a shot; of equals the first."""
+    """Return the rotation nearest to a shot; of equals the first."""
     if shot.at_s is None:
         return max(turns, key=lambda turn: turn.tilt_rate_deg_s), "largest"
     middle_s = shot.at_s + shot.exposure_time_s / 2
@@ -187,7 +286,7 @@ def _choose(shot: Shot, turns: Sequence[Turn]) -> tuple[Turn, Basis]:
 
 
 def _rotate(attitude: Attitude) -> NDArray[np.float64]:
-    """Give Rz(yaw) Ry(pitch) Rx(roll), which turns the body's axes into north, east and down."""
+    """Return Rz(yaw) Ry(pitch) Rx(roll), which rotates the body's axes into north, east and down."""
     yaw, pitch, roll = (
         math.radians(angle) for angle in (attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg)
     )

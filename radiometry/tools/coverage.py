@@ -1,4 +1,4 @@
-"""What a camera above level ground sees: near and far, how finely, and its footprint."""
+"""Ground coverage of a camera above level ground: near and far edge, sampling distance, footprint."""
 
 import math
 from dataclasses import dataclass
@@ -14,9 +14,25 @@ MOST_TILT_DEG = 89.99
 class View:
     """A camera above level ground, its rows level.
 
-    ``tilt_deg`` : of the line of sight from straight down, 0 to MOST_TILT_DEG
-    ``azimuth_deg`` : where the tilt points, clockwise from y of the footprint
-    ``sensor_width_mm`` : along the rows; ``sensor_height_mm`` : along the tilt
+    Attributes
+    ----------
+    height_m : float
+        Height above ground [m].
+    tilt_deg : float
+        Angle of the line of sight from straight down, 0 to MOST_TILT_DEG [deg].
+    focal_length_mm : float
+        Focal length [mm].
+    sensor_width_mm, sensor_height_mm : float
+        Sensor size along the rows and along the tilt [mm].
+    pixel_pitch_um : float
+        Pixel pitch [um].
+    azimuth_deg : float, default: 0.0
+        Direction of the tilt, clockwise from y of the footprint [deg].
+
+    Raises
+    ------
+    ValueError
+        If a length is not positive and finite, or an angle is out of range.
     """
 
     height_m: float
@@ -28,7 +44,7 @@ class View:
     azimuth_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
+        """Check what every caller must have checked at its interface."""
         lengths = (self.height_m, self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm)
         if not (
             all(math.isfinite(each) and each > 0.0 for each in (*lengths, self.pixel_pitch_um))
@@ -40,20 +56,23 @@ class View:
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """What a view covers; None for what lies above the horizon.
+    """Ground coverage of a view; None for what is above the horizon.
 
     Attributes
     ----------
-    near_m, far_m : float
-        Where the middle of the image's lower and upper edge meets the ground, from the point below the camera
-        along the tilt; negative behind that point.
-    gsd_near_m, gsd_centre_m, gsd_far_m : float
-        Of a pixel across the line of sight, in that whole row.
-    gsd_near_along_m, gsd_centre_along_m, gsd_far_along_m : float
-        Of a pixel along the tilt, on the ground.
-    footprint : tuple or None
-        [x, y] in metres of near left, near right, far right, far left, from the point below the camera; y is
-        azimuth 0.
+    horizontal_fov_deg, vertical_fov_deg : float
+        Fields of view [deg].
+    near_m, far_m : float or None
+        Where the middle of the image's lower and upper edge meets the ground, from
+        the point below the camera along the tilt [m]; negative behind that point.
+    gsd_near_m, gsd_centre_m, gsd_far_m : float or None
+        Ground sampling distance of a pixel across the line of sight, in that whole
+        row [m].
+    gsd_near_along_m, gsd_centre_along_m, gsd_far_along_m : float or None
+        Ground sampling distance of a pixel along the tilt [m].
+    footprint : tuple of tuple[float, float] or None
+        [x, y] of near left, near right, far right, far left, from the point below
+        the camera [m]; y is azimuth 0.
     horizon_in_view : bool
         True if the upper edge looks above the ground.
     """
@@ -74,7 +93,7 @@ class Coverage:
 
 @dataclass(frozen=True)
 class _Row:
-    """One row of the picture on the ground: where it lies, and metres on it a millimetre of sensor."""
+    """One image row on the ground: its position, and metres on the ground per millimetre of sensor."""
 
     ahead_m: float
     across_per_mm: float
@@ -82,18 +101,37 @@ class _Row:
 
 
 def compute_coverage(view: View) -> Coverage:
-    """Give what a tilted or nadir camera sees of level ground.
+    """Compute what a tilted or nadir camera sees of level ground.
 
-    A row at v on the sensor (up, away from the ground's near side), with tilt a, height h, focal length c:
+    Parameters
+    ----------
+    view : View
+        Camera position and dimensions.
+
+    Returns
+    -------
+    Coverage
+        Fields of view, edges, sampling distances and footprint.
+
+    Notes
+    -----
+    For a row at v on the sensor (up, away from the ground's near side), with tilt
+    a, height h and focal length c [1]_, [2]_::
+
         ahead = h (c sin a + v cos a) / (c cos a - v sin a)
         across, per length on the sensor = h / (c cos a - v sin a)        exact in every point of a row
         along = h c / (c cos a - v sin a)^2                               d ahead / d v
         fov = 2 atan(size / 2 c)
-    A GSD is that times the pixel pitch. For a nadir camera both are h s_p / c in the whole picture. Where
-    c cos a <= v sin a the row looks at the horizon or above it: nothing is given for it.
 
-    Source Grenzdoerffer, Niemeyer, Schmidt, ISPRS 2012, section 2; the equations are those of a central
-    projection (Kraus, Photogrammetry, section 5)
+    A ground sampling distance is that times the pixel pitch. For a nadir camera
+    both are h s_p / c in the whole image. Where c cos a <= v sin a the row looks at
+    the horizon or above it, and no value is computed for it.
+
+    References
+    ----------
+    .. [1] G. Grenzdoerffer, F. Niemeyer, F. Schmidt, Development of four vision
+           camera system for a micro-UAV, ISPRS 2012, section 2
+    .. [2] K. Kraus, Photogrammetry, section 5 (equations of a central projection)
     """
     half = view.sensor_height_mm / 2
     near, centre, far = _find_row(view, -half), _find_row(view, 0.0), _find_row(view, half)
@@ -130,7 +168,7 @@ def _find_row(view: View, v_mm: float) -> _Row | None:
 
 
 def _ends(view: View, row: _Row) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Give the left and the right end of a row on the ground, turned by the azimuth."""
+    """Return the left and the right end of a row on the ground, rotated by the azimuth."""
     turn = math.radians(view.azimuth_deg)
     sine, cosine = math.sin(turn), math.cos(turn)
     reach = row.across_per_mm * view.sensor_width_mm / 2

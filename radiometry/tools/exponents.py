@@ -1,4 +1,4 @@
-"""How the signal follows exposure time, f-number and ISO: exponents from a table of mean signals."""
+"""Exponents of exposure time, f-number and ISO value in a table of mean signals."""
 
 import math
 from collections.abc import Sequence
@@ -28,7 +28,21 @@ _LARGEST_CONDITION = 1e4
 
 @dataclass(frozen=True, kw_only=True)
 class SeriesRow:
-    """One frame's settings and mean signal [DN], dark included; ``dark_dn`` : its own, if it has one."""
+    """Settings and mean signal of one frame.
+
+    Attributes
+    ----------
+    exposure_time_s : float
+        Exposure time [s].
+    f_number : float
+        F-number.
+    iso : float
+        ISO value.
+    signal_dn : float
+        Mean signal, dark included [DN].
+    dark_dn : float or None, default: None
+        Dark signal of this frame [DN], if it has its own.
+    """
 
     exposure_time_s: float
     f_number: float
@@ -44,7 +58,9 @@ class LeftOut:
     Attributes
     ----------
     row : int
-        Its number, from 0.
+        Number of the row, from 0.
+    reason : str
+        Reason why it was not used.
     """
 
     row: int
@@ -53,14 +69,18 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True)
 class ExponentFit:
-    """Exponents by setting, of those that vary.
+    """Exponents of the settings that vary.
 
     Attributes
     ----------
+    exponents : dict of str to Quantity
+        Exponent by name of the setting.
     used : int
-        How many rows entered.
+        Number of rows used.
+    left_out : tuple of LeftOut
+        Rows that were not used.
     scatter_rel : float
-        Of the signal about the fit.
+        Relative scatter of the signal about the fit.
     """
 
     exponents: dict[str, Quantity]
@@ -72,14 +92,36 @@ class ExponentFit:
 def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: float) -> ExponentFit:
     """Fit signal = A t^a N^b S^s by ordinary least squares of logarithms.
 
-        ln(signal - dark) = ln A + a ln t + b ln N + s ln S,    u from the residuals' scatter, n - p dof
-    A linear sensor behind an ideal lens has a = 1, b = -2, s = 1. Only settings that vary, by more than 1 %,
-    get an exponent. Rows below 1/256 or above 95 % of the way from dark to white are left out, and said.
+    Parameters
+    ----------
+    rows : sequence of SeriesRow
+        Frames with settings and signals.
+    dark_dn : float
+        Dark signal of rows that have none of their own [DN].
+    white_level_dn : float
+        White level [DN].
 
-    Takes
-      dark_dn : of rows that have none of their own
-    Raises InputRejected(fit_incomplete)
-      if no setting varies among the rows that are left, two vary only together, or too few rows are left
+    Returns
+    -------
+    ExponentFit
+        One exponent per setting that varies, by more than 1 %.
+
+    Raises
+    ------
+    InputRejected
+        `fit_incomplete` if no setting varies among the remaining rows, two vary
+        only together, or too few rows remain.
+
+    Notes
+    -----
+    The uncertainties are from the scatter of the residuals, with n - p degrees of
+    freedom::
+
+        ln(signal - dark) = ln A + a ln t + b ln N + s ln S
+
+    A linear sensor behind an ideal lens has a = 1, b = -2, s = 1. Rows below 1/256
+    or above 95 % of the span from dark to white are not used, and are listed in
+    `left_out`.
     """
     kept, left_out = _cut(rows, dark_dn=dark_dn, white_level_dn=white_level_dn)
     if not kept:
@@ -113,7 +155,7 @@ def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: 
 def _cut(
     rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: float
 ) -> tuple[list[tuple[SeriesRow, float]], list[LeftOut]]:
-    """Give the usable rows with their signal above dark, and the others with the reason."""
+    """Return the usable rows with their signal above dark, and the others with the reason."""
     kept, left_out = [], []
     for index, row in enumerate(rows):
         dark = dark_dn if row.dark_dn is None else row.dark_dn
@@ -156,7 +198,7 @@ def _explain(left_out: Sequence[LeftOut]) -> str:
 
 
 def _require_independent(columns: NDArray[np.float64], varied: Sequence[str]) -> None:
-    """Refuse settings that change only together: which of them moved the signal cannot be told."""
+    """Refuse settings that change only together, whose effects on the signal cannot be separated."""
     spread = columns / np.linalg.norm(columns, axis=0)
     if np.linalg.cond(spread) > _LARGEST_CONDITION:
         raise InputRejected(

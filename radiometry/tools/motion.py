@@ -1,8 +1,10 @@
-"""How far the picture moves while the shutter is open, and what is tolerable.
+"""Image motion during an exposure, and its limits.
 
-The theoretical motion is the whole way that a point of the scene covers on the sensor. The practical motion
-is half of it: a moving edge is smeared by a box as wide as the theoretical motion, and what is left of the
-picture after it looks like one moved by about half [1]. Every limit here is one of the THEORETICAL motion.
+The theoretical motion is the whole distance that a point of the scene covers on the
+sensor. The practical motion is half of it: a moving edge is smeared by a box as
+wide as the theoretical motion, and the image that remains looks like one moved by
+about half (see `compute_motion`). Every limit here is one of the THEORETICAL
+motion.
 """
 
 import math
@@ -16,12 +18,32 @@ _STILL_PX_S = 1e-12
 
 @dataclass(frozen=True, kw_only=True)
 class MotionCase:
-    """One lens, one exposure, one way of moving.
+    """One lens, one exposure, one kind of motion.
 
-    ``distance_m`` : along the line of sight: the height above ground of a camera that looks straight down
-    ``rotation_rate_deg_s`` : about an axis across the line of sight; None: it is not looked at
-    ``ground_speed_m_s`` : across the line of sight; None: it is not looked at
-    ``limit_px`` : of the theoretical motion
+    Attributes
+    ----------
+    pixel_pitch_um : float
+        Pixel pitch [um].
+    focal_length_mm : float
+        Focal length [mm].
+    exposure_time_s : float
+        Exposure time [s].
+    distance_m : float
+        Distance along the line of sight [m]: the height above ground of a camera
+        that looks straight down.
+    rotation_rate_deg_s : float or None, default: None
+        Rotation rate about an axis across the line of sight [deg/s]; None if
+        rotation is not considered.
+    ground_speed_m_s : float or None, default: None
+        Speed across the line of sight [m/s]; None if it is not considered.
+    limit_px : float, default: USUAL_LIMIT_PX
+        Limit of the theoretical motion [px].
+
+    Raises
+    ------
+    ValueError
+        If a length, the exposure time or the limit is not positive and finite, or a
+        rate is negative.
     """
 
     pixel_pitch_um: float
@@ -33,7 +55,7 @@ class MotionCase:
     limit_px: float = USUAL_LIMIT_PX
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
+        """Check what every caller must have checked at its interface."""
         positive = (self.pixel_pitch_um, self.focal_length_mm, self.exposure_time_s, self.distance_m)
         rates = (self.rotation_rate_deg_s or 0.0, self.ground_speed_m_s or 0.0)
         if not (
@@ -49,20 +71,26 @@ class Motion:
 
     Attributes
     ----------
+    gsd_m : float
+        Ground sampling distance [m].
+    rotation_angle_deg : float or None
+        Rotation during the exposure [deg].
     rotation_ground_m : float or None
-        How far the line of sight wanders at the distance.
+        Movement of the line of sight at the distance [m].
     rotation_blur_px : float or None
-        Theoretical, from rotation alone.
+        Theoretical motion from rotation alone [px].
     forward_blur_px : float or None
-        Theoretical, from speed alone.
+        Theoretical motion from speed alone [px].
     theoretical_blur_px : float or None
-        Rotation and speed together, in the worst direction.
+        Rotation and speed together, in the worst direction [px].
     practical_blur_px : float or None
-        Half of the theoretical blur.
+        Half of the theoretical blur [px].
     tolerable_rate_deg_s : float
-        Of rotation alone, at which the THEORETICAL blur reaches limit_px.
+        Rotation rate at which rotation alone reaches `limit_px` of THEORETICAL
+        motion [deg/s].
     longest_exposure_s : float or None
-        At which the theoretical blur reaches limit_px; absent if nothing moves.
+        Exposure time at which the theoretical motion reaches `limit_px` [s]; None
+        if nothing moves.
     """
 
     gsd_m: float
@@ -77,18 +105,35 @@ class Motion:
 
 
 def compute_motion(case: MotionCase) -> Motion:
-    """Give the image motion of one case.
+    """Compute the image motion of one case.
 
-    GSD = h s_p / c                       forward    u_th = v t / GSD                              (1)
-    alpha = omega t,   b = alpha h        rotation   PD = alpha c / s_p                            (2)
-    u = u_th / 2                          practical, of the sum of both
+    Parameters
+    ----------
+    case : MotionCase
+        Lens, exposure and motion.
 
-    with s_p the pixel pitch, c the focal length, h the distance, t the exposure time, alpha in radian. Small
-    angles, near the centre of the picture: at an angle d from it PD grows by 1 / cos^2 d in its direction.
-    The source prints PD = (s_p / c) r, which is the GSD at r, not a displacement; its table 3 follows (2).
+    Returns
+    -------
+    Motion
+        Motion on the ground and in pixels, and the limits.
 
-    References [1] Grenzdoerffer, Niemeyer, Schmidt, Development of four vision camera system for a
-    micro-UAV, ISPRS 2012, equations 1 to 6, table 3
+    Notes
+    -----
+    With s_p the pixel pitch, c the focal length, h the distance, t the exposure
+    time and alpha in radian [1]_::
+
+        GSD = h s_p / c                       forward    u_th = v t / GSD                              (1)
+        alpha = omega t,   b = alpha h        rotation   PD = alpha c / s_p                            (2)
+        u = u_th / 2                          practical, of the sum of both
+
+    These hold for small angles near the centre of the image: at an angle d from it
+    PD grows by 1 / cos^2 d in its direction. The source prints PD = (s_p / c) r,
+    which is the GSD at r, not a displacement; its table 3 follows (2).
+
+    References
+    ----------
+    .. [1] G. Grenzdoerffer, F. Niemeyer, F. Schmidt, Development of four vision
+           camera system for a micro-UAV, ISPRS 2012, equations 1 to 6, table 3
     """
     gsd_m = case.distance_m * _pixel_angle(case)
     angle = rotation_blur = forward_blur = None
@@ -114,14 +159,24 @@ def compute_motion(case: MotionCase) -> Motion:
 
 
 def tolerable_rate_deg_s(case: MotionCase, exposure_time_s: float) -> float:
-    """Give the rotation whose theoretical motion is the case's limit: omega = s_p u / (c t), figure 7 of [1].
+    """Compute the rotation rate whose theoretical motion is the case's limit.
 
-    Takes
-      exposure_time_s : in place of the case's own, for a curve
+    Parameters
+    ----------
+    case : MotionCase
+        Lens and limit.
+    exposure_time_s : float
+        Exposure time used instead of the case's own, for a curve [s].
+
+    Returns
+    -------
+    float
+        Rotation rate omega = s_p u / (c t) [deg/s], as in figure 7 of reference 1
+        of `compute_motion`.
     """
     return math.degrees(_pixel_angle(case) * case.limit_px / exposure_time_s)
 
 
 def _pixel_angle(case: MotionCase) -> float:
-    """Give the angle of one pixel [rad]."""
+    """Return the angle of one pixel [rad]."""
     return case.pixel_pitch_um * 1e-3 / case.focal_length_mm
