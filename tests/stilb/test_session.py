@@ -80,7 +80,7 @@ def test_the_kept_key_goes_to_no_other_service(signed_in, service):
 def test_an_address_that_is_none(stilb_command, address):
     ended = stilb_command("login", address, "--key", "k")
     assert ended.code == Exit.USAGE
-    assert "begins with http" in ended.err
+    assert "must begin with http" in ended.err
 
 
 def test_a_service_that_is_not_there(stilb_command):
@@ -121,4 +121,4 @@ def test_ctrl_c(stilb_command, monkeypatch):
 
     monkeypatch.setattr("stilb.commands.output.read_login", stop)
     ended = stilb_command("whoami")
-    assert (ended.code, "goes on where it was" in ended.err) == (Exit.INTERRUPTED, True)
+    assert (ended.code, "run the same command again to continue" in ended.err) == (Exit.INTERRUPTED, True)

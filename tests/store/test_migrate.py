@@ -12,6 +12,8 @@ from store.database import Database
 from store.migrate import NewerSchema, alembic_config, migrate
 from store.tables import Base
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def empty(request, tmp_path):
