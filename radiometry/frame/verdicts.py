@@ -18,7 +18,14 @@ _FIELD = "field"
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What follows from all reasons together; without any, "pass"."""
+    """What follows from all reasons together; without any, "pass".
+
+    Attributes
+    ----------
+    reasons : tuple of Reason
+        The gravest first.
+
+    """
 
     outcome: Outcome
     reasons: tuple[Reason, ...]

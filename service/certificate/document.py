@@ -57,8 +57,8 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         procedure=text.procedure,
         equation=text.equation,
         configuration=row.configuration,
-        laboratory=Laboratory(name=record.organisation.name, address=record.organisation.address),
-        item=Item(**CameraAnswer.of(record.camera).model_dump(exclude_none=True)),
+        laboratory=Laboratory.restate(record.organisation),
+        item=Item.restate(CameraAnswer.of(record.camera)),
         work=describe_work(record),
         meters=meters,
         panels=panels,
@@ -120,17 +120,7 @@ def _readings(record: CalibrationRecord) -> list[UsedReading]:
     if get_method(record.calibration.method).reference != "meter":
         return []
     found = zip(record.calibration.inputs["readings"], record.readings, strict=True)
-    return [
-        UsedReading(
-            **used,
-            unit=_SI[used["quantity"]],
-            entered_value=row.entered_value if row else None,
-            entered_unit=row.entered_unit if row else None,
-            taken_at=row.taken_at if row else None,
-            meter_id=row.meter_id if row else None,
-        )
-        for used, row in found
-    ]
+    return [UsedReading.restate(used, row, unit=_SI[used["quantity"]]) for used, row in found]
 
 
 def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
@@ -170,22 +160,10 @@ def _checklist(record: CalibrationRecord) -> Checklist:
     signature = record.signature
     return Checklist(
         items=[
-            CheckedItem(
-                key=item.key,
-                section=item.section,
-                text=item.text,
-                done_by=_name(record, item.done_by) if item.done_by else None,
-                done_at=item.done_at,
-                evidence=item.evidence,
-                note=item.note,
-            )
+            CheckedItem.restate(item, done_by=_name(record, item.done_by) if item.done_by else None)
             for item in record.checklist
         ],
-        signature=Signature(
-            name=signature.name,
-            signed_by=_name(record, signature.signed_by),
-            signed_at=signature.signed_at,
-        )
+        signature=Signature.restate(signature, signed_by=_name(record, signature.signed_by))
         if signature
         else None,
     )
@@ -193,13 +171,7 @@ def _checklist(record: CalibrationRecord) -> Checklist:
 
 def _published(record: CalibrationRecord) -> list[PublishedBy]:
     return [
-        PublishedBy(
-            by=_name(record, act.by),
-            at=act.publication.known_from,
-            valid_from=act.publication.valid_from,
-            valid_to=act.publication.valid_to,
-            reason=act.publication.reason,
-        )
+        PublishedBy.restate(act.publication, by=_name(record, act.by), at=act.publication.known_from)
         for act in record.acts
     ]
 
@@ -213,11 +185,8 @@ def _validity(record: CalibrationRecord) -> Validity:
             at=revocation.revoked_at,
             reason=revocation.reason,
         )
-    return Validity(
-        state=status.state,
-        valid_from=status.valid_from,
-        valid_to=status.valid_to,
-        superseded_by=status.superseded_by,
+    return Validity.restate(
+        status,
         superseded_by_number=_number(record, record.successor) if record.successor else None,
         revoked=revoked,
     )

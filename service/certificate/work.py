@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from datetime import date
 
 from service.schemas.certificates import DaysFrom, UsedMeter, Work
-from service.schemas.equipment import Certificate
 from store.queries.calibration_record import CalibrationRecord
 
 
@@ -12,19 +11,12 @@ def describe_work(record: CalibrationRecord) -> Work:
     """The campaign's own words, and the days on which it was done."""
     campaign = record.campaign
     days, days_from = _days(record)
-    return Work(
+    return Work.restate(
+        campaign,
         campaign_id=campaign.id,
-        project_number=campaign.project_number,
-        customer=campaign.customer,
-        recorder=campaign.recorder,
-        place=campaign.place,
-        conditions=campaign.conditions,
-        started_at=campaign.started_at,
         first_day=min(days, default=None),
         last_day=max(days, default=None),
         days_from=days_from if days else None,
-        comments=campaign.comments,
-        surface_reflectance=campaign.surface_reflectance,
     )
 
 
@@ -36,13 +28,9 @@ def describe_meters(record: CalibrationRecord) -> list[UsedMeter]:
         readings = [reading for reading in record.readings if reading and reading.meter_id == meter.row.id]
         days = [reading.taken_at.date() for reading in readings if reading.taken_at] or campaign_days
         meters.append(
-            UsedMeter(
-                id=meter.row.id,
-                kind=meter.row.kind,
-                make=meter.row.make,
-                model=meter.row.model,
-                serial=meter.row.serial,
-                certificate=Certificate.model_validate(meter.certificate) if meter.certificate else None,
+            UsedMeter.restate(
+                meter.row,
+                certificate=meter.certificate or None,
                 readings=len(readings),
                 first_day=min(days, default=None),
                 last_day=max(days, default=None),

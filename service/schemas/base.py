@@ -3,6 +3,7 @@
 import inspect
 import re
 import types
+from collections.abc import Mapping
 from datetime import date, datetime
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union, get_args, get_origin, get_type_hints
 
@@ -119,7 +120,8 @@ class Answer(BaseModel):
         own = inspect.get_annotations(cls)
         stated: dict[str, Any] = {}
         for source in sources:
-            answered_as.setdefault(source, cls)
+            if fields is None and answered_as.setdefault(source, cls) is not cls:
+                raise TypeError(f"{source.__name__} is answered as {answered_as[source].__name__} already")
             hints, sentences = get_type_hints(source), describe_fields(source)
             for name in hints if fields is None else fields.split():
                 if name in hints and name not in {*own, *stated, *without.split()}:
@@ -132,12 +134,14 @@ class Answer(BaseModel):
     @classmethod
     def restate(cls, *sources: Any, **said: Any) -> Self:  # noqa: ANN401
         """Take each field from what is said here, else from the first source that has it."""
-        found = {
-            name: next(getattr(source, name) for source in sources if hasattr(source, name))
-            for name in cls.model_fields.keys() - said.keys()
-            if any(hasattr(source, name) for source in sources)
-        }
-        return cls.model_validate(found | said)
+        for source in sources:
+            for name in cls.model_fields.keys() - said.keys():
+                if isinstance(source, Mapping):
+                    if name in source:
+                        said[name] = source[name]
+                elif hasattr(source, name):
+                    said[name] = getattr(source, name)
+        return cls.model_validate(said)
 
     def dump(self) -> dict[str, Any]:
         return self.model_dump(mode="json", exclude_none=True)

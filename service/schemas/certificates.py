@@ -6,9 +6,11 @@ from typing import Any, Literal
 from pydantic import Field
 
 from service.schemas.base import Answer, Instant, Method
-from service.schemas.calibrations import Gap, State
+from service.schemas.calibrations import Gap
 from service.schemas.equipment import Certificate as MeterCertificate
 from service.schemas.equipment import Lens
+from store.queries.calibrations import VersionStatus
+from store.tables import Camera, ChecklistSignature, Publication
 
 DaysFrom = Literal["readings", "campaign", "frames"]
 
@@ -18,13 +20,8 @@ class Laboratory(Answer):
     address: str | None = None
 
 
-class Item(Answer):
-    make: str
-    model: str
-    serial: str
+class Item(Answer, restates=Camera, fields="make model serial pixel_pitch_um sensor_width_mm"):
     lens: Lens | None = None
-    pixel_pitch_um: float | None = None
-    sensor_width_mm: float | None = None
 
 
 class Work(Answer):
@@ -158,10 +155,8 @@ class CheckedItem(Answer):
     note: str | None = None
 
 
-class Signature(Answer):
-    name: str
-    signed_by: str
-    signed_at: Instant
+class Signature(Answer, restates=ChecklistSignature, fields="name signed_by signed_at"):
+    pass
 
 
 class Checklist(Answer):
@@ -169,12 +164,9 @@ class Checklist(Answer):
     signature: Signature | None = None
 
 
-class PublishedBy(Answer):
+class PublishedBy(Answer, restates=Publication, fields="valid_from valid_to reason"):
     by: str
     at: Instant
-    valid_from: Instant
-    valid_to: Instant | None = None
-    reason: str
 
 
 class Revoked(Answer):
@@ -183,11 +175,7 @@ class Revoked(Answer):
     reason: str
 
 
-class Validity(Answer):
-    state: State
-    valid_from: Instant | None = None
-    valid_to: Instant | None = None
-    superseded_by: str | None = None
+class Validity(Answer, restates=VersionStatus, fields="state valid_from valid_to superseded_by"):
     superseded_by_number: str | None = Field(default=None, description="The successor's certificate.")
     revoked: Revoked | None = None
 

@@ -9,18 +9,8 @@ from store.measuring.comparison import MeasurementComparison, Side
 _SURE = 2.0
 
 
-class Compared(Answer):
+class Compared(Answer, restates=Comparison):
     """new - old, and new / old - 1."""
-
-    difference: Quantity
-    change: Quantity | None = Field(default=None, description="In %. Absent where the old value is 0.")
-    in_standard_uncertainties: float | None = Field(
-        default=None, description="|difference| over its own combined standard uncertainty."
-    )
-
-    @classmethod
-    def of(cls, comparison: Comparison) -> "Compared":
-        return cls.model_validate(comparison)
 
 
 class Measured(Answer):
@@ -31,12 +21,7 @@ class Measured(Answer):
 
     @classmethod
     def of(cls, side: Side) -> "Measured":
-        return cls(
-            measurement_id=side.measurement.id,
-            filename=side.frame.filename,
-            taken_at=(side.frame.header or {}).get("taken_at"),
-            mean=Quantity.model_validate(side.mean),
-        )
+        return cls.restate(side, side.frame.header or {}, side.frame, measurement_id=side.measurement.id)
 
 
 class ContrastAnswer(Compared):
@@ -56,15 +41,15 @@ class ContrastAnswer(Compared):
     def between(cls, old: Side, new: Side, found: MeasurementComparison) -> "ContrastAnswer":
         mean = found.mean
         sigmas = mean.in_standard_uncertainties
-        return cls(
-            **Compared.of(mean).model_dump(),
+        return cls.restate(
+            mean,
             old=Measured.of(old),
             new=Measured.of(new),
             significant=sigmas is not None and sigmas >= _SURE,
             said=_format_verdict(mean),
-            common=list(found.common),
+            common=found.common,
             same_region=old.measurement.parameters["polygon"] == new.measurement.parameters["polygon"],
-            cells=[[Compared.of(cell) for cell in line] for line in found.cells] if found.cells else None,
+            cells=found.cells or None,
         )
 
 

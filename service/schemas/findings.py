@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from radiometry.findings import Place, Severity
 from radiometry.methods.findings import FINDINGS
@@ -19,13 +19,8 @@ class FindingAnswer(Answer):
     remedy: str
 
 
-_EXAMPLE = FindingAnswer.model_validate(asdict(next(iter(FINDINGS.values())))).dump()
-
-
 class FindingsAnswer(Answer):
     """Every finding that this service knows."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"items": [_EXAMPLE]}]})
 
     items: list[FindingAnswer]
 

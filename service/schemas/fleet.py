@@ -64,7 +64,7 @@ class FlagRaised(Answer, restates=Raised):
     pass
 
 
-class VersionLeftOut(Answer, restates=LeftOut, fields="why"):
+class VersionLeftOut(Answer, restates=LeftOut, without="version"):
     calibration_id: str = Field(validation_alias="version")
 
 

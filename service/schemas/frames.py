@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, WithJsonSchema
 from typing_extensions import TypeAliasType
 
-from radiometry.findings import InputRejected, Outcome
+from radiometry.findings import InputRejected, Reason
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.frame.verdicts import Verdict
 from radiometry.methods import METHODS
@@ -68,34 +68,19 @@ class Refusal(Answer):
     detail: str
 
 
-class ReasonAnswer(Answer):
+class ReasonAnswer(Answer, restates=Reason):
     code: ReasonCode
-    outcome: Outcome
     detail: str = Field(description="A sentence with the numbers and what to do.")
 
 
-class VerdictAnswer(Answer):
+class VerdictAnswer(Answer, restates=Verdict):
     """What a field team does about a frame while it is on site."""
 
-    outcome: Outcome
-    reasons: list[ReasonAnswer] = Field(description="The gravest first.")
 
-
-class StatisticsRow(Answer):
+class StatisticsRow(Answer, restates=ChannelStatistics):
     """One channel in one region; raw DN, black not subtracted."""
 
     roi: str
-    channel: str
-    n: int
-    min_dn: int
-    max_dn: int
-    mean_dn: float
-    median_dn: float
-    std_dn: float
-    saturated_share: float
-    zero_share: float
-    black_level_dn: float
-    white_level_dn: float
     i_sq: float | None = Field(
         default=None, description="Of a band: the region's mean after black, then vignetting."
     )
@@ -106,13 +91,7 @@ class StatisticsRow(Answer):
 
     @classmethod
     def of(cls, extraction: Extraction, row: ChannelStatistics) -> "StatisticsRow":
-        columns = {name: getattr(row, name) for name in cls.model_fields if hasattr(row, name)}
-        features = extraction.features or {}
-        columns |= {name: features[name] for name in _FEATURES if name in features}
-        return cls(roi=extraction.roi_id, extractor=extraction.extractor, **columns)
-
-
-_FEATURES = ("i_sq", "i_sq_standard_uncertainty", "i_sq_unit", "gradient_rel")
+        return cls.restate(row, extraction, extraction.features or {}, roi=extraction.roi_id)
 
 
 class SunshineAnswer(Answer):
@@ -247,6 +226,4 @@ def _from_band(header: dict[str, Any] | None) -> dict[str, Any]:
         sunshine = _measure_light(band)
     except InputRejected as missing:
         return said | {"sunshine_missing": SunshineMissing(code=str(missing.code), detail=missing.message)}
-    names = ("i_ss", "standard_uncertainty", "unit", "readings", "spread_rel", "left_out")
-    figures = {name: getattr(sunshine, name) for name in names}
-    return said | {"sunshine": SunshineAnswer(**figures, serial=band.sunshine_serial)}
+    return said | {"sunshine": SunshineAnswer.restate(sunshine, serial=band.sunshine_serial)}

@@ -4,14 +4,12 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from radiometry.fitting.comparison import Comparison, MeasuredChange
+from radiometry.fitting.comparison import Comparison
 from service.schemas.base import Answer, Instant, Quantity
 from service.schemas.calibrations import CalibrationAnswer
 from store.impact import CoefficientChange, Impact, Touched
 from store.publications import InForce
-from store.tables import Calibration
-
-_OF_COEFFICIENT = ("name", "iso", "f_number", "band", "channel", "model")
+from store.tables import Calibration, CoefficientRow
 
 
 class VersionNamed(Answer):
@@ -29,12 +27,7 @@ class VersionInForce(VersionNamed):
 
     @classmethod
     def held(cls, held: InForce) -> "VersionInForce":
-        return cls(
-            calibration_id=held.calibration.id,
-            version=held.calibration.version,
-            valid_from=held.publication.valid_from,
-            valid_to=held.publication.valid_to,
-        )
+        return cls.restate(held.publication, held.calibration, calibration_id=held.calibration.id)
 
 
 class TouchedMeasurement(Answer):
@@ -59,16 +52,10 @@ class TouchedMeasurement(Answer):
 
     @classmethod
     def of(cls, row: Touched) -> "TouchedMeasurement":
-        return cls(
-            measurement_id=row.measurement.id,
-            frame_id=row.frame.id,
-            filename=row.frame.filename,
-            taken_at=(row.frame.header or {}).get("taken_at"),
-            iso=row.frame.iso,
-            successor=VersionNamed.of(row.successor) if row.successor else None,
-            why=row.why,
-            **_change(row.change),
-        )
+        successor = VersionNamed.of(row.successor) if row.successor else None
+        change = row.change if row.change and row.change.change else None
+        said = {"measurement_id": row.measurement.id, "frame_id": row.frame.id, "why": row.why}
+        return cls.restate(change, row.frame.header or {}, row.frame, successor=successor, **said)
 
 
 class RevocationAnswer(CalibrationAnswer):
@@ -81,29 +68,19 @@ class RevocationAnswer(CalibrationAnswer):
         return cls(**dict(answer), measurements=[TouchedMeasurement.of(row) for row in touched])
 
 
-class CoefficientChanged(Answer):
-    name: str
-    iso: float | None = None
-    f_number: float | None = None
-    band: str | None = None
-    channel: str | None = None
+class CoefficientChanged(
+    Answer,
+    restates=(CoefficientRow, Comparison),
+    fields="name iso f_number band channel change in_standard_uncertainties",
+):
     model: str | None = Field(default=None, description="The new one's; of sharpness it names the position.")
     old: Quantity
     new: Quantity
     difference: Quantity | None = Field(default=None, description="new - old. Absent where the units differ.")
-    change: Quantity | None = Field(default=None, description="new / old - 1, in %.")
-    in_standard_uncertainties: float | None = Field(
-        default=None, description="|difference| over its own combined standard uncertainty."
-    )
 
     @classmethod
     def of(cls, row: CoefficientChange) -> "CoefficientChanged":
-        return cls(
-            **{name: getattr(row.new, name) for name in _OF_COEFFICIENT},
-            old=Quantity.model_validate(row.old),
-            new=Quantity.model_validate(row.new),
-            **_compared(row.comparison),
-        )
+        return cls.restate(row, row.new, row.comparison)
 
 
 class FlagAt(Answer):
@@ -140,31 +117,13 @@ class ImpactAnswer(Answer):
         named = {"calibration_id": row.id, "version": row.version, "at": at, "said": said}
         if impact is None:
             lists = ("coefficients", "isos_gained", "isos_lost", "flags_gained", "flags_lost", "measurements")
-            return cls.model_validate({**named, **{name: [] for name in lists}})
-        return cls(
-            **named,
+            return cls.restate(named, {name: [] for name in lists})
+        return cls.restate(
+            named,
+            impact,
             against=VersionInForce.held(impact.against),
-            meter_calibration=impact.meter_calibration,
             coefficients=[CoefficientChanged.of(each) for each in impact.coefficients],
-            isos_gained=impact.isos_gained,
-            isos_lost=impact.isos_lost,
             flags_gained=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_gained],
             flags_lost=[FlagAt(flag=flag, where=where) for flag, where in impact.flags_lost],
             measurements=[TouchedMeasurement.of(each) for each in impact.measurements],
         )
-
-
-def _change(change: MeasuredChange | None) -> dict[str, Any]:
-    if change is None or change.change is None:
-        return {}
-    return {"change": Quantity.model_validate(change.change), "basis": change.basis}
-
-
-def _compared(comparison: Comparison | None) -> dict[str, Any]:
-    if comparison is None:
-        return {}
-    return {
-        "difference": Quantity.model_validate(comparison.difference),
-        "change": Quantity.model_validate(comparison.change) if comparison.change else None,
-        "in_standard_uncertainties": comparison.in_standard_uncertainties,
-    }

@@ -17,20 +17,12 @@ class HashesAsked(Form):
     sha256: Annotated[list[Sha256], Field(min_length=1, max_length=MOST_HASHES)]
 
 
-class KnownFrame(Answer):
+class KnownFrame(Answer, restates=FrameRow, fields="sha256 filename scene"):
     """What the campaign has, and what was said of it: a sender sees whether it means the same."""
 
-    sha256: str
     frame_id: str
-    filename: str
     role: Role
-    scene: str | None = None
     state: State = Field(description="A refused one may be sent again: it is then read again.")
-
-    @classmethod
-    def of(cls, row: FrameRow) -> "KnownFrame":
-        said = {name: getattr(row, name) for name in ("sha256", "filename", "role", "scene", "state")}
-        return cls(frame_id=row.id, **said)
 
 
 class KnownAnswer(Answer):
@@ -41,6 +33,8 @@ class KnownAnswer(Answer):
     def of(cls, asked: Sequence[str], found: Mapping[str, FrameRow]) -> "KnownAnswer":
         hashes = list(dict.fromkeys(asked))
         return cls(
-            known=[KnownFrame.of(found[each]) for each in hashes if each in found],
+            known=[
+                KnownFrame.restate(found[each], frame_id=found[each].id) for each in hashes if each in found
+            ],
             unknown=[each for each in hashes if each not in found],
         )

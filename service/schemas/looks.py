@@ -31,9 +31,6 @@ class VerdictsAnswer(Answer):
     def of(cls, verdicts: Mapping[str, Verdict]) -> "VerdictsAnswer":
         return cls(
             items=[
-                FrameVerdict(
-                    frame_id=frame_id, **VerdictAnswer.model_validate(verdicts[frame_id]).model_dump()
-                )
-                for frame_id in sorted(verdicts)
+                FrameVerdict.restate(verdicts[frame_id], frame_id=frame_id) for frame_id in sorted(verdicts)
             ]
         )

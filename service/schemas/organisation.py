@@ -31,12 +31,10 @@ class UsageAnswer(Answer):
 
     @classmethod
     def of(cls, used: Used, quotas: Quotas, requests: int, settings: Settings) -> "UsageAnswer":
-        return cls(
-            frames=used.frames,
+        return cls.restate(
+            used,
             frames_limit=quotas.frames or None,
-            stored_bytes=used.stored_bytes,
             stored_bytes_limit=quotas.stored_bytes or None,
-            jobs_waiting=used.jobs_waiting,
             jobs_waiting_limit=quotas.jobs_waiting or None,
             requests_in_minute=requests,
             requests_in_minute_limit=settings.quota_requests_per_minute or None,

@@ -61,17 +61,13 @@ class CondemnedVersion(Answer):
 
     @classmethod
     def of(cls, row: Condemned) -> "CondemnedVersion":
-        camera, status = row.camera, row.status
-        return cls(
+        camera = row.camera
+        return cls.restate(
+            row.calibration,
+            row.status,
             calibration_id=row.calibration.id,
-            camera_id=camera.id,
             camera=f"{camera.make} {camera.model} {camera.serial}",
-            method=row.calibration.method,
-            version=row.calibration.version,
-            state=status.state,
-            in_force=status.valid_from is not None,
-            valid_from=status.valid_from,
-            valid_to=status.valid_to,
+            in_force=row.status.valid_from is not None,
             measurements=[TouchedMeasurement.of(each) for each in row.measurements],
         )
 
