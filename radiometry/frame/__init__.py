@@ -1,4 +1,4 @@
-"""What a raw file says of itself, and the window of its mosaic that a region needs."""
+"""Metadata of a raw file, and the window of its mosaic that a region needs."""
 
 from dataclasses import dataclass, field
 
@@ -10,18 +10,33 @@ from radiometry.frame.multispectral import Multispectral
 
 @dataclass(frozen=True, kw_only=True)
 class Opcode:
-    """One DNG opcode that the file asks a converter to apply. Detected and kept, never applied."""
+    """One DNG opcode that the file asks a converter to apply; detected and stored, never applied.
 
-    stage: int  # 1, 2 or 3: OpcodeList1..3
-    name: str  # "GainMap", "WarpRectilinear", ..., or "opcode-<number>"
-    sha256: str  # of its parameter bytes
+    Attributes
+    ----------
+    stage : int
+        1, 2 or 3 for OpcodeList1 to OpcodeList3.
+    name : str
+        "GainMap", "WarpRectilinear" and so on, or "opcode-<number>".
+    sha256 : str
+        Hash of the opcode's parameter bytes.
+    """
+
+    stage: int
+    name: str
+    sha256: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class StatedAngle:
-    """An angle of the camera or of what carries it, under the file's own name and in the unit which that has.
+    """An angle of the camera or its carrier, under the file's own name and in the file's unit.
 
-    ``name`` : with its family, such as "camera:Yaw"
+    Attributes
+    ----------
+    name : str
+        Name with its family, such as "camera:Yaw".
+    value : float
+        Value in the unit that the name has.
     """
 
     name: str
@@ -30,46 +45,115 @@ class StatedAngle:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameHeader:
-    """The metadata of one raw file. What the file does not state is None; zero is kept as zero.
+    """Metadata of one raw file; a value that the file does not state is None, and zero is kept as zero.
 
-    Levels are per site of the CFA pattern in row-major order, in DN after linearisation.
+    Levels are given per CFA position in row-major order, in DN after linearisation.
+
+    Attributes
+    ----------
+    container : str
+        "dng", "tiff", "raw" (readable by LibRaw only), "jpeg" or "png".
+    decoder : str
+        "stilb", "libraw" or "imagecodecs".
+    rendered : bool
+        True for an image to which a tone curve was applied.
+    compression : str
+        "none", "ljpeg" and so on.
+    bits_per_sample : int
+        Bits per sample.
+    width_px, height_px : int
+        Size of the visible (active) area [px].
+    cfa : str
+        "RGGB", "GBRG", "BGGR", "GRBG", "grey" or "rgb", at the visible area's
+        corner.
+    black_level_dn : tuple of float
+        Black level per CFA position [DN].
+    black_level_origin : str
+        "tag", "default" or "libraw".
+    white_level_dn : tuple of float
+        White level per CFA position [DN].
+    white_level_origin : str
+        As for black, or "camera" if it is known for this kind of camera.
+    exposure_time_s : float or None, default: None
+        Nominal exposure time from EXIF ExposureTime [s].
+    exposure_time_apex_s : float or None, default: None
+        2^-ShutterSpeedValue [s].
+    f_number : float or None, default: None
+        Nominal f-number from EXIF FNumber.
+    f_number_apex : float or None, default: None
+        2^(ApertureValue / 2).
+    iso : float or None, default: None
+        ISO value.
+    exposure_mode : str or None, default: None
+        "manual", "auto" or "bracket".
+    exposure_program : str or None, default: None
+        "manual", "program", "aperture_priority" and so on.
+    make, model, serial : str or None, default: None
+        Manufacturer, model and serial number of the camera body.
+    lens_make, lens_model, lens_serial : str or None, default: None
+        Manufacturer, model and serial number of the lens.
+    taken_at : str or None, default: None
+        EXIF DateTimeOriginal as in RFC 3339, with the offset if the file has one.
+    orientation : int or None, default: None
+        EXIF orientation.
+    sensor_temperature_c : float or None, default: None
+        Temperature of the sensor [degree Celsius].
+    software : str or None, default: None
+        Software or firmware that wrote the file.
+    latitude_deg : float or None, default: None
+        Latitude in WGS 84, north positive [deg]; stated with the longitude or not
+        at all.
+    longitude_deg : float or None, default: None
+        Longitude, east positive [deg].
+    altitude_m : float or None, default: None
+        Height above sea level as the camera states it, negative below [m].
+    attitude : tuple of StatedAngle
+        Angles of camera and carrier, stored and passed on; no computation uses
+        them.
+    opcodes : tuple of Opcode
+        DNG opcodes of the file.
+    multispectral : Multispectral or None, default: None
+        Metadata of a camera with one band per file and a sunshine sensor.
+    band_rows, first_band_rows : int, default: 1
+        Rows per band in which a whole frame is read at the least cost; the border
+        may cut the first band.
     """
 
-    container: str  # "dng" | "tiff" | "raw" (readable by LibRaw only) | "jpeg" | "png"
-    decoder: str  # "stilb" | "libraw" | "imagecodecs"
-    rendered: bool  # True: a picture that carries somebody's tone curve
-    compression: str  # "none" | "ljpeg" | ...
+    container: str
+    decoder: str
+    rendered: bool
+    compression: str
     bits_per_sample: int
-    width_px: int  # of the visible (active) area
+    width_px: int
     height_px: int
-    cfa: str  # "RGGB", "GBRG", "BGGR", "GRBG", "grey" or "rgb", at the visible area's corner
+    cfa: str
     black_level_dn: tuple[float, ...]
-    black_level_origin: str  # "tag" | "default" | "libraw"
+    black_level_origin: str
     white_level_dn: tuple[float, ...]
-    white_level_origin: str  # as for black, or "camera": known of this kind of camera
-    exposure_time_s: float | None = None  # nominal: EXIF ExposureTime
-    exposure_time_apex_s: float | None = None  # 2**-ShutterSpeedValue
-    f_number: float | None = None  # nominal: EXIF FNumber
-    f_number_apex: float | None = None  # 2**(ApertureValue/2)
+    white_level_origin: str
+    exposure_time_s: float | None = None
+    exposure_time_apex_s: float | None = None
+    f_number: float | None = None
+    f_number_apex: float | None = None
     iso: float | None = None
-    exposure_mode: str | None = None  # "manual" | "auto" | "bracket"
-    exposure_program: str | None = None  # "manual" | "program" | "aperture_priority" | ...
+    exposure_mode: str | None = None
+    exposure_program: str | None = None
     make: str | None = None
     model: str | None = None
     serial: str | None = None
     lens_make: str | None = None
     lens_model: str | None = None
     lens_serial: str | None = None
-    taken_at: str | None = None  # EXIF DateTimeOriginal, RFC 3339; with the offset where the file has one
+    taken_at: str | None = None
     orientation: int | None = None
     sensor_temperature_c: float | None = None
     software: str | None = None
-    latitude_deg: float | None = None  # WGS 84, north positive; stated with the longitude or not at all
-    longitude_deg: float | None = None  # east positive
-    altitude_m: float | None = None  # above sea level, as the camera says; below it is negative
-    attitude: tuple[StatedAngle, ...] = field(default=())  # kept and handed on, computed with by nothing
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+    altitude_m: float | None = None
+    attitude: tuple[StatedAngle, ...] = field(default=())
     opcodes: tuple[Opcode, ...] = field(default=())
-    multispectral: Multispectral | None = None  # of a camera with one band a file and a sunshine sensor
+    multispectral: Multispectral | None = None
     # A whole frame is read cheapest in bands of so many rows, the first of which may be cut by the border.
     band_rows: int = 1
     first_band_rows: int = 1
@@ -77,18 +161,29 @@ class FrameHeader:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """A window of the linearised mosaic, black not subtracted.
+    """A window of the linearised mosaic; black is not subtracted.
 
-    ``samples_dn`` : (row, col) uint16 [DN], or (row, col, 3) for a rendered RGB image
-    ``row0, col0`` : the window's corner in the visible area, whose own corner is (0, 0)
-    ``cfa``, ``white_level_dn`` : as in FrameHeader, at the visible area's corner (not the window's)
-    ``black_level_dn`` : per CFA site, mean over the window, deltas included
+    Attributes
+    ----------
+    samples_dn : ndarray of uint16
+        Raw values [DN], (row, col), or (row, col, 3) for a rendered RGB image.
+    row0, col0 : int
+        Corner of the window in the visible area, whose own corner is (0, 0).
+    height_px, width_px : int
+        Size of the whole visible area [px].
+    cfa : str
+        CFA pattern as in `FrameHeader`, at the visible area's corner (not the
+        window's).
+    black_level_dn : tuple of float
+        Black level per CFA position [DN], mean over the window, deltas included.
+    white_level_dn : tuple of float
+        White level as in `FrameHeader` [DN], at the visible area's corner.
     """
 
     samples_dn: NDArray[np.uint16]
     row0: int
     col0: int
-    height_px: int  # of the whole visible area
+    height_px: int
     width_px: int
     cfa: str
     black_level_dn: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""Whether a frame may enter a campaign: its camera, its exposure, and what to warn of."""
+"""Acceptance of a frame into a campaign: its camera, its exposure, and its flags."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,13 @@ _SUPPLIED_TOLERANCE_REL = 0.10
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """The campaign's camera, as it was registered."""
+    """The campaign's camera, as it was registered.
+
+    Attributes
+    ----------
+    make, model, serial : str
+        Manufacturer, model and serial number.
+    """
 
     make: str
     model: str
@@ -31,7 +37,17 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True)
 class SuppliedExposure:
-    """Exposure values that the user typed in with the frame; None where nothing was said."""
+    """Exposure values that a user entered with the frame; None for a value that was not entered.
+
+    Attributes
+    ----------
+    exposure_time_s : float or None, default: None
+        Exposure time [s].
+    f_number : float or None, default: None
+        F-number.
+    iso : float or None, default: None
+        ISO value.
+    """
 
     exposure_time_s: float | None = None
     f_number: float | None = None
@@ -40,7 +56,15 @@ class SuppliedExposure:
 
 @dataclass(frozen=True, kw_only=True)
 class Acceptance:
-    """An accepted frame: its exposure (None only for a chart that states none) and its warnings."""
+    """An accepted frame.
+
+    Attributes
+    ----------
+    exposure : Exposure or None
+        Exposure of the frame; None only for a chart that states none.
+    flags : tuple of str
+        Codes of the flags that were raised.
+    """
 
     exposure: Exposure | None
     flags: tuple[str, ...]
@@ -60,19 +84,40 @@ def accept_frame(
     camera: Camera,
     manual_exposure: bool = True,
 ) -> Acceptance:
-    """Accept a frame for a role in a campaign, or say why not.
+    """Accept a frame for a role in a campaign, or refuse it.
 
-    Each of the three exposure values is the first plausible one of: the file's nominal value, the file's APEX
-    value, the value typed in. Zero in a file means "not written". What was typed in never overrules the file.
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the file.
+    role : str
+        Role of the frame.
+    supplied : SuppliedExposure
+        Exposure values that the user entered.
+    camera : Camera
+        The campaign's camera.
+    manual_exposure : bool, default: True
+        False for a method whose cameras choose their exposure as intended.
 
-    ``manual_exposure`` : False for a method whose cameras choose their exposure as they should
+    Returns
+    -------
+    Acceptance
+        Exposure and flags: `rendered`, `exposure_not_manual`, `serial_unknown`,
+        `exposure_from_apex`, `exposure_supplied`, `supplied_exposure_ignored`.
 
-    Flags  rendered, exposure_not_manual, serial_unknown, exposure_from_apex, exposure_supplied,
-           supplied_exposure_ignored
-    Raises InputRejected
-      not_a_raw_file if it is a JPEG or PNG picture, unless it shows a chart;
-      wrong_camera if the file names another make, model or serial number;
-      exposure_missing, exposure_implausible if a value is needed and not to be had; a chart needs none
+    Raises
+    ------
+    InputRejected
+        `not_a_raw_file` for a JPEG or PNG image, unless it shows a chart.
+        `wrong_camera` if the file names another make, model or serial number.
+        `exposure_missing` or `exposure_implausible` if a value is needed and not
+        available; a chart needs none.
+
+    Notes
+    -----
+    Each of the three exposure values is the first plausible one of the file's
+    nominal value, the file's APEX value, and the entered value. Zero in a file
+    means "not written". An entered value never replaces that of the file.
     """
     _refuse_pictures(header, role)
     _refuse_other_camera(header, camera)
@@ -98,7 +143,7 @@ def accept_frame(
 
 
 def _refuse_pictures(header: FrameHeader, role: str) -> None:
-    """Refuse a picture wherever light is measured; of a chart it shows the shapes."""
+    """Refuse a JPEG or PNG image wherever light is measured; a chart may be one."""
     picture = _PICTURES.get(header.container)
     if picture is not None and role != "chart":
         raise InputRejected(
@@ -145,7 +190,7 @@ def _header_flags(header: FrameHeader, *, manual_required: bool) -> list[str]:
 
 
 def _chosen_by_camera(header: FrameHeader) -> bool:
-    """Say whether the file states automatic exposure; the mode speaks before the program."""
+    """Return True if the file states automatic exposure; the mode has priority over the program."""
     if header.exposure_mode is not None:
         return header.exposure_mode != "manual"
     return header.exposure_program not in (None, "manual", "not_defined")
@@ -170,7 +215,7 @@ def _find_exposure(header: FrameHeader, supplied: SuppliedExposure) -> dict[str,
 
 
 def _choose(name: str, candidates: list[tuple[float | None, str]]) -> _Value:
-    """Take the first plausible candidate; absent and zero say nothing."""
+    """Return the first plausible candidate; a missing value and zero are ignored."""
     stated = [_Value(number, origin) for number, origin in candidates if number]
     for value in stated:
         if is_plausible(name, value.number):

@@ -1,4 +1,4 @@
-"""Whether a dark frame saw light, by the black level that its file states."""
+"""Test of a dark frame for light against the black level that its file states."""
 
 from collections.abc import Mapping
 
@@ -19,7 +19,20 @@ _MOST_NAMES = 3
 def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: float) -> Reason | None:
     """Compare a dark frame's mean with the stated black level.
 
-    Reasons  dark_not_dark : fail, or warn where it may be the sensor's own dark current
+    Parameters
+    ----------
+    mean_dn : float
+        Mean of the frame's region [DN].
+    black_level_dn : float
+        Black level that the file states [DN]; 0 if it states none.
+    white_level_dn : float
+        White level [DN].
+
+    Returns
+    -------
+    Reason or None
+        `dark_not_dark`: fail, or warn if it may be the sensor's own dark current.
+        None if the frame is dark, or the file states no black level.
     """
     # a black level of zero is what a file has that states none
     if black_level_dn <= 0.0:
@@ -38,9 +51,19 @@ def inspect_black(mean_dn: float, *, black_level_dn: float, white_level_dn: floa
 
 
 def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
-    """Say that a fit rests on dark frames that are not dark; on none, nothing.
+    """Return the flag of a fit that uses dark frames that are not dark.
 
-    Flags  dark_not_dark
+    Parameters
+    ----------
+    found : mapping of str to Reason
+        Reason by name of the frame.
+    where : str
+        What the flag names, such as "iso 3200".
+
+    Returns
+    -------
+    list of Raised
+        `dark_not_dark`; empty if there is no such frame.
     """
     if not found:
         return []
@@ -48,7 +71,18 @@ def flag_not_dark(found: Mapping[str, Reason], where: str) -> list[Raised]:
 
 
 def name_not_dark(found: Mapping[str, Reason]) -> str:
-    """Name the frames, with the reason of the first."""
+    """Name the dark frames that are not dark, with the reason of the first.
+
+    Parameters
+    ----------
+    found : mapping of str to Reason
+        Reason by name of the frame, at least one.
+
+    Returns
+    -------
+    str
+        The first names in order, the number of the others, and one reason.
+    """
     names = sorted(found)
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     return f"{', '.join(names[:_MOST_NAMES])}{more}: {found[names[0]].detail}"

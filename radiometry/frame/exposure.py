@@ -1,4 +1,4 @@
-"""Exposure settings: what the file says, in nominal and in APEX values, and what follows from them."""
+"""Exposure settings of a file in nominal and in APEX values, and quantities derived from them."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,17 @@ SATURATION_RHS = 120.0
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """The three numbers that enter the equations, on one basis."""
+    """The three values that enter the equations, on one basis.
+
+    Attributes
+    ----------
+    exposure_time_s : float
+        Exposure time t [s].
+    f_number : float
+        F-number f.
+    iso : float
+        ISO value S.
+    """
 
     exposure_time_s: float
     f_number: float
@@ -28,11 +38,17 @@ class Settings:
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure:
-    """The exposure of a frame, with where each value came from.
+    """Exposure settings of one frame, each with its origin.
 
-    ``exposure_time_s``, ``f_number``, ``iso`` : nominal where the file has them
-    ``exposure_time_apex_s``, ``f_number_apex`` : 2^-Tv and 2^(Av/2), None where the file lacks them
-    ``*_origin`` : "exif" (nominal), "apex" (nominal missing), "supplied" (both missing; typed in)
+    Attributes
+    ----------
+    exposure_time_s, f_number, iso : float
+        Nominal values where the file has them; exposure time in seconds.
+    exposure_time_apex_s, f_number_apex : float or None, default: None
+        2^-Tv [s] and 2^(Av/2) from the APEX tags; None where the file lacks them.
+    exposure_time_origin, f_number_origin, iso_origin : str, default: "exif"
+        "exif" (nominal), "apex" (nominal value missing) or "supplied" (both
+        missing; entered by a user).
     """
 
     exposure_time_s: float
@@ -45,11 +61,25 @@ class Exposure:
     iso_origin: str = "exif"
 
     def on_basis(self, basis: str) -> Settings:
-        """Give the settings on the nominal or the APEX basis; where APEX is missing the nominal value stands.
+        """Return the settings on the nominal or the APEX basis.
 
-        The basis matters: f/11 stands for 2^3.5 = 11.314, 5.5 % in L; 1/60 s for 1/64 s, 6.7 %. Nominal is
-        the default: it is what a field team writes down, and K found with nominal values and applied with
-        nominal values carries the same error of a marking twice, in opposite directions.
+        Parameters
+        ----------
+        basis : {"nominal", "apex"}
+            Basis of exposure time and f-number. A missing APEX value is replaced by
+            the nominal one.
+
+        Returns
+        -------
+        Settings
+            The three settings on that basis.
+
+        Notes
+        -----
+        The basis matters: f/11 stands for 2^3.5 = 11.314, 5.5 % in L; 1/60 s for
+        1/64 s, 6.7 %. Nominal is the default: it is what a field team writes down.
+        A K that was fitted with nominal values and is applied with nominal values
+        contains the same error of a nominal value twice, in opposite directions.
         """
         time_s, f_number = self.exposure_time_s, self.f_number
         if basis == "apex":
@@ -59,12 +89,25 @@ class Exposure:
 
     @property
     def has_apex(self) -> bool:
-        """Whether both APEX values are known."""
+        """True if both APEX values are known."""
         return self.exposure_time_apex_s is not None and self.f_number_apex is not None
 
 
 def is_plausible(name: str, value: float) -> bool:
-    """Say whether an exposure value lies within PLAUSIBLE; NaN and infinity do not."""
+    """Return True if an exposure value lies within PLAUSIBLE; NaN and infinity do not.
+
+    Parameters
+    ----------
+    name : str
+        Key of PLAUSIBLE.
+    value : float
+        Value to check.
+
+    Returns
+    -------
+    bool
+        False outside the range.
+    """
     low, high = PLAUSIBLE[name]
     return math.isfinite(value) and low <= value <= high
 
@@ -72,7 +115,15 @@ def is_plausible(name: str, value: float) -> bool:
 def require_plausible(settings: Settings) -> None:
     """Refuse settings that no camera has.
 
-    Raises InputRejected(exposure_implausible)
+    Parameters
+    ----------
+    settings : Settings
+        Settings to check.
+
+    Raises
+    ------
+    InputRejected
+        `exposure_implausible` if one of them is outside PLAUSIBLE.
     """
     for name, (low, high) in PLAUSIBLE.items():
         value = getattr(settings, name)
@@ -84,18 +135,48 @@ def require_plausible(settings: Settings) -> None:
 
 
 def compute_rhs(settings: Settings, *, luminance_cd_m2: float) -> float:
-    """Give the right-hand side of the calibration equation, X = t S L / f^2 [cd*s/m2 times ISO].
+    """Compute the right-hand side of the calibration equation, X = t S L / f^2.
 
-    Source: the luminance procedure, equation 1.
+    Parameters
+    ----------
+    settings : Settings
+        Exposure time, ISO value and f-number.
+    luminance_cd_m2 : float
+        Luminance L [cd/m2].
+
+    Returns
+    -------
+    float
+        X [cd*s/m2 times ISO], equation 1 of the procedure [1]_.
+
+    References
+    ----------
+    .. [1] Standard operating procedure "Drone Camera Calibration", equation 1
     """
     return settings.exposure_time_s * settings.iso * luminance_cd_m2 / settings.f_number**2
 
 
 def expect_luminance_k(*, black_level_dn: float, white_level_dn: float) -> float:
-    """Give the luminance K that a camera rated by saturation has, K = (white - black) / 120 [DN*m2/(cd*s)].
+    """Compute the luminance K of a camera whose ISO value is rated by saturation.
 
-    ISO 12232 rates S so that the sensor saturates at H = 78 / S; with H = 0.65 t L / f^2 this is X = 120.
-    About 137 for 14 bits, 34 for 12, 2.1 for 8.
-    References ISO 12232:2019, saturation-based speed
+    Parameters
+    ----------
+    black_level_dn, white_level_dn : float
+        Black and white level [DN].
+
+    Returns
+    -------
+    float
+        K = (white - black) / 120 [DN*m2/(cd*s)]: about 137 for 14 bits, 34 for 12,
+        2.1 for 8.
+
+    Notes
+    -----
+    ISO 12232 [1]_ rates S so that the sensor saturates at H = 78 / S; with H = 0.65
+    t L / f^2 this is X = 120.
+
+    References
+    ----------
+    .. [1] ISO 12232:2019, saturation-based speed
     """
     return (white_level_dn - black_level_dn) / SATURATION_RHS

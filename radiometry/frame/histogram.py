@@ -1,4 +1,4 @@
-"""What a region looks like before it is fitted: how its raw numbers are spread, where they are clipped."""
+"""Histogram and clipping of a region before it is fitted."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +16,15 @@ _MOST_CELLS = 48
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelCounts:
-    """How many samples of a channel fall into each bin."""
+    """Histogram of one channel.
+
+    Attributes
+    ----------
+    channel : str
+        Name of the channel.
+    counts : tuple of int
+        Number of samples in each bin.
+    """
 
     channel: str
     counts: tuple[int, ...]
@@ -24,7 +32,15 @@ class ChannelCounts:
 
 @dataclass(frozen=True, kw_only=True)
 class Histogram:
-    """Counts in bins that all channels share: bin i begins at first_dn + i step_dn [DN]."""
+    """Counts in bins that all channels share; bin i begins at first_dn + i step_dn.
+
+    Attributes
+    ----------
+    first_dn, step_dn : int
+        Start of the first bin and width of each [DN].
+    channels : tuple of ChannelCounts
+        Counts of each channel.
+    """
 
     first_dn: int
     step_dn: int
@@ -33,7 +49,15 @@ class Histogram:
 
 @dataclass(frozen=True, kw_only=True)
 class ClippedCell:
-    """A cell that holds clipped samples; ``share`` of its pixels that belong to the region."""
+    """A cell that contains clipped samples.
+
+    Attributes
+    ----------
+    row, col : int
+        Position in the grid of cells.
+    share : float
+        Clipped fraction of its pixels that belong to the region, 0 to 1.
+    """
 
     row: int
     col: int
@@ -42,7 +66,17 @@ class ClippedCell:
 
 @dataclass(frozen=True, kw_only=True)
 class Clipping:
-    """Where a region is clipped: a grid of square cells from (row0_px, col0_px) of the frame."""
+    """Clipped parts of a region, in a grid of square cells.
+
+    Attributes
+    ----------
+    row0_px, col0_px : int
+        Corner of the grid in the frame [px].
+    cell_px : int
+        Side of a cell [px].
+    cells : tuple of ClippedCell
+        Cells with clipped samples.
+    """
 
     row0_px: int
     col0_px: int
@@ -51,15 +85,20 @@ class Clipping:
 
 
 def count_histogram(frame: Frame, inside: NDArray[np.bool_]) -> Histogram:
-    """Count a region's raw numbers per channel, in at most 128 bins of whole DN.
+    """Count a region's raw values per channel, in at most 128 bins of whole DN.
 
-    Takes
+    Parameters
     ----------
-      frame : window of the mosaic, (row, col) or (row, col, 3) uint16
-      inside : (row, col) bool, the region in the same window; at least one pixel
-    Returns
-      the channels that the region touches, in the order of `CHANNELS`; grey only of a grey image
+    frame : Frame
+        Window of the mosaic, (row, col) or (row, col, 3).
+    inside : ndarray of bool
+        Pixels of the region in the same window, at least one, (row, col).
 
+    Returns
+    -------
+    Histogram
+        Counts of the channels that the region touches, in the order of `CHANNELS`;
+        grey only for a grey image.
     """
     values = frame.samples_dn[inside]
     first_dn, last_dn = int(values.min()), int(values.max())
@@ -79,15 +118,20 @@ def count_histogram(frame: Frame, inside: NDArray[np.bool_]) -> Histogram:
 
 
 def map_clipping(frame: Frame, inside: NDArray[np.bool_]) -> Clipping:
-    """Find the cells of a region in which a sample reaches the white level of its own site.
+    """Find the cells of a region in which a sample reaches the white level of its own CFA position.
 
-    At most 48 cells along the longer side of the window. A pixel of a colour image is clipped when one of its
-    planes is.
-
-    Takes
+    Parameters
     ----------
-      as `count_histogram`
+    frame : Frame
+        Window of the mosaic, (row, col) or (row, col, 3).
+    inside : ndarray of bool
+        Pixels of the region in the same window, at least one, (row, col).
 
+    Returns
+    -------
+    Clipping
+        At most 48 cells along the longer side of the window. A pixel of a colour
+        image is clipped if one of its planes is.
     """
     height, width = inside.shape
     cell_px = max(1, math.ceil(max(height, width) / _MOST_CELLS))
@@ -112,7 +156,7 @@ _Plane = tuple[str, NDArray[np.uint16], NDArray[np.bool_], tuple[_Part, float]]
 
 
 def _planes(frame: Frame, inside: NDArray[np.bool_]) -> Iterator[_Plane]:
-    """Give each site's or plane's name, samples, which of them belong, where they lie, and their white."""
+    """Yield name, samples, membership, position and white level of each CFA position or plane."""
     white, whole = frame.white_level_dn, (slice(None), slice(None))
     if frame.cfa == "rgb":
         for index, name in enumerate("RGB"):

@@ -1,4 +1,4 @@
-"""Arrays as text: base64 of zlib of little-endian numbers, with their type and shape."""
+"""Arrays as text: base64 of zlib of little-endian values, with their type and shape."""
 
 import base64
 import math
@@ -14,9 +14,16 @@ _TYPES = ("<u2", "<i4", "<f2", "<f4")
 
 @dataclass(frozen=True, kw_only=True)
 class Packed:
-    """An array that survives JSON.
+    """An array that can be stored in JSON.
 
-    ``dtype`` : "<u2", "<i4", "<f2" or "<f4"; ``data`` : of the numbers in row-major order
+    Attributes
+    ----------
+    dtype : str
+        "<u2", "<i4", "<f2" or "<f4".
+    shape : tuple of int
+        Shape of the array.
+    data : str
+        Base64 of the compressed values in row-major order.
     """
 
     dtype: str
@@ -25,7 +32,20 @@ class Packed:
 
 
 def pack(array: NDArray[Any], *, dtype: str) -> Packed:
-    """Write an array as text; the same array gives the same text on one machine."""
+    """Write an array as text; the same array gives the same text on one machine.
+
+    Parameters
+    ----------
+    array : ndarray
+        Array to write.
+    dtype : str
+        Type in which it is stored, one of those of `Packed`.
+
+    Returns
+    -------
+    Packed
+        The array as text.
+    """
     plain = np.ascontiguousarray(array, np.dtype(dtype))
     text = base64.b64encode(zlib.compress(plain.tobytes(), level=6)).decode("ascii")
     return Packed(dtype=dtype, shape=plain.shape, data=text)
@@ -34,7 +54,20 @@ def pack(array: NDArray[Any], *, dtype: str) -> Packed:
 def unpack(packed: Packed) -> NDArray[np.float64]:
     """Read an array back, as float64.
 
-    Raises ValueError if type, shape and data do not belong together
+    Parameters
+    ----------
+    packed : Packed
+        Array as text.
+
+    Returns
+    -------
+    ndarray of float64
+        Array of the stored shape.
+
+    Raises
+    ------
+    ValueError
+        If type, shape and data do not belong together.
     """
     if packed.dtype not in _TYPES:
         raise ValueError(f"dtype {packed.dtype!r} is none of {', '.join(_TYPES)}")

@@ -1,4 +1,4 @@
-"""What vouches for the pixels of a frame."""
+"""Evidence that the pixels of a frame are complete."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -17,9 +17,18 @@ ends where it says and is as long as its samples need; "length" : the file has a
 
 @dataclass(frozen=True, kw_only=True)
 class PieceRun:
-    """Equal pieces (strips or tiles) that follow each other.
+    """Consecutive pieces (strips or tiles) of equal size.
 
-    ``consumed_bytes`` : of each, up to the end of its data; ``samples`` : that each gave
+    Attributes
+    ----------
+    pieces : int
+        Number of pieces.
+    stored_bytes : int
+        Stored bytes of each piece.
+    consumed_bytes : int
+        Bytes of each piece up to the end of its data.
+    samples : int
+        Samples decoded from each piece.
     """
 
     pieces: int
@@ -30,9 +39,16 @@ class PieceRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Proof:
-    """What was seen of a frame's pixels when all of them were read.
+    """Evidence collected while all pixels of a frame were read.
 
-    ``pieces`` : those of the first thousand runs, empty where LibRaw decoded the frame
+    Attributes
+    ----------
+    vouched_by : Voucher
+        Strongest check that the pixels passed.
+    wholeness : Wholeness
+        Result of the search for empty parts.
+    pieces : tuple of PieceRun
+        First thousand runs of pieces; empty if LibRaw decoded the frame.
     """
 
     vouched_by: Voucher
@@ -40,5 +56,16 @@ class Proof:
     pieces: tuple[PieceRun, ...] = field(default=())
 
     def describe_doubt(self, header: FrameHeader) -> str:
-        """Return what is to be doubted, as a sentence without its end; "" where nothing is."""
+        """Return the doubt about the pixels as a sentence without its full stop; "" if there is none.
+
+        Parameters
+        ----------
+        header : FrameHeader
+            Metadata of the frame.
+
+        Returns
+        -------
+        str
+            Description of the empty parts.
+        """
         return describe_empty(self.wholeness.empty, height_px=header.height_px, width_px=header.width_px)

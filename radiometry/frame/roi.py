@@ -25,18 +25,37 @@ _EDGE_SHIFT_PX = 1e-8
 class Polygon:
     """A simple polygon: x right, y down [px], origin at the visible area's top-left corner.
 
-    Pixel (row, col) has its centre at (x, y) = (col + 0.5, row + 0.5). ``points`` start at the smallest
-    (x, y) and run clockwise on the screen, whichever way they were given: one region, one text, one key.
-    Made by `Polygon.from_points` or `parse_imagej`, which refuse what is not a simple polygon.
+    Pixel (row, col) has its centre at (x, y) = (col + 0.5, row + 0.5). Polygons are
+    made by `Polygon.from_points` or `parse_imagej`, which refuse what is not a
+    simple polygon.
+
+    Attributes
+    ----------
+    points : tuple of tuple[float, float]
+        Corners (x, y) [px], from the smallest (x, y) and clockwise on the screen,
+        in whichever order they were given: one region has one text and one key.
     """
 
     points: tuple[tuple[float, float], ...]
 
     @classmethod
     def from_points(cls, points: Iterable[Sequence[float]]) -> "Polygon":
-        """Check points [px] and put them in canonical order; the closing point may be repeated.
+        """Check points and put them in canonical order.
 
-        Raises InputRejected(roi_invalid | roi_self_intersecting)
+        Parameters
+        ----------
+        points : iterable of sequence of float
+            Corners (x, y) [px]; the closing point may be repeated.
+
+        Returns
+        -------
+        Polygon
+            Polygon with canonical points.
+
+        Raises
+        ------
+        InputRejected
+            `roi_invalid` or `roi_self_intersecting`.
         """
         corners = _finite_points(points)
         area_px = _signed_area_px(np.array(corners))
@@ -57,13 +76,21 @@ class Polygon:
 
     @property
     def sha256(self) -> str:
-        """The key of the region: equal for every way of writing the same corners."""
+        """Key of the region: equal for every way of writing the same corners."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """A rectangle of whole pixels in the visible area."""
+    """A rectangle of whole pixels in the visible area.
+
+    Attributes
+    ----------
+    row0, col0 : int
+        First row and column [px].
+    height, width : int
+        Number of rows and columns [px].
+    """
 
     row0: int
     col0: int
@@ -72,9 +99,22 @@ class Window:
 
 
 def parse_imagej(text: str) -> Polygon:
-    """Read a recorded ImageJ macro call: `makePolygon(x1,y1,x2,y2,...)` or `makeRectangle(x,y,width,height)`.
+    """Read a recorded ImageJ macro call.
 
-    Raises InputRejected(roi_invalid | roi_self_intersecting)
+    Parameters
+    ----------
+    text : str
+        `makePolygon(x1,y1,x2,y2,...)` or `makeRectangle(x,y,width,height)`.
+
+    Returns
+    -------
+    Polygon
+        The region.
+
+    Raises
+    ------
+    InputRejected
+        `roi_invalid` or `roi_self_intersecting`.
     """
     call = _MACRO.fullmatch(text)
     if call is None:
@@ -101,10 +141,25 @@ def parse_imagej(text: str) -> Polygon:
 
 
 def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Window:
-    """Give the smallest window that holds every pixel of a polygon in a frame of height x width [px].
+    """Return the smallest window that contains every pixel of a polygon.
 
-    Raises InputRejected
-      roi_outside_frame if a corner leaves the frame, roi_empty if no pixel centre lies inside
+    Parameters
+    ----------
+    polygon : Polygon
+        Region in the frame.
+    height_px, width_px : int
+        Size of the frame [px].
+
+    Returns
+    -------
+    Window
+        Window within the frame.
+
+    Raises
+    ------
+    InputRejected
+        `roi_outside_frame` if a corner is outside the frame, `roi_empty` if no
+        pixel centre lies inside.
     """
     for x, y in polygon.points:
         if not (0.0 <= x <= width_px and 0.0 <= y <= height_px):
@@ -126,14 +181,31 @@ def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Windo
 
 
 def mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
-    """Say which pixels of a window belong to a polygon.
+    """Return the pixels of a window that belong to a polygon.
 
-    A pixel belongs when its centre does (even-odd rule along each row). Of centres exactly on an edge, those
-    on a right or upper edge belong and those on a left or lower edge do not: ImageJ's rule [1], so that
-    polygons sharing an edge share no pixel and miss none.
+    Parameters
+    ----------
+    polygon : Polygon
+        Region in the frame.
+    window : Window
+        Window that contains the region.
 
-    Returns (row, col) bool of the window's height and width
-    References [1] ImageJ, ij.process.PolygonFiller
+    Returns
+    -------
+    ndarray of bool
+        True for the pixels of the region, (row, col) with the window's height and
+        width.
+
+    Notes
+    -----
+    A pixel belongs to the polygon if its centre does (even-odd rule along each
+    row). Of centres exactly on an edge, those on a right or upper edge belong and
+    those on a left or lower edge do not. This is ImageJ's rule [1]_, so polygons
+    that share an edge share no pixel and miss none.
+
+    References
+    ----------
+    .. [1] ImageJ, ij.process.PolygonFiller
     """
     runs = _toggles(polygon, window)
     inside = np.arange(runs.size) % 2 == 1
@@ -141,7 +213,7 @@ def mask(polygon: Polygon, window: Window) -> NDArray[np.bool_]:
 
 
 def _toggles(polygon: Polygon, window: Window) -> NDArray[np.intp]:
-    """Give the lengths [px] of the runs outside, inside, outside, ... of the window read row by row."""
+    """Return the lengths [px] of the runs outside, inside, outside, ... of the window read row by row."""
     height, width = window.height, window.width
     x0, y0, x1, y1 = _edges_downwards(polygon)
     first = np.clip(np.ceil(y0 - 0.5) - window.row0, 0, height).astype(np.intp)
@@ -158,7 +230,7 @@ def _toggles(polygon: Polygon, window: Window) -> NDArray[np.intp]:
 
 
 def _edges_downwards(polygon: Polygon) -> tuple[NDArray[np.float64], ...]:
-    """Give x0, y0, x1, y1 of every edge with y0 <= y1: both owners of an edge compute the same crossings."""
+    """Return x0, y0, x1, y1 of every edge with y0 <= y1: both owners of an edge compute the same crossings."""
     start = np.array(polygon.points)
     stop = np.roll(start, -1, axis=0)
     upward = start[:, 1] > stop[:, 1]
@@ -206,15 +278,15 @@ def _finite_points(points: Iterable[Sequence[float]]) -> list[tuple[float, float
 
 
 def _signed_area_px(corners: NDArray[np.float64]) -> float:
-    """Shoelace area about the first corner: positive when the corners run clockwise on the screen."""
+    """Compute the shoelace area about the first corner: positive if the corners run clockwise on the screen."""
     x, y = (corners - corners[0]).T
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 def _refuse_self_intersection(corners: NDArray[np.float64]) -> None:
-    """Refuse crossing edges and corners that lie on an edge which is not theirs.
+    """Refuse crossing edges, and corners that lie on an edge of which they are not an end.
 
-    side[i, k] says on which side of edge i corner k lies.
+    The sign side[i, k] states on which side of edge i corner k lies.
     """
     start, stop = corners, np.roll(corners, -1, axis=0)
     run = (stop - start)[:, None, :]

@@ -1,4 +1,4 @@
-"""Statistics of a region, per channel, from an exact histogram; and the signal that a calibration uses."""
+"""Statistics of a region per channel from an exact histogram, and the signal that a calibration uses."""
 
 import math
 from collections.abc import Sequence
@@ -17,14 +17,33 @@ _LEVELS = 1 << 16
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelStatistics:
-    """One channel's raw numbers in a region [DN]; black is not subtracted.
+    """One channel's raw values in a region; black is not subtracted.
 
-    ``channel`` : R, G1 (green in a red row), G2 (green in a blue row), B of a mosaic; R, G, B of a rendered
-        colour image; ``grey`` is all samples together and always present
-    ``std_dn`` : sample standard deviation (n - 1), 0 for a single sample
-    ``median_dn`` : mean of the two middle samples when n is even
-    ``saturated_share`` : samples at or above the white level of their own site, of all samples
-    ``black_level_dn`` : mean over the samples; ``white_level_dn`` : lowest of the sites
+    Attributes
+    ----------
+    channel : str
+        R, G1 (green in a red row), G2 (green in a blue row), B of a mosaic; R, G, B
+        of a rendered colour image. `grey` is all samples together and always
+        present.
+    n : int
+        Number of samples.
+    min_dn, max_dn : int
+        Smallest and largest sample [DN].
+    mean_dn : float
+        Mean [DN].
+    median_dn : float
+        Median [DN]; the mean of the two middle samples if n is even.
+    std_dn : float
+        Sample standard deviation (n - 1) [DN]; 0 for a single sample.
+    saturated_share : float
+        Fraction of the samples at or above the white level of their own CFA
+        position.
+    zero_share : float
+        Fraction of the samples that are zero.
+    black_level_dn : float
+        Black level, mean over the samples [DN].
+    white_level_dn : float
+        Lowest white level of the CFA positions [DN].
     """
 
     channel: str
@@ -42,7 +61,17 @@ class ChannelStatistics:
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """The mean raw number of a region in the channel that a calibration uses, black included [DN]."""
+    """Mean raw value of a region in the channel that a calibration uses, black included.
+
+    Attributes
+    ----------
+    value_dn, standard_uncertainty_dn : float
+        Mean and its standard uncertainty [DN].
+    saturated_share : float
+        Largest saturated fraction of the rows that were used.
+    black_level_dn, white_level_dn : float
+        Black and white level [DN].
+    """
 
     value_dn: float
     standard_uncertainty_dn: float
@@ -53,7 +82,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class _Site:
-    """The samples of one CFA site or colour plane inside the region."""
+    """The samples of one CFA position or colour plane inside the region."""
 
     histogram: NDArray[np.intp]
     black_level_dn: float
@@ -61,18 +90,25 @@ class _Site:
 
 
 def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[ChannelStatistics, ...]:
-    """Count the samples of a region per channel.
+    """Compute the statistics of a region per channel.
 
-    All figures follow from integer histograms: exact, and the same in whatever order the samples come. The
-    CFA position of a sample is that in the visible area: a window may start with any of the four sites.
-
-    Takes
+    Parameters
     ----------
-      frame : window of the mosaic, (row, col) or (row, col, 3) uint16
-      inside : (row, col) bool, the region in the same window; at least one pixel
-    Returns
-      one row per channel that the region touches, then ``grey``
+    frame : Frame
+        Window of the mosaic, (row, col) or (row, col, 3).
+    inside : ndarray of bool
+        Pixels of the region in the same window, at least one, (row, col).
 
+    Returns
+    -------
+    tuple of ChannelStatistics
+        One row per channel that the region touches, then `grey`.
+
+    Notes
+    -----
+    All values follow from integer histograms: they are exact, and the same in
+    whatever order the samples come. The CFA position of a sample is that in the
+    visible area: a window may start with any of the four.
     """
     sites = [site for site in _read_sites(frame, inside) if site[1].histogram.any()]
     everything = _merge([site for _, site in sites])
@@ -83,29 +119,59 @@ def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[Channel
 
 
 def select_rows(statistics: Sequence[ChannelStatistics], *, channel: str) -> list[ChannelStatistics]:
-    """Give the rows of which the signal is made: those of ``channel``, or grey where the image has none."""
+    """Return the rows of which the signal is made.
+
+    Parameters
+    ----------
+    statistics : sequence of ChannelStatistics
+        Rows of a region.
+    channel : str
+        "green", "grey", or the name of one row.
+
+    Returns
+    -------
+    list of ChannelStatistics
+        The rows of `channel`, or grey if the image has none.
+    """
     wanted = ("G1", "G2", "G") if channel == "green" else (channel,)
     rows = [row for row in statistics if row.channel in wanted]
     return rows or [row for row in statistics if row.channel == GREY]
 
 
 def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "green") -> Signal:
-    """Give the signal of a region: the mean over both greens, or over one channel.
+    """Compute the signal of a region: the mean over both greens, or over one channel.
 
-    Green is closest to the eye's V(lambda); where the image has no green, grey takes its place. Both greens
-    count alike however many samples each has, so that a row more or less at the region's rim changes nothing.
-
-    Model: u^2 = std^2 / n + exp(-4 pi^2 s^2) / 12   per channel, with s^2 = max(0, std^2 - 1/12), the noise
-    before rounding [2]. The second term is the error of rounding to whole DN that noise does not average
-    out [1]: 1/12 without noise, nothing from 1 DN of noise on.
-
-    Takes
+    Parameters
     ----------
-      channel : "green", "grey", or the name of one row
-    References
-      [1] B. Widrow, I. Kollar, Quantization Noise, Cambridge 2008, chapter 4
-      [2] W. F. Sheppard, Proc. London Math. Soc. 29, 353, 1898
+    statistics : sequence of ChannelStatistics
+        Rows of a region.
+    channel : str, default: "green"
+        "green", "grey", or the name of one row.
 
+    Returns
+    -------
+    Signal
+        Mean and its standard uncertainty.
+
+    Notes
+    -----
+    Green is closest to the eye's V(lambda); if the image has no green, grey is
+    used. Both greens have equal weight however many samples each has, so that a row
+    more or less at the region's rim changes nothing.
+
+    The standard uncertainty per channel is, with s the noise before rounding [2]_::
+
+        u^2 = std^2 / n + exp(-4 pi^2 s^2) / 12        s^2 = max(0, std^2 - 1/12)
+
+    The second term is the error of rounding to whole DN that noise does not average
+    out [1]_: 1/12 without noise, nothing from 1 DN of noise on.
+
+    References
+    ----------
+    .. [1] B. Widrow, I. Kollar, Quantization Noise, Cambridge 2008, chapter 4,
+           doi:10.1017/CBO9780511754661
+    .. [2] W. F. Sheppard, Proc. London Math. Soc. 29, 353 (1898),
+           doi:10.1112/plms/s1-29.1.353
     """
     rows = select_rows(statistics, channel=channel)
     count = len(rows)
@@ -120,13 +186,26 @@ def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "g
 
 
 def mean_variance(std_dn: float, n: int) -> float:
-    """Give the variance of a mean of n rounded numbers [DN^2]: the model of `measure_signal`."""
+    """Compute the variance of a mean of rounded values, as in `measure_signal`.
+
+    Parameters
+    ----------
+    std_dn : float
+        Standard deviation of the values [DN].
+    n : int
+        Number of values.
+
+    Returns
+    -------
+    float
+        Variance of the mean [DN^2].
+    """
     noise_variance = max(0.0, std_dn**2 - 1 / 12)
     return std_dn**2 / n + math.exp(-4 * math.pi**2 * noise_variance) / 12
 
 
 def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Site]]:
-    """Give a histogram per site: three planes of a colour image, four sites of a mosaic, or one of a grey."""
+    """Return a histogram per CFA position: three planes of a colour image, four of a mosaic, or one of a grey."""
     black, white = frame.black_level_dn, frame.white_level_dn
     if frame.cfa == "rgb":
         planes = [frame.samples_dn[..., index][inside] for index in range(3)]
@@ -152,7 +231,20 @@ def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Sit
 
 
 def name_site(cfa: str, index: int) -> str:
-    """Name a site of the 2 x 2 pattern: a green is G1 when its row holds the red."""
+    """Return the name of a position of the 2 x 2 pattern.
+
+    Parameters
+    ----------
+    cfa : str
+        Four letters of the pattern.
+    index : int
+        Position in row-major order, 0 to 3.
+
+    Returns
+    -------
+    str
+        R, G1, G2 or B; a green is G1 if its row contains the red.
+    """
     if cfa[index] != "G":
         return cfa[index]
     return "G1" if cfa[index ^ 1] == "R" else "G2"
@@ -163,7 +255,7 @@ def _channel_order(named: tuple[str, _Site]) -> int:
 
 
 def _merge(sites: Sequence[_Site]) -> tuple[NDArray[np.intp], int, float, float]:
-    """Join sites: histogram, samples at or above their own white, mean black of the samples, lowest white."""
+    """Join positions: histogram, samples at or above their own white, mean black, lowest white."""
     counts = [int(site.histogram.sum()) for site in sites]
     saturated = sum(int(site.histogram[_first_saturated(site.white_level_dn) :].sum()) for site in sites)
     black = math.fsum(count * site.black_level_dn for count, site in zip(counts, sites, strict=True)) / sum(
@@ -180,7 +272,7 @@ def _first_saturated(white_level_dn: float) -> int:
 def _summarise(
     channel: str, histogram: NDArray[np.intp], saturated: int, black_level_dn: float, white_level_dn: float
 ) -> ChannelStatistics:
-    """Read every figure off a histogram, in whole numbers up to the last division."""
+    """Compute every statistic from a histogram, in whole numbers up to the last division."""
     values = np.flatnonzero(histogram)
     counts = histogram[values]
     n = int(counts.sum())

@@ -1,4 +1,4 @@
-"""What a field team is told of a frame while it is still on site: pass, warn, fail or pending, and why."""
+"""Verdicts on a frame for a field team on site: pass, warn, fail or pending, with the reasons."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -18,13 +18,14 @@ _FIELD = "field"
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What follows from all reasons together; without any, "pass".
+    """Verdict from all reasons together; "pass" if there are none.
 
     Attributes
     ----------
+    outcome : Outcome
+        Outcome of the gravest reason.
     reasons : tuple of Reason
-        The gravest first.
-
+        Reasons, the gravest first.
     """
 
     outcome: Outcome
@@ -33,16 +34,34 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True)
 class ReviewedFrame:
-    """A frame as its campaign knows it at a moment.
+    """State of a frame in its campaign at one moment.
 
-    ``frame`` : its name, unique in the campaign; ``role`` : "light", "dark", ...
-    ``state`` : received | read | extracted | refused; ``refusal`` : the sentence of a refused frame, else ""
-    ``flags`` : those raised when it was accepted, and the code of a region that did not do
-    ``format`` : of a frame that has been read, else None
-    ``region`` : the polygon that holds for it now, None where nobody has drawn one
-    ``needs_region`` : False for a frame that is measured as a whole where none is drawn
-    ``roles`` : those that its campaign's method looks at; empty: all
-    ``told`` : False while nobody has said what is photographed, and the method must know
+    Attributes
+    ----------
+    frame : str
+        Name of the frame, unique in the campaign.
+    role : str
+        "light", "dark" and so on.
+    scene : str or None
+        Name of what the frame shows, if it was given.
+    state : str
+        "received", "read", "extracted" or "refused".
+    refusal : str
+        Message of a refused frame, else "".
+    flags : tuple of str
+        Flags raised when the frame was accepted, and the code of a region that
+        could not be used.
+    format : Format or None
+        Format of a frame that has been read, else None.
+    region : Polygon or None
+        Polygon that applies to it now; None if none is drawn.
+    needs_region : bool, default: True
+        False for a frame that is measured as a whole if no region is drawn.
+    roles : frozenset of str, optional
+        Roles that the method of its campaign uses; empty for all.
+    told : bool, default: True
+        False if what is photographed has not been described and the method needs
+        it.
     """
 
     frame: str
@@ -59,13 +78,36 @@ class ReviewedFrame:
 
 
 def conclude(reasons: Iterable[Reason]) -> Verdict:
-    """Draw the verdict from reasons, the gravest first; of equals the order stays."""
+    """Derive the verdict from reasons.
+
+    Parameters
+    ----------
+    reasons : iterable of Reason
+        Reasons of one frame.
+
+    Returns
+    -------
+    Verdict
+        Verdict with the gravest reason first; equally grave reasons keep their
+        order.
+    """
     ordered = tuple(sorted(reasons, key=lambda reason: -_RANKS.index(reason.outcome)))
     return Verdict(outcome=ordered[0].outcome if ordered else "pass", reasons=ordered)
 
 
 def give_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
-    """Give the whole frame for its region where none is drawn and one is needed."""
+    """Return the frame with the whole image as its region if none is drawn and one is needed.
+
+    Parameters
+    ----------
+    frame : ReviewedFrame
+        Frame in review.
+
+    Returns
+    -------
+    ReviewedFrame
+        The frame, unchanged if it has a region, needs none, or has not been read.
+    """
     if frame.region is not None or frame.format is None or not frame.needs_region:
         return frame
     width, height = frame.format[:2]
@@ -73,18 +115,38 @@ def give_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
 
 
 def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
-    """Give the format that most frames of a campaign have; of equally many, the smallest by its numbers."""
+    """Return the format that most frames of a campaign have.
+
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        Frames in review.
+
+    Returns
+    -------
+    Format or None
+        The most frequent format; of equally many, the smallest by its numbers. None
+        if no frame has been read.
+    """
     counts = Counter(frame.format for frame in frames if frame.format is not None and not frame.refusal)
     return min(counts, key=lambda form: (-counts[form], form), default=None)
 
 
 def inspect_frames(frames: Sequence[ReviewedFrame]) -> dict[str, list[Reason]]:
-    """Say what can be said of frames of any role and method before their statistics are looked at.
+    """Check frames of any role and method before their statistics are used.
 
-    Reasons
-      refused, roi_unfit : fail; role_unused, exposure_not_manual, rendered : warn;
-      not_read, no_region, not_extracted : pending;
-      format_differs : fail where frames of another format share the frame's region, else warn
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        All frames of the campaign.
+
+    Returns
+    -------
+    dict of str to list of Reason
+        Reasons by name of the frame. Fail: `refused`, `roi_unfit`. Warn:
+        `role_unused`, `exposure_not_manual`, `rendered`. Pending: `not_read`,
+        `no_region`, `not_extracted`. `format_differs`: fail if frames of another
+        format share the frame's region, else warn.
     """
     sharing: dict[Polygon | None, list[ReviewedFrame]] = {}
     for frame in frames:
@@ -98,7 +160,18 @@ def inspect_frames(frames: Sequence[ReviewedFrame]) -> dict[str, list[Reason]]:
 
 
 def inspect_frame(frame: ReviewedFrame) -> list[Reason]:
-    """Say what can be said of one frame by itself: all that `inspect_frames` says, but for format_differs."""
+    """Check one frame without the others.
+
+    Parameters
+    ----------
+    frame : ReviewedFrame
+        Frame in review.
+
+    Returns
+    -------
+    list of Reason
+        The reasons of `inspect_frames` except `format_differs`.
+    """
     if frame.state == "refused":
         return [shared.REFUSED.reason(frame.refusal)]
     if frame.format is None:
@@ -127,7 +200,7 @@ def inspect_frame(frame: ReviewedFrame) -> list[Reason]:
 
 
 def _inspect_role(frame: ReviewedFrame) -> list[Reason]:
-    """Say so of a frame that no fit will see; a field frame is there to be measured."""
+    """Return a reason for a frame that no fit will use; a field frame is there to be measured."""
     if not frame.roles or frame.role in {*frame.roles, _FIELD}:
         return []
     wanted = " and ".join(sorted(frame.roles))

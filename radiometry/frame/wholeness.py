@@ -1,4 +1,4 @@
-"""Whether a part of an image is missing: blocks of zeros, or of values that no noise explains."""
+"""Search for missing parts of an image: blocks of zeros, or of values that no noise explains."""
 
 import math
 from collections.abc import Iterator
@@ -29,7 +29,15 @@ _MOST_BLOCKS = 16
 
 @dataclass(frozen=True, kw_only=True)
 class EmptyBlock:
-    """Rows [row0, row0 + rows) and columns [col0, col0 + cols) of the visible area."""
+    """Rows [row0, row0 + rows) and columns [col0, col0 + cols) of the visible area.
+
+    Attributes
+    ----------
+    row0, col0 : int
+        First row and column.
+    rows, cols : int
+        Number of rows and columns.
+    """
 
     row0: int
     col0: int
@@ -39,17 +47,18 @@ class EmptyBlock:
 
 @dataclass(frozen=True, kw_only=True)
 class Wholeness:
-    """What every row of an image showed.
+    """Statistics of every row of an image.
 
     Attributes
     ----------
     group_rows : int
-        Rows that each of the following shares is of, from the top; the last group may have fewer.
+        Rows that each of the following fractions covers, from the top; the last
+        group may have fewer.
     zero_share, below_share : tuple of float
-        Samples at the smallest value that a sample can hold, and below half of the black level.
+        Fractions of samples at the smallest value that a sample can hold, and below
+        half of the black level.
     empty : tuple of EmptyBlock
-        Where data is probably missing; empty for an image of which nothing is doubted.
-
+        Blocks where data is probably missing; empty for an image without doubt.
     """
 
     group_rows: int
@@ -59,7 +68,20 @@ class Wholeness:
 
 
 def describe_empty(blocks: tuple[EmptyBlock, ...], *, height_px: int, width_px: int) -> str:
-    """Return where an image is empty, as a sentence without its end; "" where it is not."""
+    """Return where an image is empty, as a sentence without its full stop.
+
+    Parameters
+    ----------
+    blocks : tuple of EmptyBlock
+        Empty blocks.
+    height_px, width_px : int
+        Size of the image [px].
+
+    Returns
+    -------
+    str
+        Rows, columns and fraction of the image; "" if there is no empty block.
+    """
     if not blocks:
         return ""
     share = sum(block.rows * block.cols for block in blocks) / (height_px * width_px)
@@ -71,23 +93,23 @@ def describe_empty(blocks: tuple[EmptyBlock, ...], *, height_px: int, width_px: 
 
 
 class WholenessCheck:
-    """Looks at the rows of an image as they come, from the top.
+    """Check of the rows of an image as they are read, from the top.
 
     Parameters
     ----------
     height_px, width_px : int
-        Of the visible area.
+        Size of the visible area [px].
     channels : int
         Samples of a pixel: 1 of a mosaic, 3 of an RGB image.
     black_dn : float
-        The smallest black level of any site.
+        Smallest black level of any CFA position [DN].
     lowest_dn : float
-        The smallest value that a sample can hold: 0, or the first of the linearization table.
+        Smallest value that a sample can hold [DN]: 0, or the first of the
+        linearization table.
     rendered : bool
-        The image was made by a converter, which may have set it in black.
-    doubts_black : bool
-        False: nothing is said to be missing, whatever is black.
-
+        True if a converter made the image, and may have set it in black.
+    doubts_black : bool, default: True
+        False to report nothing as missing, whatever is black.
     """
 
     def __init__(
@@ -119,7 +141,15 @@ class WholenessCheck:
         self._belows = np.zeros(height_px, np.int64)
 
     def add(self, row0: int, samples: NDArray[np.uint16]) -> None:
-        """Look at the next rows: (row, col) or (row, col, channel)."""
+        """Check the next rows.
+
+        Parameters
+        ----------
+        row0 : int
+            Number of the first of these rows.
+        samples : ndarray of uint16
+            Raw values [DN], (row, col) or (row, col, channel).
+        """
         flat = samples.reshape(len(samples), self._width)
         # nearly every row of nearly every frame holds nothing that is looked for: that is told in one pass
         low = np.flatnonzero(flat.min(axis=1) <= max(self._limit, self._below))
@@ -136,7 +166,7 @@ class WholenessCheck:
         self._empty[at] = np.maximum.reduceat(rows, self._starts, axis=1) <= self._limit
 
     def conclude(self) -> Wholeness:
-        """Draw the conclusion when all rows have been seen."""
+        """Return the result after all rows have been added."""
         group = max(1, -(-self._height // _MOST_GROUPS))
         return Wholeness(
             group_rows=group,
@@ -175,9 +205,10 @@ class WholenessCheck:
             )
 
     def _begins_amid_a_row(self, row0: int, row_end: int) -> bool:
-        """Return True if a row beside is lit up to where the damage begins, or from where it ends.
+        """Return True if a neighbouring row is lit up to where the damage begins, or from where it ends.
 
-        Only asked of a row beyond which nothing is lit either: any other one has a whole row beside it.
+        Only called for a row beyond which nothing is lit either: any other one has
+        a whole row beside it.
         """
         lit = self._width - self._zeros
         before, after = row0 - 1, row_end
@@ -189,7 +220,7 @@ class WholenessCheck:
         return bool(alone and lit[after] >= max(_FEWEST_LEFT_PX, _LIT_SHARE * reach))
 
     def _end(self, span_end: int) -> int:
-        """The last span holds what is left of the row."""
+        """Return the end of a span; the last span contains the rest of the row."""
         return self._width if span_end == len(self._starts) else int(self._starts[span_end])
 
 
@@ -198,7 +229,7 @@ _Box = tuple[int, int, int, int]
 
 
 def _find_rows(empty: NDArray[np.bool_]) -> Iterator[_Box]:
-    """Find the rows with an empty span, but for what a sensor or its driver may leave."""
+    """Find the rows with an empty span, except those that a sensor or its driver may leave."""
     for row0, row_end in _find_runs(empty.any(axis=1)):
         part = empty[row0:row_end]
         whole = bool(part.all())
