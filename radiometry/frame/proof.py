@@ -7,11 +7,11 @@ from radiometry.frame import FrameHeader
 from radiometry.frame.wholeness import Wholeness, describe_empty
 
 Voucher = Literal["digest", "checksum", "end", "length", "libraw"]
-"""What says that the samples are those that the camera wrote, the strongest first.
+"""Check that shows that the samples are those that the camera wrote, the strongest first.
 
-"digest" : the file's own, of all samples; "checksum" : of each compressed piece; "end" : each piece
-ends where it says and is as long as its samples need; "length" : the file has a byte for each sample;
-"libraw" : LibRaw's word
+"digest" is the file's own digest of all samples, and "checksum" one of each compressed piece. "end": each
+piece ends where it states and is as long as its samples need. "length": the file has a byte for each sample.
+"libraw": LibRaw reported success.
 """
 
 

@@ -230,7 +230,7 @@ def _toggles(polygon: Polygon, window: Window) -> NDArray[np.intp]:
 
 
 def _edges_downwards(polygon: Polygon) -> tuple[NDArray[np.float64], ...]:
-    """Return x0, y0, x1, y1 of every edge with y0 <= y1: both owners of an edge compute the same crossings."""
+    """Return x0, y0, x1, y1 of every edge with y0 <= y1: both owners compute the same crossings."""
     start = np.array(polygon.points)
     stop = np.roll(start, -1, axis=0)
     upward = start[:, 1] > stop[:, 1]
@@ -278,7 +278,7 @@ def _finite_points(points: Iterable[Sequence[float]]) -> list[tuple[float, float
 
 
 def _signed_area_px(corners: NDArray[np.float64]) -> float:
-    """Compute the shoelace area about the first corner: positive if the corners run clockwise on the screen."""
+    """Compute the shoelace area about the first corner: positive if clockwise on the screen."""
     x, y = (corners - corners[0]).T
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 

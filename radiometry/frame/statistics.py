@@ -205,7 +205,7 @@ def mean_variance(std_dn: float, n: int) -> float:
 
 
 def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Site]]:
-    """Return a histogram per CFA position: three planes of a colour image, four of a mosaic, or one of a grey."""
+    """Return a histogram per plane of a colour image, per CFA position of a mosaic, or one of a grey."""
     black, white = frame.black_level_dn, frame.white_level_dn
     if frame.cfa == "rgb":
         planes = [frame.samples_dn[..., index][inside] for index in range(3)]
