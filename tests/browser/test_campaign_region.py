@@ -81,7 +81,7 @@ def test_a_region_that_was_found_says_so_and_gives_way_to_a_drawn_one(page, team
     look(page, "campaign-found")
     page.get_by_role("button", name="Rectangle").click()
     page.get_by_role("button", name="Only for this frame").click()
-    expect(region).to_contain_text("own region. To take another")
+    expect(region).to_contain_text("own region is shown. To replace it")
     assert team.client.frame(sent.id).raw["roi_origin"] == "drawn"
 
 

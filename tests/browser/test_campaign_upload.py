@@ -48,7 +48,7 @@ def test_what_the_service_has_is_not_sent_again(page, team, campaign, files):
         lambda asked: asked.method == "POST" and UPLOADS.search(asked.url) and sent.append(asked.url),
     )
     choose(page, files[:2])
-    expect(page.get_by_text("1 there already: not sent")).to_be_visible()
+    expect(page.get_by_text("1 already there, not sent")).to_be_visible()
     page.get_by_role("button", name="Send 1 file").click()
     expect(page.get_by_text("1 of 1 received")).to_be_visible()
     assert len(sent) == 1
@@ -112,7 +112,7 @@ def test_a_reload_goes_on_where_it_was(page, team, campaign, files):
     page.get_by_role("button", name="Send 3 files").click()
     page.wait_for_function(KEPT, arg=len(files))
     page.reload()
-    expect(page.get_by_text("Going on with 3 files of an earlier visit")).to_be_visible()
+    expect(page.get_by_text("Resuming 3 files of an earlier session")).to_be_visible()
     # what is held goes on its way
     page.unroute_all()
     expect(page.get_by_text("3 of 3 received")).to_be_visible()
