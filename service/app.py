@@ -111,17 +111,17 @@ def _install_database_problem(app: FastAPI) -> None:
             error = differs
         log.warning("the database cannot be used: %s", summarise(error))
         if is_full(error):
-            detail = "The service has no room left to keep this. Try again later."
+            detail = "The service has no space left to store this. Try again later."
             return problems.answer(
                 Problem(507, HttpCode.STORAGE_FULL, detail, retryable=True, headers={"Retry-After": "10"})
             )
         if isinstance(error, SchemaDiffers):
             code, detail = (
                 HttpCode.SCHEMA_MISMATCH,
-                "The database has another version's schema. Try again later.",
+                "The database has the schema of another version. Try again later.",
             )
         else:
-            code, detail = HttpCode.DATABASE_UNAVAILABLE, "The database does not answer just now. Try again."
+            code, detail = HttpCode.DATABASE_UNAVAILABLE, "The database does not answer. Try again."
         return problems.answer(Problem(503, code, detail, retryable=True, headers={"Retry-After": "1"}))
 
 

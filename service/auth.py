@@ -96,7 +96,7 @@ def require_csrf_token(request: Request, context: Context, given: str) -> None:
 def require(caller: Caller, scope: Scope) -> None:
     """Refuse who lacks a scope."""
     if scope not in caller.scopes:
-        detail = f"This needs a key with the scope {scope!r}; yours lacks it."
+        detail = f"This needs a key with the scope {scope!r}, which your key does not have."
         raise Problem(403, HttpCode.SCOPE_MISSING, detail)
 
 

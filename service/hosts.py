@@ -102,5 +102,8 @@ def _without_port(host: str) -> str:
 
 
 def _refuse() -> Problem:
-    detail = "This service has other names: its operator lists them in STILB_ALLOWED_HOSTS."
+    detail = (
+        "This service does not answer under this host name. The operator lists its names in "
+        "STILB_ALLOWED_HOSTS."
+    )
     return Problem(421, HttpCode.HOST_NOT_ALLOWED, detail)

@@ -1,4 +1,4 @@
-"""Every way the service says no: application/problem+json with a stable code (docs/errors.md)."""
+"""Problems: every refusal of the service, as application/problem+json with a stable code (docs/errors.md)."""
 
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
@@ -19,7 +19,7 @@ from store.usage import QuotaExceeded
 
 
 class HttpCode(StrEnum):
-    """Codes that only the HTTP side gives; those of the science and of the decoder pass through it."""
+    """Codes of the HTTP interface only. Codes of the science and of the decoder are passed through."""
 
     UNAUTHENTICATED = "unauthenticated"
     SCOPE_MISSING = "scope_missing"
@@ -159,7 +159,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(Exception)
     async def unexpected(_request: Request, _error: Exception) -> JSONResponse:
-        detail = "This is our fault; it has been logged. Try again, and tell the operator if it stays."
+        detail = "Internal error. It has been logged. Try again, and tell the operator if it persists."
         return _answer(problem_body(500, HttpCode.INTERNAL_ERROR, detail, retryable=True))
 
 
@@ -168,15 +168,16 @@ def _of_the_framework(request: Request, error: HTTPException) -> Problem:
     headers = dict(error.headers or {})
     match error.status_code:
         case 404:
-            detail = "There is nothing at this address; /docs lists what there is."
+            detail = "This address does not exist; /docs lists all addresses."
             return Problem(404, HttpCode.NOT_FOUND, detail)
         case 405:
             allowed = ", ".join(request.app.state.addresses.methods_of(request.scope["path"]))
-            detail = f"This address does not take {request.method}; it takes {allowed}."
+            detail = f"This address does not accept {request.method}; it accepts {allowed}."
             return Problem(405, HttpCode.METHOD_NOT_ALLOWED, detail, headers={"Allow": allowed})
         case _:
             detail = (
-                "The body cannot be read: send JSON in UTF-8, without endless nesting or endless numbers."
+                "The body cannot be read: send JSON in UTF-8, without excessive nesting or excessively "
+                "long numbers."
             )
             return Problem(error.status_code, HttpCode.BAD_REQUEST, detail, headers=headers)
 
@@ -185,11 +186,12 @@ def over_quota(error: QuotaExceeded) -> Problem:
     """Build the problem of a quota, with its number; waiting jobs become fewer on their own, files do not."""
     passes = error.quota == "jobs_waiting"
     what = error.quota.replace("_", " ")
-    advice = "Wait until some are done." if passes else "Ask the operator of the service for more room."
+    advice = "Wait until some are done." if passes else "Ask the operator of the service for more space."
     return Problem(
         429 if passes else 507,
         HttpCode.QUOTA_EXCEEDED,
-        f"Your organisation may have {error.limit} {what} and has {error.used}; this is more. {advice}",
+        f"Your organisation may have {error.limit} {what} and has {error.used}; this request exceeds it. "
+        f"{advice}",
         retryable=True,
         headers={"Retry-After": "10" if passes else "60"},
         quota=error.quota,

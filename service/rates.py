@@ -43,7 +43,7 @@ class Rates:
         raise Problem(
             429,
             HttpCode.TOO_MANY_REQUESTS,
-            f"You may send {self._per_minute} requests a minute, and has sent {math.ceil(used)}: "
+            f"You may send {self._per_minute} requests a minute, and have sent {math.ceil(used)}: "
             f"send this one again in {wait_s} s.",
             retryable=True,
             headers={"Retry-After": str(wait_s)},

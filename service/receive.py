@@ -49,14 +49,15 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
                 raise Problem(
                     422,
                     HttpCode.DIGEST_MISMATCH,
-                    f"The file arrived as SHA-256 {writer.sha256}, announced was {expected}. Send it again.",
+                    f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
+                    "Send it again.",
                     retryable=True,
                 )
             await run_in_threadpool(admit, writer.sha256, writer.size_bytes)
             return Received(blob=await run_in_threadpool(writer.commit), filename=filename)
     except StorageFull as error:
         raise Problem(
-            507, HttpCode.STORAGE_FULL, "The service has no room left for this file.", retryable=True
+            507, HttpCode.STORAGE_FULL, "The service has no space left for this file.", retryable=True
         ) from error
     except StorageUnavailable as error:
         raise storage_unavailable() from error
@@ -64,7 +65,7 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
         raise Problem(
             400,
             HttpCode.UPLOAD_INCOMPLETE,
-            "The connection broke before the end of the file.",
+            "The connection was lost before the end of the file.",
             retryable=True,
         ) from error
 
@@ -185,13 +186,13 @@ def _bad_digest() -> Problem:
     return Problem(
         400,
         HttpCode.BAD_REQUEST,
-        "The announced hash is no SHA-256: X-Content-SHA256 takes 64 hex digits, Repr-Digest sha-256.",
+        "The announced hash is not a SHA-256: X-Content-SHA256 takes 64 hex digits, Repr-Digest sha-256.",
     )
 
 
 def _bad_form(why: str, *, retryable: bool = False) -> Problem:
     code = HttpCode.UPLOAD_INCOMPLETE if retryable else HttpCode.BAD_REQUEST
-    return Problem(400, code, f"The multipart form is not usable: {why}.", retryable=retryable)
+    return Problem(400, code, f"The multipart form cannot be used: {why}.", retryable=retryable)
 
 
 def _too_large(max_bytes: int) -> Problem:

@@ -17,8 +17,8 @@ def warn_of_gaps(session: Session, calibration: Calibration) -> list[Gap]:
         raise Problem(
             409,
             HttpCode.CERTIFICATE_INCOMPLETE,
-            "Your organisation publishes no version whose certificate lacks what ISO/IEC 17025 asks for. "
-            f"Fill this in, then publish again: {' '.join(gap.message for gap in gaps)}",
+            "Your organisation refuses to publish a version whose certificate lacks items of ISO/IEC 17025. "
+            f"Add them, then publish again: {' '.join(gap.message for gap in gaps)}",
             gaps=[gap.dump() for gap in gaps],
         )
     return gaps

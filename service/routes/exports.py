@@ -189,9 +189,7 @@ def _owned(session: Session, calibration_id: str, caller: Caller, method: str) -
     if calibration.method != method:
         known = EXPORTS.get(calibration.method, ())
         which = f"its exports are {', '.join(known)}" if known else "it has none"
-        raise Problem(
-            404, HttpCode.NOT_FOUND, f"A version of {calibration.method} has no such export: {which}."
-        )
+        raise Problem(404, HttpCode.NOT_FOUND, f"A {calibration.method} version has no export {which}.")
     return calibration
 
 

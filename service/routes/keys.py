@@ -25,11 +25,13 @@ router = APIRouter(prefix="/v1", tags=["keys"])
 def create_organisation(body: NewOrganisation, caller: Admin, writing: Writes) -> Response:
     """Found an organisation; its first key is shown once. Only the operator's admins may."""
     if not caller.operator:
-        raise Problem(403, HttpCode.SCOPE_MISSING, "Only an admin of the operator founds organisations.")
+        raise Problem(
+            403, HttpCode.SCOPE_MISSING, "Only an administrator of the operator can create organisations."
+        )
 
     def change(session: Session) -> Reply:
         if session.scalar(select(Organisation).where(Organisation.name == body.name)):
-            raise Problem(409, HttpCode.CONFLICT, f"There is an organisation {body.name!r} already.")
+            raise Problem(409, HttpCode.CONFLICT, f"The organisation {body.name!r} exists already.")
         organisation = Organisation(name=body.name)
         session.add(organisation)
         session.flush()

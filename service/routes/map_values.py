@@ -39,7 +39,7 @@ def get_measurement_map_values(
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
         raise Problem(404, HttpCode.NOT_FOUND, detail)
     if isinstance(get_method(row.method).application, PictureApplication):
-        detail = "An undistorted picture is no map of values: take its map.tif."
+        detail = "An undistorted image is not a map of values: use its map.tif."
         raise Problem(404, HttpCode.NOT_FOUND, detail)
     tag = f"{row.map_tif_sha256}-{row.content_sha256[:16]}-{asked.tag}"
     unchanged = not_modified(request, tag)

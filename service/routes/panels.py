@@ -37,7 +37,7 @@ def create_panel(body: NewPanel, caller: Calibrator, writing: Writes) -> Respons
             raise Problem(
                 409,
                 HttpCode.PANEL_DIFFERS,
-                f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other figures: "
+                f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other values: "
                 "a measurement does not change. Send the day of the new measurement with the new figures.",
             )
         return Reply(status=201 if new else 200, body=PanelAnswer.restate(panel))
