@@ -1,0 +1,42 @@
+"""A method is one package and one name in the tuple: a seventh goes all the way with nothing else edited."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+from tests.support.compose import ROOT
+
+SEVENTH = ROOT / "tests" / "seventh"
+
+
+def test_a_seventh_method_is_one_package_and_one_name(tmp_path):
+    tree = tmp_path / "tree"
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True)
+    for name in filter(None, listed.stdout.split("\0")):
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, tree / name)
+    shutil.copytree(SEVENTH / "brightness", tree / "radiometry" / "brightness")
+    shutil.copy(SEVENTH / "brightness.md", tree / "docs")
+    methods = tree / "radiometry" / "methods" / "__init__.py"
+    text = methods.read_text(encoding="utf-8")
+    text = text.replace("from radiometry import ", "from radiometry import brightness, ", 1)
+    methods.write_text(
+        text.replace("    noise.SPEC,\n", "    noise.SPEC,\n    brightness.SPEC,\n", 1), "utf-8"
+    )
+    pages = [f"tests/docs/test_{name}.py" for name in ("tables", "docs")]
+    for words in (
+        ["docs/tables.py"],  # what `make tables` runs: it writes what is derived
+        ["-m", "tests.seventh.steps"],
+        ["-m", "pytest", "-q", "-p", "no:cacheprovider", *pages],
+    ):
+        done = subprocess.run(
+            [sys.executable, *words],
+            cwd=tree,
+            env=os.environ | {"PYTHONPATH": str(tree), "PYTEST_ADDOPTS": ""},
+            capture_output=True,
+            text=True,
+            timeout=240,
+            check=False,
+        )
+        assert done.returncode == 0, f"{words}: {done.stdout[-3000:]}{done.stderr[-3000:]}"
