@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from radiometry.drawing.sheet import Axis, bar, dot, finish, place
 from radiometry.findings import InputRejected, Raised, flag, shared
-from radiometry.fitting.evidence import Exclusion, Extracted, Figure, FrameEvidence
+from radiometry.fitting.evidence import CoefficientValue, Exclusion, Extracted, FrameEvidence
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import compute_statistics, measure_signal
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
@@ -133,10 +133,10 @@ def _average(iso: float, values: Sequence[float]) -> IsoFit:
     return IsoFit(iso=iso, brightness_dn=mean, standard_uncertainty_dn=math.sqrt(variance / len(values)))
 
 
-def list_coefficients(fitted: Fit) -> tuple[Figure, ...]:
+def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     """Return the brightness of each ISO value."""
     return tuple(
-        Figure(
+        CoefficientValue(
             name="brightness_dn",
             value=each.brightness_dn,
             standard_uncertainty=each.standard_uncertainty_dn,
