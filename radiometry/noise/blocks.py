@@ -1,4 +1,4 @@
-"""What one frame says of noise: a square of raw samples from the middle of its region, channel by channel."""
+"""Square of raw samples from the middle of a frame's region, by channel."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,11 +22,27 @@ SMALLEST_SIDE = 16
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelBlock:
-    """A square of one channel's raw samples, black included.
+    """Square of raw samples of one channel, black included.
 
-    ``channel`` : R, G1, G2, B of a mosaic; R, G, B of a rendered image; grey; a multispectral band's name
-    ``row0, col0`` : of its first sample in the visible area; ``step`` : to the next sample of the channel
-    ``clipped_share`` : samples at or above the white level; ``zero_share`` : samples that are 0
+    Attributes
+    ----------
+    channel : str
+        R, G1, G2, B for a mosaic; R, G, B for a rendered image; grey; or the name of a
+        multispectral band.
+    row0, col0 : int
+        Position of its first sample in the visible area [px].
+    step : int
+        Distance to the next sample of the channel [px].
+    samples_dn : Packed
+        Raw samples [DN].
+    clipped_share : float
+        Fraction of samples at or above the white level.
+    zero_share : float
+        Fraction of samples that are 0.
+    black_level_dn : float
+        Black level [DN].
+    white_level_dn : float
+        White level [DN].
     """
 
     channel: str
@@ -51,12 +67,31 @@ FrameRow = FrameEvidence[Features]
 
 
 def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHeader) -> Extracted[Features]:
-    """Keep the largest square about the middle of the first region, at most 96 samples a side and channel.
+    """Read the largest square about the middle of the first region, at most 96 samples a side and channel.
 
-    Of a mosaic it is made of whole 2 x 2 cells, so that every channel has the same place. It is the same
-    square in every frame of one region: differences of frames are differences of the same pixels.
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    regions : sequence of Region
+        Regions of the frame; the first is used.
+    header : FrameHeader
+        Header of the frame.
 
-    Raises InputRejected(roi_empty) if no pixel, or no square of 16 samples a side, lies in the region
+    Returns
+    -------
+    Extracted[Features]
+        Statistics of all regions, and the blocks.
+
+    Raises
+    ------
+    InputRejected
+        `roi_empty` if no pixel, or no square of 16 samples a side, lies in the region.
+
+    Notes
+    -----
+    In a mosaic the square consists of whole 2 x 2 cells, so that every channel has the same place. It is
+    the same square in every frame of one region: differences of frames are differences of the same pixels.
     """
     height, width = frame.samples_dn.shape[:2]
     window = Window(row0=frame.row0, col0=frame.col0, height=height, width=width)
@@ -81,14 +116,14 @@ def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHe
 
 
 def _join_cells(inside: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
-    """Say of every cell of step x step pixels whether all of them are inside."""
+    """Return, for every cell of step x step pixels, True if all of them are inside."""
     rows, cols = inside.shape[0] // step, inside.shape[1] // step
     cut = inside[: rows * step, : cols * step].reshape(rows, step, cols, step)
     return np.asarray(cut.all(axis=(1, 3)), np.bool_)
 
 
 def _find_square(cells: NDArray[np.bool_]) -> tuple[int, int, int]:
-    """Give row, column and side of the largest square of cells about the middle of the region."""
+    """Return row, column and side of the largest square of cells about the middle of the region."""
     spans = [np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0)]
     if all(span.size for span in spans):
         middles = [int(span[0] + span[-1] + 1) for span in spans]  # twice the middle
@@ -107,7 +142,7 @@ def _find_square(cells: NDArray[np.bool_]) -> tuple[int, int, int]:
 def _split(
     part: NDArray[np.uint16], cfa: str, band: str
 ) -> Iterator[tuple[str, int, tuple[int, int], NDArray[np.uint16]]]:
-    """Give channel, index of its levels, offset and samples of each plane."""
+    """Return channel, index of its levels, offset and samples of each plane."""
     if cfa == "rgb":
         for plane, name in enumerate("RGB"):
             yield name, plane, (0, 0), part[..., plane]

@@ -1,4 +1,4 @@
-"""What a certificate prints of a noise calibration."""
+"""Certificate text of a noise calibration."""
 
 from typing import Final
 

@@ -22,7 +22,15 @@ tenth of this."""
 
 @dataclass(frozen=True, kw_only=True)
 class DarkCurrent:
-    """Of the dark signal's mean [DN/s], and of the dark noise's variance [DN^2/s] where that is known."""
+    """Dark current from the dark signal and from the dark noise.
+
+    Attributes
+    ----------
+    from_mean : Quantity
+        Slope of the dark signal's mean [DN/s].
+    from_variance : Quantity or None
+        Slope of the dark noise's variance [DN^2/s]; None if it is not known.
+    """
 
     from_mean: Quantity
     from_variance: Quantity | None
@@ -31,12 +39,29 @@ class DarkCurrent:
 def find_dark_current(stacks: Sequence[Stack]) -> DarkCurrent | None:
     """Fit mu_dark = mu_0 + mu_I t to the means of all dark frames, and a line to their stacks' variances.
 
-        mu_I [DN/s] = slope of the mean,     mu_I [e-/s] = slope of the variance / K^2     [1, section 7.1]
-    A frame's mean is weighted by the noise of its samples; electronics move whole frames by more than that,
-    so where frames scatter more, the error grows with their scatter (Birge).
+    Parameters
+    ----------
+    stacks : sequence of Stack
+        Stacks of one channel at one ISO value.
 
-    Returns None where dark frames are fewer than three or have one exposure time only
-    References [1] EMVA Standard 1288, release 3.1
+    Returns
+    -------
+    DarkCurrent or None
+        None if there are fewer than three dark frames, or if all have one exposure
+        time.
+
+    Notes
+    -----
+    The dark current in DN and in electrons is [1]_ (section 7.1)::
+
+        mu_I [DN/s] = slope of the mean,     mu_I [e-/s] = slope of the variance / K^2
+
+    A frame's mean is weighted by the noise of its samples. Electronics move whole frames by more than that
+    noise; where frames scatter more, the error grows with their scatter (Birge).
+
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 3.1
     """
     darks = [stack for stack in stacks if stack.setting.role == DARK]
     noise = max((stack.temporal.value_dn2 for stack in darks if stack.temporal), default=0.0)
@@ -73,7 +98,7 @@ def _noise_dn2(stack: Stack, otherwise: float) -> float:
 def _fit_slope(
     points: Sequence[tuple[float, float, float]], *, fewest: int = 3
 ) -> tuple[float, float] | None:
-    """Give slope and its standard uncertainty of a weighted line through (t, y, u)."""
+    """Return slope and its standard uncertainty of a weighted line through (t, y, u)."""
     if len(points) < fewest or len({time for time, _, _ in points}) < 2:
         return None
     t, y, u = (np.array(column) for column in zip(*points, strict=True))
@@ -91,10 +116,22 @@ def _fit_slope(
 
 
 def find_not_dark(stack: Stack) -> dict[str, Reason]:
-    """Say which frames of a dark stack saw light, by name.
+    """Return the reason for each frame of a dark stack that saw light.
 
-    What is warm grows with time, in all frames of one time alike: that is a noise campaign's very subject, so
-    only what no sensor reaches by itself counts against the stated black level.
+    Parameters
+    ----------
+    stack : Stack
+        Stack of dark frames.
+
+    Returns
+    -------
+    dict of str to Reason
+        Reason by name of the frame.
+
+    Notes
+    -----
+    A warm sensor's signal grows with time, in all frames of one time alike. A noise campaign measures just
+    this, so only a signal that no sensor reaches without light counts against the stated black level.
     """
     span = max(stack.white_level_dn - stack.black_level_dn, 1.0)
     darkest = min(stack.frame_means_dn)

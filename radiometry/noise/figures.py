@@ -1,4 +1,4 @@
-"""Figures in electrons: from gain, dark noise and saturation, with the errors that they share."""
+"""Coefficients in electrons from gain, dark noise and saturation, with the errors that they share."""
 
 import math
 from collections.abc import Callable
@@ -19,9 +19,18 @@ ROUNDING_DOMINATES_DN2 = 0.24
 
 @dataclass(frozen=True, kw_only=True)
 class DarkNoise:
-    """sigma_y.dark^2 [DN^2] of the shortest dark stack, and the part of it that rounding makes.
+    """Variance sigma_y.dark^2 [DN^2] of the shortest dark stack, and the part of it due to rounding.
 
-    ``rounding_dominates`` : the variance is a limit
+    Attributes
+    ----------
+    stack : Stack
+        Shortest dark stack.
+    variance_dn2, variance_u_dn2 : float
+        Variance and its standard uncertainty [DN^2].
+    rounding_dn2 : float
+        Variance due to rounding, sigma_q^2 [DN^2].
+    rounding_dominates : bool
+        True if the variance is a limit.
     """
 
     stack: Stack
@@ -31,12 +40,34 @@ class DarkNoise:
     rounding_dominates: bool
 
     def read_noise_dn(self, variance_dn2: float) -> float:
-        """Give sqrt(sigma_y.dark^2 - sigma_q^2) [DN]."""
+        """Return sqrt(sigma_y.dark^2 - sigma_q^2) [DN].
+
+        Parameters
+        ----------
+        variance_dn2 : float
+            Variance sigma_y.dark^2 [DN^2].
+
+        Returns
+        -------
+        float
+            Read noise [DN].
+        """
         return math.sqrt(variance_dn2 - self.rounding_dn2)
 
 
 def measure_dark_noise(stack: Stack) -> DarkNoise:
-    """Read the dark noise off a stack of dark frames; sigma_q^2 = step^2 / 12."""
+    """Read the dark noise off a stack of dark frames; sigma_q^2 = step^2 / 12.
+
+    Parameters
+    ----------
+    stack : Stack
+        Stack of at least two dark frames.
+
+    Returns
+    -------
+    DarkNoise
+        Variance and the part of it due to rounding.
+    """
     if stack.temporal is None:
         raise AssertionError("a dark stack has at least two frames")
     least, rounding = ROUNDING_DOMINATES_DN2 * stack.step_dn**2, stack.step_dn**2 / 12
@@ -53,7 +84,18 @@ def measure_dark_noise(stack: Stack) -> DarkNoise:
 
 
 def find_read_noise_dn(dark: DarkNoise) -> Quantity:
-    """Give the read noise [DN], which needs no gain."""
+    """Return the read noise [DN], which needs no gain.
+
+    Parameters
+    ----------
+    dark : DarkNoise
+        Dark noise.
+
+    Returns
+    -------
+    Quantity
+        Read noise [DN].
+    """
     variance = np.array([dark.variance_dn2])
     return propagate(dark.read_noise_dn, variance, np.array([[dark.variance_u_dn2**2]]), unit="DN")
 
@@ -61,12 +103,34 @@ def find_read_noise_dn(dark: DarkNoise) -> Quantity:
 def find_transfer_figures(
     dark: DarkNoise, transfer: Transfer, saturation: Saturation, *, dsnu_dn: Quantity
 ) -> TransferFigures:
-    """Give what follows from K, sigma_y.dark^2 and mu_sat.
+    """Compute the coefficients that follow from K, sigma_y.dark^2 and mu_sat.
 
-    sigma_d = sqrt(sigma_y.dark^2 - sigma_q^2) / K,   mu_e.min = sigma_y.dark / K + 1/2,
-    mu_e.sat = mu_sat / K,   SNR_max = sqrt(mu_e.sat),   DR = mu_e.sat / mu_e.min     [1, 2.3 to 2.6, 6.6]
+    Parameters
+    ----------
+    dark : DarkNoise
+        Dark noise sigma_y.dark^2.
+    transfer : Transfer
+        Photon transfer with the gain K.
+    saturation : Saturation
+        Saturation mu_sat.
+    dsnu_dn : Quantity
+        DSNU [DN].
 
-    References [1] EMVA Standard 1288, release 3.1
+    Returns
+    -------
+    TransferFigures
+        Coefficients with their uncertainties.
+
+    Notes
+    -----
+    With K [DN/e-] [1]_ (2.3 to 2.6, 6.6)::
+
+        sigma_d = sqrt(sigma_y.dark^2 - sigma_q^2) / K,   mu_e.min = sigma_y.dark / K + 1/2,
+        mu_e.sat = mu_sat / K,   SNR_max = sqrt(mu_e.sat),   DR = mu_e.sat / mu_e.min
+
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 3.1
     """
     gain = transfer.gain_dn_per_e
     # where numbers are cut off at white, the maximum of the variance lies up to two sigma below it
@@ -101,7 +165,20 @@ def find_transfer_figures(
 def find_dark_current_figures(
     current: DarkCurrent | None, transfer: Transfer | None
 ) -> DarkCurrentFigures | None:
-    """Give the dark current in DN, and in electrons where the gain is known."""
+    """Return the dark current in DN/s, and in e-/s if the gain is known.
+
+    Parameters
+    ----------
+    current : DarkCurrent or None
+        Dark current; None if it is not known.
+    transfer : Transfer or None
+        Photon transfer with the gain; None if it is not known.
+
+    Returns
+    -------
+    DarkCurrentFigures or None
+        None without a dark current.
+    """
     if current is None:
         return None
     mean, variance = current.from_mean, current.from_variance

@@ -1,4 +1,4 @@
-"""What to know about a noise fit."""
+"""Flags of a noise fit."""
 
 import math
 from collections.abc import Sequence
@@ -27,7 +27,18 @@ _ERRORS = 3.0
 
 
 def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
-    """Look at every channel of every ISO value; by channel, then in the order of the flags."""
+    """Check every channel of every ISO value.
+
+    Parameters
+    ----------
+    fitted : sequence of FittedChannel
+        Fitted channels.
+
+    Returns
+    -------
+    tuple of Raised
+        Flags by channel, then in the order of the flags.
+    """
     found: list[Raised] = []
     for each in fitted:
         where = f"iso {each.fit.iso:g} {each.fit.channel}"
@@ -37,7 +48,18 @@ def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
 
 
 def check_rendered(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
-    """Say whether somebody's tone curve stands between light and numbers."""
+    """Check whether frames are rendered, so that a tone curve lies between light and numbers.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+
+    Returns
+    -------
+    tuple of Raised
+        Flag if frames are rendered.
+    """
     rendered = sum(row.header.rendered for row in rows)
     detail = f"Rendered frames: {rendered} of {len(rows)}."
     return (shared.RENDERED.at("", detail),) if rendered else ()
@@ -119,5 +141,5 @@ def _count_levels(each: FittedChannel) -> str:
 
 
 def _chi_squared_limit(dof: int) -> float:
-    """Give what chance exceeds once in several hundred times: mean plus three standard deviations."""
+    """Return what chance exceeds once in several hundred times: mean plus three standard deviations."""
     return dof + 3.0 * math.sqrt(2.0 * dof)

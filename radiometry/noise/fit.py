@@ -1,4 +1,4 @@
-"""One channel at one ISO value: from its stacks to every figure."""
+"""Evaluation of one channel at one ISO value, from its stacks to every coefficient."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from radiometry.noise.transfer import Saturation, Transfer, find_saturation, fit
 
 @dataclass(frozen=True, kw_only=True)
 class FittedChannel:
-    """A channel's figures, with what the flags are raised from."""
+    """Coefficients of a channel, with the values from which the flags are raised."""
 
     fit: ChannelFit
     stacks: tuple[Stack, ...]
@@ -35,7 +35,20 @@ class FittedChannel:
 
 
 def fit_channel(stacks: Sequence[Stack], params: Params) -> FittedChannel | None:
-    """Work out one channel at one ISO value; None where no pair of dark frames shows its noise."""
+    """Evaluate one channel at one ISO value.
+
+    Parameters
+    ----------
+    stacks : sequence of Stack
+        Stacks of the channel at the ISO value.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    FittedChannel or None
+        None if no pair of dark frames shows the noise of the channel.
+    """
     darks, dsnu = list_darks(stacks), find_dsnu(stacks)
     if not darks or dsnu is None:
         return None
@@ -69,7 +82,7 @@ def fit_channel(stacks: Sequence[Stack], params: Params) -> FittedChannel | None
 def _look_at_light(
     levels: Sequence[Level], saturation: Saturation, transfer: Transfer | None, params: Params
 ) -> tuple[Linearity | None, tuple[Quantity, bool] | None]:
-    """Give linearity and PRNU, whose ranges mean nothing without a photon transfer."""
+    """Return linearity and PRNU, whose ranges mean nothing without a photon transfer."""
     if transfer is None:
         return None, None
     linearity = find_linearity(

@@ -1,4 +1,4 @@
-"""The levels of a photon transfer: lit stacks beside the dark stack that belongs to each."""
+"""Levels of a photon transfer: lit stacks, each with its dark stack."""
 
 import math
 from collections.abc import Sequence
@@ -10,15 +10,27 @@ from radiometry.noise.stacks import Stack
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
-    """A lit stack and its dark: the one of the same exposure time, else of the nearest.
+    """Lit stack and its dark stack: the one of the same exposure time, else of the nearest.
 
-    ``signal_dn`` : mean above the mean of ``dark``: electrons of light and, where the times differ, of dark
-        current, which the photon transfer does not tell apart
-    ``light_dn``, ``light_u_dn`` : mean above the dark signal of the same time, between dark stacks
-        interpolated: what light alone has made. Outside their times the nearest one's is taken, and what dark
-        current adds until then is in the uncertainty, where there are two times to tell it
-    ``time_ratio`` : how far the exposure lies outside those of the dark stacks, 1 within them
-    ``left_out`` : why its variance is not used at all, "" where it is
+    Attributes
+    ----------
+    lit : Stack
+        Lit stack.
+    dark : Stack
+        Dark stack.
+    signal_dn : float
+        Mean above the mean of `dark` [DN]: electrons of light and, where the times
+        differ, of dark current, which the photon transfer does not distinguish.
+    light_dn, light_u_dn : float
+        Mean above the dark signal of the same time, interpolated between dark stacks,
+        and its standard uncertainty [DN]: the signal of light alone. Outside their
+        times the nearest dark stack is used; what dark current adds up to that time is
+        part of the uncertainty, if there are two times to estimate it from.
+    time_ratio : float
+        Factor by which the exposure time lies outside those of the dark stacks; 1
+        within them.
+    left_out : str
+        Reason why its variance is not used at all; "" if it is used.
     """
 
     lit: Stack
@@ -31,25 +43,49 @@ class Level:
 
     @property
     def signal_u_dn(self) -> float:
-        """Of the signal, from the noise of both stacks' samples."""
+        """Standard uncertainty of the signal [DN], from the noise of the samples of both stacks."""
         return math.sqrt(self.lit.mean_variance_dn2 + self.dark.mean_variance_dn2)
 
     @property
     def excess_dn2(self) -> float:
-        """The temporal variance that light adds; only of a level that is not left out."""
+        """Temporal variance that light adds [DN^2]; defined only for a level that is not left out."""
         if self.lit.temporal is None or self.dark.temporal is None:
             raise AssertionError("a level without a variance is left out")
         return self.lit.temporal.value_dn2 - self.dark.temporal.value_dn2
 
 
 def list_darks(stacks: Sequence[Stack]) -> list[Stack]:
-    """Give the dark stacks whose noise is known, the shortest time first."""
+    """Return the dark stacks whose noise is known, the shortest time first.
+
+    Parameters
+    ----------
+    stacks : sequence of Stack
+        Stacks of frames.
+
+    Returns
+    -------
+    list of Stack
+        Dark stacks by exposure time.
+    """
     darks = [stack for stack in stacks if stack.setting.role == DARK and stack.temporal is not None]
     return sorted(darks, key=lambda stack: (stack.setting.exposure_time_s, stack.setting))
 
 
 def list_levels(stacks: Sequence[Stack], params: Params) -> tuple[Level, ...]:
-    """Pair every lit stack with its dark, in the order of signal; none where no dark stack has a noise."""
+    """Return every lit stack with its dark stack.
+
+    Parameters
+    ----------
+    stacks : sequence of Stack
+        Stacks of frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of Level
+        Levels in the order of signal; empty if no dark stack has a noise.
+    """
     darks = list_darks(stacks)
     if not darks:
         return ()
@@ -76,7 +112,7 @@ def _pair(lit: Stack, darks: Sequence[Stack], params: Params) -> Level:
 
 
 def _estimate_drift(darks: Sequence[Stack], time_s: float) -> float:
-    """Give how far the dark signal moves from the nearest dark stack to a time outside theirs [DN]."""
+    """Estimate how far the dark signal moves from the nearest dark stack to a time outside theirs [DN]."""
     first, last = darks[0], darks[-1]
     shortest, longest = first.setting.exposure_time_s, last.setting.exposure_time_s
     outside_s = max(shortest - time_s, time_s - longest, 0.0)
@@ -86,7 +122,7 @@ def _estimate_drift(darks: Sequence[Stack], time_s: float) -> float:
 
 
 def _find_neighbours(darks: Sequence[Stack], time_s: float) -> tuple[Stack, Stack, float]:
-    """Give the dark stacks about a time and how far it lies from the first to the second, 0 to 1."""
+    """Return the dark stacks about a time and how far it lies from the first to the second, 0 to 1."""
     below = [dark for dark in darks if dark.setting.exposure_time_s <= time_s]
     above = [dark for dark in darks if dark.setting.exposure_time_s >= time_s]
     if not below or not above:

@@ -1,4 +1,4 @@
-"""Linearity error: how far the signal lies from a straight line of the exposure."""
+"""Linearity error: deviation of the signal from a straight line of the exposure time."""
 
 import itertools
 import math
@@ -16,7 +16,7 @@ FEWEST_LEVELS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Deviation:
-    """One level's deviation from the line, relative to the line."""
+    """Deviation of one level from the line, relative to the line."""
 
     level: Level
     deviation_rel: float
@@ -24,10 +24,18 @@ class Deviation:
 
 @dataclass(frozen=True, kw_only=True)
 class Linearity:
-    """The line of one scene and f-number, and what is not on it.
+    """Line of one scene and f-number, and the deviations from it.
 
-    ``error`` : mean of the absolute deviations, release 3.1; ``lowest_rel``, ``highest_rel`` : the extremes
-        that release 3.0 calls LE_min and LE_max
+    Attributes
+    ----------
+    error : Quantity
+        Mean of the absolute deviations LE, release 3.1.
+    lowest_rel, highest_rel : float
+        Extreme deviations, which release 3.0 calls LE_min and LE_max.
+    slope_dn_per_s, offset_dn : float
+        Slope [DN/s] and intercept [DN] of the line.
+    deviations : tuple of Deviation
+        Deviation of each level on which the line rests.
     """
 
     error: Quantity
@@ -45,15 +53,37 @@ def find_linearity(
     range_share: tuple[float, float],
     gain_dn_per_e: float,
 ) -> Linearity | None:
-    """Fit y = a0 + a1 t to the scene that has most exposure times, and give the deviations from it.
+    """Fit y = a0 + a1 t to the scene that has most exposure times, and compute the deviations from it.
+
+    Parameters
+    ----------
+    levels : sequence of Level
+        Levels of one channel at one ISO value.
+    saturation_signal_dn : float
+        Signal at saturation [DN above dark].
+    range_share : tuple of float
+        Range of the fit, as fractions of saturation.
+    gain_dn_per_e : float
+        System gain K [DN/e-].
+
+    Returns
+    -------
+    Linearity or None
+        None if no scene has four levels of different times.
+
+    Notes
+    -----
+    Over 5 to 95 % of saturation [1]_ (section 6.7)::
 
         minimise sum (y_i - (a0 + a1 t_i))^2 / y_i^2,     delta_i = y_i / (a0 + a1 t_i) - 1,
-        LE = mean |delta_i|                          over 5 to 95 % of saturation      [1, section 6.7]
+        LE = mean |delta_i|
+
     The light must be the same at all times, so levels of another scene or f-number do not enter. u(LE) is
     that of the noise of the means; without any nonlinearity LE is that noise.
 
-    Returns None where no scene has four levels of different times
-    References [1] EMVA Standard 1288, release 3.1
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 3.1
     """
     low, high = (share * saturation_signal_dn for share in range_share)
     usable = [level for level in levels if not level.lit.clipped and low <= level.light_dn <= high]
@@ -100,7 +130,7 @@ def _group(levels: Sequence[Level]) -> list[list[Level]]:
 
 
 def _mean_u_dn(level: Level, gain_dn_per_e: float) -> float:
-    """Give the noise of a level's mean; of a single frame by the photon transfer."""
+    """Return the noise of a level's mean; for a single frame by the photon transfer."""
     if level.lit.temporal is not None:
         return level.light_u_dn
     dark = level.dark.temporal.value_dn2 if level.dark.temporal else 0.0

@@ -1,10 +1,16 @@
-"""Noise: per ISO value and channel what EMVA 1288 characterises a camera by, from stacks of equal frames.
+"""Noise: characterisation after EMVA 1288 by ISO value and channel, from stacks of equal frames.
 
-    sigma_y^2 - sigma_y.dark^2 = K (mu_y - mu_y.dark)      K the system gain [DN/e-]
+The photon transfer gives the system gain K [DN/e-] [1]_::
 
-and from it read noise, saturation capacity, dynamic range, SNR; with linearity, dark current, DSNU and PRNU.
-Source: EMVA Standard 1288, release 3.1 (the linear model of release 4.0), without its photon flux: light is
-not measured here, so there is no quantum efficiency and no threshold in photons.
+    sigma_y^2 - sigma_y.dark^2 = K (mu_y - mu_y.dark)
+
+Read noise, saturation capacity, dynamic range and SNR follow from it; linearity, dark current, DSNU and
+PRNU are added. The photon flux of the standard is left out: light is not measured here, so there is no
+quantum efficiency and no threshold in photons.
+
+References
+----------
+.. [1] EMVA Standard 1288, release 3.1 (the linear model of release 4.0)
 """
 
 from collections.abc import Sequence
@@ -60,33 +66,85 @@ FIGURES = (
 def extract(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
 ) -> Extracted[Features]:
-    """Keep a square of raw samples of every channel; without a drawn region ``regions`` is the whole frame.
+    """Read a square of raw samples of every channel.
 
-    ``exposure`` is part of the door and says nothing about samples.
-    Raises InputRejected(roi_empty)
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    regions : sequence of Region
+        Regions of the frame; without a drawn region this is the whole frame.
+    header : FrameHeader
+        Header of the frame.
+    exposure : Exposure or None
+        Exposure settings; part of the interface of all methods, without effect on the
+        samples.
+
+    Returns
+    -------
+    Extracted[Features]
+        Statistics of the frame, and the blocks.
+
+    Raises
+    ------
+    InputRejected
+        `roi_empty` if no pixel, or no square of 16 samples a side, lies in the region.
     """
     del exposure
     return extract_features(frame, regions, header=header)
 
 
 def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """Say, by name, what the fit still lacks; empty when it can start with every frame."""
+    """List, by name, what the fit still lacks.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of the frames of which nothing is known yet.
+
+    Returns
+    -------
+    tuple of str
+        Empty if the fit can start with every frame.
+    """
     return list_missing(rows, params, unread=unread)
 
 
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
-    """Work out every channel at every ISO value of a campaign.
+    """Evaluate every channel at every ISO value of a campaign.
 
-    Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
 
-    Flags
-      per ISO value and channel: pair_light_drift, dark_exposure_differs, dark_not_dark, dark_clipped,
-      no_photon_transfer, linearity_error_large, prnu_large,
-      few_points, scatter_exceeds_uncertainty, full_well_not_reached, read_noise_below_rounding,
-      pattern_not_resolved, dark_current_compensated; of the whole: rendered
-    Raises InputRejected
-      fit_incomplete if frames are not extracted yet, or no channel has a pair of dark frames and pairs at
-      three light levels; fit_failed if no channel's noise grows with its signal
+    Returns
+    -------
+    Fit
+        Coefficients, points and flags.
+
+    Raises
+    ------
+    InputRejected
+        `fit_incomplete` if frames are not extracted yet, or if no channel has a pair of
+        dark frames and pairs at three light levels; `fit_failed` if no channel's noise
+        grows with its signal.
+
+    Notes
+    -----
+    The same input in any order gives the same result to the last bit. All numbers are finite; what does not
+    exist is None.
+
+    Flags per ISO value and channel: pair_light_drift, dark_exposure_differs, dark_not_dark, dark_clipped,
+    no_photon_transfer, linearity_error_large, prnu_large, few_points, scatter_exceeds_uncertainty,
+    full_well_not_reached, read_noise_below_rounding, pattern_not_resolved, dark_current_compensated. Flag
+    of the whole fit: rendered.
     """
     lacking = list_missing(rows, params)
     if lacking:
@@ -109,7 +167,18 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Give the figures of every ISO value and channel, those that exist."""
+    """Return the coefficients of every ISO value and channel, those that exist.
+
+    Parameters
+    ----------
+    fit : Fit
+        Result of the fit.
+
+    Returns
+    -------
+    tuple of CoefficientValue
+        Coefficients with unit and uncertainty.
+    """
     return tuple(
         CoefficientValue(
             name=name,

@@ -1,4 +1,4 @@
-"""Nonuniformity: what differs from pixel to pixel in every frame alike, dark (DSNU) and lit (PRNU)."""
+"""Nonuniformity: differences between pixels that every frame repeats, dark (DSNU) and lit (PRNU)."""
 
 import math
 from collections.abc import Sequence
@@ -15,11 +15,26 @@ _RESOLVED_IN_ERRORS = 2.0
 
 
 def find_dsnu(stacks: Sequence[Stack]) -> tuple[Quantity, bool] | None:
-    """Give DSNU [DN] = sqrt(s^2_dark) of the dark stack of most frames, and whether noise hides it.
+    """Compute DSNU = sqrt(s^2_dark) [DN] of the dark stack with most frames.
 
-    [1, section 8.2] divides by K for electrons. Nothing slow is taken out: glow and banding belong to it.
+    Parameters
+    ----------
+    stacks : sequence of Stack
+        Stacks of one channel at one ISO value.
 
-    References [1] EMVA Standard 1288, release 3.1
+    Returns
+    -------
+    tuple of (Quantity, bool) or None
+        DSNU [DN], and a bool for whether it is resolved, that is not hidden by noise;
+        None if it cannot be computed.
+
+    Notes
+    -----
+    [1]_ (section 8.2) divides by K for electrons. Nothing slow is removed: glow and banding are part of it.
+
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 3.1
     """
     darks = list_darks(stacks)
     if not darks:
@@ -31,12 +46,30 @@ def find_dsnu(stacks: Sequence[Stack]) -> tuple[Quantity, bool] | None:
 
 
 def find_prnu(levels: Sequence[Level], *, saturation_signal_dn: float) -> tuple[Quantity, bool] | None:
-    """Give PRNU = sqrt(s^2_50 - s^2_dark) / (mu_50 - mu_dark) about half of saturation.
+    """Compute PRNU = sqrt(s^2_50 - s^2_dark) / (mu_50 - mu_dark) about half of saturation.
 
-    Of equally lit pixels [1, section 8.2]; behind a lens the light is not even, so a quadratic surface is
-    taken out of both mean images. It holds for a block of at most 96 samples, not for the whole frame.
+    Parameters
+    ----------
+    levels : sequence of Level
+        Levels of one channel at one ISO value.
+    saturation_signal_dn : float
+        Signal at saturation [DN above dark].
 
-    References [1] EMVA Standard 1288, release 3.1
+    Returns
+    -------
+    tuple of (Quantity, bool) or None
+        PRNU, and a bool for whether it is resolved, that is not hidden by noise; None
+        if it cannot be computed.
+
+    Notes
+    -----
+    [1]_ (section 8.2) defines it for equally lit pixels. Behind a lens the light is not even, so a
+    quadratic surface is removed from both mean images. It holds for a block of at most 96 samples, not for
+    the whole frame.
+
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 3.1
     """
     low, high = (share * saturation_signal_dn for share in PRNU_RANGE_SHARE)
     usable = [level for level in levels if not level.left_out and low <= level.light_dn <= high]
@@ -65,7 +98,7 @@ def find_prnu(levels: Sequence[Level], *, saturation_signal_dn: float) -> tuple[
 
 
 def _root(variance: Variance, *, unit: str) -> Quantity:
-    """Give the root with its uncertainty: u / (2 s), and near zero how far one error more would reach."""
+    """Return the root with its uncertainty: u / (2 s), and near zero how far one error more would reach."""
     root = math.sqrt(max(0.0, variance.value_dn2))
     if _is_resolved(variance):
         u = variance.u_dn2 / (2.0 * root)

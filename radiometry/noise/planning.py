@@ -1,4 +1,4 @@
-"""What a noise campaign still lacks for good figures, beyond what any fit needs."""
+"""Suggestions for a noise campaign: what it lacks for good coefficients, beyond what any fit needs."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,20 @@ GOOD_STACK = 16
 
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """Say by name what to add while the lamp still stands there; the gravest first, each once."""
+    """List, by name, what to add while the lamp is still set up.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of str
+        Suggestions, the most serious first, each once.
+    """
     gravest: list[str] = []
     others: list[str] = []
     for (iso, _), stacks in collect_stacks(rows, params).items():

@@ -1,4 +1,4 @@
-"""A noise calibration drawn, a row per ISO value: photon transfer, signal to noise, linearity."""
+"""Plot of a noise calibration, a row per ISO value: photon transfer, signal-to-noise ratio, linearity."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -10,7 +10,18 @@ Node = dict[str, Any]
 
 
 def draw(result: Node) -> str:
-    """SVG of a stored noise result; levels outside the photon transfer are hollow."""
+    """Return the SVG of a stored noise result; levels outside the photon transfer are hollow.
+
+    Parameters
+    ----------
+    result : Node
+        Stored result.
+
+    Returns
+    -------
+    str
+        SVG document.
+    """
     isos = sorted({fit["iso"] for fit in result["channel_fits"]})
     parts: list[str] = []
     for row, iso in enumerate(isos):

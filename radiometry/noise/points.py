@@ -1,4 +1,4 @@
-"""The frames of a noise campaign: which count, which are left out and why, what is still missing."""
+"""Frames of a noise campaign: those that are used, those that are left out and why, and what is missing."""
 
 from collections.abc import Sequence
 
@@ -13,13 +13,41 @@ _MOST_NAMES = 3
 
 
 def collect_stacks(rows: Sequence[FrameRow], params: Params) -> dict[tuple[float, str], list[Stack]]:
-    """Give the stacks of the frames that nobody has excluded, by ISO value and channel."""
+    """Return the stacks of the frames that are not excluded, by ISO value and channel.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    dict of tuple of (float, str) to list of Stack
+        Stacks by ISO value and channel.
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
     return group_by_channel(make_stacks([row for row in rows if row.frame not in excluded]))
 
 
 def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """Say, by name, what keeps a fit from starting."""
+    """List, by name, what keeps a fit from starting.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of the frames of which nothing is known yet.
+
+    Returns
+    -------
+    tuple of str
+        Empty if the fit can start.
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
     here = [row for row in rows if row.frame not in excluded]
     waiting = [row.frame for row in here if row.features is None]
@@ -39,7 +67,7 @@ def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[s
 
 
 def _complain(iso: float, channel: str, stacks: Sequence[Stack]) -> str:
-    """Say what one channel lacks; "" when a photon transfer can be tried."""
+    """Return what one channel lacks; "" if a photon transfer can be tried."""
     paired = [stack for stack in stacks if stack.temporal is not None]
     if not any(stack.setting.role == DARK for stack in paired):
         return f"ISO {iso:g} has no pair of dark frames of one exposure time"
@@ -64,7 +92,24 @@ def describe_points(
     fitted: Sequence[FittedChannel],
     params: Params,
 ) -> tuple[Point, ...]:
-    """Say of every channel of every frame whether it was used; in the order of the names."""
+    """Return, for every channel of every frame, whether it was used.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    stacks : sequence of Stack
+        Stacks of all channels.
+    fitted : sequence of FittedChannel
+        Fitted channels.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of Point
+        Points in the order of the names.
+    """
     excluded = {each.frame: f"excluded by {each.by}: {each.reason}" for each in params.exclude}
     states = _judge_stacks(stacks, fitted)
     points = []
@@ -82,7 +127,7 @@ def describe_points(
 
 
 def _judge_stacks(stacks: Sequence[Stack], fitted: Sequence[FittedChannel]) -> dict[object, str]:
-    """Say of every stack why nothing was made of it, "" where something was."""
+    """Return, for every stack, the reason why nothing was evaluated from it, "" if something was."""
     states: dict[object, str] = {
         stack.setting: "" if stack.setting.role == DARK else "no pair of dark frames at its ISO"
         for stack in stacks

@@ -1,4 +1,4 @@
-"""Standard uncertainties of figures that share their inputs."""
+"""Standard uncertainties of coefficients that share their inputs."""
 
 import math
 from collections.abc import Callable
@@ -14,10 +14,23 @@ _STEP_REL = 1e-5
 def propagate(
     figure: Callable[..., float], values: NDArray[np.float64], covariance: NDArray[np.float64], *, unit: str
 ) -> Quantity:
-    """Give a figure of several inputs: u^2 = g' V g, with g its gradient by central differences (JCGM 100).
+    """Compute a function of several inputs and its uncertainty: u^2 = g' V g (JCGM 100).
 
-    Takes
-      values : (n,), none of them 0; covariance : (n, n)
+    Parameters
+    ----------
+    figure : callable
+        Function of the inputs, with gradient g by central differences.
+    values : ndarray of float64
+        Inputs, none of them 0, (n,).
+    covariance : ndarray of float64
+        Covariance V of the inputs, (n, n).
+    unit : str
+        Unit of the value.
+
+    Returns
+    -------
+    Quantity
+        Value and standard uncertainty.
     """
     gradient = np.empty(values.size)
     for index, value in enumerate(values):

@@ -1,4 +1,4 @@
-"""What comes out of a noise fit: plain numbers, ready for JSON; what does not exist is None."""
+"""Results of a noise fit: plain numbers, ready for JSON; what does not exist is None."""
 
 from dataclasses import dataclass
 
@@ -11,13 +11,36 @@ TRANSFER_EQUATION = "var_y - var_dark = K (mu_y - mu_dark)"
 
 @dataclass(frozen=True, kw_only=True)
 class LevelResult:
-    """A lit stack in the photon transfer, the SNR curve and the linearity.
+    """Lit stack in the photon transfer, the SNR curve and the linearity.
 
-    ``signal_dn`` : mean above that of its dark frames; ``light_dn`` : above the dark signal of its own time
-    ``excess_dn2`` : temporal variance above dark's; ``snr`` : light over temporal noise; None where a single
-        frame shows no noise
-    ``residual_dn2`` : excess - K signal; ``deviation_rel`` : from the straight line of the linearity
-    ``left_out`` : why it is not in the photon transfer, "" where it is
+    Attributes
+    ----------
+    role : str
+        Role of the frame.
+    scene : str
+        Scene of the frame.
+    f_number : float
+        F-number.
+    exposure_time_s : float
+        Exposure time [s].
+    frames : int
+        Number of frames.
+    signal_dn : float
+        Mean above that of its dark frames [DN].
+    light_dn : float
+        Mean above the dark signal of its own time [DN].
+    excess_dn2, excess_u_dn2 : float or None
+        Temporal variance above that of the dark frames, and its standard uncertainty
+        [DN^2]; None if a single frame shows no noise.
+    snr, snr_standard_uncertainty : float or None
+        Light over temporal noise, and its standard uncertainty; None if a single frame
+        shows no noise.
+    residual_dn2 : float or None
+        Excess - K signal [DN^2].
+    deviation_rel : float or None
+        Relative deviation from the straight line of the linearity.
+    left_out : str
+        Reason why it is not in the photon transfer; "" if it is.
     """
 
     role: str
@@ -38,12 +61,32 @@ class LevelResult:
 
 @dataclass(frozen=True, kw_only=True)
 class TransferFigures:
-    """What the photon transfer gives, by the names of EMVA 1288.
+    """Coefficients of the photon transfer, by the names of EMVA 1288.
 
-    ``system_gain_dn_per_e`` : K; ``read_noise_e`` : temporal dark noise without rounding;
-        ``sensitivity_threshold_e`` : mu_e.min; ``full_well_e`` : saturation capacity mu_e.sat;
-        ``dynamic_range`` : mu_e.sat / mu_e.min; ``saturation_dn`` : above dark
-    ``levels_used`` : in the line; ``birge_ratio``, ``chi_squared`` : of their scatter about it
+    Attributes
+    ----------
+    system_gain_dn_per_e : Quantity
+        System gain K [DN/e-].
+    read_noise_e : Quantity
+        Temporal dark noise without rounding [e-].
+    sensitivity_threshold_e : Quantity
+        Sensitivity threshold mu_e.min [e-].
+    saturation_dn : Quantity
+        Saturation above dark [DN].
+    saturation_origin : SaturationOrigin
+        How the saturation was found.
+    full_well_e : Quantity
+        Saturation capacity mu_e.sat [e-].
+    snr_max : Quantity
+        Largest signal-to-noise ratio, sqrt(mu_e.sat).
+    dynamic_range, dynamic_range_db, dynamic_range_stops : Quantity
+        Dynamic range mu_e.sat / mu_e.min as a ratio, in dB and in stops.
+    dsnu_e : Quantity
+        DSNU [e-].
+    levels_used : int
+        Number of levels in the line.
+    birge_ratio, chi_squared : float
+        Birge ratio and chi squared of their scatter about the line.
     """
 
     system_gain_dn_per_e: Quantity
@@ -64,7 +107,17 @@ class TransferFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class LinearityFigures:
-    """``error_rel`` : LE, mean of absolute deviations; the extremes are LE_min and LE_max of release 3.0."""
+    """Linearity error of one channel at one ISO value.
+
+    Attributes
+    ----------
+    error_rel : Quantity
+        Mean of the absolute deviations LE.
+    lowest_rel, highest_rel : float
+        Extreme deviations, LE_min and LE_max of release 3.0.
+    levels_used : int
+        Number of levels on the line.
+    """
 
     error_rel: Quantity
     lowest_rel: float
@@ -74,7 +127,18 @@ class LinearityFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class DarkCurrentFigures:
-    """From the mean, in electrons where K is known; a camera that subtracts it cannot hide the variance."""
+    """Dark current, in electrons if K is known.
+
+    Attributes
+    ----------
+    dark_current_dn_per_s : Quantity
+        Dark current from the mean [DN/s].
+    dark_current_e_per_s : Quantity or None
+        Dark current from the mean [e-/s]; None if K is not known.
+    from_variance_e_per_s : Quantity or None
+        Dark current from the variance [e-/s], which a camera that subtracts its dark
+        current cannot hide; None if it is not known.
+    """
 
     dark_current_dn_per_s: Quantity
     dark_current_e_per_s: Quantity | None
@@ -83,7 +147,31 @@ class DarkCurrentFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelFit:
-    """All about one channel at one ISO value. ``dark_signal_dn`` : of the shortest dark frames."""
+    """Results of one channel at one ISO value.
+
+    Attributes
+    ----------
+    iso : float
+        ISO value.
+    channel : str
+        Name of the channel.
+    dark_signal_dn : float
+        Dark signal of the shortest dark frames [DN].
+    read_noise_dn : Quantity
+        Read noise [DN].
+    dsnu_dn : Quantity
+        DSNU [DN].
+    prnu_rel : Quantity or None
+        PRNU, relative.
+    transfer : TransferFigures or None
+        Coefficients of the photon transfer.
+    linearity : LinearityFigures or None
+        Linearity error.
+    dark_current : DarkCurrentFigures or None
+        Dark current.
+    levels : tuple of LevelResult
+        Levels of the photon transfer.
+    """
 
     iso: float
     channel: str
@@ -99,9 +187,35 @@ class ChannelFit:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One channel of one frame. ``left_out`` is "" for one that was used, else the reason.
+    """One channel of one frame.
 
-    ``frames_of_setting`` : how many share its role, scene, ISO, time and f-number, itself included
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    channel : str
+        Name of the channel.
+    role : str
+        Role of the frame.
+    scene : str or None
+        Scene of the frame.
+    iso : float or None
+        ISO value.
+    f_number : float or None
+        F-number.
+    exposure_time_s : float or None
+        Exposure time [s].
+    mean_dn : float or None
+        Mean of the samples [DN].
+    clipped_share : float or None
+        Fraction of samples at or above the white level.
+    frames_of_setting : int
+        Number of frames that share its role, scene, ISO, time and f-number, itself
+        included.
+    used : bool
+        True if the fit used it.
+    left_out : str
+        Reason why it was not used; "" if it was.
     """
 
     frame: str

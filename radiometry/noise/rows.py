@@ -1,4 +1,4 @@
-"""What a noise fit may be told."""
+"""Parameters of a noise fit."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ LIGHT, FLAT, DARK = "light", "flat", "dark"
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    """Parameters of a noise fit; the defaults are EMVA 1288's own."""
+    """Parameters of a noise fit; the defaults are those of EMVA 1288."""
 
     gain_range_share: float = parameter(
         0.70,

@@ -1,4 +1,4 @@
-"""Frames of one setting as a stack: the mean, the temporal variance and the spatial variance of a channel."""
+"""Stacks of frames of one setting: mean, temporal variance and spatial variance of a channel."""
 
 import itertools
 import math
@@ -22,9 +22,24 @@ CLIPPED_SHARE = 0.001
 
 @dataclass(frozen=True, order=True)
 class Setting:
-    """What the frames of a stack share. Dark frames differ by ISO and time alone.
+    """Setting that the frames of a stack share; dark frames differ by ISO and time alone.
 
-    ``place`` : row, column and side of the block
+    Attributes
+    ----------
+    role : str
+        Role of the frame.
+    scene : str
+        Scene of the frame.
+    iso : float
+        ISO value.
+    f_number : float
+        F-number.
+    exposure_time_s : float
+        Exposure time [s].
+    channel : str
+        Name of the channel.
+    place : tuple of int
+        Row, column and side of the block.
     """
 
     role: str
@@ -38,7 +53,7 @@ class Setting:
 
 @dataclass(frozen=True, kw_only=True)
 class Variance:
-    """A variance [DN^2] with its standard uncertainty."""
+    """Variance [DN^2] with its standard uncertainty."""
 
     value_dn2: float
     u_dn2: float
@@ -48,12 +63,40 @@ class Variance:
 class Stack:
     """One channel of the frames of one setting, the same pixels in each.
 
-    ``frames`` : names, copies left out; ``frame_means_dn`` : theirs; ``copies`` : name -> whose copy it is
-    ``temporal`` : of one pixel from frame to frame; None of a single frame
-    ``pattern`` : spatial variance that every frame repeats; ``detrended`` : without the slow part, which
-        light and lens make; None of a single frame
-    ``drift_rel`` : range of the frames' means over their mean above black
-    ``step_dn`` : between neighbouring numbers, above 1 where a sensor of fewer bits fills a larger container
+    Attributes
+    ----------
+    setting : Setting
+        Setting that the frames share.
+    frames : tuple of str
+        Names of the frames, copies left out.
+    copies : dict of str to str
+        Name of a copy to the name of the frame that it copies.
+    frame_means_dn : tuple of float
+        Means of the frames [DN].
+    samples : int
+        Number of samples of one frame.
+    mean_dn : float
+        Mean of all frames [DN].
+    temporal : Variance or None
+        Variance of one pixel from frame to frame; None for a single frame.
+    pattern : Variance or None
+        Spatial variance that every frame repeats; None for a single frame.
+    detrended : Variance or None
+        The same without the slow part, which light and lens cause; None for a single
+        frame.
+    drift_rel : float
+        Range of the frames' means over their mean above black.
+    clipped_share : float
+        Fraction of samples at or above the white level.
+    zero_share : float
+        Fraction of samples that are 0.
+    step_dn : float
+        Step between neighbouring numbers [DN], above 1 where a sensor of fewer bits
+        fills a larger container.
+    black_level_dn : float
+        Black level [DN].
+    white_level_dn : float
+        White level [DN].
     """
 
     setting: Setting
@@ -74,17 +117,28 @@ class Stack:
 
     @property
     def clipped(self) -> bool:
-        """Whether enough samples reach white to cut the noise."""
+        """True if enough samples reach white to cut the noise."""
         return self.clipped_share > CLIPPED_SHARE
 
     @property
     def mean_variance_dn2(self) -> float:
-        """Of the mean, from the noise of its samples; of a single frame none is known."""
+        """Variance of the mean [DN^2], from the noise of its samples; that of a single frame is not known."""
         return self.temporal.value_dn2 / (self.samples * len(self.frames)) if self.temporal else 0.0
 
 
 def make_stacks(rows: Sequence[FrameRow]) -> tuple[Stack, ...]:
-    """Put frames of one setting together; the order of the rows does not matter."""
+    """Return the frames grouped by setting; the order of the rows does not matter.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+
+    Returns
+    -------
+    tuple of Stack
+        Stacks, one per setting and channel.
+    """
     found: dict[Setting, list[tuple[str, ChannelBlock]]] = {}
     for row in sorted(rows, key=lambda row: row.frame):
         for block in row.features.blocks if row.features and row.exposure else ():
@@ -108,14 +162,21 @@ def _find_setting(row: FrameRow, block: ChannelBlock) -> Setting:
 
 
 def _measure(setting: Setting, members: Sequence[tuple[str, ChannelBlock]]) -> Stack:
-    """Reduce a stack.
+    """Reduce a stack to its mean and variances.
+
+    Notes
+    -----
+    With m_l the mean of frame l, y_p that of pixel p and m that of all::
 
         temporal = sum_l sum_p (y_lp - m_l - (y_p - m))^2 / ((L - 1)(n - 1))                          (1)
-    m_l the mean of frame l, y_p that of pixel p, m that of all: for L = 2 this is half of the variance of the
-    difference, its mean removed [1, eq. 18], so that a lamp that changed between the frames does not count. A
-    variance of nu degrees of freedom is known to sqrt(2 / nu) of itself.
 
-    References [1] EMVA Standard 1288, release 3.1
+    For L = 2 this is half of the variance of the difference, its mean removed [1]_ (eq. 18), so that a lamp
+    that changed between the frames has no effect. A variance of nu degrees of freedom is known to sqrt(2 /
+    nu) of itself.
+
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 3.1
     """
     kept, copies = _drop_copies(members)
     images = np.array([image for _, image in kept])
@@ -172,7 +233,7 @@ def _temporal(images: Image, means: NDArray[np.float64], average: Image) -> Vari
 
 
 def _spatial(average: Image, temporal: Variance, count: int, *, detrend: bool) -> Variance:
-    """Give the spatial variance of the mean image without what is left of temporal noise: s^2 - temporal / L.
+    """Compute the spatial variance of the mean image without the rest of temporal noise: s^2 - temporal / L.
 
     The slow part is a quadratic surface: six terms, as many degrees of freedom less.
     """
@@ -191,7 +252,7 @@ def _spatial(average: Image, temporal: Variance, count: int, *, detrend: bool) -
 
 @cache
 def _trend(rows: int, cols: int) -> NDArray[np.float64]:
-    """Give an orthonormal basis of quadratic surfaces, (rows * cols, 6)."""
+    """Return an orthonormal basis of quadratic surfaces, (rows * cols, 6)."""
     row, col = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, cols), indexing="ij")
     surfaces = [np.ones_like(row), row, col, row * row, row * col, col * col]
     basis: NDArray[np.float64] = np.linalg.qr(np.stack([surface.ravel() for surface in surfaces], axis=1))[0]
@@ -204,7 +265,18 @@ def _find_step(images: Image) -> float:
 
 
 def group_by_channel(stacks: Sequence[Stack]) -> dict[tuple[float, str], list[Stack]]:
-    """Give the stacks of every ISO value and channel."""
+    """Return the stacks of every ISO value and channel.
+
+    Parameters
+    ----------
+    stacks : sequence of Stack
+        Stacks of frames.
+
+    Returns
+    -------
+    dict of tuple of (float, str) to list of Stack
+        Stacks by ISO value and channel.
+    """
 
     def key(stack: Stack) -> tuple[float, str]:
         return stack.setting.iso, stack.setting.channel

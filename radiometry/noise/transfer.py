@@ -1,4 +1,4 @@
-"""Photon transfer: the system gain from how the noise grows with the signal, and where it ends."""
+"""Photon transfer: system gain from the growth of the noise with the signal, and saturation."""
 
 import math
 from collections.abc import Sequence
@@ -21,11 +21,18 @@ SaturationOrigin = Literal["white_level", "variance_maximum", "white_level_assum
 
 @dataclass(frozen=True, kw_only=True)
 class Saturation:
-    """Where the signal ends [DN above dark].
+    """End of the signal [DN above dark].
 
-    ``origin`` : white_level: a level reaches white; variance_maximum: the variance falls again below it;
-        white_level_assumed: no level came near either
-    ``u_dn`` : of a variance maximum from the spacing of the levels; else 0, and the noise adds to it later
+    Attributes
+    ----------
+    signal_dn : float
+        Signal at saturation [DN above dark].
+    u_dn : float
+        For a variance maximum, standard uncertainty from the spacing of the levels
+        [DN]; else 0, and the noise adds to it later.
+    origin : SaturationOrigin
+        "white_level": a level reaches white; "variance_maximum": the variance falls
+        again below it; "white_level_assumed": no level came near either.
     """
 
     signal_dn: float
@@ -35,10 +42,20 @@ class Saturation:
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """The gain and what its error shares with the dark noise.
+    """System gain, and what its error shares with the dark noise.
 
-    ``gain_dn_per_e``, ``gain_u`` : K, with the Birge ratio; ``birge_ratio`` : 1 or more
-    ``weights`` : of each level's excess variance in K; ``levels`` : those that entered
+    Attributes
+    ----------
+    gain_dn_per_e, gain_u : float
+        Gain K [DN/e-] and its standard uncertainty, with the Birge ratio.
+    birge_ratio : float
+        Birge ratio, 1 or more.
+    chi_squared : float
+        Weighted sum of squared residuals.
+    weights : tuple of float
+        Weight of each level's excess variance in K.
+    levels : tuple of Level
+        Levels that entered the fit.
     """
 
     gain_dn_per_e: float
@@ -49,7 +66,20 @@ class Transfer:
     levels: tuple[Level, ...]
 
     def covariance_with(self, dark: Stack) -> float:
-        """Give cov(K, sigma_dark^2) [DN^3/e-]: K falls by the weights of the levels that the dark serves."""
+        """Return cov(K, sigma_dark^2) [DN^3/e-].
+
+        K falls by the weights of the levels that the dark stack serves.
+
+        Parameters
+        ----------
+        dark : Stack
+            Dark stack.
+
+        Returns
+        -------
+        float
+            Covariance [DN^3/e-].
+        """
         if dark.temporal is None:
             return 0.0
         served = [w for w, level in zip(self.weights, self.levels, strict=True) if level.dark is dark]
@@ -57,14 +87,28 @@ class Transfer:
 
 
 def find_saturation(levels: Sequence[Level], *, white_signal_dn: float) -> Saturation:
-    """Find where the temporal variance has its maximum [1, 6.6], or where the numbers end.
+    """Find where the temporal variance has its maximum [1]_ (6.6), or where the numbers end.
 
-    Levels may be a fifth apart in the field: where the brighter ones are cut off by white, white itself is
-    where the maximum lies, but for two standard deviations of noise.
+    Parameters
+    ----------
+    levels : sequence of Level
+        Levels in the order of signal.
+    white_signal_dn : float
+        White level above dark [DN].
 
-    Takes
-      levels : in the order of signal; white_signal_dn : the white level above dark
-    References [1] EMVA Standard 1288, release 3.1
+    Returns
+    -------
+    Saturation
+        Signal at saturation and how it was found.
+
+    Notes
+    -----
+    Levels may be a fifth apart in the field. If the brighter ones are cut off by white, the maximum lies at
+    white itself, within two standard deviations of noise.
+
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 3.1
     """
     if any(level.lit.clipped for level in levels):
         return Saturation(signal_dn=white_signal_dn, u_dn=0.0, origin="white_level")
@@ -86,16 +130,37 @@ def find_saturation(levels: Sequence[Level], *, white_signal_dn: float) -> Satur
 
 
 def fit_gain(levels: Sequence[Level], saturation: Saturation, *, range_share: float) -> Transfer | None:
-    """Fit the line through the origin from which K follows, by generalised least squares.
+    """Fit the line through the origin whose slope is K, by generalised least squares.
 
-        sigma_y^2 - sigma_dark^2 = K (mu_y - mu_dark)                                     [1, eq. 15]
+    Parameters
+    ----------
+    levels : sequence of Level
+        Levels of one channel at one ISO value.
+    saturation : Saturation
+        Saturation of the channel.
+    range_share : float
+        Upper end of the fit, as a fraction of saturation.
+
+    Returns
+    -------
+    Transfer or None
+        None if fewer than three levels are left, or if the noise does not grow with the
+        signal.
+
+    Notes
+    -----
+    The line is [1]_ (eq. 15)::
+
+        sigma_y^2 - sigma_dark^2 = K (mu_y - mu_dark)
         V_ij = [i = j] (2 sigma_i^4 / nu_i + K^2 u(x_i)^2) + [same dark] 2 sigma_dark^4 / nu_dark
-    up to ``range_share`` of saturation. The sigma_i in V are those of the line, not the measured ones: a
-    level whose noise came out small by chance must not weigh more for it. chi^2 / (n - 1) above 1 enlarges
-    u(K).
 
-    Returns None when fewer than three levels are left, or the noise does not grow with the signal
-    References [1] EMVA Standard 1288, release 3.1
+    up to `range_share` of saturation. The sigma_i in V are those of the line, not the measured ones: a
+    level whose noise came out small by chance must not get a larger weight for it. chi^2 / (n - 1) above 1
+    enlarges u(K).
+
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 3.1
     """
     used = tuple(
         level

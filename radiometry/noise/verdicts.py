@@ -1,4 +1,4 @@
-"""The verdict on every frame of a noise campaign, from the same evidence that its fit will use."""
+"""Verdict on every frame of a noise campaign, from the same evidence that its fit uses."""
 
 from collections.abc import Sequence
 
@@ -14,12 +14,22 @@ from radiometry.noise.stacks import Stack
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
-    """Give the verdict on each frame of a campaign, by name; a reason of several channels is said once.
+    """Return the verdict on each frame of a campaign.
 
-    Takes
-      frames : all frames of the campaign; one without a region has the whole frame for it
-      rows : those of them that a fit would see
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        All frames of the campaign; for one without a region the region is the whole
+        frame.
+    rows : sequence of FrameRow
+        Those of the frames that a fit would use.
+    params : Params
+        Parameters of the fit.
 
+    Returns
+    -------
+    dict of str to Verdict
+        Verdict by name; a reason of several channels is listed once.
     """
     reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
     found: dict[str, dict[Finding, Reason]] = {}
