@@ -48,8 +48,8 @@ verify: $(VENV)/run  ## compute a certificate anew: CERT=<file or address> DATA=
 verify-backup: $(VENV)/run  ## can a backup be restored? FROM=<folder> [DATABASE=<restored PostgreSQL>] [BLOBS=<s3://...>]
 	@python -m store.backup_check "$(FROM)" --database "$(DATABASE)" --blobs "$(BLOBS)"
 
-lint: $(VENV)/dev  ## style, types and who may import whom
-	@ruff check . && ruff format --check . && mypy && lint-imports
+lint: $(VENV)/dev  ## style, types, who may import whom, and that no method is known by its name
+	@ruff check . && ruff format --check . && mypy && lint-imports && python -m tests.docs.method_names
 
 format: $(VENV)/dev  ## put the code in its style
 	@ruff format . && ruff check --fix .

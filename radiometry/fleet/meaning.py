@@ -6,18 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from radiometry.fleet.determinations import Key
+from radiometry.methods import get_method
 
 Kind = Literal["relative", "absolute"]
 
 PERCENT = "%"
-
-_OF = {
-    "luminance_k": "of the luminance",
-    "reflectance_k": "of the reflectance",
-    "corner_falloff": "of the signal in the corner",
-}
-_GEOMETRY_RADIAL = {"k1": 3, "k2": 5, "k3": 7}
-_VIGNETTING = {"k1", "k2", "k3"}
 
 NOT_SHARED = frozenset({"rms_px"})
 """Figures of a fit's quality: they stand among the coefficients, and nobody applies them to an image."""
@@ -68,17 +61,20 @@ def give_meaning(method: str, key: Key, means: Mapping[str, float], *, mean: flo
       means : the fleet's mean of each parameter by name; mean : of this one
     Source: the models' own equations, to first order in the difference
     """
-    if method == "vignetting" and key.name in _VIGNETTING | {"corner_falloff"}:
-        factor = 1.0 if key.unit == PERCENT else 100.0
-        return Meaning(kind="relative", unit=PERCENT, of=_OF["corner_falloff"], factor=factor)
-    if method == "geometry" and key.name in {*_GEOMETRY_RADIAL, "p1", "p2"}:
-        factor = _move_corner(key.name, means)
-        return Meaning(kind="absolute", unit="px", of="in the corner of the frame", factor=factor)
+    kinds = {each.name: each for each in get_method(method).coefficients}
+    effect = kinds[key.name].effect if key.name in kinds else None
+    if effect is not None and effect.factor is not None:
+        # a fraction that is given in % is not multiplied once more
+        factor = 1.0 if key.unit == effect.unit else effect.factor(means)
+        relative = effect.unit == PERCENT
+        return Meaning(
+            kind="relative" if relative else "absolute", unit=effect.unit, of=effect.of, factor=factor
+        )
     for ending, unit in (("_px", "px"), ("_dn", "DN")):
         if key.name.endswith(ending):
             return Meaning(kind="absolute", unit=unit, of=f"of {key.name}", factor=1.0)
     factor = 100.0 / abs(mean) if mean else math.nan
-    return Meaning(kind="relative", unit=PERCENT, of=_OF.get(key.name, f"of {key.name}"), factor=factor)
+    return Meaning(kind="relative", unit=PERCENT, of=effect.of if effect else f"of {key.name}", factor=factor)
 
 
 def is_clear_of_zero(meaning: Meaning, mean: float, standard_error: float) -> bool:
@@ -86,19 +82,3 @@ def is_clear_of_zero(meaning: Meaning, mean: float, standard_error: float) -> bo
     if meaning.kind == "absolute":
         return math.isfinite(meaning.factor)
     return math.isfinite(meaning.factor) and abs(mean) > CLEAR_OF_ZERO * standard_error
-
-
-def _move_corner(name: str, means: Mapping[str, float]) -> float:
-    """Give the image motion in the frame's corner per unit of a distortion coefficient [px]."""
-    try:
-        fx, fy, cx, cy = (means[f"{each}_px"] for each in ("fx", "fy", "cx", "cy"))
-    except KeyError:
-        return math.nan
-    x, y = cx / fx, cy / fy
-    squared = x * x + y * y
-    if name in _GEOMETRY_RADIAL:
-        power = (_GEOMETRY_RADIAL[name] - 1) / 2
-        return float(math.hypot(fx * x, fy * y) * squared**power)
-    if name == "p1":
-        return math.hypot(fx * 2 * x * y, fy * (squared + 2 * y * y))
-    return math.hypot(fx * (squared + 2 * x * x), fy * 2 * x * y)

@@ -1,13 +1,15 @@
 """The camera's geometry from pictures of a board: principal distance, principal point, distortion."""
 
+from functools import partial
 from typing import Final
 
 from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE
+from radiometry.geometry.effects import DISTORTION, move_corner
 from radiometry.geometry.plot import draw
 from radiometry.specification.application import PictureApplication
-from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
+from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
 
 __all__ = ["SPEC"]
@@ -17,6 +19,11 @@ _LABELS: Final = {
     "fy_px": "Focal length fy",
     "cx_px": "Principal point cx",
     "cy_px": "Principal point cy",
+}
+
+_MOVED: Final = {
+    name: CoefficientEffect(of="in the corner of the frame", unit="px", factor=partial(move_corner, name))
+    for name in DISTORTION
 }
 
 SPEC: Final = MethodSpec(
@@ -34,7 +41,12 @@ SPEC: Final = MethodSpec(
     manual_exposure=False,
     coefficients=(
         *(
-            CoefficientKind(name=name, label=_LABELS.get(name, name), units=(unit,))
+            CoefficientKind(
+                name=name,
+                label=_LABELS.get(name, name),
+                units=(unit,),
+                effect=_MOVED.get(name),
+            )
             for name, unit in UNITS.items()
         ),
         CoefficientKind(name="rms_px", label="Root mean square residual", units=("px",)),

@@ -8,7 +8,7 @@ from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.plot import draw
-from radiometry.specification.method import Budget, CoefficientKind, MethodSpec
+from radiometry.specification.method import Budget, CoefficientEffect, CoefficientKind, MethodSpec
 from radiometry.specification.roles import DARK, LIGHT
 
 __all__ = ["SPEC"]
@@ -26,7 +26,12 @@ SPEC: Final = MethodSpec(
     has_checklist=True,
     reading=method.Reading,
     coefficients=(
-        CoefficientKind(name="luminance_k", label="Luminance K", units=("DN*m2/(cd*s)",)),
+        CoefficientKind(
+            name="luminance_k",
+            label="Luminance K",
+            units=("DN*m2/(cd*s)",),
+            effect=CoefficientEffect(of="of the luminance"),
+        ),
         CoefficientKind(name="dark_signal_dn", label="Dark signal", units=("DN",)),
     ),
     findings=codes.FINDINGS,

@@ -7,7 +7,7 @@ from radiometry.reflectance.applying import APPLICATION
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
 from radiometry.reflectance.plot import draw
-from radiometry.specification.method import CoefficientKind, MethodSpec, drop_target
+from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_target
 from radiometry.specification.roles import FIELD, PANEL
 
 __all__ = ["SPEC"]
@@ -28,7 +28,12 @@ SPEC: Final = MethodSpec(
     finds_region=True,
     manual_exposure=False,
     coefficients=(
-        CoefficientKind(name="reflectance_k", label="Reflectance K", units=("1/s", "1", "sr", "m2*sr*nm/W")),
+        CoefficientKind(
+            name="reflectance_k",
+            label="Reflectance K",
+            units=("1/s", "1", "sr", "m2*sr*nm/W"),
+            effect=CoefficientEffect(of="of the reflectance"),
+        ),
     ),
     findings=codes.FINDINGS,
     extract=drop_target(method.extract),

@@ -5,7 +5,7 @@ from typing import Final
 from radiometry.sharpness import codes, method
 from radiometry.sharpness.certificate import CERTIFICATE
 from radiometry.sharpness.plot import draw
-from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings
+from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
 
 __all__ = ["SPEC"]
@@ -48,7 +48,12 @@ SPEC: Final = MethodSpec(
         CoefficientKind(
             name="unresolved_diameter_px", label="Diameter of the unresolved disc", units=("px",)
         ),
-        CoefficientKind(name="corner_falloff", label="Loss towards the corners", units=("1",)),
+        CoefficientKind(
+            name="corner_falloff",
+            label="Loss towards the corners",
+            units=("1",),
+            effect=CoefficientEffect(of="of the signal in the corner"),
+        ),
     ),
     findings=codes.FINDINGS,
     extract=method.extract,

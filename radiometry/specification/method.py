@@ -33,6 +33,26 @@ class Budget:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CoefficientEffect:
+    """Effect of a difference of a coefficient on what is made with it.
+
+    Attributes
+    ----------
+    of : str
+        What is affected, for sentences: "of the luminance".
+    unit : {"%", "px"}
+        Unit of the effect.
+    factor : callable or None
+        ``(means) -> float``, the effect per unit of the coefficient, from the mean of each coefficient by
+        name; nan if one is missing. None if the effect is the difference relative to the mean.
+    """
+
+    of: str
+    unit: Literal["%", "px"] = "%"
+    factor: Callable[[Mapping[str, float]], float] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class CoefficientKind:
     """A coefficient that a method reports.
 
@@ -40,11 +60,14 @@ class CoefficientKind:
     ----------
     units : tuple of str
         Its unit; several if it depends on the camera or on a parameter.
+    effect : CoefficientEffect or None
+        None if its difference has no effect but itself.
     """
 
     name: str
     label: str
     units: tuple[str, ...]
+    effect: CoefficientEffect | None = None
 
 
 def _nothing(*_: Any, **__: Any) -> None:  # noqa: ANN401  takes what the function that it replaces takes

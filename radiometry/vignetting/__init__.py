@@ -3,13 +3,21 @@
 from typing import Final
 
 from radiometry.specification.application import Correction
-from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
+from radiometry.specification.method import (
+    CoefficientEffect,
+    CoefficientKind,
+    MethodSpec,
+    drop_readings,
+    drop_target,
+)
 from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
 from radiometry.vignetting.certificate import CERTIFICATE
 from radiometry.vignetting.plot import draw
 
 __all__ = ["SPEC"]
+
+_IN_CORNER: Final = CoefficientEffect(of="of the signal in the corner", factor=lambda _: 100.0)
 
 SPEC: Final = MethodSpec(
     name="vignetting",
@@ -22,10 +30,10 @@ SPEC: Final = MethodSpec(
     features=method.Features,
     whole_frame=True,
     coefficients=(
-        CoefficientKind(name="corner_falloff", label="Corner falloff", units=("1",)),
-        CoefficientKind(name="k1", label="k1", units=("1",)),
-        CoefficientKind(name="k2", label="k2", units=("1",)),
-        CoefficientKind(name="k3", label="k3", units=("1",)),
+        CoefficientKind(name="corner_falloff", label="Corner falloff", units=("1",), effect=_IN_CORNER),
+        CoefficientKind(name="k1", label="k1", units=("1",), effect=_IN_CORNER),
+        CoefficientKind(name="k2", label="k2", units=("1",), effect=_IN_CORNER),
+        CoefficientKind(name="k3", label="k3", units=("1",), effect=_IN_CORNER),
         CoefficientKind(name="centre_row_px", label="Centre row", units=("px",)),
         CoefficientKind(name="centre_col_px", label="Centre column", units=("px",)),
     ),

@@ -19,6 +19,7 @@ from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
 from stilb.field.pushing import Report, as_json
 from stilb.field.running import ensure_campaign, ensure_readings
 from stilb.field.template import read_methods, write_template
+from stilb.method import DEFAULT_METHOD
 from stilb.problem import Unclear
 
 app = typer.Typer(help="A campaign in a folder: camera, meter, readings and frames.", no_args_is_help=True)
@@ -32,7 +33,9 @@ def init(
     make: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
     model: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
     serial: Annotated[str, typer.Option(help="Of the camera, as in its files.")] = "",
-    method: Annotated[str, typer.Option(help="Method; the refusal of another lists them all.")] = "luminance",
+    method: Annotated[
+        str, typer.Option(help="Method; the refusal of another lists them all.")
+    ] = DEFAULT_METHOD,
     project: Annotated[str | None, typer.Option(help="Project number; default: the folder's name.")] = None,
 ) -> None:
     """Write a campaign.toml to fill in. An existing file is kept."""

@@ -7,13 +7,15 @@ import typer
 from stilb.commands.moments import read_moment
 from stilb.commands.output import Output, command
 from stilb.commands.tables import of_coefficients
+from stilb.field.template import read_methods
+from stilb.method import DEFAULT_METHOD
 
 
 @command
 def k(
     output: Output,
     camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id or serial number.")],
-    method: Annotated[str, typer.Option(help="Method of the coefficients.")] = "luminance",
+    method: Annotated[str, typer.Option(help="Method of the coefficients.")] = DEFAULT_METHOD,
     iso: Annotated[float | None, typer.Option(help="Only this ISO value.")] = None,
     at: Annotated[str | None, typer.Option(help="In force at this time; default: now.")] = None,
     known_at: Annotated[str | None, typer.Option(help="As known at this time; default: now.")] = None,
@@ -26,7 +28,7 @@ def k(
         found = client.coefficients(
             client.find_camera(camera).id,
             method=method,
-            name="luminance_k" if method == "luminance" else None,
+            name=read_methods()[method]["coefficients"][0]["name"] if method == DEFAULT_METHOD else None,
             iso=iso,
             at=read_moment(at),
             known_at=read_moment(known_at),

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
 from stilb.connection import Connection
+from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Campaign, CampaignDetails, Polygon, Reading, as_text
 from stilb.transport import Call, Query, address
@@ -16,7 +17,7 @@ class Campaigns(Connection):
         self,
         camera_id: str,
         *,
-        method: str = "luminance",
+        method: str = DEFAULT_METHOD,
         idempotency_key: str | None = None,
         **details: Unpack[CampaignDetails],
     ) -> Campaign:

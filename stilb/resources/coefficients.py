@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from stilb.method import DEFAULT_METHOD
 from stilb.problem import Unclear
 from stilb.records import Coefficient, Moment, as_text, as_times
 from stilb.resources.equipment import Equipment
@@ -17,7 +18,7 @@ class Coefficients(Equipment):
         self,
         camera_id: str,
         *,
-        method: str = "luminance",
+        method: str = DEFAULT_METHOD,
         name: str | None = None,
         iso: float | None = None,
         at: Moment | None = None,

@@ -1,0 +1,175 @@
+"""Lint: outside its package no code knows a calibration method by its name.
+
+    python -m tests.docs.method_names
+
+A method's name as a literal is an error where it is compared with, assigned to or given to something
+called method, matched in a `case`, or listed beside the names of other methods; so is an import of its
+package.
+"luminance", "reflectance" and the other names remain free as names of quantities, columns and units.
+"""
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from radiometry.methods import METHODS
+
+NAMES: Final = frozenset(spec.name for spec in METHODS)
+ROOMS: Final = ("radiometry", "store", "worker", "service", "stilb", "verify")
+# the list of the methods, and the default of the public client
+ALLOWED: Final = frozenset({"radiometry/methods/__init__.py", "stilb/method.py"})
+
+# files that still know a method by its name: each leaves with its last mention, and none may join them
+KNOWN: Final[frozenset[str]] = frozenset(
+    {
+        "radiometry/fleet/meaning.py",
+        "service/routes/exports.py",
+        "service/web/static/calibration/detail.js",
+        "service/web/static/calibration/page.js",
+        "service/web/static/calibration/points.js",
+        "service/web/static/calibration/refit.js",
+        "service/web/static/calibration/result.js",
+        "service/web/static/campaign/create.js",
+        "service/web/static/campaign/overview.js",
+        "service/web/static/campaign/region.js",
+        "service/web/static/campaign/target.js",
+        "service/web/static/measurement/new.js",
+        "service/web/static/measurement/words.js",
+        "service/web/static/pages/camera.js",
+        "service/web/static/pages/fleet.js",
+        "service/web/templates/calibration.html",
+        "service/web/templates/campaign.html",
+    }
+)
+
+_NAME: Final = "|".join(sorted(NAMES))
+_PACKAGE: Final = re.compile(rf"radiometry\.(?:{_NAME})\b")
+_IN_SCRIPT: Final = re.compile(
+    rf"""method\w*(?:\.value)?\s*[=!]==?\s*["'](?:{_NAME})["']"""
+    rf"""|["'](?:{_NAME})["']\s*[=!]==?\s*[\w.]*method"""
+    rf"""|\[\s*["'](?:{_NAME})["']\s*,\s*["'](?:{_NAME})["']"""
+)
+
+
+def find_in_python(text: str) -> Iterator[tuple[int, str]]:
+    """Return line and reason of every place of a Python file that knows a method by its name."""
+    for node in ast.walk(ast.parse(text)):
+        reason = _judge_statement(node) or _judge_expression(node) or _judge_import(node)
+        if reason:
+            yield getattr(node, "lineno", 0), reason
+
+
+def find_in_script(text: str) -> Iterator[tuple[int, str]]:
+    """Return line and reason of every place of a script or template that knows a method by its name."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if _IN_SCRIPT.search(line):
+            yield number, "a method is known by its name"
+
+
+def find_all(root: Path) -> Iterator[tuple[str, int, str]]:
+    """Return file, line and reason of every place in the rooms of the product."""
+    listed = subprocess.run(["git", "ls-files", *ROOMS], cwd=root, capture_output=True, text=True, check=True)
+    for name in listed.stdout.split():
+        parts = name.split("/")
+        if (parts[0] == "radiometry" and parts[1] in NAMES) or name in ALLOWED or not (root / name).exists():
+            continue
+        if name.endswith(".py"):
+            found = find_in_python((root / name).read_text())
+        elif name.endswith((".js", ".html")):
+            found = find_in_script((root / name).read_text())
+        else:
+            continue
+        yield from ((name, line, reason) for line, reason in found)
+
+
+def main() -> int:
+    """Print every place that is not known yet, and the known files that are clean; fail for the former."""
+    found = list(find_all(Path(__file__).parents[2]))
+    fresh = [place for place in found if place[0] not in KNOWN]
+    for name, line, reason in fresh:
+        sys.stdout.write(f"{name}:{line}: {reason}: ask its specification (radiometry/specification)\n")
+    clean = sorted(KNOWN - {name for name, _, _ in found})
+    for name in clean:
+        sys.stdout.write(f"{name}: knows no method by its name any more: take it off KNOWN in {__file__}\n")
+    return 1 if fresh else 0
+
+
+def _judge_statement(node: ast.AST) -> str:
+    match node:
+        case ast.Assign(targets=targets, value=value) if any(map(_is_method, targets)) and _names(value):
+            return "a name is assigned to a method"
+        case ast.AnnAssign(target=target, value=value) if value and _is_method(target) and _names(value):
+            return "a name is assigned to a method"
+        case ast.Match(subject=subject, cases=cases) if _is_method(subject) and any(map(_matches, cases)):
+            return "a name is matched"
+        case ast.FunctionDef() | ast.AsyncFunctionDef() if _has_default(node.args):
+            return "a name is the default of a method"
+    return ""
+
+
+def _judge_import(node: ast.AST) -> str:
+    match node:
+        case ast.ImportFrom(module=str(module), names=names):
+            paths = [f"{module}.{each.name}" for each in names]
+        case ast.Import(names=names):
+            paths = [each.name for each in names]
+        case _:
+            return ""
+    return "a method's package is imported" if any(map(_PACKAGE.match, paths)) else ""
+
+
+def _judge_expression(node: ast.AST) -> str:
+    match node:
+        case ast.Compare(left=left, comparators=others):
+            parts = [left, *others]
+            if any(map(_is_method, parts)) and any(map(_names, parts)):
+                return "a method is compared with a name"
+        case ast.keyword(arg=str(named), value=value) if "method" in named.lower() and _names(value):
+            return "a name is given as a method"
+        case ast.Dict(keys=keys) if sum(_names(key) for key in keys if key) > 1:
+            return "names are keys beside each other"
+        case ast.Tuple(elts=parts) | ast.List(elts=parts) | ast.Set(elts=parts) if (
+            sum(map(_names, parts)) > 1
+        ):
+            return "names are listed beside each other"
+    return ""
+
+
+def _names(node: ast.expr) -> bool:
+    if isinstance(node, ast.Tuple | ast.List | ast.Set):
+        return any(_names(part) for part in node.elts)
+    return isinstance(node, ast.Constant) and node.value in NAMES
+
+
+def _is_method(node: ast.expr) -> bool:
+    match node:
+        case ast.Name(id=name) | ast.Attribute(attr=name):
+            return "method" in name.lower()
+        case ast.Subscript(slice=ast.Constant(value=str(name))):
+            return "method" in name.lower()
+        case ast.Call(func=ast.Attribute(attr="get"), args=[ast.Constant(value=str(name)), *_]):
+            return "method" in name.lower()
+        case ast.Compare(left=left):
+            return _is_method(left)
+    return False
+
+
+def _matches(case: ast.match_case) -> bool:
+    return any(isinstance(node, ast.MatchValue) and _names(node.value) for node in ast.walk(case.pattern))
+
+
+def _has_default(node: ast.arguments) -> bool:
+    plain = [*node.posonlyargs, *node.args]
+    pairs = [
+        *zip(plain[len(plain) - len(node.defaults) :], node.defaults, strict=True),
+        *zip(node.kwonlyargs, node.kw_defaults, strict=True),
+    ]
+    return any(default and "method" in named.arg.lower() and _names(default) for named, default in pairs)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
