@@ -127,7 +127,7 @@ def _find_example(document: Node, schema: Node, recorded: Node) -> Any:  # noqa:
 
 
 def _absent_is_not_null(node: Any) -> None:  # noqa: ANN401
-    """Say of an optional field what it holds when it is there: null is never sent, and never taken."""
+    """Remove null from the types of optional fields: it is never sent and never accepted."""
     if isinstance(node, list):
         for member in node:
             _absent_is_not_null(member)

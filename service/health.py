@@ -92,7 +92,7 @@ class _Check:
         self.found: Any = None
 
     def begin(self, pool: ThreadPoolExecutor) -> Future[Any] | None:
-        """Look again unless it is known or already asked; what is still under way is returned."""
+        """Start a check unless its answer is known or pending; return the checks that are pending."""
         self._take()
         if self._under_way is None and time.monotonic() - self._ended >= _FRESH_S:
             self._begun = time.monotonic()

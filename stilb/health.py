@@ -30,7 +30,7 @@ class Health:
 
 
 def examine(transport: Transport) -> Health:
-    """Look once; raises ``Problem`` only where nothing answers at all."""
+    """Check once; raises ``Problem`` only where nothing answers at all."""
     sent_at, began = datetime.now(UTC), time.monotonic()
     ready, detail = True, "database and file store answer"
     try:

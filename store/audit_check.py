@@ -101,7 +101,7 @@ def _compare(last: Head, noted: Head | None) -> None:
 
 
 def _end(session: Session, last: Head, noted: Head | None) -> None:
-    """Hold the end against what is kept of it in the head's own row, and against the noted head."""
+    """Compare the end with the head's own row and with the noted head."""
     head = session.scalars(select(AuditHead)).one_or_none()
     if head is None:
         raise _Broken(last.seq + 1, "the head's row is missing: whether entries are missing cannot be told")

@@ -61,7 +61,7 @@ class Hints:
         self._lock = threading.Lock()
 
     def send(self, job_ids: list[str]) -> None:
-        """Tell some worker that these jobs wait."""
+        """Send messages to the workers that these jobs wait."""
         for job_id in job_ids[:MOST_HINTS]:
             with self._lock:
                 # Looked at behind the lock: those who waited for one that failed do not try one by one.

@@ -174,7 +174,7 @@ def _claim(session: Session, job_id: str, now: datetime, lease_s: float) -> Clai
 
 
 def renew(session: Session, held: Claim, *, lease_s: float, progress: float) -> None:
-    """Hold on to a job for another lease, and say how far the work has come, as a share of 1."""
+    """Extend the lease of a job, and store its progress, a fraction of 1."""
     _held(session, held, lease_until=utc_now() + timedelta(seconds=lease_s), progress=progress)
 
 

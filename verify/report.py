@@ -20,7 +20,7 @@ _MOST_IN_GROUP = 12
 
 
 def tabulate(certificate: Node, rows: list[Row]) -> Table:
-    """Give the table: quantity, certificate, recomputed, same or not."""
+    """Return the table: quantity, certificate, recomputed, same or not."""
     table = Table(title=f"Certificate {certificate['number']}", title_justify="left")
     for name in ("quantity", "certificate", "recomputed", "same?"):
         table.add_column(name, overflow="fold")

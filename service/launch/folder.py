@@ -35,7 +35,7 @@ def close_to_others(data: Path, report: Callable[[str], None]) -> None:
 
 @contextmanager
 def claimed(data: Path, report: Callable[[str], None]) -> Iterator[int]:
-    """Hold the folder; yields the lock's descriptor, to be inherited by every child.
+    """Lock the folder; yield the lock's descriptor, which every child inherits.
 
     With the children holding it too, the lock is free only when nothing of an earlier run is left that could
     still write here.

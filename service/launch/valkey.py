@@ -57,7 +57,7 @@ def valkey_command(binary: Path, data: Path, sock: Path) -> list[str]:
 
 @contextmanager
 def socket_path(data: Path) -> Iterator[Path]:
-    """Give the socket's path: in the data folder, unless that is too long or not plain in a URL."""
+    """Return the socket's path: in the data folder, unless that is too long or not plain in a URL."""
     path = data / SOCKET
     if len(os.fsencode(path)) <= _SOCKET_PATH_BYTES and _PLAIN.fullmatch(str(path)):
         yield path
@@ -77,7 +77,7 @@ def socket_path(data: Path) -> Iterator[Path]:
 
 
 def answers(sock: Path) -> bool:
-    """Say whether the server behind the socket is ready."""
+    """Return True if the server behind the socket is ready."""
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(1.0)
         try:

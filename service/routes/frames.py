@@ -176,7 +176,7 @@ def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: W
 
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer, responses=problems(404))
 def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Writes) -> Response:
-    """Give a frame a region of its own, where the camera has moved."""
+    """Set a region for one frame, where the camera has moved."""
     drawing = read_roi(body)
 
     def change(session: Session) -> Reply:

@@ -24,7 +24,7 @@ router = APIRouter(prefix="/v1", tags=["frames"])
     "/frames/{frame_id}/region", status_code=202, response_model=JobAnswer, responses=problems(404, 409)
 )
 def look_at_region(frame_id: Id, body: NewLook, caller: Calibrator, writing: Writes) -> Response:
-    """Look at a region without setting it. The job's result holds its statistics, histogram and clipping.
+    """Preview a region without setting it. The job's result holds its statistics, histogram and clipping.
 
     `histogram`: counts per channel, bin i from first_dn + i * step_dn. `clipping`: the cells of cell_px
     pixels from (row0_px, col0_px) that hold samples at the white level, with the share of such pixels.

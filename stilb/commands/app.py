@@ -82,7 +82,7 @@ def _said(error: Exception) -> str:
 
 
 def _end(error: Exception, *, as_json: bool) -> int:
-    """Say what went wrong, on stderr for a person, on stdout for a machine."""
+    """Report an error, on stderr for a person, on stdout for a machine."""
     code = exit_of(error)
     lines = [f"stilb: {_said(error)}", *getattr(error, "__notes__", ()), next_step(error)]
     sys.stderr.write("".join(f"{line}\n" for line in lines if line))

@@ -81,7 +81,7 @@ def transfer(
 
 
 def finish(output: Output, report: Report) -> None:
-    """Tell what became of a push; what is not well is an exit code of its own."""
+    """Report the outcome of a push; each kind of failure has its own exit code."""
     output.answer(as_json(report), *lines(report))
     if not report.is_well:
         raise typer.Exit(Exit.FINDINGS)

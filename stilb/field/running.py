@@ -56,7 +56,7 @@ def _details(client: Client, plan: Plan) -> CampaignDetails:
 
 
 def _correct(client: Client, campaign: Campaign, details: CampaignDetails) -> Campaign:
-    """Say anew what was said otherwise before; a time may be written in several ways, so it stays."""
+    """Correct the details that differ; a time may be written in several ways, so it stays."""
     said = {name: value for name, value in details.items() if name != "started_at"}
     changed = {name: value for name, value in said.items() if not _holds(campaign.raw.get(name), value)}
     return client.change_campaign(campaign.id, **cast("CampaignDetails", changed)) if changed else campaign

@@ -32,7 +32,7 @@ class Watch:
         return settled
 
     def take_back(self, files: list[FieldFile]) -> None:
-        """Give these again: they could not be sent."""
+        """Return these files to the queue, because they could not be sent."""
         for file in files:
             self._given.pop(file.path, None)
 

@@ -89,6 +89,6 @@ class Frames(Connection):
         return map(Frame.of, self._transport.items(address("campaigns", campaign_id, "frames")))
 
     def set_frame_roi(self, frame_id: str, polygon: Polygon | str) -> dict[str, Any]:
-        """Give a frame a region of its own: corners [px], or ImageJ's macro call."""
+        """Set a region for one frame: corners [px], or ImageJ's macro call."""
         body = {"imagej": polygon} if isinstance(polygon, str) else region(polygon)
         return self._put(address("frames", frame_id, "roi"), body)

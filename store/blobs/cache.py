@@ -16,7 +16,7 @@ class Cache:
 
     @contextmanager
     def held(self, name: str) -> Iterator[Path | None]:
-        """Give the file and keep it from eviction while the context lasts; None if it is not here."""
+        """Return the file and keep it from eviction while the context lasts; None if it is not here."""
         path = self._folder / name
         try:
             fd = os.open(path, os.O_RDONLY)

@@ -103,7 +103,7 @@ def find_or_add_roi(session: Session, organisation_id: str, drawing: Drawing) ->
 
 
 def set_roi(session: Session, campaign: Campaign, roi: Roi, *, by: str) -> list[Job]:
-    """Give the campaign a region; the jobs that compute it anew for every frame that has none of its own."""
+    """Set the region of a campaign; return the jobs that recompute each frame without its own region."""
     if campaign.roi_id == roi.id:
         return []
     campaign.roi_id = roi.id
