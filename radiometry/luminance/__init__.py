@@ -1,4 +1,4 @@
-"""The parts of the luminance calibration; `radiometry.luminance.method` is its door."""
+"""Luminance method: its specification; `radiometry.luminance.method` exports its functions."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""Whether a light frame agrees with its scene: with the readings there, and with the other frames."""
+"""Agreement of a light frame with its scene: with the readings, and with the other frames."""
 
 import statistics as python_statistics
 from collections.abc import Iterable, Sequence
@@ -25,9 +25,22 @@ _MOST_NAMES = 4
 def inspect_scenes(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> dict[str, list[Reason]]:
-    """Say which light frames lack a scene or its reading, and in which scenes the lamp drifted.
+    """Check which light frames lack a scene or its reading, and in which scenes the lamp drifted.
 
-    Reasons  scene_missing : fail; reading_missing, lamp_drift : warn
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    dict of str to list of Reason
+        Reasons by name of the frame. Fail: `scene_missing`. Warn:
+        `reading_missing`, `lamp_drift`.
     """
     read = sorted({reading.scene for reading in readings if reading.quantity == "luminance"})
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
@@ -67,9 +80,20 @@ def _reading_missing(scene: str, read: Sequence[str]) -> Reason:
 
 
 def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
-    """Say which light frames repeat another of the same scene and settings; the first by name passes.
+    """Find the light frames that repeat another of the same scene and settings.
 
-    Reasons  redundant : warn
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    dict of str to list of Reason
+        `redundant` (warn) by name of the frame; the first frame by name is not
+        among them.
     """
     first: dict[object, str] = {}
     found = {}
@@ -89,9 +113,19 @@ def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Rea
 
 
 def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:
-    """Give per scene and frame the signal above dark per t S / f^2 [DN*m2/(cd*s) times cd/m2]: K L.
+    """Compute the signal above dark per t S / f^2 of each frame, which is K L.
 
-    Of frames whose signal is neither clipped nor weak; a frame's exposure settings drop out, its light stays.
+    Parameters
+    ----------
+    series : IsoSeries
+        Frames of one ISO value.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        By scene and frame, for frames whose signal is neither clipped nor weak
+        [DN*m2/(cd*s) times cd/m2]. The exposure settings of a frame cancel, its
+        light does not.
     """
     found: dict[str, dict[str, float]] = {}
     for candidate in series.candidates:
@@ -104,7 +138,20 @@ def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:
 
 
 def expect_signals(series: IsoSeries, brightness: dict[str, dict[str, float]]) -> dict[str, float]:
-    """Give the signal above dark [DN] that clipped frames would have by the other frames of their scene."""
+    """Predict the signal above dark of clipped frames from the other frames of their scene.
+
+    Parameters
+    ----------
+    series : IsoSeries
+        Frames of one ISO value.
+    brightness : dict of str to dict of str to float
+        Result of `measure_brightness`.
+
+    Returns
+    -------
+    dict of str to float
+        Signal above dark by name of the frame [DN].
+    """
     medians = {scene: python_statistics.median(frames.values()) for scene, frames in brightness.items()}
     return {
         candidate.frame: medians[candidate.scene] * _per_luminance(candidate)
@@ -114,12 +161,22 @@ def expect_signals(series: IsoSeries, brightness: dict[str, dict[str, float]]) -
 
 
 def inspect_agreement(brightness: dict[str, dict[str, float]]) -> dict[str, list[Reason]]:
-    """Say which frames of one ISO value disagree with their scene, and which scene they would fit.
+    """Find the frames of one ISO value that disagree with their scene, and the scene that they would fit.
 
-    A frame is compared with the median of its scene's frames, itself among them: of two that disagree nobody
-    can say which is wrong, and both are named.
+    Parameters
+    ----------
+    brightness : dict of str to dict of str to float
+        Result of `measure_brightness`.
 
-    Reasons  scene_doubtful : warn
+    Returns
+    -------
+    dict of str to list of Reason
+        `scene_doubtful` (warn) by name of the frame.
+
+    Notes
+    -----
+    A frame is compared with the median of its scene's frames, itself among them. If
+    two disagree, it is not known which is wrong, and both are named.
     """
     medians = {scene: python_statistics.median(frames.values()) for scene, frames in brightness.items()}
     found = {}

@@ -26,20 +26,48 @@ def apply_coefficient(
     coefficients: Sequence[Coefficient],
     iso_u_rel: float = 0.0,
 ) -> AppliedLuminance:
-    """Give the luminance of a region in a new frame.
+    """Compute the luminance of a region in a new frame.
 
-    L = X f^2 / (t S), X where the model has the signal N - D; for N - D = K X
+    Parameters
+    ----------
+    statistics : sequence of ChannelStatistics
+        Statistics of the region, one row per channel.
+    exposure : Exposure
+        Exposure of the frame.
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per ISO value.
+    iso_u_rel : float, default: 0.0
+        Relative standard uncertainty of the ISO setting; 0 because K was fitted at
+        the same setting.
+
+    Returns
+    -------
+    AppliedLuminance
+        Luminance with its effects, and the flags `outside_exposure_times`,
+        `outside_f_numbers`, `outside_signals`, `saturated`, `below_detection`.
+
+    Raises
+    ------
+    InputRejected
+        `iso_not_calibrated` if there is no coefficient for the frame's ISO value;
+        `exposure_implausible`; `vignetting_not_calibrated` for a K that was fitted
+        with vignetting (see `lens.correct_signal`).
+
+    Notes
+    -----
+    L = X f^2 / (t S), with X where the model has the signal N - D. For N - D = K
+    X::
+
         L = (N - D) f^2 / (K t S)
         (u_L/L)^2 = (u_K/K)^2 + (u_t/t)^2 + (u_S/S)^2 + 4 (u_f/f)^2 + (u_N^2 + u_D^2) / (N - D)^2
-    Other models: the covariance of their parameters is carried through their inverse (JCGM 100, 5.2.2).
-    Nothing is clipped: a signal below dark gives a negative luminance with its uncertainty.
 
-    Takes
-      iso_u_rel : of the ISO setting; 0 because K was found at the same setting
-    Flags  outside_exposure_times, outside_f_numbers, outside_signals, saturated, below_detection
-    Raises InputRejected
-      iso_not_calibrated if no coefficient is for the frame's ISO value, exposure_implausible;
-      vignetting_not_calibrated for a K that was made with vignetting: see `lens.correct_signal`
+    For other models the covariance of their parameters is propagated through their
+    inverse [1]_. Nothing is clipped: a signal below dark gives a negative luminance
+    with its uncertainty.
+
+    References
+    ----------
+    .. [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     signal = measure_signal(statistics, channel=coefficient.channel)
@@ -54,13 +82,39 @@ def apply_to_signal(
     share: LensShare | None = None,
     iso_u_rel: float = 0.0,
 ) -> AppliedLuminance:
-    """Give the luminance of a signal: of a region, of a cell, of a single pixel.
+    """Compute the luminance of a signal: of a region, of a cell, or of a single pixel.
 
-    The equation of `apply_coefficient`, each source's effect kept apart: what two luminances of a frame share
-    is the same number times their sensitivities, what is a luminance's own is its noise. K that was made with
-    vignetting holds for (N - D) / V in place of N - D, V the ``share`` at this place and f-number.
-    Raises InputRejected
-      exposure_implausible, fit_failed; vignetting_not_calibrated if K needs V and has none, or the reverse
+    Parameters
+    ----------
+    signal : Signal
+        Mean raw value, black included [DN].
+    exposure : Exposure
+        Exposure of the frame.
+    coefficient : Coefficient
+        Coefficient for the frame's ISO value.
+    share : LensShare or None, default: None
+        Relative illumination V at this place and f-number, if vignetting is
+        corrected.
+    iso_u_rel : float, default: 0.0
+        Relative standard uncertainty of the ISO setting.
+
+    Returns
+    -------
+    AppliedLuminance
+        Luminance with the effect of each source.
+
+    Raises
+    ------
+    InputRejected
+        `exposure_implausible`, `fit_failed`; `vignetting_not_calibrated` if K needs
+        V and has none, or the reverse.
+
+    Notes
+    -----
+    The equation is that of `apply_coefficient`, with each source's effect separate:
+    two luminances of a frame share the same error times their sensitivities, and
+    each has its own noise. A K that was fitted with vignetting applies to (N - D) /
+    V in place of N - D.
     """
     require_alike(coefficient, corrected=share is not None)
     settings = exposure.on_basis(coefficient.exposure_basis)
@@ -87,9 +141,19 @@ def apply_to_signal(
 
 
 def require_alike(coefficient: Coefficient, *, corrected: bool) -> None:
-    """Refuse K for a signal that is corrected for vignetting where K's was not, and the reverse.
+    """Refuse K for a signal corrected for vignetting if K's was not, and the reverse.
 
-    Raises InputRejected(vignetting_not_calibrated)
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Coefficient to apply.
+    corrected : bool
+        True if the signal is corrected for vignetting.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated`.
     """
     if coefficient.vignetting is not None and not corrected:
         raise InputRejected(
@@ -105,9 +169,24 @@ def require_alike(coefficient: Coefficient, *, corrected: bool) -> None:
 
 
 def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Coefficient:
-    """Give the coefficient of an ISO value; between two calibrated values nothing is interpolated.
+    """Return the coefficient of an ISO value; between two calibrated values nothing is interpolated.
 
-    Raises InputRejected(iso_not_calibrated)
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per ISO value.
+    iso : float
+        ISO value of the frame.
+
+    Returns
+    -------
+    Coefficient
+        The coefficient whose ISO value is equal.
+
+    Raises
+    ------
+    InputRejected
+        `iso_not_calibrated` if there is none.
     """
     for coefficient in coefficients:
         if coefficient.iso == iso:
@@ -121,9 +200,25 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Co
 
 
 def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
-    """Give the slope of a luminance map, f^2 / (K t S) [cd/m2 per DN above dark]: L = (N - D) * slope.
+    """Compute the slope of a luminance map: L = (N - D) * slope.
 
-    Raises InputRejected(fit_failed) if the calibration's model is not proportional: its map is not a scale
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Coefficient for the frame's ISO value.
+    exposure : Exposure
+        Exposure of the frame.
+
+    Returns
+    -------
+    float
+        f^2 / (K t S) [cd/m2 per DN above dark].
+
+    Raises
+    ------
+    InputRejected
+        `fit_failed` if the calibration's model is not proportional, so that its map
+        is not a scale.
     """
     if coefficient.model != "proportional":
         raise InputRejected(

@@ -1,4 +1,4 @@
-"""The uncertainty budget of K in the form in which a certificate states it."""
+"""Uncertainty budget of K in the form in which a certificate states it."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,24 @@ from radiometry.luminance.results import IsoFit
 class BudgetLine:
     """One source of u(K).
 
-    ``input_uncertainty``, ``input_unit`` : standard uncertainty of the source itself
-    ``sensitivity`` : ``u_rel`` per ``input_uncertainty`` [1/input_unit], None where the input is exact
-    ``u_rel``, ``u`` : its contribution to u(K), relative and in K's unit; ``variance_share`` : of u(K)^2
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    kind : str
+        "A" (evaluated from scatter) or "B" (evaluated by other means).
+    input_uncertainty : float
+        Standard uncertainty of the source itself, in `input_unit`.
+    input_unit : str
+        Unit of the source.
+    sensitivity : float or None
+        `u_rel` per `input_uncertainty` [1/input_unit]; None if the input is exact.
+    u_rel : float
+        Relative contribution to u(K).
+    u : float
+        Contribution to u(K) in the unit of K.
+    variance_share : float
+        Fraction of u(K)^2, 0 to 1.
     """
 
     source: str
@@ -26,13 +41,29 @@ class BudgetLine:
 
 
 def explain_budget(iso_fit: IsoFit) -> tuple[BudgetLine, ...]:
-    """Say of each source how uncertain it is by itself, and how strongly K feels it.
+    """List the uncertainty of each source and the sensitivity of K to it.
 
-    Model: u_j(K) / K = c_j u(x_j)   c_j the sensitivity of K to a source that all points share in part: an
-    f-number enters squared (c = 2 where every frame has the same), and less where several average out [1].
-    A frame's own scatter averages: c = 0.3 for eleven frames alike. Birge's excess is a statement about K
-    itself: its sensitivity is 1.
-    References [1] JCGM 100:2008, 5.1.3 and 5.2.2
+    Parameters
+    ----------
+    iso_fit : IsoFit
+        Fit of one ISO value.
+
+    Returns
+    -------
+    tuple of BudgetLine
+        One line per source.
+
+    Notes
+    -----
+    u_j(K) / K = c_j u(x_j), with c_j the sensitivity of K to a source that all
+    points share in part. An f-number enters squared (c = 2 if every frame has the
+    same), and less if several average out [1]_. A frame's own scatter averages: c =
+    0.3 for eleven frames alike. Birge's excess is a statement about K itself: its
+    sensitivity is 1.
+
+    References
+    ----------
+    .. [1] JCGM 100:2008, 5.1.3 and 5.2.2, doi:10.59161/JCGM100-2008E
     """
     coefficient = iso_fit.coefficient
     chosen = next(model for model in iso_fit.models if model.model == coefficient.model)

@@ -1,4 +1,4 @@
-"""What a certificate prints of a luminance calibration."""
+"""Text of a certificate for a luminance calibration."""
 
 from typing import Final
 

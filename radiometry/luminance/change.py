@@ -19,15 +19,39 @@ def change_luminance(
     lens_share: float = 1.0,
     common_u_rel: float = 0.0,
 ) -> MeasuredChange:
-    """Give the change of a luminance that was measured with ``old`` if it had been measured with ``new``.
+    """Compute how a luminance measured with `old` would change if it were measured with `new`.
 
-        L = X f^2 / (t S), X from the model at N - D       change = L_new / L_old - 1
+    Parameters
+    ----------
+    old, new : sequence of Coefficient
+        Coefficients of both versions, one per ISO value.
+    exposure : Exposure
+        Exposure of the measured frame.
+    signal_dn : float or None
+        Measured signal N, black included [DN]; None if it was not stored.
+    lens_share : float, default: 1.0
+        Relative illumination V by which N - D was divided. Versions that differ in
+        vignetting cannot be compared.
+    common_u_rel : float, default: 0.0
+        Relative standard uncertainty of the meter's calibration if both versions
+        depend on the same one.
 
-    Takes
-      signal_dn : N, black included [DN], as it was measured; None where it was not kept
-      lens_share : V, by which N - D was divided; versions that differ in vignetting cannot be compared
-      common_u_rel : of the meter's calibration where both versions hang on the same one
-    Source: JCGM 100:2008, 5.2.2; the error of N is the same in both and cancels for signals above dark
+    Returns
+    -------
+    MeasuredChange
+        The change in %, or the reason why there is none.
+
+    Notes
+    -----
+    With X from the model at N - D [1]_::
+
+        L = X f^2 / (t S)        change = L_new / L_old - 1
+
+    The error of N is the same in both versions and cancels for signals above dark.
+
+    References
+    ----------
+    .. [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
     """
     before, after = _at_iso(old, exposure.iso), _at_iso(new, exposure.iso)
     if before is None or after is None:

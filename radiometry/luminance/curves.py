@@ -1,4 +1,4 @@
-"""The curve of one ISO value: four models fitted, judged and compared."""
+"""Curve of one ISO value: four models fitted, judged and compared."""
 
 import math
 from collections.abc import Sequence
@@ -23,10 +23,27 @@ _NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
 def fit_series(
     series: IsoSeries, params: Params, *, calibration_u_rel: float
 ) -> tuple[IsoFit, tuple[Point, ...]]:
-    """Fit all models to one ISO value and report the one that was asked for.
+    """Fit all models to one ISO value and report the requested one.
 
-    ``calibration_u_rel`` : the meter's, common to all points: it does not average down
-    Raises InputRejected(fit_failed) if the model that was asked for does not settle on these points
+    Parameters
+    ----------
+    series : IsoSeries
+        Frames of one ISO value.
+    params : Params
+        Parameters of the fit.
+    calibration_u_rel : float
+        Relative standard uncertainty of the meter's calibration, common to all
+        points: it does not average down.
+
+    Returns
+    -------
+    tuple[IsoFit, tuple[Point, ...]]
+        Fit of the ISO value, and its points.
+
+    Raises
+    ------
+    InputRejected
+        `fit_failed` if the fit of the requested model does not converge.
     """
     coefficient, chosen = fit_coefficient(series, params, calibration_u_rel=calibration_u_rel)
     curve = _curve(series, params)
@@ -50,9 +67,26 @@ def fit_series(
 def fit_coefficient(
     series: IsoSeries, params: Params, *, calibration_u_rel: float
 ) -> tuple[Coefficient, CurveFit]:
-    """Fit the model that was asked for; the meter's calibration is added to u(K) at the end.
+    """Fit the requested model; the meter's calibration is added to u(K) at the end.
 
-    Raises InputRejected(fit_failed) if the model does not settle on these points
+    Parameters
+    ----------
+    series : IsoSeries
+        Frames of one ISO value.
+    params : Params
+        Parameters of the fit.
+    calibration_u_rel : float
+        Relative standard uncertainty of the meter's calibration.
+
+    Returns
+    -------
+    tuple[Coefficient, CurveFit]
+        Coefficient, and the fit that it is from.
+
+    Raises
+    ------
+    InputRejected
+        `fit_failed` if the fit does not converge.
     """
     fit = fit_curve(_curve(series, params), model=params.model)
     if fit is None:
@@ -115,17 +149,25 @@ def _finite(value: float) -> float | None:
 
 
 def _r_squared(fit: CurveFit, curve: Curve) -> float | None:
-    """Give 1 - SS_residual / SS_total of the signals [DN^2], on the same axis for every model."""
+    """Compute 1 - SS_residual / SS_total of the signals [DN^2], on the same axis for every model."""
     residual = curve.signal_dn - models.predict(fit.model, fit.parameters, curve.rhs)
     total = float(np.sum((curve.signal_dn - np.mean(curve.signal_dn)) ** 2))
     return _finite(1.0 - float(residual @ residual) / total) if total > 0.0 else None
 
 
 def _aicc(fit: CurveFit, n: int) -> float | None:
-    """Give Akaike's criterion, corrected for few points; None where the correction has no meaning.
+    """Compute Akaike's criterion, corrected for few points; None if the correction is not defined.
 
-    AICc = 2 q - 2 ln L + 2 q (q + 1) / (n - q - 1), L the density of the signals in DN for every model.
-    References K. P. Burnham, D. R. Anderson, Model Selection, Springer 2002, section 2.4
+    Notes
+    -----
+    With L the density of the signals in DN for every model [1]_::
+
+        AICc = 2 q - 2 ln L + 2 q (q + 1) / (n - q - 1)
+
+    References
+    ----------
+    .. [1] K. P. Burnham, D. R. Anderson, Model Selection and Multimodel Inference,
+           Springer 2002, section 2.4, doi:10.1007/b97636
     """
     q = fit.free_parameters
     if n - q - 1 <= 0:
@@ -134,9 +176,10 @@ def _aicc(fit: CurveFit, n: int) -> float | None:
 
 
 def _leave_scenes_out(fit: CurveFit, curve: Curve) -> tuple[float | None, float | None]:
-    """Predict each scene's luminance from the other scenes: largest and rms error, relative to the meter.
+    """Compute the leave-one-scene-out error of the luminance: largest and rms, relative to the meter.
 
-    The variance components stay as the whole curve gave them; the parameters are fitted anew.
+    The variance components stay as the whole curve gave them; the parameters are
+    fitted again.
     """
     scenes = np.array(curve.scenes)
     errors: list[float] = []
@@ -153,7 +196,7 @@ def _leave_scenes_out(fit: CurveFit, curve: Curve) -> tuple[float | None, float 
 
 
 def _luminance_errors(model: str, parameters: Vector, rhs: Vector, signal_dn: Vector) -> list[float]:
-    """Give (L_fit - L_meter) / L_meter: t, S and f are the same on both sides, so X stands for L."""
+    """Compute (L_fit - L_meter) / L_meter: t, S and f are the same on both sides, so X stands for L."""
     return [
         models.invert(model, parameters.tolist(), float(signal)) / float(x) - 1.0
         for x, signal in zip(rhs, signal_dn, strict=True)
@@ -204,7 +247,7 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
 
 
 def _budget(fit: CurveFit, calibration_u_rel: float) -> tuple[BudgetEntry, ...]:
-    """List what u(K) is made of; the variance shares add up to one."""
+    """List the contributions to u(K); the variance shares add up to one."""
     shares = dict(fit.k_shares)
     if fit.model != "semilog":
         shares["meter calibration"] = ("B", calibration_u_rel**2)
@@ -216,7 +259,7 @@ def _budget(fit: CurveFit, calibration_u_rel: float) -> tuple[BudgetEntry, ...]:
 
 
 def _points(series: IsoSeries, fit: CurveFit) -> tuple[Point, ...]:
-    """Report every light frame; the used ones with their weight, all with what the curve makes of them."""
+    """Report every light frame: the used ones with their weight, all with the values of the curve."""
     weights = dict(zip((c.frame for c in series.used), fit.k_weights.tolist(), strict=True))
     return tuple(_point(series, fit, c, weights.get(c.frame, 0.0)) for c in series.candidates)
 

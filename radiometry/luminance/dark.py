@@ -17,10 +17,17 @@ _TWELVE_BIT_STEPS = 4096.0
 
 @dataclass(frozen=True, kw_only=True)
 class Dark:
-    """A dark signal [DN] with its standard uncertainty and the degrees of freedom behind it.
+    """Dark signal of one ISO value.
 
-    ``frame_spread_dn`` : standard deviation of single frames about it beyond their noise: a light frame's own
-        dark signal differs from the median as much
+    Attributes
+    ----------
+    signal_dn, standard_uncertainty_dn : float
+        Dark signal and its standard uncertainty [DN].
+    frame_spread_dn : float
+        Standard deviation of single frames about it beyond their noise [DN]: a
+        light frame's own dark signal differs from the median by as much.
+    dof : float
+        Degrees of freedom of the standard uncertainty.
     """
 
     signal_dn: float
@@ -30,12 +37,33 @@ class Dark:
 
 
 def estimate_dark(dark: Sequence[Signal], light: Sequence[Signal]) -> Dark:
-    """Give the dark signal of one ISO value: the median over its dark frames.
+    """Estimate the dark signal of one ISO value: the median over its dark frames.
 
-    u(D)^2 = c max(s^2, mean u_i^2) / n, s the standard deviation of the n frames, c = pi / 2 for a median
-    (c = 1 for one or two frames, where it is the mean). Without a dark frame: the black level that the light
-    frames state, to within one step of 12 bits of their range, since nobody measured it.
-    Source: the luminance procedure, E.
+    Parameters
+    ----------
+    dark : sequence of Signal
+        Signals of the dark frames.
+    light : sequence of Signal
+        Signals of the light frames.
+
+    Returns
+    -------
+    Dark
+        Dark signal with its standard uncertainty.
+
+    Notes
+    -----
+    With s the standard deviation of the n frames [1]_::
+
+        u(D)^2 = c max(s^2, mean u_i^2) / n
+
+    c = pi / 2 for a median, and c = 1 for one or two frames, where it is the mean.
+    Without a dark frame it is the black level that the light frames state, to
+    within one step of 12 bits of their range, since it was not measured.
+
+    References
+    ----------
+    .. [1] Standard operating procedure "Drone Camera Calibration", section E
     """
     if not dark:
         black = python_statistics.median(sorted(signal.black_level_dn for signal in light))
@@ -67,9 +95,24 @@ def check_dark(
     dark_times_s: Sequence[float],
     weakest_signal_dn: float,
 ) -> list[Raised]:
-    """Say what is to be known about the dark frames of an ISO value.
+    """Check the dark frames of an ISO value.
 
-    Flags  dark_from_black_level, dark_from_few_frames, dark_varies, dark_exposure_differs
+    Parameters
+    ----------
+    dark : Dark
+        Dark signal of the ISO value.
+    iso : float
+        ISO value.
+    light_times_s, dark_times_s : sequence of float
+        Exposure times of the light and of the dark frames [s].
+    weakest_signal_dn : float
+        Weakest signal above dark of the light frames [DN].
+
+    Returns
+    -------
+    list of Raised
+        Flags `dark_from_black_level`, `dark_from_few_frames`, `dark_varies`,
+        `dark_exposure_differs`.
     """
     where = f"iso {iso:g}"
     if not dark_times_s:
@@ -91,5 +134,18 @@ def check_dark(
 
 
 def time_ratio(time_s: float, others_s: Sequence[float]) -> float:
-    """Give the ratio to the nearest other time, >= 1, free of rounding's last digit."""
+    """Compute the ratio to the nearest other time, free of rounding in the last digit.
+
+    Parameters
+    ----------
+    time_s : float
+        Exposure time [s].
+    others_s : sequence of float
+        Other exposure times, at least one [s].
+
+    Returns
+    -------
+    float
+        Ratio, at least 1.
+    """
     return round(min(max(time_s / other, other / time_s) for other in others_s), 9)

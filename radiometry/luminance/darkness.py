@@ -1,4 +1,4 @@
-"""Whether a dark frame is dark, or the lamp stayed on."""
+"""Search for dark frames with an elevated dark signal, for example because the lamp stayed on."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,13 +17,27 @@ about a tenth of this."""
 
 
 def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
-    """Say which dark frames saw light.
+    """Find the dark frames with an elevated dark signal.
 
-    A dark frame is compared with the darkest of its ISO whose time is within a factor of two, because dark
-    current grows with time; and with the black level that the file states, where it states one: when the lamp
-    burnt in all of them, they agree with each other.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    params : Params
+        Parameters of the fit.
 
-    Reasons  dark_not_dark : fail, or warn where it may be the sensor's own dark current
+    Returns
+    -------
+    dict of str to list of Reason
+        `dark_not_dark` by name of the frame: fail, or warn if it may be the
+        sensor's own dark current.
+
+    Notes
+    -----
+    A dark frame is compared with the darkest of its ISO value whose time is within
+    a factor of two, because dark current grows with time. It is also compared with
+    the black level, if the file states one: if the lamp was on in all of them, they
+    agree with each other.
     """
     darks = [row for row in rows if row.role == "dark" and row.statistics]
     signals = {row.frame: measure_signal(row.statistics or (), channel=params.channel) for row in darks}
@@ -44,9 +58,20 @@ def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Re
 
 
 def name_unusable(rows: Sequence[FrameRow], found: Mapping[str, Sequence[Reason]]) -> list[str]:
-    """Name the dark frames by which light frames are not to be judged: one mistake is said once.
+    """Name the dark frames by which light frames are not judged, so that one mistake is reported once.
 
-    Where one fails, the lamp may shine faintly in others of its ISO: only the darkest of them counts.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    found : mapping of str to sequence of Reason
+        Result of `inspect_darks`.
+
+    Returns
+    -------
+    list of str
+        Names of the frames. If one fails, the lamp may shine faintly in others of
+        its ISO value: only the darkest of them is used.
     """
     unusable = {frame for frame, reasons in found.items() if reasons[0].outcome == "fail"}
     for iso in {row.exposure.iso for row in rows if row.frame in unusable}:

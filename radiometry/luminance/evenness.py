@@ -1,4 +1,4 @@
-"""Whether the region shows one evenly lit surface: what its statistics say beyond noise."""
+"""Test of a region for one evenly lit surface, from its statistics beyond noise."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,24 +30,44 @@ Rows = Mapping[str, Sequence[ChannelStatistics]]
 
 
 def inspect_evenness(series: IsoSeries, rows: Rows, *, dark_std_dn: float) -> dict[str, list[Reason]]:
-    """Say which light frames of an ISO value show more than one evenly lit surface.
+    """Find the light frames of an ISO value that show more than one evenly lit surface.
 
-    Model: std^2 = std_dark^2 + g S + (u S)^2, S the signal above dark [1]. Photon noise g S, with a gain g
-    that nobody states, and unevenness u S both add to the dark frames' std. Of every frame
-    (std^2 - std_dark^2) / S is g or more, so the least of the series is a gain that is never too small, and
+    Parameters
+    ----------
+    series : IsoSeries
+        Frames of one ISO value.
+    rows : Rows
+        Statistics of which the signal is made, by name of the frame.
+    dark_std_dn : float
+        Standard deviation of the quietest dark frame [DN]; 0 if there is none.
+
+    Returns
+    -------
+    dict of str to list of Reason
+        `uneven` (warn) by name of the frame.
+
+    Notes
+    -----
+    The model of the variance is, with S the signal above dark [1]_::
+
+        std^2 = std_dark^2 + g S + (u S)^2
+
+    Photon noise g S, with a gain g that no file states, and unevenness u S both add
+    to the dark frames' std. For every frame (std^2 - std_dark^2) / S is g or more,
+    so the least of the series is a gain that is never too small, and::
 
         u^2 >= ((std^2 - std_dark^2) / S - g) / S
 
-    an unevenness that is at least there: it sees most of it where the series also holds weak signals, and
-    nothing in a single frame. Besides, a surface's mean and median agree to noise, to rounding, and to the
-    skewness of photon noise, g / 6 <= std^2 / (6 S); where they do not, part of the region is something else.
+    This is a lower bound of the unevenness: it shows most of it if the series also
+    contains weak signals, and nothing in a single frame. In addition, the mean and
+    median of a surface agree to noise, to rounding, and to the skewness of photon
+    noise, g / 6 <= std^2 / (6 S); if they do not, part of the region is something
+    else.
 
-    Takes
-      rows : per frame, those of which the signal is made; dark_std_dn : of the quietest dark frame, 0 if none
-    Reasons  uneven : warn
     References
-      [1] EMVA Standard 1288, release 4.0, 2021, equation for temporal and spatial variance
-
+    ----------
+    .. [1] EMVA Standard 1288, release 4.0, 2021, equation for temporal and spatial
+           variance
     """
     judged = [c for c in series.candidates if not is_saturated(c.signal)]
     judged = [c for c in judged if not is_below_detection(c.signal, series.dark)]
@@ -73,14 +93,14 @@ def _adjusted(candidate: Candidate, series: IsoSeries) -> float:
 def _measure_spread(
     rows: Sequence[ChannelStatistics], adjusted_dn: float, dark_std_dn: float
 ) -> tuple[float, float]:
-    """Give (std^2 - std_dark^2) / S and its standard error [DN]: var(std^2) = 2 std^4 / n."""
+    """Compute (std^2 - std_dark^2) / S and its standard error [DN]: var(std^2) = 2 std^4 / n."""
     variance = math.fsum(row.std_dn**2 for row in rows) / len(rows)
     error = variance * math.sqrt(2.0 / sum(row.n for row in rows))
     return (variance - dark_std_dn**2) / adjusted_dn, error / adjusted_dn
 
 
 def _measure_skew(row: ChannelStatistics, adjusted_dn: float) -> float:
-    """Give what mean and median differ beyond noise, of the signal; negative: the mean is below."""
+    """Compute the difference of mean and median beyond noise, relative to the signal; negative if the mean is below."""
     difference = row.mean_dn - row.median_dn
     noise = _ERRORS * _NORMAL_MEDIAN * row.std_dn / math.sqrt(row.n)
     allowed = noise + row.std_dn**2 / (6.0 * adjusted_dn) + _ROUNDING_DN

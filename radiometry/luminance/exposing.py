@@ -1,4 +1,4 @@
-"""Is a light frame well exposed: not clipped, not nearly, and bright enough to weigh."""
+"""Exposure of a light frame: not clipped, not nearly clipped, and bright enough to contribute."""
 
 from collections.abc import Sequence
 from statistics import NormalDist
@@ -43,16 +43,31 @@ _MORE = "a longer time, a larger aperture (smaller f-number) or a brighter level
 def inspect_exposure(
     candidate: Candidate, dark: Dark, rows: Sequence[ChannelStatistics], *, expected_signal_dn: float | None
 ) -> list[Reason]:
-    """Say whether a light frame has too much or too little light, and by how many stops.
+    """Check whether a light frame has too much or too little light, and by how many stops.
 
-    Model: the highlights are where a normal distribution has 0.1 % above it, mean + 3.09 std, and never above
-    the largest sample; of a clipped region, where one with its median and its clipped share has.
+    Parameters
+    ----------
+    candidate : Candidate
+        Light frame.
+    dark : Dark
+        Dark signal of its ISO value.
+    rows : sequence of ChannelStatistics
+        Statistics of which the signal is made.
+    expected_signal_dn : float or None
+        Signal above dark predicted from other frames of the scene [DN]; None if
+        there is none.
 
-    Takes
-      rows : those of which the signal is made
-      expected_signal_dn : above dark, as other frames of the scene let expect it; None where none does
-    Reasons  clipped, too_dark : fail, the fit leaves the frame out; nearly_clipped, weak_signal : warn
+    Returns
+    -------
+    list of Reason
+        Fail, and the fit leaves the frame out: `clipped`, `too_dark`. Warn:
+        `nearly_clipped`, `weak_signal`.
 
+    Notes
+    -----
+    The highlights are where a normal distribution has 0.1 % above it, mean + 3.09
+    std, and never above the largest sample. For a clipped region they are where a
+    distribution with its median and its clipped fraction has 0.1 % above it.
     """
     signal = candidate.signal
     span = signal.white_level_dn - dark.signal_dn
@@ -112,7 +127,7 @@ def _clipped(
 
 
 def _estimate_highlights(row: ChannelStatistics) -> float:
-    """Give the level that 0.1 % of the samples would exceed if nothing had clipped them [DN]."""
+    """Estimate the level that 0.1 % of the samples would exceed if nothing had clipped them [DN]."""
     if row.saturated_share <= 0.0:
         return row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn
     clipped_at = NormalDist().inv_cdf(1.0 - row.saturated_share)

@@ -1,4 +1,4 @@
-"""What to know about a measurement beyond the signal and the settings of its region."""
+"""Flags of a measurement beyond the signal and the settings of its region."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -28,12 +28,26 @@ def find_flags(
     rendered: bool,
     corrected: bool = False,
 ) -> tuple[Raised, ...]:
-    """Say what a measurement from the air cannot claim.
+    """Return the flags that limit the claims of a measurement from the air.
 
-    Takes
-      measured : corners (x, y) [px] of everything that was measured; calibrated : the calibration's regions
-      corrected : for vignetting: then K holds anywhere in the frame
-    Flags  no_vignetting_correction, roi_elsewhere, observer_differs, rendered
+    Parameters
+    ----------
+    frame : Frame
+        Frame that was measured.
+    measured : sequence of Corners
+        Corners (x, y) of everything that was measured [px].
+    calibrated : sequence of Polygon
+        Regions of the calibration.
+    rendered : bool
+        True if the frame is a converted image.
+    corrected : bool, default: False
+        True if vignetting is corrected: then K holds anywhere in the frame.
+
+    Returns
+    -------
+    tuple of Raised
+        Flags `no_vignetting_correction`, `roi_elsewhere`, `observer_differs`,
+        `rendered`.
     """
     flags = [] if corrected else _find_falloff(frame, measured, calibrated)
     if rendered:
@@ -44,7 +58,7 @@ def find_flags(
 
 
 def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> list[Raised]:
-    """Say that K holds where it was found, and how far from there the measurement reaches."""
+    """Return the flags of an uncorrected measurement: K holds where it was fitted, and how far that is."""
     detail = "Vignetting was corrected with: none."
     flags = [codes.NO_VIGNETTING_CORRECTION.at("", detail)]
     distance = _farthest_px(measured, calibrated)
@@ -59,9 +73,17 @@ def _find_falloff(frame: Frame, measured: Sequence[Corners], calibrated: Sequenc
 
 
 def summarise_cells(applied: Iterable[Iterable[AppliedLuminance]]) -> tuple[Raised, ...]:
-    """Say of how many cells a flag speaks, and which is the first.
+    """Count the cells to which a flag applies, and name the first.
 
-    Flags  saturated, below_detection, outside_signals
+    Parameters
+    ----------
+    applied : iterable of iterable of AppliedLuminance
+        Luminances of the cells, row by row.
+
+    Returns
+    -------
+    tuple of Raised
+        Flags `saturated`, `below_detection`, `outside_signals`.
     """
     found: dict[str, list[str]] = {finding.code: [] for finding in _OF_CELLS}
     for row, line in enumerate(applied):
@@ -77,7 +99,7 @@ def summarise_cells(applied: Iterable[Iterable[AppliedLuminance]]) -> tuple[Rais
 
 
 def _farthest_px(measured: Sequence[Corners], calibrated: Sequence[Polygon]) -> float:
-    """Give how far a corner lies beyond the nearest of the calibration's regions' bounding boxes [px]."""
+    """Compute how far a corner lies beyond the nearest bounding box of the calibration's regions [px]."""
     if not calibrated:
         return 0.0
     return max(min(_beyond_px(point, box) for box in calibrated) for corners in measured for point in corners)

@@ -1,4 +1,4 @@
-"""Signals of a frame divided by what the lens passes, pixel by pixel: K then holds anywhere in the frame."""
+"""Signals of a frame divided by the relative illumination, pixel by pixel, so that K holds anywhere in the frame."""
 
 import math
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ _PLANES = ("R", "G", "B")
 
 @dataclass(frozen=True)
 class _Part:
-    """The pixels of one channel in a window, and where in the frame they lie."""
+    """The pixels of one channel in a window, and their position in the frame."""
 
     channel: str
     part: tuple[slice | int, ...]  # of the samples
@@ -28,8 +28,17 @@ class _Part:
 def name_channels(cfa: str, *, channel: str) -> tuple[str, ...]:
     """Name the channels of a frame that a calibration's signal is made of.
 
-    Takes
-      channel : "green" | "grey"
+    Parameters
+    ----------
+    cfa : str
+        CFA pattern of the frame.
+    channel : str
+        "green" or "grey".
+
+    Returns
+    -------
+    tuple of str
+        Names of the channels.
     """
     if cfa == GREY:
         return (GREY,)
@@ -42,17 +51,45 @@ def name_channels(cfa: str, *, channel: str) -> tuple[str, ...]:
 def correct_signal(
     frame: Frame, polygon: Polygon, signal: Signal, lens: Lens, *, channel: str, dark_signal_dn: float
 ) -> tuple[Signal, LensShare]:
-    """Give a region's signal N and the lens's share V, of which (N - D) / V is the mean of (N_i - D) / V_i.
+    """Correct a region's signal for vignetting.
 
-    Of an even surface N is the region's mean and V the harmonic mean of V_i. Of a structured one, no part of
-    the surface counts for more since the lens passes more there:
+    Parameters
+    ----------
+    frame : Frame
+        Window that contains the region's window.
+    polygon : Polygon
+        Region.
+    signal : Signal
+        Signal of the region's statistics.
+    lens : Lens
+        Relative illumination at the frame's f-number.
+    channel : str
+        "green" or "grey".
+    dark_signal_dn : float
+        Dark signal D [DN].
+
+    Returns
+    -------
+    tuple[Signal, LensShare]
+        Signal N and relative illumination V, such that (N - D) / V is the mean of
+        (N_i - D) / V_i.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated`.
+
+    Notes
+    -----
+    For an even surface N is the region's mean and V the harmonic mean of V_i. For a
+    structured one, no part of the surface has more weight because the lens
+    transmits more there::
+
         V = 1 / mean(1 / V_i),   N = D + V mean((N_i - D) / V_i)
-    The channels count as in the uncorrected signal: both greens alike, every site of "grey" alike. Noise is
-    the spread of (N_i - D) / V_i, which the falloff itself does not widen.
 
-    Takes
-      frame : holds the region's window; signal : of the region's statistics
-    Raises InputRejected(vignetting_not_calibrated)
+    The channels have the same weights as in the uncorrected signal: both greens
+    equal, every CFA position of "grey" equal. Noise is the standard deviation of
+    (N_i - D) / V_i, which the falloff itself does not widen.
     """
     height, width = frame.samples_dn.shape[:2]
     inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
@@ -85,10 +122,27 @@ def _spread(values: NDArray[np.float64]) -> float:
 
 
 def compute_shares(frame: Frame, lens: Lens, *, channel: str) -> NDArray[np.float32]:
-    """Give V of each pixel's signal as a map has it, (row, col).
+    """Compute V of each pixel's signal as a map has it.
 
-    A pixel that has its own number has its own channel's V; one that has the mean of its neighbours, the mean
-    of the channels' V at its own place: over two pixels V is a plane.
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    lens : Lens
+        Relative illumination at the frame's f-number.
+    channel : str
+        "green" or "grey".
+
+    Returns
+    -------
+    ndarray of float32
+        V, (row, col).
+
+    Notes
+    -----
+    A pixel that has its own value has its own channel's V. One that has the mean of
+    its neighbours has the mean of the channels' V at its own place: over two pixels
+    V is a plane.
     """
     height, width = frame.samples_dn.shape[:2]
     rows, cols = np.arange(height) + frame.row0, np.arange(width) + frame.col0
@@ -128,6 +182,6 @@ def _list_parts(frame: Frame, *, channel: str) -> list[_Part]:
 
 
 def _places(frame: Frame, part: _Part) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Give the rows and columns, in the frame, of a part's pixels."""
+    """Return the rows and columns, in the frame, of a part's pixels."""
     height, width = frame.samples_dn.shape[:2]
     return (np.arange(height) + frame.row0)[part.rows], (np.arange(width) + frame.col0)[part.cols]

@@ -25,10 +25,19 @@ _MOST_IN_16_BITS = (1 << 16) - 1
 
 @dataclass(frozen=True, kw_only=True)
 class MapScale:
-    """How a frame's raw numbers become luminance: L = (N - dark) slope.
+    """Conversion of a frame's raw values to luminance: L = (N - dark) slope.
 
-    ``channel`` : "green" | "grey", the calibration's signal
-    ``lens`` : of a K that was made with vignetting: L = (N - D) slope / V, pixel by pixel
+    Attributes
+    ----------
+    slope_cd_m2_per_dn : float
+        Slope [cd/m2 per DN].
+    dark_signal_dn : float
+        Dark signal [DN].
+    channel : str
+        "green" or "grey", the calibration's signal.
+    lens : Lens or None, default: None
+        Relative illumination, for a K that was fitted with vignetting: L = (N - D)
+        slope / V, pixel by pixel.
     """
 
     slope_cd_m2_per_dn: float
@@ -40,11 +49,28 @@ class MapScale:
 def find_map_scale(
     coefficients: tuple[Coefficient, ...], exposure: Exposure, *, lens: Lens | None = None
 ) -> MapScale:
-    """Give the scale of a frame's map.
+    """Return the scale of a frame's map.
 
-    Raises InputRejected
-      iso_not_calibrated; fit_failed if the calibration's model is not proportional;
-      vignetting_not_calibrated if K needs the lens and has none, or the reverse
+    Parameters
+    ----------
+    coefficients : tuple of Coefficient
+        Coefficients of the version, one per ISO value.
+    exposure : Exposure
+        Exposure of the frame.
+    lens : Lens or None, default: None
+        Relative illumination, if vignetting is corrected.
+
+    Returns
+    -------
+    MapScale
+        Scale of the map.
+
+    Raises
+    ------
+    InputRejected
+        `iso_not_calibrated`; `fit_failed` if the calibration's model is not
+        proportional; `vignetting_not_calibrated` if K needs the lens and has none,
+        or the reverse.
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     require_alike(coefficient, corrected=lens is not None)
@@ -57,17 +83,32 @@ def find_map_scale(
 
 
 def sum_signal(frame: Frame, *, channel: str) -> tuple[Sums, int]:
-    """Give each pixel's signal as a whole number of parts, and how many parts make one DN.
+    """Compute each pixel's signal as a whole number of parts of one DN.
 
-    ``green`` of a mosaic : a green site's own number; elsewhere the mean of the four green neighbours
-    ``grey`` of a mosaic : the 3 x 3 mean with weights 1 2 1, 2 4 2, 1 2 1 over 16, in which each of the four
-        sites of the pattern has the weight of a quarter wherever it is placed
-    of a colour image : its green plane, or the mean of the three; of a grey image : the number itself
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    channel : str
+        "green" or "grey".
 
-    Beyond the window's border the numbers are mirrored at the outermost pixels, which keeps the pattern in
-    phase: a block that is not at the frame's border must be read with RIM_PX more on each side.
+    Returns
+    -------
+    tuple[Sums, int]
+        Signal [DN / parts], (row, col), and the number of parts.
 
-    Returns (row, col) unsigned [DN / parts], parts
+    Notes
+    -----
+    For "green" of a mosaic it is a green position's own value, and elsewhere the
+    mean of the four green neighbours. For "grey" of a mosaic it is the 3 x 3 mean
+    with weights 1 2 1, 2 4 2, 1 2 1 over 16, in which each of the four CFA
+    positions has the weight of a quarter wherever it is placed. For a colour image
+    it is the green plane or the mean of the three, for a grey image the value
+    itself.
+
+    Beyond the window's border the values are mirrored at the outermost pixels,
+    which keeps the pattern in phase: a block that is not at the frame's border must
+    be read with RIM_PX more on each side.
     """
     samples = frame.samples_dn
     if frame.cfa == "rgb":
@@ -92,13 +133,26 @@ def sum_signal(frame: Frame, *, channel: str) -> tuple[Sums, int]:
 
 
 def compute_map(frame: Frame, scale: MapScale) -> Plane:
-    """Give the luminance of every pixel of a window.
+    """Compute the luminance of every pixel of a window.
 
-    L = (N - D) f^2 / (K t S) with N from `sum_signal`, each value the float32 nearest to it. Nothing is
-    clipped: noise below dark is a negative luminance. NaN where a number that N is made of is saturated.
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    scale : MapScale
+        Scale of the map.
+
+    Returns
+    -------
+    Plane
+        Luminance [cd/m2], (row, col); NaN where a value that N is made of is
+        saturated.
+
+    Notes
+    -----
+    L = (N - D) f^2 / (K t S) with N from `sum_signal`, each value the float32
+    nearest to it. Nothing is clipped: noise below dark is a negative luminance.
     With a lens this is divided by the float32 nearest to V of the pixel.
-
-    Returns (row, col) float32 [cd/m2]
     """
     sums, parts = sum_signal(frame, channel=scale.channel)
     # one product per possible number, not per pixel; those beyond the table are saturated
@@ -115,7 +169,20 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
 
 
 def find_saturated(frame: Frame, *, channel: str) -> NDArray[np.bool_] | None:
-    """Say at which pixels a number that the signal is made of is saturated, (row, col); None: nowhere."""
+    """Return the pixels at which a value that the signal is made of is saturated.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    channel : str
+        "green" or "grey".
+
+    Returns
+    -------
+    ndarray of bool or None
+        True for these pixels, (row, col); None if there is none.
+    """
     samples, white = frame.samples_dn, np.array(frame.white_level_dn)
     if not samples.size or samples.max() < white.min():
         return None
@@ -138,7 +205,20 @@ def find_saturated(frame: Frame, *, channel: str) -> NDArray[np.bool_] | None:
 
 
 def find_measured(frame: Frame, *, channel: str) -> NDArray[np.bool_]:
-    """Say which pixels' signals are their own and not their neighbours', (row, col)."""
+    """Return the pixels whose signals are their own and not their neighbours'.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    channel : str
+        "green" or "grey".
+
+    Returns
+    -------
+    ndarray of bool
+        True for these pixels, (row, col).
+    """
     shape = frame.samples_dn.shape[:2]
     if frame.cfa in ("rgb", GREY) or channel == GREY:
         return np.ones(shape, np.bool_)
@@ -149,7 +229,7 @@ def find_measured(frame: Frame, *, channel: str) -> NDArray[np.bool_]:
 
 
 def _green_sites(frame: Frame) -> list[tuple[slice, slice]]:
-    """Give the two green sites of the pattern as parts of the window."""
+    """Return the two green CFA positions of the pattern as parts of the window."""
     return [
         (slice((site // 2 - frame.row0) % 2, None, 2), slice((site % 2 - frame.col0) % 2, None, 2))
         for site, letter in enumerate(frame.cfa)

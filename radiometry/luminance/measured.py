@@ -1,4 +1,4 @@
-"""What comes out of measuring a frame: plain numbers, ready for JSON; what does not exist is None."""
+"""Results of a measurement, ready for JSON; what does not exist is None."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,19 @@ from radiometry.fitting.evidence import Quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """One source's share of the mean's uncertainty.
+    """Contribution of one source to the mean's uncertainty.
 
-    ``shared`` : the same error in every pixel of the frame, which no mean over pixels reduces
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    shared : bool
+        True for the same error in every pixel of the frame, which no mean over
+        pixels reduces.
+    standard_uncertainty_cd_m2 : float
+        Contribution [cd/m2].
+    variance_share : float
+        Fraction of the variance, 0 to 1.
     """
 
     source: str
@@ -21,7 +31,15 @@ class Share:
 
 @dataclass(frozen=True, kw_only=True)
 class Percentile:
-    """``percent`` of the region's pixels are not brighter than ``luminance``."""
+    """A percentile of the region's pixels.
+
+    Attributes
+    ----------
+    percent : int
+        Percentage of the pixels that are not brighter than `luminance`.
+    luminance : Quantity
+        Luminance at that percentile.
+    """
 
     percent: int
     luminance: Quantity
@@ -45,13 +63,45 @@ class Surface:
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A region's luminance with its whole budget; all numbers finite, what does not exist is None.
+    """Luminance of a region with its whole budget; all values are finite, what does not exist is None.
 
-    ``mean`` : of the region's signal, as the calibration was made; ``shared_u_cd_m2`` and ``noise_u_cd_m2``
-        are the two parts of its uncertainty
-    ``smallest``, ``largest``, ``percentiles`` : of single pixels, with a single pixel's noise
-    ``vignetting`` : what it was corrected with: "none", or the version's name; ``lens_share`` : then V of the
-        region, of which mean = (signal - dark) / V f^2 / (K t S)
+    Attributes
+    ----------
+    pixels : int
+        Number of pixels.
+    signal_dn, dark_signal_dn : float
+        Mean signal and dark signal [DN].
+    channel : str
+        Channel of the signal.
+    model : str
+        Model of the calibration.
+    exposure_basis : str
+        "nominal" or "apex".
+    mean : Quantity
+        Luminance of the region's signal, as the calibration was made.
+    shared_u_cd_m2, noise_u_cd_m2 : float
+        The two parts of its uncertainty [cd/m2].
+    smallest, largest : Quantity
+        Extremes of single pixels, with a single pixel's noise.
+    median : Quantity
+        Median of the pixels, with the median's own noise.
+    percentiles : tuple of Percentile
+        Percentiles of single pixels, with a single pixel's noise.
+    budget : tuple of Share
+        Contributions to the uncertainty of the mean.
+    surface : Surface or None
+        Result of the grid, if one was requested.
+    illuminance_lx : Quantity or None
+        Illuminance [lx], if a reflectance was given.
+    saturated_share : float
+        Saturated fraction of the region, 0 to 1.
+    vignetting : str
+        "none", or the name of the version that vignetting was corrected with.
+    flags : tuple of Raised
+        Flags of the measurement.
+    lens_share : Quantity or None, default: None
+        Relative illumination V of the region, if corrected: mean = (signal - dark)
+        / V f^2 / (K t S).
     """
 
     pixels: int

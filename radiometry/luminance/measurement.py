@@ -1,4 +1,4 @@
-"""A frame measured with a calibrated camera: a region, its pixels, and the cells of a lit surface."""
+"""Measurement of a frame with a calibrated camera: a region, its pixels, and the cells of a lit surface."""
 
 import itertools
 import math
@@ -29,9 +29,16 @@ _GREENS = ("G1", "G2", "G")
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What is to be measured.
+    """Region, grid and reflectance of a measurement.
 
-    ``reflectance`` : rho of the surface, (0, 1]; None: no illuminance is given
+    Attributes
+    ----------
+    polygon : Polygon
+        Region to measure.
+    grid : Grid or None, default: None
+        Grid of cells to measure, if any.
+    reflectance : float or None, default: None
+        Reflectance rho of the surface, (0, 1]; None if no illuminance is requested.
     """
 
     polygon: Polygon
@@ -41,16 +48,39 @@ class Request:
 
 @dataclass(frozen=True, kw_only=True)
 class Vignetting:
-    """The version that a frame's vignetting is corrected with, by the name that the answer gives it."""
+    """Version that a frame's vignetting is corrected with.
+
+    Attributes
+    ----------
+    name : str
+        Name of the version in the answer.
+    lens : Lens
+        Relative illumination at the frame's f-number.
+    """
 
     name: str
     lens: Lens
 
 
 def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
-    """Give the window that holds the region and the grid.
+    """Return the window that contains the region and the grid.
 
-    Raises InputRejected(roi_outside_frame | roi_empty | grid_invalid)
+    Parameters
+    ----------
+    request : Request
+        Region and grid.
+    height_px, width_px : int
+        Size of the frame [px].
+
+    Returns
+    -------
+    Window
+        Smallest such window.
+
+    Raises
+    ------
+    InputRejected
+        `roi_outside_frame`, `roi_empty` or `grid_invalid`.
     """
     cells = itertools.chain.from_iterable(lay_grid(request.grid)) if request.grid else ()
     windows = [
@@ -76,16 +106,44 @@ def measure(
     correction: Vignetting | None = None,
     rendered: bool = False,
 ) -> Measured:
-    """Measure a frame; ``frame`` holds `find_window`'s window, ``calibrated`` the calibration's regions.
+    """Measure the luminance of a frame.
 
-    The region's mean and each cell's are `methods.luminance.apply` of their statistics: what was calibrated
-    is what is measured. E = pi L / rho holds for a diffuse surface; rho is taken as exact. With a correction
-    every signal above dark is divided by V: `luminance.lens.correct_signal`.
+    Parameters
+    ----------
+    frame : Frame
+        Window returned by `find_window`.
+    request : Request
+        Region, grid and reflectance.
+    exposure : Exposure
+        Exposure of the frame.
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per ISO value.
+    calibrated : sequence of Polygon
+        Regions of the calibration.
+    correction : Vignetting or None, default: None
+        Vignetting version, if vignetting is corrected.
+    rendered : bool, default: False
+        True if the frame is a converted image.
 
-    Flags  of `methods.luminance.apply`; no_vignetting_correction, roi_elsewhere, observer_differs, rendered
-    Raises InputRejected
-      iso_not_calibrated, exposure_implausible, fit_failed, roi_empty, grid_invalid;
-      vignetting_not_calibrated if K needs the correction and has none, or the reverse
+    Returns
+    -------
+    Measured
+        Luminances and flags: those of `application.apply_coefficient`, and
+        `no_vignetting_correction`, `roi_elsewhere`, `observer_differs`, `rendered`.
+
+    Raises
+    ------
+    InputRejected
+        `iso_not_calibrated`, `exposure_implausible`, `fit_failed`, `roi_empty`,
+        `grid_invalid`; `vignetting_not_calibrated` if K needs the correction and
+        has none, or the reverse.
+
+    Notes
+    -----
+    The mean of the region and of each cell is `application.apply_coefficient` of
+    its statistics: measured as it was calibrated. E = pi L / rho holds for a
+    diffuse surface; rho is taken as exact. With a correction every signal above
+    dark is divided by V (see `lens.correct_signal`).
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     lens = correction.lens if correction else None
@@ -143,7 +201,7 @@ def measure(
 
 @dataclass(frozen=True)
 class _Camera:
-    """What every region of a frame is measured with."""
+    """Exposure, coefficient and lens with which every region of a frame is measured."""
 
     exposure: Exposure
     coefficient: Coefficient
@@ -193,7 +251,7 @@ def _measure_surface(
 
 
 def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> tuple[ChannelStatistics, ...]:
-    """A cell between the green sites would be measured with another colour than was calibrated."""
+    """Refuse a cell without green pixels, which would be measured with another colour than was calibrated."""
     if "G" in frame.cfa and not any(row.channel in _GREENS for row in statistics):
         raise InputRejected(
             codes.GRID_INVALID,
@@ -203,7 +261,7 @@ def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> t
 
 
 def _gather(applied: Sequence[Sequence[AppliedLuminance]]) -> Cells:
-    """Sort the cells' effects into what they share and what is each one's own."""
+    """Separate the cells' effects into those that they share and each one's own."""
     values = np.array([[one.luminance_cd_m2.value for one in line] for line in applied])
     noise = np.array([[_part(one.effects, shared=False) for one in line] for line in applied])
     shared = np.array(
@@ -235,7 +293,7 @@ def _share_out(applied: AppliedLuminance) -> tuple[Share, ...]:
 
 
 def _illuminate(luminance: Quantity, reflectance: float | None) -> Quantity | None:
-    """Give E = pi L / rho [lx]."""
+    """Compute E = pi L / rho [lx]."""
     if reflectance is None:
         return None
     factor = math.pi / reflectance

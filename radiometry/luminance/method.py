@@ -1,11 +1,12 @@
-"""Luminance: the coefficient K that turns a region's raw signal into cd/m2, per ISO value.
+"""Luminance: the coefficient K that converts a region's raw signal into cd/m2, per ISO value.
 
     N - D = K X,   X = t S L / f^2          apply: L = (N - D) f^2 / (K t S)
 
-N the region's mean raw number, D its dark signal, L the luminance METER's reading of the scene. The procedure
-also describes an X computed from N itself; that needs the K it looks for, and is not built.
-Source: standard operating procedure "Drone Camera Calibration", equation 1, with the weighting of
-`radiometry.fitting.curve` in place of a plain regression.
+N is the region's mean raw value, D its dark signal, L the luminance METER's reading
+of the scene. The procedure (standard operating procedure "Drone Camera
+Calibration", equation 1) also describes an X computed from N itself; that needs the
+K that is to be fitted, and is not implemented. The weighting of
+`radiometry.fitting.curve` replaces the plain regression of the procedure.
 """
 
 import itertools
@@ -77,9 +78,24 @@ _CHANCE = 0.01
 
 
 def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
-    """Give the statistics of a region, one row per channel; `frame` must hold the region's window.
+    """Compute the statistics of a region, one row per channel.
 
-    Raises InputRejected(roi_empty) if no pixel of the frame belongs to the region
+    Parameters
+    ----------
+    frame : Frame
+        Window that contains the region's window.
+    polygon : Polygon
+        Region.
+
+    Returns
+    -------
+    tuple of ChannelStatistics
+        Statistics of the raw values.
+
+    Raises
+    ------
+    InputRejected
+        `roi_empty` if no pixel of the frame belongs to the region.
     """
     height, width = frame.samples_dn.shape[:2]
     inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
@@ -89,7 +105,23 @@ def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
 
 
 def make_row(evidence: FrameEvidence[None]) -> FrameRow:
-    """Give a frame as the fit wants it."""
+    """Convert the evidence of a frame to the row that the fit uses.
+
+    Parameters
+    ----------
+    evidence : FrameEvidence[None]
+        One frame of the campaign.
+
+    Returns
+    -------
+    FrameRow
+        Row of the fit.
+
+    Raises
+    ------
+    ValueError
+        If the frame has no exposure.
+    """
     if evidence.exposure is None:
         raise ValueError(f"a light or dark frame without its exposure: {evidence.frame}")
     maps = (opcode.sha256 for opcode in evidence.header.opcodes if opcode.name == "GainMap")
@@ -108,10 +140,28 @@ def make_row(evidence: FrameEvidence[None]) -> FrameRow:
 def missing(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
 ) -> tuple[str, ...]:
-    """Say, by name, what the fit still lacks; empty when it can start with every frame.
+    """List by name what the fit still lacks.
 
-    A scene without a reading is named although the other scenes may be enough: `fit` then leaves it out.
-    ``unread`` : names of frames of which nothing is known yet
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of frames that are not read yet.
+
+    Returns
+    -------
+    tuple of str
+        Fragments of sentences; empty if the fit can start with every frame.
+
+    Notes
+    -----
+    A scene without a reading is named although the other scenes may be enough:
+    `fit` then leaves it out.
     """
     lacking = list_missing(rows, readings, params, unread=unread)
     return (*lacking, *list_unread_scenes(rows, readings, params))
@@ -120,16 +170,37 @@ def missing(
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
     """Fit K for every ISO value of a campaign.
 
-    Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
 
-    Flags
-      per ISO: dark_exposure_differs, dark_from_black_level, dark_from_few_frames, dark_varies, dark_not_dark,
-      nonlinear, implausible_k, few_points, tolerance_exceeded, scatter_exceeds_uncertainty, gain_maps_differ,
-      rendered, meter_repeatability_estimated, apex_missing;
-      per scene: lamp_drift, rho_cross_check; of the whole: meter_certificate_missing, semilog_model
-    Raises InputRejected
-      fit_incomplete if fewer than three scenes of an ISO value can be used, or frames are not extracted yet;
-      fit_failed if the model does not settle; vignetting_not_calibrated if V of a light frame is not given
+    Returns
+    -------
+    Fit
+        Coefficients, points and flags. Per ISO value: `dark_exposure_differs`,
+        `dark_from_black_level`, `dark_from_few_frames`, `dark_varies`,
+        `dark_not_dark`, `nonlinear`, `implausible_k`, `few_points`,
+        `tolerance_exceeded`, `scatter_exceeds_uncertainty`, `gain_maps_differ`,
+        `rendered`, `meter_repeatability_estimated`, `apex_missing`. Per scene:
+        `lamp_drift`, `rho_cross_check`. Of the whole: `meter_certificate_missing`,
+        `semilog_model`.
+
+    Raises
+    ------
+    InputRejected
+        `fit_incomplete` if fewer than three scenes of an ISO value can be used, or
+        frames are not extracted yet. `fit_failed` if the fit does not converge.
+        `vignetting_not_calibrated` if V of a light frame is not given.
+
+    Notes
+    -----
+    The same input in any order gives the same result to the last bit. All values
+    are finite; what does not exist is None.
     """
     lacking = list_missing(rows, readings, params)
     if lacking:
@@ -158,7 +229,18 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
 
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
-    """Give K of every ISO value, then the dark signals, by rising ISO."""
+    """List K of every ISO value, then the dark signals, by rising ISO value.
+
+    Parameters
+    ----------
+    fitted : Fit
+        Result of the fit.
+
+    Returns
+    -------
+    tuple of CoefficientValue
+        Coefficients with the flags that apply to them.
+    """
     where: dict[str, list[str]] = {raised.where: [] for raised in fitted.flags}
     for raised in fitted.flags:
         where[raised.where].append(raised.flag)
@@ -193,7 +275,7 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
 
 
 def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -> list[Raised]:
-    """Look at the frames that went in."""
+    """Check the frames that entered the fit."""
     where = f"iso {series.iso:g}"
     used = {candidate.frame for candidate in series.used}
     light = [row for row in rows if row.frame in used]
@@ -223,7 +305,7 @@ def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -
 
 
 def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raised]:
-    """Look at what came out."""
+    """Check the result of the fit."""
     where = f"iso {series.iso:g}"
     by_model = {fit.model: fit for fit in iso_fit.models}
     flags: list[Raised] = []
@@ -246,7 +328,7 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
 
 
 def _check_scatter(chosen: ModelFit, where: str) -> list[Raised]:
-    """Say whether the points scatter more than the stated sources explain, by a test of chi^2 at 99 %."""
+    """Test at 99 % by chi^2 whether the points scatter more than the stated sources explain."""
     stated = chosen.chi_squared if chosen.stated_chi_squared is None else chosen.stated_chi_squared
     if stated is None or stated <= chdtri(chosen.dof, _CHANCE):
         return []

@@ -1,4 +1,4 @@
-"""The single pixels of a region: extremes, percentiles, and the noise that one pixel carries."""
+"""Single pixels of a region: extremes, percentiles, and the noise of one pixel."""
 
 import math
 from dataclasses import dataclass, replace
@@ -27,9 +27,16 @@ _MAD_TO_SIGMA = 1.4826
 
 @dataclass(frozen=True, kw_only=True)
 class PixelSignal:
-    """A number that a single pixel of the region has [DN], black included, and that pixel's noise.
+    """Signal of a single pixel of the region, black included, and that pixel's noise.
 
-    ``share`` : V at the pixel, where vignetting is corrected
+    Attributes
+    ----------
+    value_dn : float
+        Signal [DN].
+    noise_dn : float
+        Standard deviation of its noise [DN].
+    share : LensShare or None, default: None
+        Relative illumination V at the pixel, if vignetting is corrected.
     """
 
     value_dn: float
@@ -39,9 +46,19 @@ class PixelSignal:
 
 @dataclass(frozen=True, kw_only=True)
 class PixelSignals:
-    """Order statistics of a region's pixels; ``percentiles`` in the order of PERCENTILES.
+    """Order statistics of a region's pixels.
 
-    ``median.noise_dn`` is the median's own, not a pixel's: many pixels make it.
+    Attributes
+    ----------
+    pixels : int
+        Number of pixels.
+    smallest, largest : PixelSignal
+        Extremes.
+    median : PixelSignal
+        Median; its `noise_dn` is the median's own, not a pixel's: many pixels make
+        it.
+    percentiles : tuple of PixelSignal
+        Percentiles in the order of PERCENTILES.
     """
 
     pixels: int
@@ -53,19 +70,46 @@ class PixelSignals:
 
 @dataclass(frozen=True)
 class NoiseCurve:
-    """The variance of a pixel's noise [DN^2] at some levels [DN], and between them by straight lines."""
+    """Variance of a pixel's noise at some levels, interpolated between them by straight lines.
+
+    Attributes
+    ----------
+    levels_dn : ndarray of float64
+        Levels [DN], (n,).
+    variances_dn2 : ndarray of float64
+        Variances at the levels [DN^2], (n,).
+    """
 
     levels_dn: NDArray[np.float64]
     variances_dn2: NDArray[np.float64]
 
     def at(self, level_dn: float) -> float:
-        """Give the standard deviation at a level [DN]; beyond the ends as at the ends."""
+        """Return the standard deviation at a level; beyond the ends it is that of the ends.
+
+        Parameters
+        ----------
+        level_dn : float
+            Level [DN].
+
+        Returns
+        -------
+        float
+            Standard deviation [DN].
+        """
         return math.sqrt(float(np.interp(level_dn, self.levels_dn, self.variances_dn2)))
 
 
 @dataclass(frozen=True)
 class Correction:
-    """The lens that a region's pixels are corrected with; they are ordered by (N - dark) / V."""
+    """Lens with which a region's pixels are corrected; they are ordered by (N - dark) / V.
+
+    Attributes
+    ----------
+    lens : Lens
+        Relative illumination at the frame's f-number.
+    dark_signal_dn : float
+        Dark signal [DN].
+    """
 
     lens: Lens
     dark_signal_dn: float
@@ -74,20 +118,41 @@ class Correction:
 def order_pixels(
     frame: Frame, polygon: Polygon, *, channel: str, correction: Correction | None = None
 ) -> PixelSignals:
-    """Give the extremes, the median and the percentiles of a region's pixels.
+    """Compute the extremes, the median and the percentiles of a region's pixels.
 
-    Only measured pixels count: the green sites for ``green``; for ``grey`` of a mosaic each pixel's local
-    mean over the pattern, as in a map. Percentiles lie between two pixels in proportion (numpy's "linear").
-    The median's noise is sqrt(pi / 2) times a mean's [1]. A percentile that lies between two corrected pixels
-    has the place of the nearest one.
-
-    Takes
+    Parameters
     ----------
-      frame : window of the mosaic that holds the region
-    Raises InputRejected(roi_empty) if the region holds no measured pixel
-    References
-      [1] M. G. Kendall, A. Stuart, The Advanced Theory of Statistics 1, section 10.11
+    frame : Frame
+        Window of the mosaic that contains the region.
+    polygon : Polygon
+        Region.
+    channel : str
+        "green" or "grey".
+    correction : Correction or None, default: None
+        Lens and dark signal, if vignetting is corrected.
 
+    Returns
+    -------
+    PixelSignals
+        Order statistics with noise.
+
+    Raises
+    ------
+    InputRejected
+        `roi_empty` if the region contains no measured pixel.
+
+    Notes
+    -----
+    Only measured pixels count: the green CFA positions for "green"; for "grey" of a
+    mosaic each pixel's local mean over the pattern, as in a map. Percentiles
+    between two pixels are interpolated in proportion (numpy's "linear"). The
+    median's noise is sqrt(pi / 2) times a mean's [1]_. A percentile that lies
+    between two corrected pixels has the position of the nearest one.
+
+    References
+    ----------
+    .. [1] M. G. Kendall, A. Stuart, The Advanced Theory of Statistics 1, section
+           10.11
     """
     sums, parts = sum_signal(frame, channel=channel)
     height, width = sums.shape
@@ -114,7 +179,7 @@ def order_pixels(
 
 
 def _order_raw(values: Sums, parts: int, noise: NoiseCurve) -> list[PixelSignal]:
-    """Give the smallest, the largest, the median and the percentiles."""
+    """Return the smallest, the largest, the median and the percentiles."""
     low, high = int(values.min()), int(values.max())
     numbers = [low, high, *np.percentile(values, _ORDERED, overwrite_input=True).tolist()]
     return [PixelSignal(value_dn=number / parts, noise_dn=noise.at(number / parts)) for number in numbers]
@@ -130,7 +195,7 @@ def _order_corrected(
     *,
     channel: str,
 ) -> list[PixelSignal]:
-    """Give the same of (N - dark) / V, each as the N that a pixel at its place has or would have."""
+    """Return the same of (N - dark) / V, each as the N that a pixel at its place has or would have."""
     rows, cols = np.nonzero(inside)
     raw = sums[inside] / parts
     corrected = (raw - correction.dark_signal_dn) / compute_shares(frame, correction.lens, channel=channel)[
@@ -154,7 +219,7 @@ def _order_corrected(
 
 
 def _name_own(frame: Frame, row: int, col: int, *, channel: str) -> tuple[str, ...]:
-    """Name the channels that a measured pixel's number is made of: a green site its own alone."""
+    """Name the channels that a measured pixel's value is made of: for a green position its own alone."""
     names = name_channels(frame.cfa, channel=channel)
     if frame.cfa in ("rgb", GREY) or channel == GREY:
         return names
@@ -166,15 +231,35 @@ def estimate_pixel_noise(
 ) -> NoiseCurve:
     """Estimate the noise of single pixels from one frame, whatever the scene shows.
 
-    Three neighbours a, b, c of the same site in a line: a - 2 b + c is free of the light and of its gradient,
-    and its variance is 6 times a pixel's. Edges of the scene are outliers beyond 5 sigma of the median
-    deviation and are left out. Noise grows with the signal: the threes are sorted by their mean into bins of
-    equal number. Never less than the variance of rounding, 1/12 DN^2; that alone for a region without any.
+    Parameters
+    ----------
+    sums : ndarray of unsignedinteger
+        Signals [DN / parts], (row, col).
+    inside : ndarray of bool
+        Measured pixels of the region, (row, col).
+    parts : int
+        Parts of one DN in `sums`.
+    lag : int
+        Distance of neighbours that share no raw value [px].
 
-    Takes
-      sums : (row, col) unsigned [DN / parts]; inside : (row, col) bool, the measured pixels of the region
-      lag : distance of neighbours that share no number [px]
-    Source: EMVA 1288 release 4.0, 6.5: temporal noise from differences, here of neighbours instead of frames
+    Returns
+    -------
+    NoiseCurve
+        Variance of the noise by level.
+
+    Notes
+    -----
+    Three neighbours a, b, c of the same CFA position in a line: a - 2 b + c is free
+    of the light and of its gradient, and its variance is 6 times a pixel's. Edges
+    of the scene are outliers beyond 5 sigma of the median deviation and are
+    rejected. Noise grows with the signal: the triples are sorted by their mean into
+    bins of equal number. The variance is never less than that of rounding, 1/12
+    DN^2, and is that alone for a region without any triple. Temporal noise is
+    derived from differences as in [1]_, here of neighbours instead of frames.
+
+    References
+    ----------
+    .. [1] EMVA Standard 1288, release 4.0, 2021, section 6.5
     """
     step = max(1, math.ceil(sums.size / _MOST_PIXELS_FOR_NOISE))
     threes = [
@@ -194,14 +279,14 @@ def estimate_pixel_noise(
 
 
 def _bands(height: int, *, step: int, rows: int) -> list[slice]:
-    """Give every step-th run of rows: enough of a large region."""
+    """Return every step-th run of rows: enough of a large region."""
     return [slice(top, top + rows) for top in range(0, height, rows * step)]
 
 
 def _threes(
     sums: NDArray[np.unsignedinteger], inside: NDArray[np.bool_], lag: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Give mean and squared second difference of three neighbours along both axes."""
+    """Compute mean and squared second difference of three neighbours along both axes."""
     levels, squares = [], []
     for axis in (0, 1):
         size = sums.shape[axis] - 2 * lag
@@ -218,7 +303,7 @@ def _threes(
 
 
 def _variance(squares: NDArray[np.float64]) -> float:
-    """Give a sixth of the mean square of the second differences that are no outliers."""
+    """Compute a sixth of the mean square of the second differences that are not outliers."""
     spread = max(_MAD_TO_SIGMA * math.sqrt(float(np.median(squares))), 1.0)
     kept = squares[squares <= (_OUTLIER_SIGMAS * spread) ** 2]
     return max(float(kept.mean()) / 6 if kept.size else 0.0, _ROUNDING_VARIANCE)

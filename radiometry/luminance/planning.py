@@ -1,4 +1,4 @@
-"""What a luminance campaign still lacks for a good fit, beyond what any fit needs."""
+"""Advice on what a luminance campaign lacks for a good fit, beyond what any fit needs."""
 
 import itertools
 import math
@@ -30,10 +30,26 @@ out three times; over a factor of three it would be 0.012."""
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
-    """Say by name what to add while the lamp still stands there; fragments, the gravest first.
+    """List by name what to add while the lamp is still in place.
 
-    Nothing here keeps a fit from starting: that is in `list_missing`, apart from scenes without a reading,
-    which are in both, since a fit can also go without them.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of str
+        Fragments of sentences, the gravest first.
+
+    Notes
+    -----
+    Nothing here keeps a fit from starting: that is in `list_missing`. Scenes
+    without a reading are in both, since a fit can also be made without them.
     """
     found = list_unread_scenes(rows, readings, params)
     light = {row.exposure.iso for row in rows if row.role == "light"}
@@ -47,7 +63,7 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
 
 
 def _plan_darks(series: IsoSeries) -> list[str]:
-    """Turn the flags of the fit into what to do about them."""
+    """Convert the flags of the fit to advice."""
     if not series.dark_times_s or not series.used:
         return []
     raised = check_dark(
@@ -70,7 +86,7 @@ def _say(advice: str, series: IsoSeries, raised: Raised) -> str:
 
 
 def _plan_levels(series: IsoSeries) -> list[str]:
-    """Say how many light levels to add, and where: in the widest gap, or beyond the darkest or brightest."""
+    """State how many light levels to add, and where: in the widest gap, or beyond the darkest or brightest."""
     levels = sorted({c.luminance_cd_m2 for c in series.used if c.luminance_cd_m2 is not None})
     scenes = len({candidate.scene for candidate in series.used})
     short = GOOD_SCENES - scenes
@@ -108,7 +124,7 @@ def _plan_settings(series: IsoSeries) -> list[str]:
 
 
 def _doubt_readings(series: IsoSeries) -> list[str]:
-    """Say which scenes' frames and reading together disagree with the other scenes'."""
+    """Find the scenes whose frames and reading together disagree with the other scenes'."""
     luminances = {c.scene: c.luminance_cd_m2 for c in series.candidates if c.luminance_cd_m2 is not None}
     brightness = measure_brightness(series)
     ks = {

@@ -1,4 +1,4 @@
-"""A luminance calibration drawn: signal against X and ln X, and the residuals, a row of panels per ISO."""
+"""Plot of a luminance calibration: signal against X and ln X, and the residuals, a row of panels per ISO value."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -11,7 +11,18 @@ _LEFT_PX, _PANEL_PX, _GAP_PX, _TOP_PX, _BOTTOM_PX = 64, 290, 82, 44, 52
 
 
 def draw(result: dict[str, Any]) -> str:
-    """SVG of a stored luminance result; points left out are hollow, the tolerance is dashed."""
+    """Draw a stored luminance result as SVG.
+
+    Parameters
+    ----------
+    result : dict of str to Any
+        Stored result of the fit.
+
+    Returns
+    -------
+    str
+        SVG document; points left out are hollow, the tolerance is dashed.
+    """
     fits = result["iso_fits"]
     parts = [part for row, fit in enumerate(fits) for part in _row(result, fit, row * _ROW_PX)]
     height = _ROW_PX * len(fits)
@@ -75,7 +86,7 @@ def _along(scale: Scale) -> list[float]:
 
 
 def _model(coefficient: dict[str, Any]) -> Callable[[float], float]:
-    """The fitted signal at X, for the model that was chosen."""
+    """Return the fitted signal as a function of X, for the model that was chosen."""
     p = coefficient["parameters"]
     match coefficient["model"]:
         case "proportional":

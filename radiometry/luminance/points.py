@@ -1,4 +1,4 @@
-"""The points of a luminance fit: which frames count, which are left out and why, what is still missing."""
+"""Points of a luminance fit: the frames that count, those left out with the reason, and what is missing."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,29 @@ _MOST_NAMES = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A light frame with all that its point needs; ``left_out`` is "" when it counts."""
+    """A light frame with all that its point needs.
+
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    scene : str
+        Name of the scene.
+    settings : Settings
+        Exposure settings on the basis of the fit.
+    signal : Signal
+        Signal of its region.
+    luminance_cd_m2 : float or None
+        Meter reading of its scene [cd/m2]; None if there is none.
+    readings : int
+        Number of meter readings of the scene.
+    rhs : float or None
+        Right-hand side X; None without a reading.
+    left_out : str
+        "" if it counts, else the reason.
+    lens_share : Quantity or None, default: None
+        Relative illumination V of its region, if vignetting is corrected.
+    """
 
     frame: str
     scene: str
@@ -36,13 +58,36 @@ class Candidate:
     lens_share: Quantity | None = None
 
     def adjust_dn(self, dark_dn: float) -> float:
-        """Give the signal above dark, and over V where vignetting is corrected [DN]."""
+        """Return the signal above dark, divided by V if vignetting is corrected.
+
+        Parameters
+        ----------
+        dark_dn : float
+            Dark signal [DN].
+
+        Returns
+        -------
+        float
+            Adjusted signal [DN].
+        """
         return (self.signal.value_dn - dark_dn) / (self.lens_share.value if self.lens_share else 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class IsoSeries:
-    """The light frames of one ISO value in canonical order, and their dark signal."""
+    """Light frames of one ISO value in canonical order, and their dark signal.
+
+    Attributes
+    ----------
+    iso : float
+        ISO value.
+    dark : Dark
+        Dark signal.
+    dark_times_s : tuple of float
+        Exposure times of the dark frames [s].
+    candidates : tuple of Candidate
+        Light frames.
+    """
 
     iso: float
     dark: Dark
@@ -58,9 +103,27 @@ class IsoSeries:
 def collect_series(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> tuple[IsoSeries, ...]:
-    """Sort the frames into one series per ISO value; an ISO of which every light frame is excluded has none.
+    """Group the frames into one series per ISO value.
 
-    Frames come in the order scene, f-number, time, name: the order of the input changes nothing.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of IsoSeries
+        Series by rising ISO value; an ISO value of which every light frame is
+        excluded has none.
+
+    Notes
+    -----
+    Frames are in the order scene, f-number, time, name: the order of the input
+    changes nothing.
     """
     scenes = {s.scene: s for s in summarise_scenes(readings, panel_rho=params.panel_rho)}
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
@@ -113,17 +176,54 @@ def _candidate(
 
 
 def is_saturated(signal: Signal) -> bool:
-    """Say whether too many samples are saturated for the mean to count."""
+    """Return True if too many samples are saturated for the mean to count.
+
+    Parameters
+    ----------
+    signal : Signal
+        Signal of a region.
+
+    Returns
+    -------
+    bool
+        True if more than 0.1 % of the samples are saturated.
+    """
     return signal.saturated_share > MOST_SATURATED_SHARE
 
 
 def signal_error_dn(signal: Signal, dark: Dark) -> float:
-    """Give the standard error of a signal above dark [DN]."""
+    """Compute the standard error of a signal above dark.
+
+    Parameters
+    ----------
+    signal : Signal
+        Signal of a region.
+    dark : Dark
+        Dark signal.
+
+    Returns
+    -------
+    float
+        Standard error [DN].
+    """
     return math.hypot(signal.standard_uncertainty_dn, dark.standard_uncertainty_dn)
 
 
 def is_below_detection(signal: Signal, dark: Dark) -> bool:
-    """Say whether a signal cannot be told from dark."""
+    """Return True if a signal cannot be distinguished from dark.
+
+    Parameters
+    ----------
+    signal : Signal
+        Signal of a region.
+    dark : Dark
+        Dark signal.
+
+    Returns
+    -------
+    bool
+        True if it is less than three standard errors above dark.
+    """
     return signal.value_dn - dark.signal_dn < DETECTION_ERRORS * signal_error_dn(signal, dark)
 
 
@@ -151,9 +251,23 @@ def list_missing(
     *,
     unread: Sequence[str] = (),
 ) -> list[str]:
-    """Say by name what keeps a fit from starting, in fragments that can be joined by "; ".
+    """List by name what keeps a fit from starting.
 
-    ``unread`` : names of frames of which nothing is known yet
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of frames that are not read yet.
+
+    Returns
+    -------
+    list of str
+        Fragments that can be joined by "; ".
     """
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = [
@@ -184,7 +298,17 @@ def list_missing(
 def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
     """Refuse a fit in which some signals would be divided by V and others not.
 
-    Raises InputRejected(vignetting_not_calibrated)
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    params : Params
+        Parameters of the fit.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` if a light frame lacks V of its region.
     """
     excluded = {exclusion.frame for exclusion in params.exclude}
     light = [row for row in rows if row.role == "light" and row.statistics and row.frame not in excluded]
@@ -198,7 +322,22 @@ def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
 
 
 def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> list[str]:
-    """Say which scenes have light frames but no luminance reading: a fit can start, but leaves them out."""
+    """List the scenes that have light frames but no luminance reading.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    list of str
+        Fragments of sentences; a fit can start, but leaves these scenes out.
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
     read = {reading.scene for reading in readings if reading.quantity == "luminance"}
     shown = {row.scene for row in rows if row.role == "light" and row.scene and row.frame not in excluded}
@@ -206,7 +345,7 @@ def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], pa
 
 
 def _list_unmeasured(rows: Sequence[FrameRow]) -> list[str]:
-    """Say which frames have no statistics, and whether they lack a region or only wait for a worker."""
+    """List the frames without statistics, with whether they lack a region or wait for a worker."""
     regionless = sorted(row.frame for row in rows if not row.statistics and not row.has_region)
     waiting = sorted(row.frame for row in rows if not row.statistics and row.has_region)
     found = []
@@ -230,7 +369,7 @@ def _name_frames(names: Sequence[str], one: str, several: str) -> str:
 
 
 def _reasons(series: IsoSeries) -> str:
-    """Say what happened to the frames of the scenes that do not count."""
+    """State why the frames of the scenes that do not count were left out."""
     usable = {candidate.scene for candidate in series.used}
     lost = {c.scene: c.left_out for c in series.candidates if c.scene not in usable}
     if not lost:

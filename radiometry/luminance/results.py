@@ -1,4 +1,4 @@
-"""What comes out of a luminance fit: plain numbers, ready for JSON; what does not exist is None."""
+"""Results of a luminance fit, ready for JSON; what does not exist is None."""
 
 from dataclasses import dataclass, field
 
@@ -11,14 +11,54 @@ K_UNIT = "DN*m2/(cd*s)"
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
-    """The luminance calibration of one ISO value: all that `apply` needs, in plain fields.
+    """Luminance calibration of one ISO value: all that `apply` needs, in plain fields.
 
-    ``parameters``, ``covariance`` : of ``model``, named by ``parameter_names``; the meter's calibration is
-        not in ``covariance``, it stands in ``meter_calibration_u_rel``
-    ``luminance_k`` : the model's K; its standard uncertainty holds everything, also the meter's calibration
-    ``*_range`` : (lowest, highest) of the points used, ``signal_range_dn`` of N - D, not divided by V;
-    ``exposure_times_s`` : each time that was used
-    ``vignetting`` : content hash of the vignetting version that K holds with, None: without any
+    Attributes
+    ----------
+    iso : float
+        ISO value.
+    model : str
+        Name of the fitted model.
+    channel : str
+        Channel of the signal.
+    exposure_basis : str
+        "nominal" or "apex".
+    luminance_k : float
+        The model's K, in `luminance_k_unit`.
+    luminance_k_standard_uncertainty : float
+        Its standard uncertainty; includes everything, also the meter's calibration.
+    luminance_k_unit : str
+        Unit of K.
+    expanded_uncertainty : float
+        Expanded uncertainty of K for a coverage probability of 95 %.
+    coverage_factor : float
+        Coverage factor k of the expanded uncertainty.
+    effective_dof : float or None
+        Effective degrees of freedom; None if infinite.
+    dark_signal_dn, dark_signal_standard_uncertainty_dn : float
+        Dark signal and its standard uncertainty [DN].
+    black_level_dn, white_level_dn : float
+        Mean black level and lowest white level of the points used [DN].
+    parameter_names : tuple of str
+        Names of the model's parameters.
+    parameters : tuple of float
+        Values of the model's parameters.
+    covariance : tuple of tuple of float
+        Covariance of `parameters`, without the meter's calibration.
+    meter_calibration_u_rel : float
+        Relative standard uncertainty of the meter's calibration.
+    f_number_u_rel, exposure_time_u_rel : float
+        Relative standard uncertainties of f-number and exposure time.
+    exposure_times_s : tuple of float
+        Each exposure time that was used [s].
+    f_number_range : tuple[float, float]
+        Lowest and highest f-number of the points used.
+    signal_range_dn : tuple[float, float]
+        Lowest and highest N - D of the points used, not divided by V [DN].
+    rhs_range : tuple[float, float]
+        Lowest and highest X of the points used.
+    vignetting : str or None
+        Content hash of the vignetting version that K holds with; None without any.
     """
 
     iso: float
@@ -30,7 +70,7 @@ class Coefficient:
     luminance_k_unit: str
     expanded_uncertainty: float
     coverage_factor: float
-    effective_dof: float | None  # None: infinite
+    effective_dof: float | None
     dark_signal_dn: float
     dark_signal_standard_uncertainty_dn: float
     black_level_dn: float
@@ -52,10 +92,37 @@ class Coefficient:
 class ModelFit:
     """One model fitted to the points of one ISO value.
 
-    ``covariance`` includes the Birge ratio; ``aicc`` is comparable between the models of one ISO value
-    ``left_out_max_rel``, ``left_out_rms_rel`` : error in L of each scene predicted from the others
-    ``meter_repeatability_rel`` : given or estimated
-    ``frame_scatter_rel`` : between frames, estimated; ``stated_chi_squared`` : without it; None: not needed
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    parameter_names : tuple of str
+        Names of its parameters.
+    parameters : tuple of float
+        Values of its parameters.
+    covariance : tuple of tuple of float
+        Covariance of `parameters`, Birge ratio included.
+    r_squared : float or None
+        Coefficient of determination of the signals in DN.
+    aicc : float or None
+        Akaike's criterion, corrected for few points; comparable between the models
+        of one ISO value.
+    chi_squared : float or None
+        None for semilog, whose uncertainty is its own scatter.
+    dof : int
+        Points minus parameters.
+    birge_ratio : float
+        Birge ratio.
+    effective_dof : float or None
+        Effective degrees of freedom; None if infinite.
+    meter_repeatability_rel : float or None
+        Relative standard uncertainty of one meter reading, given or estimated.
+    left_out_max_rel, left_out_rms_rel : float or None
+        Largest and rms leave-one-scene-out error in L.
+    frame_scatter_rel : float or None
+        Estimated relative scatter between frames; None if not needed.
+    stated_chi_squared : float or None
+        chi^2 without that scatter; None if not needed.
     """
 
     model: str
@@ -64,7 +131,7 @@ class ModelFit:
     covariance: tuple[tuple[float, ...], ...]
     r_squared: float | None
     aicc: float | None
-    chi_squared: float | None  # None: semilog, whose uncertainty is its own scatter
+    chi_squared: float | None
     dof: int
     birge_ratio: float
     effective_dof: float | None
@@ -77,11 +144,46 @@ class ModelFit:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One light frame in the fit. ``left_out`` is "" for a point that was used, else the reason.
+    """One light frame in the fit.
 
-    ``adjusted_signal_dn`` : (N - D) / V, ``lens_share`` V; without vignetting N - D, and no share
-    ``weight`` : in K: adjusted signal times weight, summed, is K; 0 when left out
-    ``residual_rel`` : (L_fit - L_meter) / L_meter
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    scene : str
+        Name of the scene.
+    iso : float
+        ISO value.
+    exposure_time_s : float
+        Exposure time [s].
+    f_number : float
+        F-number.
+    used : bool
+        True if the point was used.
+    left_out : str
+        "" for a point that was used, else the reason.
+    luminance_cd_m2 : float or None
+        Meter reading of the scene [cd/m2].
+    rhs : float or None
+        Right-hand side X.
+    signal_dn, signal_standard_uncertainty_dn : float
+        Signal N and its standard uncertainty [DN].
+    saturated_share : float
+        Saturated fraction of the samples, 0 to 1.
+    dark_signal_dn : float
+        Dark signal D [DN].
+    adjusted_signal_dn : float
+        (N - D) / V [DN]; N - D without vignetting correction.
+    fitted_signal_dn : float or None
+        Signal above dark of the curve at X [DN].
+    fitted_luminance_cd_m2 : float or None
+        Luminance of the curve at the signal [cd/m2].
+    residual_rel : float or None
+        (L_fit - L_meter) / L_meter.
+    weight : float
+        Weight in K: adjusted signal times weight, summed, is K; 0 if left out.
+    lens_share : Quantity or None
+        Relative illumination V; None without vignetting correction.
     """
 
     frame: str
@@ -107,7 +209,25 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneSummary:
-    """The meter readings of a scene; ``rho_e_pi_cd_m2`` where rho and an illuminance are given."""
+    """Meter readings of a scene.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    readings : int
+        Number of luminance readings.
+    luminance_cd_m2 : float
+        Mean of the luminance readings [cd/m2].
+    spread_rel : float
+        (largest - smallest) / mean of the luminance readings.
+    illuminance_lx : float or None
+        Mean of the illuminance readings [lx].
+    illuminance_spread_rel : float or None
+        (largest - smallest) / mean of the illuminance readings.
+    rho_e_pi_cd_m2 : float or None
+        rho E / pi [cd/m2], if rho and an illuminance are given.
+    """
 
     scene: str
     readings: int
@@ -120,7 +240,27 @@ class SceneSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class IsoFit:
-    """Everything about one ISO value."""
+    """Result for one ISO value.
+
+    Attributes
+    ----------
+    coefficient : Coefficient
+        Calibration of the ISO value.
+    models : tuple of ModelFit
+        Every model that was fitted.
+    budget : tuple of BudgetEntry
+        Contributions to u(K).
+    chi_squared_per_dof : float or None
+        chi^2 / dof of the chosen model; None for semilog.
+    birge_ratio : float
+        Birge ratio of the chosen model.
+    expected_k : float
+        K expected from ISO 12232.
+    largest_residual_rel : float
+        Largest absolute relative residual of the points used.
+    passed : bool
+        True if it is within the tolerance.
+    """
 
     coefficient: Coefficient
     models: tuple[ModelFit, ...]
@@ -134,7 +274,23 @@ class IsoFit:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """A luminance calibration: one coefficient per ISO value, every point, every flag, and the verdict."""
+    """A luminance calibration: one coefficient per ISO value, every point, every flag, and the verdict.
+
+    Attributes
+    ----------
+    iso_fits : tuple of IsoFit
+        Result for each ISO value.
+    points : tuple of Point
+        Every light frame.
+    scenes : tuple of SceneSummary
+        Meter readings by scene.
+    flags : tuple of Raised
+        Flags of the fit.
+    tolerance_rel : float
+        Tolerance of the verdict.
+    passed : bool
+        True if every ISO value passed.
+    """
 
     iso_fits: tuple[IsoFit, ...]
     points: tuple[Point, ...]
@@ -146,10 +302,18 @@ class Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What one standard uncertainty of one independent source does to a luminance [cd/m2], with its sign.
+    """Effect of one standard uncertainty of one independent source on a luminance.
 
-    ``shared`` : the same error is in every luminance of the frame, so it can cancel in a ratio and never
-        averages down; else it is this luminance's own noise
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    shared : bool
+        True if the same error is in every luminance of the frame, so that it can
+        cancel in a ratio and never averages down; otherwise it is this luminance's
+        own noise.
+    effect_cd_m2 : float
+        Effect with its sign [cd/m2].
     """
 
     source: str
@@ -159,10 +323,25 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class AppliedLuminance:
-    """The luminance of a region in a frame, with its uncertainty, and what to know about it.
+    """Luminance of a region in a frame, with its uncertainty and flags.
 
-    ``adjusted_signal_dn`` : (N - D) / V, ``lens_share`` V; without vignetting N - D
-    ``effects`` : sum of squares is the variance; of one frame's luminances the shared ones come in one order
+    Attributes
+    ----------
+    luminance_cd_m2 : Quantity
+        Luminance [cd/m2].
+    signal_dn : float
+        Signal N, black included [DN].
+    adjusted_signal_dn : float
+        (N - D) / V [DN]; N - D without vignetting correction.
+    rhs : float
+        Right-hand side X.
+    effects : tuple of Effect
+        Effects of the sources, whose sum of squares is the variance; the shared
+        ones of one frame's luminances are in one order.
+    flags : tuple of Raised
+        Flags of the measurement.
+    lens_share : Quantity or None, default: None
+        Relative illumination V; None without vignetting correction.
     """
 
     luminance_cd_m2: Quantity

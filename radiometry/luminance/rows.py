@@ -1,4 +1,4 @@
-"""What goes into a luminance fit: parameters, frames with their statistics, meter readings."""
+"""Inputs of a luminance fit: parameters, frames with their statistics, meter readings."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,7 +15,7 @@ Basis = Literal["nominal", "apex"]
 
 @dataclass(frozen=True, kw_only=True)
 class Params:
-    """Parameters of a luminance fit. The defaults are the procedure's."""
+    """Parameters of a luminance fit; the defaults are the procedure's."""
 
     model: Model = parameter(
         "proportional",
@@ -109,14 +109,28 @@ class Params:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRow:
-    """One frame of a campaign as the fit sees it.
+    """One frame of a campaign as input of the fit.
 
-    ``frame`` : its name in messages and points; unique in a campaign
-    ``role`` : "light" | "dark"; ``scene`` : the light level's name, None for a dark frame
-    ``statistics`` : rows of `extract`, None while the frame waits for its extraction or its region
-    ``has_region`` : False while nobody has drawn a region for it
-    ``gain_maps`` : sha256 of each GainMap opcode the file carries
-    ``lens_share`` : mean V of its region at its f-number, where the fit corrects vignetting
+    Attributes
+    ----------
+    frame : str
+        Name of the frame in messages and points; unique in a campaign.
+    role : str
+        "light" or "dark".
+    scene : str or None
+        Name of the light level; None for a dark frame.
+    exposure : Exposure
+        Exposure of the frame.
+    statistics : tuple of ChannelStatistics or None
+        Rows of `extract`; None until the frame is extracted or has its region.
+    has_region : bool, default: True
+        False if no region is drawn for it.
+    rendered : bool, default: False
+        True if the frame is a converted image.
+    gain_maps : tuple of str, default: ()
+        Hash of each GainMap opcode of the file.
+    lens_share : Quantity or None, default: None
+        Mean V of its region at its f-number, if the fit corrects vignetting.
     """
 
     frame: str
@@ -134,8 +148,21 @@ class FrameRow:
 class Reading:
     """One meter reading of a scene.
 
-    ``quantity`` : "luminance" [cd/m2] | "illuminance" [lx]; ``value`` in that unit, > 0
-    ``expanded_uncertainty_rel``, ``coverage_factor`` : from the meter's certificate, None where there is none
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    quantity : str
+        "luminance" [cd/m2] or "illuminance" [lx].
+    value : float
+        Reading in that unit, above 0.
+    meter : str or None, default: None
+        Name of the meter.
+    expanded_uncertainty_rel : float or None, default: None
+        Relative expanded uncertainty from the meter's certificate; None if there is
+        none.
+    coverage_factor : float or None, default: None
+        Coverage factor from the same certificate.
     """
 
     scene: str

@@ -1,4 +1,4 @@
-"""The meter readings of the scenes: averaged, their spread kept, the lamp watched."""
+"""Meter readings of the scenes: averaged, with their spread, and with checks of the lamp."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,20 @@ _USUAL_COVERAGE_FACTOR = 2.0
 
 
 def summarise_scenes(readings: Sequence[Reading], *, panel_rho: float | None) -> tuple[SceneSummary, ...]:
-    """Average the luminance readings per scene; scenes without one are not in the answer."""
+    """Average the luminance readings per scene.
+
+    Parameters
+    ----------
+    readings : sequence of Reading
+        Meter readings.
+    panel_rho : float or None
+        Luminance factor of the target, if given.
+
+    Returns
+    -------
+    tuple of SceneSummary
+        One summary per scene; a scene without a luminance reading has none.
+    """
     scenes = sorted({reading.scene for reading in readings if reading.quantity == "luminance"})
     return tuple(_summarise(scene, readings, panel_rho) for scene in scenes)
 
@@ -41,16 +54,24 @@ def _values(readings: Sequence[Reading], scene: str, quantity: str) -> list[floa
 
 
 def _spread(ordered: Sequence[float]) -> float:
-    """(largest - smallest) / mean."""
+    """Compute (largest - smallest) / mean."""
     return (ordered[-1] - ordered[0]) / (math.fsum(ordered) / len(ordered))
 
 
 def check_scenes(scenes: Sequence[SceneSummary]) -> list[Raised]:
-    """Watch the lamp, and compare luminance with illuminance.
+    """Check the lamp for drift, and compare luminance with illuminance.
 
-    Flags
-      lamp_drift : the illuminance readings of a scene spread over more than 2 %
-      rho_cross_check : L and rho E / pi of a scene differ by more than 10 %
+    Parameters
+    ----------
+    scenes : sequence of SceneSummary
+        Summaries of the scenes.
+
+    Returns
+    -------
+    list of Raised
+        `lamp_drift` if the illuminance readings of a scene spread over more than 2
+        %; `rho_cross_check` if L and rho E / pi of a scene differ by more than 10
+        %.
     """
     raised: list[Raised] = []
     for scene in scenes:
@@ -70,10 +91,24 @@ def check_scenes(scenes: Sequence[SceneSummary]) -> list[Raised]:
 
 
 def meter_calibration_u_rel(readings: Sequence[Reading]) -> tuple[float, bool]:
-    """Give the meters' relative calibration uncertainty, and whether every meter's is known.
+    """Return the meters' relative calibration uncertainty.
 
-    Of several meters the largest counts, as one error common to all points: that is the careful reading when
-    nobody knows how their standards are related. A certificate without a coverage factor is read with k = 2.
+    Parameters
+    ----------
+    readings : sequence of Reading
+        Meter readings.
+
+    Returns
+    -------
+    tuple[float, bool]
+        Largest relative standard uncertainty, and whether that of every meter is
+        known.
+
+    Notes
+    -----
+    Of several meters the largest is used, as one error common to all points: that
+    is the cautious choice if it is not known how their standards are related. A
+    certificate without a coverage factor is read with k = 2.
     """
     luminance = [reading for reading in readings if reading.quantity == "luminance"]
     known = [

@@ -1,4 +1,4 @@
-"""A lit surface seen in perspective: its grid of cells in the image, and how evenly it is lit."""
+"""A lit surface seen in perspective: its grid of cells in the image, and its uniformity."""
 
 import math
 from collections.abc import Sequence
@@ -18,11 +18,17 @@ Lattice = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Cells:
-    """Luminances of a grid's cells, and what each source of error does to them [cd/m2].
+    """Luminances of a grid's cells, and the effect of each source of error on them.
 
-    ``values_cd_m2``, ``noise_cd_m2`` : (rows, columns); the noise of two cells is independent
-    ``shared_cd_m2`` : (m, rows, columns), the effect of one standard uncertainty of m independent sources,
-        each of which errs alike in all cells
+    Attributes
+    ----------
+    values_cd_m2 : ndarray of float64
+        Luminances [cd/m2], (rows, columns).
+    noise_cd_m2 : ndarray of float64
+        Noise of each cell [cd/m2], (rows, columns), independent between two cells.
+    shared_cd_m2 : ndarray of float64
+        Effect of one standard uncertainty of m independent sources, each of which
+        errs alike in all cells [cd/m2], (m, rows, columns).
     """
 
     values_cd_m2: Matrix
@@ -32,7 +38,13 @@ class Cells:
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A number with its standard uncertainty."""
+    """A value with its standard uncertainty.
+
+    Attributes
+    ----------
+    value, standard_uncertainty : float
+        Value and its standard uncertainty, in the same unit.
+    """
 
     value: float
     standard_uncertainty: float
@@ -40,9 +52,21 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Uniformity:
-    """How evenly a surface is lit; a ratio is None where its denominator is not positive.
+    """Uniformity of a lit surface; a ratio is None if its denominator is not positive.
 
-    ``u_o`` : L_min / L_av; ``u_l`` : per row of cells, its smallest over its largest
+    Attributes
+    ----------
+    average_cd_m2, smallest_cd_m2, largest_cd_m2 : Estimate
+        Mean, smallest and largest luminance of the cells [cd/m2].
+    u_o : Estimate or None
+        Overall uniformity, L_min / L_av.
+    u_l : tuple of Estimate or None
+        Longitudinal uniformity: for each row of cells, its smallest over its
+        largest.
+    average_to_min : Estimate or None
+        L_av / L_min.
+    max_to_min : Estimate or None
+        L_max / L_min.
     """
 
     average_cd_m2: Estimate
@@ -55,16 +79,40 @@ class Uniformity:
 
 
 def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
-    """Cut the image of a surface into the images of its equal cells, row by row of the surface.
+    """Divide the image of a surface into the images of its equal cells.
 
-    A camera maps a plane to a plane by a homography: with h from the unit square to the corners,
+    Parameters
+    ----------
+    grid : Grid
+        Corners of the surface, rows and columns.
+
+    Returns
+    -------
+    tuple of tuple of Polygon
+        Cells, row by row of the surface.
+
+    Raises
+    ------
+    InputRejected
+        `grid_invalid` unless the corners are those of a convex quadrilateral.
+
+    Notes
+    -----
+    A camera maps a plane to a plane by a homography [1]_. With h from the unit
+    square to the corners::
+
         (x, y, 1) ~ h (u, v, 1),   u = column / columns, v = row / rows                                (1)
-    lines stay lines, so each cell is the quadrilateral of its four lattice points. Bilinear cells would be
-    equal shares of the IMAGE's edges: in perspective the far cells would cover more of the surface than the
-    near ones, and averages over cells would weigh the far end too little. Lens distortion is not corrected.
 
-    Raises InputRejected(grid_invalid) unless the corners are those of a convex quadrilateral
-    References [1] R. Hartley, A. Zisserman, Multiple View Geometry, Cambridge 2004, section 2.3
+    Lines stay lines, so each cell is the quadrilateral of its four lattice points.
+    Bilinear cells would be equal fractions of the IMAGE's edges: in perspective the
+    far cells would cover more of the surface than the near ones, and averages over
+    cells would give the far end too little weight. Lens distortion is not
+    corrected.
+
+    References
+    ----------
+    .. [1] R. Hartley, A. Zisserman, Multiple View Geometry in Computer Vision,
+           Cambridge 2004, section 2.3, doi:10.1017/CBO9780511811685
     """
     points = _lattice(grid)
     return tuple(
@@ -79,16 +127,29 @@ def lay_grid(grid: Grid) -> tuple[tuple[Polygon, ...], ...]:
 
 
 def outline(grid: Grid) -> Polygon:
-    """Give the surface's own quadrilateral.
+    """Return the quadrilateral of the surface itself.
 
-    Raises InputRejected(grid_invalid)
+    Parameters
+    ----------
+    grid : Grid
+        Corners of the surface.
+
+    Returns
+    -------
+    Polygon
+        Polygon of the corners.
+
+    Raises
+    ------
+    InputRejected
+        `grid_invalid`.
     """
     _require_convex(grid.corners)
     return Polygon.from_points(grid.corners)
 
 
 def _lattice(grid: Grid) -> Lattice:
-    """Give the lattice points (x, y), (rows + 1, columns + 1, 2); neighbours share theirs to the last bit."""
+    """Compute the lattice points (x, y), (rows + 1, columns + 1, 2); neighbours share theirs to the last bit."""
     if not (1 <= grid.rows <= MAX_CELLS_A_SIDE and 1 <= grid.columns <= MAX_CELLS_A_SIDE):
         raise InputRejected(
             codes.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
@@ -117,7 +178,7 @@ def _homography(corners: Sequence[tuple[float, float]]) -> Matrix:
 
 
 def _require_convex(corners: Sequence[tuple[float, float]]) -> None:
-    """Refuse what cannot be the image of a rectangle in front of the camera."""
+    """Refuse corners that cannot be the image of a rectangle in front of the camera."""
     points = np.array(corners, np.float64)
     if points.shape != (4, 2) or not np.all(np.abs(points) <= MAX_COORDINATE_PX):
         raise InputRejected(codes.GRID_INVALID, "A grid has four corners [x, y] in pixels.")
@@ -133,16 +194,35 @@ def _require_convex(corners: Sequence[tuple[float, float]]) -> None:
 
 
 def judge_uniformity(cells: Cells) -> Uniformity:
-    """Give average, extremes and their ratios, each with its uncertainty.
+    """Compute average, extremes and their ratios, each with its uncertainty.
 
-    With g the gradient of a figure in the cells' luminances L_i, n_i a cell's noise and e_ki the effect of
-    shared source k on it (JCGM 100, 5.1.2, and 5.2.2 for what is shared):
+    Parameters
+    ----------
+    cells : Cells
+        Luminances of the cells with their errors.
+
+    Returns
+    -------
+    Uniformity
+        Uniformity as in [1]_, applied to the cells' means.
+
+    Notes
+    -----
+    With g the gradient of a value in the cells' luminances L_i, n_i a cell's noise
+    and e_ki the effect of shared source k on it [2]_::
+
         u^2 = sum_i (g_i n_i)^2 + sum_k (sum_i g_i e_ki)^2
-    A source that scales all luminances (K, t, f, ISO) has e_ki ~ L_i; a ratio does not change with scale,
-    sum_i g_i L_i = 0, so such a source cancels by itself. The dark signal, which is subtracted, does not: it
-    weighs more in a dark cell. Of equal cells the first stands for the smallest or the largest.
 
-    Sources EN 13201-3:2015 (U_o, U_l), applied to the cells' means
+    A source that scales all luminances (K, t, f, ISO) has e_ki ~ L_i. A ratio does
+    not change with scale, sum_i g_i L_i = 0, so such a source cancels
+    automatically. The dark signal, which is subtracted, does not: it has more
+    weight in a dark cell. Of equal cells the first is the smallest or the largest.
+
+    References
+    ----------
+    .. [1] EN 13201-3:2015 (U_o, U_l)
+    .. [2] JCGM 100:2008, 5.1.2, and 5.2.2 for what is shared,
+           doi:10.59161/JCGM100-2008E
     """
     values = cells.values_cd_m2
     average_gradient = np.full(values.shape, 1.0 / values.size)
@@ -167,14 +247,14 @@ def _line(cells: Cells, row: int) -> Estimate | None:
 
 
 def _only(values: Matrix, index: int) -> Matrix:
-    """Give the gradient of one cell's own luminance."""
+    """Return the gradient of one cell's own luminance."""
     gradient = np.zeros(values.shape)
     gradient.flat[index] = 1.0
     return gradient
 
 
 def _ratio(cells: Cells, above: tuple[float, Matrix], below: tuple[float, Matrix]) -> Estimate | None:
-    """Give a quotient: its gradient is (g_above - quotient g_below) / below."""
+    """Compute a quotient: its gradient is (g_above - quotient g_below) / below."""
     if below[0] <= 0.0:
         return None
     quotient = above[0] / below[0]

@@ -1,4 +1,4 @@
-"""The verdict on every frame of a luminance campaign, from the same evidence that its fit will use."""
+"""Verdict on every frame of a luminance campaign, from the same evidence that its fit will use."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,13 +25,28 @@ from radiometry.luminance.rows import FrameRow, Params, Reading
 def judge(
     frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> dict[str, Verdict]:
-    """Give the verdict on each frame of a campaign, by name.
+    """Judge each frame of a campaign.
 
-    Light frames are judged by dark frames that saw no light: one mistake is said once.
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        All frames of the campaign.
+    rows : sequence of FrameRow
+        Those of them that a fit would use.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
 
-    Takes
-      frames : all frames of the campaign; rows : those of them that a fit would see
+    Returns
+    -------
+    dict of str to Verdict
+        Verdict by name of the frame.
 
+    Notes
+    -----
+    Light frames are judged by dark frames without an elevated dark signal, so that
+    one mistake is reported once.
     """
     reasons = inspect_frames(frames)
     darks = inspect_darks(rows, params)
@@ -78,5 +93,5 @@ def _inspect_series(
 
 
 def _quietest(darks: Sequence[Sequence[ChannelStatistics]]) -> float:
-    """Give the noise of the quietest dark frame [DN], 0 where there is none."""
+    """Return the noise of the quietest dark frame [DN], 0 if there is none."""
     return min((math.sqrt(math.fsum(r.std_dn**2 for r in rows) / len(rows)) for rows in darks), default=0.0)
