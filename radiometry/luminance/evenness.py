@@ -100,7 +100,7 @@ def _measure_spread(
 
 
 def _measure_skew(row: ChannelStatistics, adjusted_dn: float) -> float:
-    """Compute the difference of mean and median beyond noise, relative to the signal; negative if the mean is below."""
+    """Compute mean minus median beyond noise, relative to the signal."""
     difference = row.mean_dn - row.median_dn
     noise = _ERRORS * _NORMAL_MEDIAN * row.std_dn / math.sqrt(row.n)
     allowed = noise + row.std_dn**2 / (6.0 * adjusted_dn) + _ROUNDING_DN

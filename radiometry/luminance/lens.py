@@ -1,4 +1,4 @@
-"""Signals of a frame divided by the relative illumination, pixel by pixel, so that K holds anywhere in the frame."""
+"""Signals divided by the relative illumination per pixel, so that K holds anywhere in the frame."""
 
 import math
 from dataclasses import dataclass, replace

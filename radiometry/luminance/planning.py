@@ -86,7 +86,7 @@ def _say(advice: str, series: IsoSeries, raised: Raised) -> str:
 
 
 def _plan_levels(series: IsoSeries) -> list[str]:
-    """State how many light levels to add, and where: in the widest gap, or beyond the darkest or brightest."""
+    """State how many light levels to add, and where: in the widest gap, or beyond the ends."""
     levels = sorted({c.luminance_cd_m2 for c in series.used if c.luminance_cd_m2 is not None})
     scenes = len({candidate.scene for candidate in series.used})
     short = GOOD_SCENES - scenes

@@ -1,4 +1,4 @@
-"""Plot of a luminance calibration: signal against X and ln X, and the residuals, a row of panels per ISO value."""
+"""Plot of a luminance calibration: signal against X and ln X, and residuals, a row per ISO value."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -149,7 +149,7 @@ def outline(grid: Grid) -> Polygon:
 
 
 def _lattice(grid: Grid) -> Lattice:
-    """Compute the lattice points (x, y), (rows + 1, columns + 1, 2); neighbours share theirs to the last bit."""
+    """Compute the lattice (x, y), (rows + 1, columns + 1, 2); neighbours share points to the last bit."""
     if not (1 <= grid.rows <= MAX_CELLS_A_SIDE and 1 <= grid.columns <= MAX_CELLS_A_SIDE):
         raise InputRejected(
             codes.GRID_INVALID, f"A grid has 1 to {MAX_CELLS_A_SIDE} rows and as many columns of cells."
