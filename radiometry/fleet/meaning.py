@@ -39,8 +39,8 @@ class Meaning:
 
 
 def main_unit(method: str) -> str:
-    """Give the unit in which a method's tolerance is meant when it is one number: px of geometry, else %."""
-    return "px" if method == "geometry" else PERCENT
+    """Return the unit in which one tolerance for all coefficients of a method is meant."""
+    return get_method(method).tolerance_unit
 
 
 def give_meaning(method: str, key: Key, means: Mapping[str, float], *, mean: float) -> Meaning:

@@ -39,6 +39,7 @@ SPEC: Final = MethodSpec(
     target_example={"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0},
     whole_frame=True,
     manual_exposure=False,
+    tolerance_unit="px",
     coefficients=(
         *(
             CoefficientKind(

@@ -100,6 +100,7 @@ class Params:
         "when the light frames were taken. Stored as the version's content hash.",
         default_text="no correction",
         example="in_force",
+        version_of="vignetting",
     )
 
     def __post_init__(self) -> None:

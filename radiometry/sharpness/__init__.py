@@ -29,6 +29,7 @@ SPEC: Final = MethodSpec(
     target=method.Target,
     target_example={"kind": "siemens_star", "cycles": 48},
     manual_exposure=False,
+    several_regions=True,
     coefficients=(
         *(
             CoefficientKind(name=f"mtf50_{name}", label=f"MTF50 in {unit}", units=(unit,))

@@ -12,6 +12,7 @@ from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Role
 
 Reference = Literal["meter", "panel"]
+ToleranceUnit = Literal["%", "px"]
 ExpandedKey = tuple[str, float | None, str | None]
 """Name of a coefficient, its ISO value and its band."""
 
@@ -144,6 +145,10 @@ class MethodSpec:
         True if the whole frame is used where no region is drawn.
     finds_region : bool
         True if `find_region` looks for the region where none is drawn.
+    several_regions : bool
+        True if a frame usually has several regions, each with a name of its own.
+    tolerance_unit : {"%", "px"}
+        Unit in which one tolerance for all coefficients of a camera or a fleet is meant.
     manual_exposure : bool
         True if a camera that chooses its exposure deserves a flag.
     extract : callable
@@ -215,6 +220,8 @@ class MethodSpec:
     has_checklist: bool = False
     whole_frame: bool = False
     finds_region: bool = False
+    several_regions: bool = False
+    tolerance_unit: ToleranceUnit = "%"
     manual_exposure: bool = True
     list_expanded: Callable[[dict[str, Any]], Mapping[ExpandedKey, tuple[float, float]]] = field(
         default=_empty

@@ -47,6 +47,8 @@ class Parameter:
         "campaign" if the value is part of the campaign and no request may change it.
     none_allowed : bool
         True if the text "none" switches the parameter off.
+    version_of : str
+        Name of the method whose version a "version" names, otherwise empty.
     """
 
     field: str
@@ -65,6 +67,7 @@ class Parameter:
     example: Any = None
     given_by: Literal["request", "campaign"] = "request"
     none_allowed: bool = False
+    version_of: str = ""
     members: tuple["Parameter", ...] = ()
 
     @property

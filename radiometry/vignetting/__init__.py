@@ -29,6 +29,7 @@ SPEC: Final = MethodSpec(
     result=method.Fit,
     features=method.Features,
     whole_frame=True,
+    several_regions=True,
     coefficients=(
         CoefficientKind(name="corner_falloff", label="Corner falloff", units=("1",), effect=_IN_CORNER),
         CoefficientKind(name="k1", label="k1", units=("1",), effect=_IN_CORNER),

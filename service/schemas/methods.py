@@ -1,12 +1,12 @@
 """The methods as clients see them, and the schemas of what their versions hold."""
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any, Literal
 
 from pydantic import Field, TypeAdapter
 
 from radiometry.methods import METHODS
-from radiometry.specification.method import MethodSpec, Reference
+from radiometry.specification.method import MethodSpec, Reference, ToleranceUnit
 from radiometry.specification.parameters import Kind, Parameter
 from service.schemas.base import Answer, FrameRole, Method
 from store.codec import drop_absent
@@ -40,6 +40,7 @@ class ParameterAnswer(Answer):
     example: Any = Field(default=None, description="A value that could be given, where there is no default.")
     given_by: Literal["request", "campaign"]
     none_allowed: bool = Field(description='Whether "none" switches it off.')
+    version_of: str = Field(description="Of a version: the method that it is a version of.")
     members: list["ParameterAnswer"] = Field(description="Of a group: its parameters.")
 
     @classmethod
@@ -78,8 +79,14 @@ class MethodAnswer(Answer):
     )
     needs_target: bool = Field(description="Whether the campaign describes what is photographed.")
     target_example: dict[str, Any] | None = None
+    target_fields: list[str] = Field(description="Names of the fields of the campaign's target.")
+    has_checklist: bool = Field(description="Whether the procedure has a checklist to tick and sign.")
     whole_frame: bool = Field(description="Whether the whole frame is used where no region is drawn.")
     finds_region: bool = Field(description="Whether the region is looked for where none is drawn.")
+    several_regions: bool = Field(description="Whether a frame usually has several named regions.")
+    tolerance_unit: ToleranceUnit = Field(
+        description="Unit of one tolerance for all coefficients; % is sent as a fraction."
+    )
     parameters: list[ParameterAnswer]
     coefficients: list[CoefficientKindAnswer]
 
@@ -94,8 +101,12 @@ class MethodAnswer(Answer):
             reference=spec.reference,
             needs_target=spec.target is not None,
             target_example=dict(spec.target_example) if spec.target_example else None,
+            target_fields=[each.name for each in fields(spec.target)] if spec.target else [],
+            has_checklist=spec.has_checklist,
             whole_frame=spec.whole_frame,
             finds_region=spec.finds_region,
+            several_regions=spec.several_regions,
+            tolerance_unit=spec.tolerance_unit,
             parameters=[ParameterAnswer.of(each) for each in spec.parameters],
             coefficients=[CoefficientKindAnswer.model_validate(each) for each in spec.coefficients],
         )

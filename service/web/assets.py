@@ -1,7 +1,11 @@
-"""The pages' static files, under addresses that change with their content and are therefore kept for ever."""
+"""The pages' static files, under addresses that change with their content and are therefore kept for ever.
+
+One of them, `specification.js`, is made here: the methods as `GET /v1/methods` answers them.
+"""
 
 import gzip
 import hashlib
+import json
 import mimetypes
 import posixpath
 import re
@@ -14,6 +18,7 @@ from fastapi import APIRouter, Request, Response
 
 from service.immutable import not_modified
 from service.problems import HttpCode, Problem
+from service.schemas.methods import describe_methods
 
 _OWN: Final = Path(__file__).parent / "static"
 _PUBLIC: Final = "public, max-age=31536000, immutable"
@@ -27,13 +32,16 @@ class Assets:
     """Our own files and Bokeh's one, each known by name; nothing else in any folder can be asked for."""
 
     def __init__(self) -> None:
-        self._own = {path.relative_to(_OWN).as_posix(): path for path in sorted(_OWN.rglob("*.*"))}
+        methods = json.dumps(describe_methods().dump()["items"])
+        self._own = {
+            path.relative_to(_OWN).as_posix(): path.read_bytes() for path in sorted(_OWN.rglob("*.*"))
+        } | {"specification.js": f"export const METHODS = {methods};\n".encode()}
         digest = hashlib.sha256()
-        for name, path in self._own.items():
-            digest.update(name.encode() + b"\0" + path.read_bytes())
+        for name, content in self._own.items():
+            digest.update(name.encode() + b"\0" + content)
         self.release = digest.hexdigest()[:16]
         self.bokeh_release = f"bokeh-{version('bokeh')}"
-        self._packed: dict[Path, bytes] = {}
+        self._packed: dict[str, bytes] = {}
 
     def url(self, name: str) -> str:
         """The address of one of our own files."""
@@ -45,7 +53,7 @@ class Assets:
         """The addresses of all that a module imports, and that those import in turn."""
         found = [name]
         for each in found:
-            text = self._own[each].read_text(encoding="utf-8")
+            text = self._own[each].decode()
             named = (
                 posixpath.normpath(posixpath.join(posixpath.dirname(each), other))
                 for other in _IMPORT.findall(text)
@@ -57,26 +65,26 @@ class Assets:
     def bokeh_url(self) -> str:
         return f"/static/{self.bokeh_release}/bokeh.min.js"
 
-    def find(self, release: str, name: str) -> Path | None:
+    def find(self, release: str, name: str) -> bytes | None:
         """The file at an address; a page of an earlier release finds what it asks for no more."""
         if release == self.release:
             return self._own.get(name)
         if (release, name) == (self.bokeh_release, "bokeh.min.js"):
-            return _bokeh_folder() / name
+            return (_bokeh_folder() / name).read_bytes()
         return None
 
-    def packed(self, path: Path) -> bytes:
+    def packed(self, name: str, content: bytes) -> bytes:
         """The file, gzipped once and kept: they are few."""
-        if path not in self._packed:
-            self._packed[path] = gzip.compress(path.read_bytes(), mtime=0)
-        return self._packed[path]
+        if name not in self._packed:
+            self._packed[name] = gzip.compress(content, mtime=0)
+        return self._packed[name]
 
 
 @router.get("/static/{release}/{name:path}")
 def get_asset(request: Request, release: str, name: str) -> Response:
     assets: Assets = request.app.state.assets
-    path = assets.find(release, name)
-    if path is None:
+    content = assets.find(release, name)
+    if content is None:
         raise Problem(
             404, HttpCode.NOT_FOUND, "There is no such file here. Reload the page that asks for it."
         )
@@ -84,12 +92,12 @@ def get_asset(request: Request, release: str, name: str) -> Response:
     unchanged = not_modified(request, f"{release}-{name}", headers)
     if unchanged is not None:
         return unchanged
-    media_type = _TEXT.get(path.suffix) or mimetypes.guess_type(path.name)[0]
-    if path.suffix in _TEXT and "gzip" in request.headers.get("accept-encoding", ""):
-        return Response(
-            assets.packed(path), headers={**headers, "Content-Encoding": "gzip"}, media_type=media_type
-        )
-    return Response(path.read_bytes(), headers=headers, media_type=media_type)
+    suffix = posixpath.splitext(name)[1]
+    media_type = _TEXT.get(suffix) or mimetypes.guess_type(name)[0]
+    if suffix in _TEXT and "gzip" in request.headers.get("accept-encoding", ""):
+        headers["Content-Encoding"] = "gzip"
+        content = assets.packed(name, content)
+    return Response(content, headers=headers, media_type=media_type)
 
 
 def _bokeh_folder() -> Path:

@@ -5,6 +5,9 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from radiometry.methods import METHODS
+from service.schemas.fits import NewCalibration, read_request
+from store.codec import decode, drop_absent
 from tests.support.browser import check_access, look, settle, sign_in
 from tests.support.campaigns import ISOS, LEVELS, SETTINGS
 
@@ -27,6 +30,13 @@ LONELIEST = """(plot) => {
     const found = points.reduce((best, each) => nearest(each) > nearest(best) ? each : best);
     return {...found, points: points.length, scales: [view.model.x_scale.type, view.model.y_scale.type]};
 }"""
+
+# the dialog for a refit of any version, whatever the page shows
+REFIT = """(calibration) => {
+    const page = document.querySelector("script[type=module]").src;
+    import(page.replace("page.js", "refit.js")).then(({ fitAnew }) => fitAnew(calibration));
+}"""
+LENS = {"id": "cal_lens", "version": 3, "state": "published", "content_sha256": "f" * 64}
 
 
 @pytest.fixture
@@ -121,6 +131,57 @@ def test_a_point_is_left_out_with_a_reason_and_the_version_before_stays(shown, n
     assert parameters["model"] == "affine"
     (excluded,) = parameters["exclude"]
     assert (excluded["frame"], excluded["reason"]) == (found["frame"], "somebody walked through the light")
+
+
+def other_than_default(parameter):
+    """A value that the parameter may have, as a version stores it."""
+    low, high, default = parameter.minimum or 0.0, parameter.maximum, parameter.default
+    match parameter.kind:
+        case "choice":
+            return next(each.value for each in reversed(parameter.choices) if each.value != default)
+        case "boolean":
+            return not default
+        case "interval":
+            return [low + (high - low) * part for part in (0.3, 0.7)]
+        case "group":
+            return {each.field: other_than_default(each) for each in parameter.members}
+        case "version":
+            return LENS["content_sha256"]
+    return ((low if default is None else default) + high) / 2
+
+
+def test_a_refit_asks_for_every_parameter_of_its_version(night_page, night):
+    """By the names that requests have for them; what is switched off stays off."""
+    bodies = []
+
+    def start(route):
+        bodies.append(route.request.post_data_json)
+        route.fulfill(json={"id": "job_1"}, status=202)
+
+    lenses = {"items": [LENS]}
+    job = {"id": "job_1", "state": "succeeded", "result": {"calibration_id": "cal_1"}}
+    night_page.route("**/v1/campaigns/cmp_1/calibrations", start)
+    night_page.route("**/v1/jobs/job_1", lambda route: route.fulfill(json=job))
+    night_page.route("**/v1/cameras/cam_1/calibrations?**", lambda route: route.fulfill(json=lenses))
+    night_page.goto(f"/calibrations/{night.version.id}")
+    settle(night_page)
+    dialog = night_page.get_by_role("dialog")
+    for spec in METHODS:
+        parameters = [each for each in spec.parameters if each.given_by == "request"]
+        for stored in (
+            {each.field: other_than_default(each) for each in parameters},
+            {each.field: None if each.none_allowed else each.default for each in parameters},
+        ):
+            version = {"id": "cal_1", "camera_id": "cam_1", "campaign_id": "cmp_1", "method": spec.name}
+            night_page.evaluate(REFIT, version | {"parameters": drop_absent(stored), "points": []})
+            settle(night_page)
+            dialog.get_by_role("button", name="Refit").click()
+            expect(dialog).to_have_count(0)
+            asked = read_request(NewCalibration(bodies.pop()), spec).read_parameters(spec)
+            named = {
+                each.field: LENS["id"] for each in parameters if each.kind == "version" and stored[each.field]
+            }
+            assert decode(spec.params, asked) == decode(spec.params, stored | named), spec.name
 
 
 def test_what_publishing_changes_is_seen_before_it_is_decided(night_page, night):

@@ -3,6 +3,7 @@
 import pytest
 from playwright.sync_api import expect
 
+from radiometry.methods import get_method
 from tests.support.browser import check_access, look, settle, sign_in, visit
 from tests.support.every_method import make_version
 from tests.support.house import House
@@ -30,6 +31,7 @@ class Afar(House):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(service, browser, tmp_path, method):
+    label = get_method(method).label
     with service.team() as team, Afar(team, tmp_path) as house:
         version = make_version(house, method)
         published = {"valid_from": "2018-01-01T00:00:00Z", "reason": "first"}
@@ -37,7 +39,7 @@ def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(servic
             page = sign_in(context, team.key)
             page.goto(f"/calibrations/{version['id']}")
             settle(page)
-            expect(page.get_by_role("heading", level=1)).to_have_text(f"{method.capitalize()} version 1")
+            expect(page.get_by_role("heading", level=1)).to_have_text(f"{label} version 1")
             expect(page.locator("#verdict")).to_be_visible()
             expect(page.locator("#drawn img")).to_be_visible()
             certificate = (
@@ -50,7 +52,7 @@ def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(servic
             house.post(f"/v1/calibrations/{version['id']}/publish", published, status=200)
             page.goto(f"/cameras/{version['camera_id']}")
             settle(page)
-            expect(page.locator("#in-force")).to_contain_text(method)
+            expect(page.locator("#in-force")).to_contain_text(label)
             check_access(page)
             look(page, f"camera-{method}")
             page.goto(f"/campaigns/{version['campaign_id']}")

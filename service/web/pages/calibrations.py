@@ -9,7 +9,6 @@ from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.problems import HttpCode, Problem
-from service.schemas.fits import FORMS
 from service.web.plots.calibration import Axes, draw_residuals, draw_signal
 from service.web.plots.figures import Theme, send_plot
 from service.web.rendering import SignedInPage
@@ -24,14 +23,15 @@ def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContex
         calibration = owned(session, Calibration, calibration_id, page.caller)
         camera = session.get_one(Camera, calibration.camera_id)
         campaign = session.get_one(Campaign, calibration.campaign_id)
+    spec = get_method(calibration.method)
     return page.render(
         "calibration.html",
-        title=f"{calibration.method.capitalize()} version {calibration.version}",
+        title=f"{spec.label} version {calibration.version}",
         plots=True,
         calibration=calibration,
         camera=camera,
         campaign=campaign,
-        asked=" ".join(FORMS[calibration.method].model_fields),
+        spec=spec,
     )
 
 

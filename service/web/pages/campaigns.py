@@ -1,7 +1,5 @@
 """Campaigns: all of them, a new one, and one from its first file to its calibration."""
 
-from typing import Any
-
 from fastapi import APIRouter, Response
 
 from radiometry import methods
@@ -21,7 +19,7 @@ def show_campaigns(page: SignedInPage) -> Response:
 # before the page of one campaign, whose id it would be taken for
 @router.get("/campaigns/new")
 def show_new_campaign(page: SignedInPage) -> Response:
-    return page.render("campaign-new.html", title="New campaign", methods=_methods())
+    return page.render("campaign-new.html", title="New campaign")
 
 
 @router.get("/campaigns/{campaign_id}")
@@ -29,26 +27,11 @@ def show_campaign(campaign_id: Id, page: SignedInPage, context: UsesContext) -> 
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, page.caller)
         camera = session.get_one(Camera, campaign.camera_id)
+    spec = methods.get_method(campaign.method)
     return page.render(
         "campaign.html",
-        title=campaign.project_number or f"{campaign.method.capitalize()} of {camera.model}",
+        title=campaign.project_number or f"{spec.label} of {camera.model}",
         campaign=campaign,
         camera=camera,
-        room=_describe(campaign.method),
+        spec=spec,
     )
-
-
-def _methods() -> list[dict[str, Any]]:
-    return [_describe(spec.name) for spec in methods.METHODS]
-
-
-def _describe(method: str) -> dict[str, Any]:
-    """What the pages must know of a method; its roles as a campaign meets them."""
-    room = methods.get_method(method)
-    return {
-        "method": method,
-        "roles": sorted(room.role_names | room.applied_role_names),
-        "target": room.target is not None,
-        "whole_frame": room.whole_frame,
-        "finds_region": room.finds_region,
-    }

@@ -2,16 +2,7 @@
 
 import { filename, h } from "./dom.js";
 import { number, words } from "./format.js";
-
-/** What each method is asked for first; how well a camera is known is how well this is. */
-export const HEADLINES = {
-  luminance: "luminance_k",
-  reflectance: "reflectance_k",
-  vignetting: "corner_falloff",
-  sharpness: "mtf50_cycles_per_pixel",
-  geometry: "fx_px",
-  noise: "system_gain_dn_per_e",
-};
+import { headlineOf } from "./methods.js";
 
 /** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
 export function holdsFor(row) {
@@ -20,7 +11,7 @@ export function holdsFor(row) {
     row.f_number !== undefined ? `f/${number(row.f_number)}` : "",
     row.band !== undefined ? `band ${words(row.band)}` : "",
     row.channel !== undefined ? `channel ${row.channel}` : "",
-    // of sharpness: where in the frame
+    // after a colon: where in the frame
     row.model?.includes(":") ? row.model.split(":")[1] : "",
   ]
     .filter(Boolean)
@@ -41,7 +32,7 @@ export function inForce(rows, at = new Date()) {
     versions.get(row.calibration_id).rows.push(row);
   }
   for (const version of versions.values()) {
-    const shares = version.rows.filter((row) => row.value && row.name === HEADLINES[row.method]).map((row) => Math.abs(row.standard_uncertainty / row.value));
+    const shares = version.rows.filter((row) => row.value && row.name === headlineOf(row.method)).map((row) => Math.abs(row.standard_uncertainty / row.value));
     version.largest = shares.length ? Math.max(...shares) : undefined;
     version.flags = [...new Set(version.rows.flatMap((row) => row.flags.split(/[ ,;]+/).filter(Boolean)))];
   }

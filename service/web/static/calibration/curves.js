@@ -1,4 +1,4 @@
-// The two plots of a luminance calibration; a click on a point chooses its frame.
+// The two plots of a calibration that has a curve; a click on a point chooses its frame.
 
 import { byId, may } from "../dom.js";
 import { plot } from "../plots.js";

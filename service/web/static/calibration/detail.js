@@ -5,8 +5,8 @@ import { h, table } from "../dom.js";
 import { number, percent, tag, withUncertainty, words } from "../format.js";
 
 /** Per ISO value, every model that was fitted; null where the method fits one alone. */
-export function drawModels({ method, diagnostics }) {
-  if (method !== "luminance") return null;
+export function drawModels({ diagnostics }) {
+  if (!diagnostics.iso_fits) return null;
   const rows = diagnostics.iso_fits.flatMap(({ coefficient, models }) => {
     const best = Math.min(...models.map((model) => model.aicc ?? Infinity));
     return models.map((model, index) => ({ ...model, coefficient, best, first: index === 0 }));
@@ -35,8 +35,8 @@ function parameters(row) {
 }
 
 /** A card of bars for each coefficient that has a budget; null where none has. */
-export function drawBudget({ method, diagnostics }) {
-  const fits = { luminance: diagnostics.iso_fits, reflectance: diagnostics.band_fits }[method] ?? [];
+export function drawBudget({ diagnostics }) {
+  const fits = diagnostics.iso_fits ?? diagnostics.band_fits ?? [];
   const cards = fits.filter((fit) => fit.budget?.length).map(({ coefficient, budget }) => card(titleOf(coefficient), budget));
   return cards.length ? cards : null;
 }

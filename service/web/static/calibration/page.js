@@ -2,6 +2,7 @@
 
 import { all, get, getOr } from "../api.js";
 import { byId, fill, h } from "../dom.js";
+import { labelOf } from "../methods.js";
 import { empty, failed, load } from "../states.js";
 import { drawFlags, explainFlags } from "../flags.js";
 import { drawBudget, drawModels } from "./detail.js";
@@ -30,7 +31,7 @@ async function start() {
     show("models", drawModels(found));
     show("budget", drawBudget(found));
     choice.offer(found);
-    if (method === "luminance") drawPlots(found, choice);
+    if (byId("signal-plot")) drawPlots(found, choice);
     else drawOwnPlot();
   } catch (error) {
     // each region tells it
@@ -76,7 +77,7 @@ function show(name, drawn) {
 async function drawOwnPlot() {
   const place = byId("drawn");
   const address = `/v1/calibrations/${id}/plot.svg`;
-  const picture = h("img", { class: "own-plot", src: address, alt: `Plot of this ${method} calibration` });
+  const picture = h("img", { class: "own-plot", src: address, alt: `Plot of this ${labelOf(method)} calibration` });
   picture.addEventListener("error", async () => {
     const answer = await getOr(address, undefined).catch((error) => error);
     fill(place, answer?.code ? failed(answer, drawOwnPlot) : empty("No plot", "This version has nothing to plot."));

@@ -1,4 +1,4 @@
-// Every point of the fit in a table, used or not: selected columns for luminance, else those of the method.
+// Every point of the fit in a table, used or not: selected columns for points of a curve, else those of the method.
 // Its status is next to its name, so that it is visible on a phone too.
 
 import { filename, h, may, table } from "../dom.js";
@@ -11,10 +11,10 @@ const HEADS = { iso: "ISO", f_number: "f-number", at_s: "taken", i_sq: "I_SQ", i
 const HIDDEN = new Set(["frame", "frame_id", "used", "left_out", "capture_id", "figure", "residual_rel"]);
 const U = "standard_uncertainty";
 
-export function drawPoints({ method, points, parameters }, choice) {
+export function drawPoints({ points, parameters, diagnostics }, choice) {
   if (!points.length) return empty("No points", "This version has no points.");
   const residual = points.some((point) => present(point.residual_rel)) ? residualColumn : null;
-  const columns = [choosing(choice), frameColumn, verdictColumn(parameters.exclude ?? []), residual, ...(method === "luminance" ? LUMINANCE : ownColumns(points))].filter(Boolean);
+  const columns = [choosing(choice), frameColumn, verdictColumn(parameters.exclude ?? []), residual, ...(diagnostics.iso_fits ? CURVE : ownColumns(points))].filter(Boolean);
   const draw = (rows) => {
     const drawn = table(columns, rows, { caption: "Points of the fit", row: (point) => ({ class: point.used ? null : "out", "data-frame-id": point.frame_id }) });
     if (choice) mark(drawn, choice);
@@ -37,7 +37,7 @@ const verdictColumn = (exclude) => ({
 
 const residualColumn = { head: "Residual", class: "number", cell: (point) => (present(point.residual_rel) ? signed(point.residual_rel) : "–") };
 
-const LUMINANCE = [
+const CURVE = [
   { head: "Scene", class: "nowrap", cell: (point) => point.scene },
   { head: "Exposure", cell: (point) => h("span", { class: "nowrap" }, `${exposureTime(point.exposure_time_s)}, f/${number(point.f_number, 3)}, ISO ${number(point.iso, 6)}`) },
   { head: "L meter", class: "number", cell: (point) => withUnit(point.luminance_cd_m2, "cd/m²") },

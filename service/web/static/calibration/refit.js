@@ -2,15 +2,15 @@
 
 import { Problem, all, post } from "../api.js";
 import { ask } from "../ask.js";
-import { MODELS } from "../campaign/methods.js";
-import { readNumber, wrong } from "../campaign/numbers.js";
+import { parametersFold } from "../campaign/parameters.js";
 import { h, toast } from "../dom.js";
 import { followJob } from "../live.js";
+import { methodOf } from "../methods.js";
 
 /** Ask how, fit, and go to the version that it gives. `chosen`: frames to leave out, id to name. */
 export async function fitAnew(calibration, chosen = new Map()) {
-  const { parameters, method } = calibration;
-  const former = parameters.exclude ?? [];
+  const former = calibration.parameters.exclude ?? [];
+  const parameters = parametersFold(methodOf(calibration.method), calibration.camera_id, { former: calibration.parameters, open: !chosen.size });
   const keep = former.map((each, index) => ({ ...each, box: h("input", { type: "checkbox", id: `keep-${index}`, checked: true }) }));
   const said = h("p", { class: "hint", role: "status" });
   const made = await ask({
@@ -18,18 +18,17 @@ export async function fitAnew(calibration, chosen = new Map()) {
     body: [
       h("p", { class: "muted" }, "This version does not change. The new one is a draft until it is published."),
       keep.length ? h("fieldset", {}, h("legend", {}, "Excluded so far; untick to include again"), keep.map(({ box, frame, reason }) => h("p", { class: "check" }, box, h("label", { for: box.id, class: "check" }, `${frame}: ${reason}`)))) : null,
+      parameters.element,
       said,
     ],
     fields: [
       chosen.size ? { name: "reason", label: "Reason for exclusion", type: "textarea", hint: "What happened when the frame was taken. Recorded with your name." } : null,
-      method === "luminance" ? { name: "model", label: "Model", options: MODELS, value: parameters.model } : null,
-      "tolerance_rel" in parameters ? { name: "tolerance", label: "Tolerance [% of L]", type: "text", inputmode: "decimal", value: String(+(100 * parameters.tolerance_rel).toPrecision(6)) } : null,
     ].filter(Boolean),
     submit: "Refit",
     action: async (values) => {
       const kept = keep.filter(({ box }) => box.checked);
       const exclude = [...(await withIds(calibration, kept)), ...[...chosen.keys()].map((frame_id) => ({ frame_id, reason: values.reason }))];
-      const body = { ...formerOf(calibration), ...sayFit(values), exclude };
+      const body = { ...parameters.read(), exclude };
       said.textContent = "Fitting…";
       const job = await followJob((await post(`/v1/campaigns/${calibration.campaign_id}/calibrations`, body)).id, (each) => {
         said.textContent = each.state === "queued" ? "Queued…" : "Fitting…";
@@ -42,30 +41,6 @@ export async function fitAnew(calibration, chosen = new Map()) {
   if (!made) return;
   if (made === calibration.id) toast("This version has the same frames and the same parameters.");
   else location.assign(`/calibrations/${made}`);
-}
-
-/** What was asked of this version, as the form wants it. */
-function formerOf({ parameters }) {
-  const asked = new Set(document.querySelector("main").dataset.asked.split(" "));
-  const said = present(parameters);
-  return Object.fromEntries(Object.entries(said).filter(([name]) => asked.has(name) && name !== "exclude"));
-}
-
-function sayFit({ model, tolerance }) {
-  const said = {};
-  if (model) said.model = model;
-  if (tolerance) {
-    const percent = readNumber(tolerance);
-    if (!Number.isFinite(percent)) throw wrong(`The tolerance “${tolerance}” is not a number.`);
-    said.tolerance = percent / 100;
-  }
-  return said;
-}
-
-/** Without what is null: the API knows none. */
-function present(value) {
-  if (value === null || typeof value !== "object" || Array.isArray(value)) return value;
-  return Object.fromEntries(Object.entries(value).filter(([, each]) => each !== null).map(([name, each]) => [name, present(each)]));
 }
 
 /** Former exclusions name frames as the fit does; the form wants their ids. */

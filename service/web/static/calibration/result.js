@@ -3,6 +3,7 @@
 import { figure, h, table } from "../dom.js";
 import { day, number, percent, quantity, relative, tag, time, withUncertainty, words } from "../format.js";
 import { named } from "../coefficients.js";
+import { methodOf } from "../methods.js";
 import { shorten } from "../shorten.js";
 
 /** Where the version stands, and what took its place if anything did: a row of facts. */
@@ -14,7 +15,7 @@ export function drawStatus([calibration, successor]) {
     by ? ["Superseded by", h("a", { href: `/calibrations/${by}` }, successor ? `version ${successor.version}` : "another version")] : null,
     calibration.revoked_reason ? ["Revoked because", calibration.revoked_reason] : null,
     ["Fitted", time(calibration.created_at)],
-    ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, calibration.method === "luminance" ? "frames and readings" : "its frames")],
+    ["Campaign", h("a", { href: `/campaigns/${calibration.campaign_id}` }, methodOf(calibration.method).reference === "meter" ? "frames and readings" : "its frames")],
     ["Certificate", h("span", {}, h("a", { href: `/v1/calibrations/${calibration.id}/certificate.pdf` }, "PDF"), " · ", h("a", { href: `/v1/calibrations/${calibration.id}/certificate.json` }, "JSON"))],
   ];
   return h("dl", { class: "facts status card" }, facts.filter(Boolean).map((each) => figure(...each)));
@@ -27,10 +28,11 @@ function stillHolds({ state, valid_from: from, valid_to: to }) {
 }
 
 export function drawVerdict(calibration) {
-  return calibration.method === "luminance" ? luminance(calibration) : coefficients(calibration);
+  return calibration.diagnostics.iso_fits ? curves(calibration) : coefficients(calibration);
 }
 
-function luminance({ diagnostics, coefficients: rows }) {
+/** One curve for each ISO value, against a tolerance. */
+function curves({ diagnostics, coefficients: rows }) {
   const fits = diagnostics.iso_fits;
   const tolerance = percent(diagnostics.tolerance_rel);
   const failing = fits.filter((fit) => !fit.passed);

@@ -5,10 +5,8 @@ import { fill, h, may, table } from "../dom.js";
 import { ago, number, quantity, tag, words } from "../format.js";
 import { followJob } from "../live.js";
 import { act, empty, load } from "../states.js";
-import { decimal, field, select } from "./forms.js";
-import { PARAMETERS } from "./methods.js";
-import { numberOf } from "./numbers.js";
 import { sentence } from "./overview.js";
+import { parametersFold } from "./parameters.js";
 
 export function calibrateSection(state) {
   const versions = h("div");
@@ -18,7 +16,7 @@ export function calibrateSection(state) {
 }
 
 function starter(state, show) {
-  const parameters = (PARAMETERS[state.room.method] ?? []).map(parameterField);
+  const parameters = parametersFold(state.method, state.campaign.camera_id);
   const progress = h("div", { role: "status" });
   const lacking = h("div");
   const button = h("button", { class: "primary", type: "submit" }, "Calibrate");
@@ -30,8 +28,7 @@ function starter(state, show) {
   draw();
   const start = async () => {
     fill(progress);
-    const said = Object.assign({}, ...parameters.map((each) => each.read()));
-    const begun = await post(`${state.path}/calibrations`, said).catch((error) => {
+    const begun = await post(`${state.path}/calibrations`, parameters.read()).catch((error) => {
       throw withMissing(error);
     });
     const bar = h("progress", { max: 1, value: 0, "aria-label": "The fit" });
@@ -50,25 +47,10 @@ function starter(state, show) {
     { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, start)) },
     h("h3", {}, "New version"),
     lacking,
-    parameters.length ? h("details", { class: "parameters" }, h("summary", {}, "Parameters of the fit"), h("div", { class: "fields" }, parameters.map((each) => each.element))) : null,
+    parameters.element,
     h("p", { class: "actions" }, button),
     progress,
   );
-}
-
-/** {element, read()}: what is left as it is, is not said. */
-function parameterField({ name, label, kind, options, hint, whole }) {
-  if (kind === "choice") {
-    const control = select(options);
-    const value = () => (whole ? Number(control.value) : control.value);
-    return { element: field(label, control, hint), read: () => (control.selectedIndex ? { [name]: value() } : {}) };
-  }
-  const control = decimal();
-  const read = () => {
-    const value = numberOf(control);
-    return value === undefined ? {} : { [name]: kind === "percent" ? value / 100 : value };
-  };
-  return { element: field(label, control, hint), read };
 }
 
 function withMissing(error) {

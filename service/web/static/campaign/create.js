@@ -2,16 +2,15 @@
 
 import { all, post } from "../api.js";
 import { byId, fill, h } from "../dom.js";
+import { METHODS, methodOf } from "../methods.js";
 import { act, load } from "../states.js";
 import { choices, field, filled, select } from "./forms.js";
-import { METHODS } from "./methods.js";
 import { numberOf } from "./numbers.js";
 import { panelPart } from "./panel.js";
 import { targetPart } from "./target.js";
 
 const NEW = "new";
 const form = byId("new-campaign");
-const rooms = JSON.parse(document.querySelector("main").dataset.methods);
 let method = null;
 let target = null;
 let camera = { read: () => ({}) };
@@ -19,9 +18,9 @@ let panel = { read: () => undefined };
 
 fill(
   byId("methods"),
-  choices("method", rooms.map((room) => [room.method, ...(METHODS[room.method] ?? [room.method, ""])]), choose, null),
+  choices("method", METHODS.map((each) => [each.name, each.label, each.description]), choose, null),
 );
-choose(method);
+choose(null);
 load(byId("camera"), () => all("/v1/cameras"), (cameras) => (camera = cameraPart(cameras)).element);
 load(byId("panel"), () => all("/v1/panels"), (panels) => (panel = panelPart(panels)).element).then(offerPanel);
 
@@ -30,29 +29,29 @@ form.addEventListener("submit", (event) => {
   act(event.submitter ?? form.querySelector("button[type=submit]"), create);
 });
 
-function choose(chosen) {
-  method = chosen;
-  target = rooms.find((room) => room.method === method)?.target ? targetPart(method) : null;
+function choose(name) {
+  method = methodOf(name);
+  target = method?.needs_target ? targetPart(method) : null;
   byId("target-section").hidden = target === null;
-  byId("panel-section").hidden = method !== "reflectance";
-  byId("surface_reflectance").closest(".field").hidden = method !== "luminance";
+  byId("panel-section").hidden = method?.reference !== "panel";
+  byId("surface_reflectance").closest(".field").hidden = method?.reference !== "meter";
   fill(byId("target"), target?.element);
   offerPanel();
 }
 
 /** What is not shown must not have to be filled in either. */
 function offerPanel() {
-  for (const control of byId("panel").querySelectorAll("input, select, textarea")) control.disabled = method !== "reflectance";
+  for (const control of byId("panel").querySelectorAll("input, select, textarea")) control.disabled = method?.reference !== "panel";
 }
 
 async function create() {
   const said = filled(form);
   const names = ["project_number", "recorder", "customer", "place", "conditions", "comments"];
-  const body = { method, ...Object.fromEntries(names.filter((name) => said[name]).map((name) => [name, said[name]])) };
+  const body = { method: method.name, ...Object.fromEntries(names.filter((name) => said[name]).map((name) => [name, said[name]])) };
   if (said.started_at) body.started_at = new Date(said.started_at).toISOString();
-  if (method === "luminance") body.surface_reflectance = numberOf(byId("surface_reflectance"));
-  if (target) body.target = target.read();
-  if (method === "reflectance") body.panel_id = await panel.read();
+  if (method.reference === "meter") body.surface_reflectance = numberOf(byId("surface_reflectance"));
+  if (target) body.target = target.read(); // left out where there is no form
+  if (method.reference === "panel") body.panel_id = await panel.read();
   body.camera_id = await camera.read();
   const made = await post("/v1/campaigns", body);
   location.assign(`/campaigns/${made.id}`);

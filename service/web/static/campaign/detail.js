@@ -3,10 +3,10 @@
 import { get, patch } from "../api.js";
 import { h, may, table, toast } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, tag, time, words } from "../format.js";
+import { roleOptions } from "../methods.js";
 import { act, load, loading } from "../states.js";
 import { decimal, field, select } from "./forms.js";
 import { originOf } from "./holding.js";
-import { ROLES } from "./methods.js";
 import { numberOf } from "./numbers.js";
 import { isRead } from "./state.js";
 
@@ -80,7 +80,7 @@ function statistics(state, frame) {
 }
 
 function change(state, frame, dialog) {
-  const role = select(ROLES.map((name) => [name, name]), {}, frame.role);
+  const role = select(roleOptions(state.method), {}, frame.role);
   const scene = h("input", { value: frame.scene ?? "", list: "detail-scenes", autocomplete: "off" });
   const lacking = frame.exposure_time_s === undefined ? [["exposure_time_s", "Exposure time [s]"], ["f_number", "f-number"], ["iso", "ISO"]].map(([name, label]) => [name, label, decimal({ value: frame.supplied?.[name] ?? "" })]) : [];
   const form = h(

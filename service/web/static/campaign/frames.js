@@ -3,10 +3,10 @@
 import { patch } from "../api.js";
 import { byId, filename, fill, h, may, toast } from "../dom.js";
 import { exposureTime, fixed, number, percent, tag, words } from "../format.js";
+import { roleOptions } from "../methods.js";
 import { act, empty } from "../states.js";
 import { showFrame } from "./detail.js";
 import { select } from "./forms.js";
-import { ROLES } from "./methods.js";
 import { countOutcomes } from "./overview.js";
 import { isRead } from "./state.js";
 import { virtualTable } from "./virtual.js";
@@ -141,7 +141,7 @@ function verdictCell(verdict) {
 }
 
 function bulkForm(state, chosen, after) {
-  const role = select([["", "keep"], ...ROLES.map((name) => [name, name])], { "aria-label": "Role of the selected frames" });
+  const role = select([["", "keep"], ...roleOptions(state.method)], { "aria-label": "Role of the selected frames" });
   const scene = h("input", { "aria-label": "Scene of the selected frames", placeholder: "keep", list: "scenes" });
   const apply = async () => {
     const said = { ...(role.value ? { role: role.value } : {}), ...(scene.value.trim() ? { scene: scene.value.trim() } : {}) };

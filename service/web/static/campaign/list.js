@@ -3,6 +3,7 @@
 import { all } from "../api.js";
 import { byId, fill, h, may, table } from "../dom.js";
 import { day } from "../format.js";
+import { labelOf } from "../methods.js";
 import { empty, load } from "../states.js";
 
 load(
@@ -36,7 +37,7 @@ function rows(campaigns, cameras) {
   return table(
     [
       { head: "Project", header: true, cell: (each) => h("a", { href: `/campaigns/${each.id}` }, each.project_number ?? nameOf(each, cameras)) },
-      { head: "Method", cell: (each) => h("span", { class: "tag" }, each.method) },
+      { head: "Method", cell: (each) => h("span", { class: "tag" }, labelOf(each.method)) },
       { head: "Camera", cell: (each) => h("a", { class: "nowrap", href: `/cameras/${each.camera_id}` }, cameraOf(each, cameras)) },
       { head: "Recorder", cell: (each) => each.recorder ?? "–" },
       { head: "Place", cell: (each) => each.place ?? "–" },
@@ -47,7 +48,7 @@ function rows(campaigns, cameras) {
   );
 }
 
-const nameOf = (each, cameras) => `${each.method} of ${cameras.get(each.camera_id)?.model ?? "a camera"}`;
+const nameOf = (each, cameras) => `${labelOf(each.method)} of ${cameras.get(each.camera_id)?.model ?? "a camera"}`;
 
 function cameraOf(each, cameras) {
   const camera = cameras.get(each.camera_id);
@@ -55,6 +56,6 @@ function cameraOf(each, cameras) {
 }
 
 function textOf(each, cameras) {
-  const words = [each.project_number, each.method, each.recorder, each.place, each.customer, cameraOf(each, cameras)];
+  const words = [each.project_number, labelOf(each.method), each.recorder, each.place, each.customer, cameraOf(each, cameras)];
   return words.filter(Boolean).join(" ").toLowerCase();
 }

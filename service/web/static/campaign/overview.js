@@ -31,17 +31,17 @@ function figures(state) {
     { class: "figures" },
     figure("Frames", number(received), told),
     region(state),
-    state.room.method === "luminance" ? figure("Readings", number(readings), state.scenes.length ? counted(state.scenes.length, "scene") : "") : null,
+    state.method.reference === "meter" ? figure("Readings", number(readings), state.scenes.length ? counted(state.scenes.length, "scene") : "") : null,
     figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${state.campaign.missing.length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
   );
 }
 
 const marked = (lacking) => ({ class: lacking ? "lacking" : null });
 
-function region({ roi, room, frames }) {
+function region({ roi, method, frames }) {
   const { own, found, said } = countOwn(frames);
   if (roi) return figure("Region", roi.regions ? counted(roi.regions.length, "part") : counted(roi.polygon.length, "corner"), said);
-  if (room.whole_frame) return figure("Region", "Whole frame", said);
+  if (method.whole_frame) return figure("Region", "Whole frame", said);
   return figure("Region", own ? (found === own ? "Found" : "Per frame") : "None yet", said, marked(!own));
 }
 

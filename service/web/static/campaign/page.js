@@ -1,6 +1,7 @@
 // The page of one campaign, from its first file to its calibration.
 
 import { byId, fill, may } from "../dom.js";
+import { methodOf } from "../methods.js";
 import { failed } from "../states.js";
 import { calibrateSection } from "./calibrate.js";
 import { checklistSection } from "./checklist.js";
@@ -12,8 +13,8 @@ import { CampaignState } from "./state.js";
 import { targetSection } from "./target.js";
 import { uploadSection } from "./upload.js";
 
-const { campaignId, room } = document.querySelector("main").dataset;
-const state = new CampaignState(campaignId, JSON.parse(room));
+const { campaignId, method } = document.querySelector("main").dataset;
+const state = new CampaignState(campaignId, methodOf(method));
 
 const parts = [
   ["target-form", targetSection],
@@ -21,7 +22,7 @@ const parts = [
   ["reading-list", readingsSection],
   ["checklist-items", checklistSection],
   ["calibrate-tool", calibrateSection],
-].filter(([id]) => byId(id)); // readings and the checklist are luminance's; the form is there where no target is
+].filter(([id]) => byId(id)); // a method that has no readings has no such part; the form is there where no target is
 
 if (may("upload")) fill(byId("upload"), uploadSection(state));
 start();

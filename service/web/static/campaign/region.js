@@ -13,8 +13,6 @@ import { wrong } from "./numbers.js";
 import { faultOf } from "./polygon.js";
 import { isRead } from "./state.js";
 
-const PARTED = ["sharpness", "vignetting"];
-
 export function regionSection(state) {
   const element = h("div");
   let tool = null;
@@ -34,7 +32,7 @@ export function regionSection(state) {
 function note(state) {
   const waiting = state.frames.filter((frame) => ["received", "read"].includes(frame.state)).length;
   const { said } = countOwn(state.frames);
-  const shared = state.roi ? (waiting ? `${state.frames.length - waiting} of ${state.frames.length} frames computed` : "The same for every frame without its own region") : state.room.whole_frame ? "The whole frame, unless you draw a region" : said ? "" : state.room.finds_region ? "None yet: found from a panel’s code, or drawn here" : "None yet";
+  const shared = state.roi ? (waiting ? `${state.frames.length - waiting} of ${state.frames.length} frames computed` : "The same for every frame without its own region") : state.method.whole_frame ? "The whole frame, unless you draw a region" : said ? "" : state.method.finds_region ? "None yet: found from a panel’s code, or drawn here" : "None yet";
   byId("region-note").textContent = [shared, said].filter(Boolean).join("; ");
 }
 
@@ -93,7 +91,7 @@ function build(state, drawable) {
   const own = h("p", { class: "muted small" });
   const parts = h("div", { class: "roi-parts" });
   function drawParts() {
-    const several = PARTED.includes(state.room.method) || editor.regions.length > 1;
+    const several = state.method.several_regions || editor.regions.length > 1;
     fill(parts, several ? partsOf(editor) : null);
   }
   const saving = may("calibrate") ? savePart(state, editor, () => frame) : h("div");

@@ -1,16 +1,15 @@
 // Role and scene of a file by its name: the same patterns as in campaign.toml.
 
-import { ROLES } from "./methods.js";
-
 const PARTS = { "{scene}": "(?<scene>[^/]+)", "**/": "(?:.*/)?", "*": "[^/]*", "?": "[^/]" };
 
 /** The rules that hold until somebody writes others: folders and names that mean a role, then folders as scenes. */
-export function usualRules(roles, usual) {
-  const named = ROLES.filter((role) => !["light", "field", usual].includes(role) && roles.includes(role));
-  const rules = named.flatMap((role) => [{ pattern: `**/${role}*/*`, role }, { pattern: `*${role}*`, role }]);
+export function usualRules([usual, ...roles]) {
+  const named = roles.filter((role) => role.used_in_fit && !role.has_scene);
+  const rules = named.flatMap(({ name: role }) => [{ pattern: `**/${role}*/*`, role }, { pattern: `*${role}*`, role }]);
   // every campaign has frames to measure beside those to fit; by the folder alone, as a flat field is none
   rules.push({ pattern: "**/field*/*", role: "field" });
-  return [...rules, ...(roles.includes("light") ? [{ pattern: "**/{scene}/*", role: "light" }] : []), { pattern: "*", role: usual }];
+  const scene = [usual, ...roles].find((role) => role.has_scene);
+  return [...rules, ...(scene ? [{ pattern: "**/{scene}/*", role: scene.name }] : []), { pattern: "*", role: usual.name }];
 }
 
 /** {role, scene} by the first rule that fits a path such as "level-1/DJI_0001.DNG", or undefined. */

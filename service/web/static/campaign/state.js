@@ -13,9 +13,9 @@ const ENDED = ["extracted", "refused"];
 export const isRead = (frame) => ["read", "extracted"].includes(frame.state);
 
 export class CampaignState extends EventTarget {
-  constructor(id, room) {
+  constructor(id, method) {
     super();
-    Object.assign(this, { id, room, path: `/v1/campaigns/${id}`, campaign: null, roi: null });
+    Object.assign(this, { id, method, path: `/v1/campaigns/${id}`, campaign: null, roi: null });
     this.frames = [];
     this.byId = new Map();
     this.verdicts = new Map();

@@ -1,4 +1,4 @@
-// The target: a board for geometry, an edge or a star for sharpness.
+// The target: a board of squares, or a chart of edges or stars. Which, the fields that the method's target has tell.
 
 import { patch } from "../api.js";
 import { fill, h, may } from "../dom.js";
@@ -9,12 +9,16 @@ import { numberOf, wrong } from "./numbers.js";
 const DICTIONARIES = ["DICT_4X4_50", "DICT_4X4_100", "DICT_5X5_50", "DICT_5X5_100", "DICT_6X6_250", "DICT_7X7_250", "DICT_ARUCO_ORIGINAL"];
 
 /** {element, read()}: the form, and the target as the API wants it. */
-export const targetPart = (method) => (method === "geometry" ? board() : chart());
+export function targetPart({ label, target_fields: fields }) {
+  if (fields.includes("square_size_mm")) return board();
+  if (fields.includes("tone_curve")) return chart();
+  return { element: empty("No form for this target", `Send the target of a ${label} campaign to the API: ${fields.join(", ")}.`), read: () => undefined };
+}
 
 /** On the page of a campaign that began without one: everything begins again once it is said. */
 export function targetSection(state) {
   if (!may("calibrate")) return empty("No target yet", "Frames are measured once the target is entered.");
-  const { element, read } = targetPart(state.room.method);
+  const { element, read } = targetPart(state.method);
   const button = h("button", { class: "primary", type: "submit" }, "Find it in the frames");
   const say = async () => {
     await patch(state.path, { target: read() });

@@ -2,10 +2,10 @@
 
 import { fill, h, toast } from "../dom.js";
 import { bytes, counted, span, tag } from "../format.js";
+import { roleLabel, roleOptions } from "../methods.js";
 import { act } from "../states.js";
 import { filesOf } from "./drop.js";
 import { select } from "./forms.js";
-import { ROLES, usualRole } from "./methods.js";
 import { patternsPart } from "./patterns.js";
 import { UploadQueue } from "./queue.js";
 import { judge } from "./rules.js";
@@ -17,7 +17,7 @@ const OPEN = ["hashing", "asking", "ready", "failed", "lost"];
 export function uploadSection(state) {
   const queue = new UploadQueue(state);
   const patterns = patternsPart(state, () => judgeAgain(queue, judgeName));
-  const judgeName = (name) => judge(name, patterns.rules()) ?? { role: usualRole(state.room.method) };
+  const judgeName = (name) => judge(name, patterns.rules()) ?? { role: state.method.roles[0].name };
   const take = (files) => {
     const count = queue.add(files, judgeName);
     if (!count && files.length) toast("These files are already in the list.");
@@ -133,7 +133,7 @@ function itemTable(state, queue) {
     draw: (item) => [
       h("span", { title: item.name }, item.name),
       progressOf(state, item),
-      editable(item) ? select(ROLES.map((name) => [name, name]), { "aria-label": `Role of ${item.name}`, onchange: (event) => edit(item, { role: event.target.value }) }, item.role) : item.role,
+      editable(item) ? select(roleOptions(state.method), { "aria-label": `Role of ${item.name}`, onchange: (event) => edit(item, { role: event.target.value }) }, item.role) : roleLabel(item.role),
       editable(item) ? h("input", { "aria-label": `Scene of ${item.name}`, value: item.scene ?? "", list: "scenes-known", onchange: (event) => edit(item, { scene: event.target.value.trim() || undefined }) }) : (item.scene ?? "–"),
       bytes(item.size),
     ],

@@ -5,6 +5,7 @@ import { bars } from "../bars.js";
 import { byId, fill, h, may } from "../dom.js";
 import { drawFlags, explainFlags } from "../flags.js";
 import { number, percent, sayTimes, tag, time, words } from "../format.js";
+import { labelOf } from "../methods.js";
 import { empty, load } from "../states.js";
 import { drawFigures } from "./figures.js";
 import { drawGrid } from "./grid.js";
@@ -77,7 +78,7 @@ function drawCalibration([{ calibration, signal, vignetting, method }, falloff])
   return h(
     "div",
     { class: "card" },
-    h("p", {}, h("a", { href: `/calibrations/${calibration.id}` }, `${words(method)} version ${calibration.version}`), " ", tag(calibration.state)),
+    h("p", {}, h("a", { href: `/calibrations/${calibration.id}` }, `${labelOf(method)} version ${calibration.version}`), " ", tag(calibration.state)),
     h("p", { class: "small muted" }, sayTimes(calibration.why)),
     h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting correction"), h("dd", {}, lens)),
   );

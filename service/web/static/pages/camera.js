@@ -1,7 +1,8 @@
 import { get } from "../api.js";
 import { byId, fill, h, table } from "../dom.js";
-import { ago, day, quantity, relative, tag, time, words } from "../format.js";
-import { HEADLINES, holdsFor, inForce, named } from "../coefficients.js";
+import { ago, day, quantity, relative, tag, time } from "../format.js";
+import { holdsFor, inForce, named } from "../coefficients.js";
+import { headlineOf, labelOf, methodOf, readTolerance } from "../methods.js";
 import { empty, load } from "../states.js";
 import { plot } from "../plots.js";
 import { shorten } from "../shorten.js";
@@ -22,7 +23,7 @@ load(byId("history"), () => get(`/v1/cameras/${id}/decisions`), ({ items }) => {
   if (!items.length) return empty("No decisions yet", "Versions that are made, published or revoked appear here.");
   const columns = [
     { head: "Time", cell: (each) => time(each.at) },
-    { head: "Decision", header: true, cell: (each) => h("span", {}, tag(each.act), " ", h("a", { href: `/calibrations/${each.calibration_id}` }, `${words(each.method)} version ${each.version}`)) },
+    { head: "Decision", header: true, cell: (each) => h("span", {}, tag(each.act), " ", h("a", { href: `/calibrations/${each.calibration_id}` }, `${labelOf(each.method)} version ${each.version}`)) },
     { head: "In force", cell: validity },
     { head: "Person", cell: (each) => h("span", { title: each.by }, each.by_name ?? each.by) },
     { head: "Reason", cell: (each) => each.reason ?? "" },
@@ -36,7 +37,7 @@ load(byId("drift"), () => series, ({ rows }) => {
     byId("drift-choice").hidden = true;
     return empty("No drift yet", "The plot appears with the second published version.");
   }
-  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}`, selected: row.name === HEADLINES[row.method] }, `${row.name} (${row.method})`)));
+  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}`, selected: row.name === headlineOf(row.method) }, `${row.name} (${labelOf(row.method)})`)));
   choice.disabled = false;
   choice.addEventListener("change", drawDrift);
   tolerance.addEventListener("change", () => tolerance.reportValidity() && drawDrift());
@@ -47,9 +48,9 @@ load(byId("drift"), () => series, ({ rows }) => {
 
 async function drawDrift() {
   const [method, name] = choice.value.split("/");
-  byId("drift-unit").textContent = method === "geometry" ? "px" : "%";
+  byId("drift-unit").textContent = methodOf(method).tolerance_unit;
   plot(byId("drift-plot"), `/plots/cameras/${id}/drift?method=${method}&name=${encodeURIComponent(name)}`);
-  await load(byId("drift-said"), () => get(`/v1/cameras/${id}/drift?method=${method}&tolerance=${toleranceOf(method)}`), ({ parameters }) => {
+  await load(byId("drift-said"), () => get(`/v1/cameras/${id}/drift?method=${method}&tolerance=${readTolerance(method, tolerance.value)}`), ({ parameters }) => {
     const said = parameters.filter((each) => each.name === name);
     // what hinders one mostly hinders all: say it once
     const [first] = said;
@@ -57,9 +58,6 @@ async function drawDrift() {
     return said.length ? h("ul", { class: "plain small" }, said.map(saidOf)) : null;
   });
 }
-
-/** A share; of geometry px, as it is typed. */
-const toleranceOf = (method) => (method === "geometry" ? tolerance.value : tolerance.value / 100);
 
 function saidOf(parameter) {
   const where = holdsFor(parameter);
@@ -85,21 +83,19 @@ function versionCard(version) {
     h(
       "div",
       { class: "section-head" },
-      h("h3", {}, words(version.method), " ", h("a", { href: `/calibrations/${version.calibration_id}` }, `version ${version.version}`)),
+      h("h3", {}, labelOf(version.method), " ", h("a", { href: `/calibrations/${version.calibration_id}` }, `version ${version.version}`)),
       h("p", {}, `since ${day(version.valid_from)}, ${ago(version.valid_from)}${version.valid_to ? `; until ${day(version.valid_to)}` : ""}`),
     ),
     version.flags.length ? h("p", { class: "narrow-only" }, version.flags.map((flag) => [tag(flag, "warn"), " "])) : null,
-    shorten(version.rows, (rows) => table(columns, rows, { caption: `${version.method} version ${version.version}` })),
-    DRAWN.includes(version.method) ? drawing(version) : null,
+    shorten(version.rows, (rows) => table(columns, rows, { caption: `${labelOf(version.method)} version ${version.version}` })),
+    drawing(version),
   );
 }
 
-/** Falloff, sharpness over the frame, distortion, photon transfer: what the numbers alone do not show. */
-const DRAWN = ["vignetting", "sharpness", "geometry", "noise"];
-
+/** What the numbers alone do not show, such as falloff over the frame. */
 function drawing({ method, version, calibration_id: id }) {
   const address = `/v1/calibrations/${id}/plot.svg`;
-  const picture = h("img", { class: "own-plot", src: address, loading: "lazy", alt: `Plot of ${method} version ${version}` });
+  const picture = h("img", { class: "own-plot", src: address, loading: "lazy", alt: `Plot of ${labelOf(method)} version ${version}` });
   const figure = h("figure", { class: "drawing" }, h("a", { href: address }, picture));
   picture.addEventListener("error", () => figure.remove());
   return figure;

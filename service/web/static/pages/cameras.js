@@ -1,9 +1,10 @@
 import { all, get, post } from "../api.js";
 import { byId, h, may, table, toast } from "../dom.js";
-import { ago, counted, day, number, tag, words } from "../format.js";
+import { ago, counted, day, number, tag } from "../format.js";
 import { ask } from "../ask.js";
 import { empty, load } from "../states.js";
-import { HEADLINES, inForce } from "../coefficients.js";
+import { inForce } from "../coefficients.js";
+import { headlineOf, labelOf } from "../methods.js";
 
 const region = byId("cameras");
 const add = byId("add-camera");
@@ -28,10 +29,10 @@ const columns = [
         ? h("span", {}, h("a", { href: `/cameras/${camera.id}` }, `${camera.make} ${camera.model}`), h("br"), h("span", { class: "mono small muted" }, camera.serial))
         : h("span", { class: "hidden" }, `${camera.model} ${camera.serial}`),
   },
-  { head: "In force", cell: ({ held }) => (held ? words(held.method) : tag("none", "warn")) },
+  { head: "In force", cell: ({ held }) => (held ? labelOf(held.method) : tag("none", "warn")) },
   { head: "Version", class: "number", cell: ({ held }) => (held ? h("a", { href: `/calibrations/${held.calibration_id}` }, String(held.version)) : "") },
   { head: "Since", cell: ({ held }) => (held ? h("span", { class: "nowrap" }, day(held.valid_from), h("span", { class: "muted" }, ` ${ago(held.valid_from)}`)) : "") },
-  { head: "Largest u", cell: ({ held }) => (held?.largest === undefined ? "" : h("span", { title: "Largest relative standard uncertainty of this coefficient in the version" }, `${number(100 * held.largest, 2)} % `, h("code", { class: "small muted" }, HEADLINES[held.method]))) },
+  { head: "Largest u", cell: ({ held }) => (held?.largest === undefined ? "" : h("span", { title: "Largest relative standard uncertainty of this coefficient in the version" }, `${number(100 * held.largest, 2)} % `, h("code", { class: "small muted" }, headlineOf(held.method)))) },
   { head: "Flags", cell: ({ held }) => (held?.flags.length ? tag(counted(held.flags.length, "flag"), "warn") : held ? h("span", { class: "muted" }, "none") : "") },
 ];
 

@@ -1,9 +1,9 @@
 import { all, get, post } from "../api.js";
-import { METHODS } from "../campaign/methods.js";
 import { byId, fill, h, table } from "../dom.js";
 import { counted, number, quantity, tag } from "../format.js";
 import { named } from "../coefficients.js";
 import { groupBy } from "../groups.js";
+import { METHODS, labelOf, methodOf, readTolerance } from "../methods.js";
 import { act, empty, load } from "../states.js";
 
 const VERDICTS = { shared: ["one set for all", "good"], per_camera: ["one set per camera", "warn"], cannot_tell: ["inconclusive", ""] };
@@ -20,13 +20,13 @@ load(byId("fleet-form"), () => Promise.all([all("/v1/cameras"), get("/v1/series/
 function form(models, rows) {
   const versions = (camera, method) => new Set(rows.filter((row) => row.camera_id === camera.id && row.method === method).map((row) => row.calibration_id)).size;
   const model = h("select", { id: "model" }, models.map(([name]) => h("option", { selected: name === wanted }, name)));
-  const method = h("select", { id: "method" }, Object.keys(METHODS).map((name) => h("option", {}, name)));
+  const method = h("select", { id: "method" }, METHODS.map((each) => h("option", { value: each.name }, each.label)));
   const said = h("p", { class: "small muted" });
   /** The method that most of the model's cameras have a version of. */
   const offerMethod = () => {
     const [, cameras] = models.find(([name]) => name === model.value);
     const known = (name) => cameras.filter((camera) => versions(camera, name)).length;
-    method.value = Object.keys(METHODS).reduce((best, name) => (known(name) > known(best) ? name : best));
+    method.value = METHODS.map((each) => each.name).reduce((best, name) => (known(name) > known(best) ? name : best));
     choose();
   };
   const members = h("div", { class: "members" });
@@ -35,7 +35,7 @@ function form(models, rows) {
   const button = h("button", { type: "submit", class: "primary" }, "Compare");
   const choose = () => {
     const [, cameras] = models.find(([name]) => name === model.value);
-    unit.textContent = method.value === "geometry" ? "px" : "%";
+    unit.textContent = methodOf(method.value).tolerance_unit;
     fill(
       members,
       cameras.map((camera) => {
@@ -49,7 +49,7 @@ function form(models, rows) {
     );
     const able = cameras.filter((camera) => versions(camera, method.value)).length;
     button.disabled = able < 2;
-    said.textContent = able < 2 ? `${counted(able, "camera")} of this model ${able === 1 ? "has" : "have"} a published ${method.value} version; two are needed.` : "";
+    said.textContent = able < 2 ? `${counted(able, "camera")} of this model ${able === 1 ? "has" : "have"} a published ${labelOf(method.value)} version; two are needed.` : "";
   };
   model.addEventListener("change", offerMethod);
   method.addEventListener("change", choose);
@@ -75,7 +75,7 @@ const judge = (form, button, method, tolerance) =>
     const answer = await post("/v1/fleet/verdict", {
       method,
       camera_ids: new FormData(form).getAll("camera"),
-      tolerance: method === "geometry" ? Number(tolerance.value) : Number(tolerance.value) / 100,
+      tolerance: readTolerance(method, tolerance.value),
     });
     fill(byId("fleet-answer"), shown(answer));
   });

@@ -1,8 +1,9 @@
 import { all, get } from "../api.js";
 import { byId, figure, h } from "../dom.js";
-import { ago, counted, day, number, span, tag, words } from "../format.js";
+import { ago, counted, number, span, tag, words } from "../format.js";
 import { nameOf, titleOf } from "../campaign/named.js";
 import { inForce } from "../coefficients.js";
+import { labelOf } from "../methods.js";
 import { empty, load } from "../states.js";
 
 const DAY_S = 86400;
@@ -89,7 +90,7 @@ function attention(camera, rows) {
     .filter((each) => (Date.now() - new Date(each.valid_from)) / 1000 > OLD_S || each.flags.length)
     .map((each) => ({
       ...named,
-      said: `${words(each.method)} version ${each.version}, in force for ${ago(each.valid_from).replace(" ago", "")}${each.flags.length ? `: ${each.flags.map(words).join(", ")}` : ""}`,
+      said: `${labelOf(each.method)} version ${each.version}, in force for ${ago(each.valid_from).replace(" ago", "")}${each.flags.length ? `: ${each.flags.map(words).join(", ")}` : ""}`,
       tag: each.flags.length ? tag("flags", "warn") : tag("old", "warn"),
     }));
 }

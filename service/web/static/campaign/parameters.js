@@ -1,0 +1,198 @@
+// The form of a fit's parameters, as the specification of its method states them.
+
+import { all } from "../api.js";
+import { h } from "../dom.js";
+import { day } from "../format.js";
+import { load } from "../states.js";
+import { decimal, field, select } from "./forms.js";
+import { numberOf, wrong } from "./numbers.js";
+
+const NONE = "none";
+const IN_FORCE = "in_force";
+const UNITS = { deg: "°", um: "µm" };
+let count = 0;
+
+/** {element, read()}: the form in a fold of its own, there once the versions that it offers are known. */
+export function parametersFold(method, cameraId, { former, open = false } = {}) {
+  const parameters = method.parameters.filter((each) => each.given_by === "request");
+  if (!parameters.length) return { element: null, read: () => ({}) };
+  const fields = h("div", { class: "fields" });
+  let form;
+  load(fields, () => readVersions(parameters, cameraId), (versions) => (form = parametersPart(parameters, versions, former)).elements);
+  const read = () => {
+    if (!form) throw wrong("The parameters of the fit have not been loaded yet.");
+    return form.read();
+  };
+  return { element: h("details", { class: "fold", open }, h("summary", {}, "Parameters of the fit"), fields), read };
+}
+
+/** The camera's versions that the parameters may name, by the method that they are of. */
+async function readVersions(parameters, cameraId) {
+  const methods = [...new Set(parameters.map((each) => each.version_of).filter(Boolean))];
+  const found = await Promise.all(methods.map((method) => all(`/v1/cameras/${cameraId}/calibrations?method=${method}`)));
+  return Object.fromEntries(methods.map((method, place) => [method, found[place]]));
+}
+
+/** {elements, read()}: read() leaves out what is at its default. `former`: the parameters of a version, as it stores them. */
+function parametersPart(parameters, versions, former) {
+  const parts = parameters.map((each) => ({ name: each.name, ...partOf(each, versions, former) }));
+  const read = () => Object.fromEntries(parts.map(({ name, read: own }) => [name, own()]).filter(([, value]) => value !== undefined));
+  return { elements: parts.map((each) => each.element), read };
+}
+
+/** {element, read()} of one parameter; read() gives undefined for the default. */
+function partOf(parameter, versions, former) {
+  const value = former ? former[parameter.field] : parameter.default;
+  const off = Boolean(former) && value === undefined;
+  switch (parameter.type) {
+    case "choice":
+      return choicePart(parameter, value ?? parameter.default);
+    case "boolean":
+      return booleanPart(parameter, value ?? parameter.default);
+    case "interval":
+      return intervalPart(parameter, value);
+    case "group":
+      return groupPart(parameter, versions, value);
+    case "version":
+      return versionPart(parameter, versions[parameter.version_of], value);
+    default:
+      return parameter.none_allowed ? withNone(parameter, numberPart(parameter, value), off) : numberPart(parameter, value);
+  }
+}
+
+function numberPart(parameter, value) {
+  const { control, read } = numberControl(parameter, value);
+  return { element: field(labelOf(parameter), control, hintOf(parameter)), control, read };
+}
+
+/** A number as it is typed; what is left as it was keeps all of its digits. */
+function numberControl(parameter, value, standing = parameter.default) {
+  const shown = value === standing ? "" : typed(parameter, value);
+  const control = decimal({ value: shown, placeholder: standing === undefined ? null : typed(parameter, standing) });
+  const read = () => {
+    if (control.value.trim() === shown) return shown ? value : undefined;
+    const entered = numberOf(control, { integer: parameter.type === "integer" });
+    if (entered === undefined) return undefined;
+    const number = shift(entered, isFraction(parameter) ? -2 : 0);
+    if (!isWithin(parameter, number)) {
+      control.setAttribute("aria-invalid", "true");
+      throw wrong(`${labelOf(parameter)}: ${rangeOf(parameter)}.`);
+    }
+    return number === standing ? undefined : number;
+  };
+  return { control, read };
+}
+
+/** A number that may be switched off. */
+function withNone(parameter, { element, control, read }, off) {
+  const box = h("input", { type: "checkbox", id: `none-${(count += 1)}`, checked: off });
+  const show = () => (control.disabled = box.checked);
+  box.addEventListener("change", show);
+  show();
+  control.after(h("span", { class: "check" }, box, h("label", { for: box.id, class: "check" }, "None")));
+  return { element, read: () => (box.checked ? NONE : read()) };
+}
+
+function choicePart(parameter, value) {
+  const { choices } = parameter;
+  const control = select(choices.map((each) => [each.value, each.label]), {}, value);
+  const read = () => {
+    const chosen = choices[control.selectedIndex].value;
+    return chosen === parameter.default ? undefined : chosen;
+  };
+  return { element: field(parameter.label, control, sentenceOf(parameter)), read };
+}
+
+function booleanPart(parameter, value) {
+  const box = h("input", { type: "checkbox", id: `switch-${(count += 1)}`, checked: value, "aria-describedby": `switch-${count}-hint` });
+  const element = h(
+    "p",
+    { class: "field" },
+    h("span", { class: "check" }, box, h("label", { for: box.id, class: "check" }, parameter.label)),
+    h("span", { class: "hint", id: `${box.id}-hint` }, sentenceOf(parameter)),
+  );
+  return { element, read: () => (box.checked === parameter.default ? undefined : box.checked) };
+}
+
+function intervalPart(parameter, value = parameter.default) {
+  const bounds = [0, 1].map((place) => numberControl(parameter, value?.[place], parameter.default?.[place]));
+  const [low, high] = bounds.map((each) => each.control);
+  low.setAttribute("aria-label", `${labelOf(parameter)}, lower end`);
+  high.setAttribute("aria-label", `${labelOf(parameter)}, upper end`);
+  const read = () => {
+    const entered = bounds.map((each, place) => each.read() ?? parameter.default?.[place]);
+    if (entered.every((each, place) => each === parameter.default?.[place])) return undefined;
+    if (entered.includes(undefined)) throw wrong(`${labelOf(parameter)}: enter both ends.`);
+    return entered;
+  };
+  const element = field(labelOf(parameter), low, hintOf(parameter));
+  low.after(high);
+  return { element, read };
+}
+
+function groupPart(parameter, versions, value) {
+  const { elements, read } = parametersPart(parameter.members, versions, value);
+  const body = h("div", { class: "fields" }, elements);
+  const box = h("input", { type: "checkbox", id: `group-${(count += 1)}`, checked: value !== undefined, "aria-describedby": `group-${count}-hint` });
+  const show = () => (body.hidden = !box.checked);
+  box.addEventListener("change", show);
+  show();
+  const element = h(
+    "fieldset",
+    { class: "wide" },
+    h("legend", { class: "check" }, box, h("label", { for: box.id, class: "check" }, parameter.label)),
+    h("p", { class: "hint", id: `${box.id}-hint` }, sentenceOf(parameter)),
+    body,
+  );
+  return { element, read: () => (box.checked ? read() : undefined) };
+}
+
+/** A version of another method; versions store its content hash, requests name its id. */
+function versionPart(parameter, versions, value) {
+  const former = value && (versions.find((each) => each.content_sha256 === value)?.id ?? value);
+  const options = versions
+    .filter((each) => each.state !== "revoked" || each.id === former)
+    .map((each) => [each.id, `Version ${each.version}, ${each.state}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`]);
+  const missing = former && !options.some(([id]) => id === former) ? [[former, "A version that is not there"]] : [];
+  const none = sentence(parameter.default_text || NONE);
+  const control = select([["", none], [IN_FORCE, "In force when the frames were taken"], ...options, ...missing], {}, former ?? "");
+  return { element: field(parameter.label, control, sentenceOf(parameter)), read: () => control.value || undefined };
+}
+
+/** A fraction is typed in percent; a ratio that may be above 1 is not. */
+const isFraction = ({ unit, maximum }) => unit === "1" && maximum !== undefined && maximum <= 1;
+
+function labelOf(parameter) {
+  const unit = isFraction(parameter) ? "%" : parameter.unit === "1" ? "" : (UNITS[parameter.unit] ?? parameter.unit);
+  return unit ? `${parameter.label} [${unit}]` : parameter.label;
+}
+
+/** Decimal digits moved as text: 1.1 % is 0.011, not 0.011000000000000001. */
+function shift(value, places) {
+  const [digits, power = "0"] = String(value).split("e");
+  return Number(`${digits}e${Number(power) + places}`);
+}
+
+const typed = (parameter, value) => (value === undefined ? "" : String(Number(shift(value, isFraction(parameter) ? 2 : 0).toPrecision(6))));
+
+function isWithin({ minimum, maximum, above_minimum: above, below_maximum: below }, value) {
+  return !(value < minimum || value > maximum || (above && value === minimum) || (below && value === maximum));
+}
+
+function rangeOf(parameter) {
+  const { minimum, maximum, above_minimum: above, below_maximum: below } = parameter;
+  const [low, high] = [minimum, maximum].map((each) => typed(parameter, each));
+  if (low && high && !above && !below) return `between ${low} and ${high}`;
+  return [low && `${above ? "above" : "at least"} ${low}`, high && `${below ? "below" : "at most"} ${high}`].filter(Boolean).join(" and ");
+}
+
+function hintOf(parameter) {
+  const range = rangeOf(parameter);
+  const standing = parameter.default === undefined ? parameter.default_text : [parameter.default].flat().map((each) => typed(parameter, each)).join(" to ");
+  return [sentenceOf(parameter), range ? ` ${sentence(range)}.` : "", standing ? ` Empty: ${standing}.` : ""];
+}
+
+/** The sentence of a parameter; what is between backticks is code. */
+const sentenceOf = ({ description }) => description.split("`").map((part, place) => (place % 2 ? h("code", {}, part) : part));
+
+const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,0 +1,22 @@
+// The calibration methods, as their specifications state them.
+
+import { METHODS } from "./specification.js";
+
+export { METHODS };
+
+export const methodOf = (name) => METHODS.find((each) => each.name === name);
+export const labelOf = (name) => methodOf(name).label;
+
+/** The name of the coefficient that is looked for first; how well a camera is known is how well this is. */
+export const headlineOf = (name) => methodOf(name).coefficients[0].name;
+
+/** A tolerance as it is typed, in the method's unit, as the API takes it: percent become a fraction. */
+export const readTolerance = (name, typed) => (methodOf(name).tolerance_unit === "%" ? typed / 100 : Number(typed));
+
+const ROLES = new Map(METHODS.flatMap((method) => method.roles).map((role) => [role.name, role]));
+
+export const roleLabel = (name) => ROLES.get(name)?.label ?? name;
+
+/** Every role, as the options of a list: those of the method first. */
+export const roleOptions = (method) =>
+  [...new Set([...method.roles.map((role) => role.name), ...ROLES.keys()])].map((name) => [name, roleLabel(name)]);
