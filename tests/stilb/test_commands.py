@@ -62,7 +62,7 @@ def test_k_where_nothing_is_in_force(command):
 def test_k_of_a_camera_that_nobody_knows(command):
     ended = command("k", "DJI")
     assert ended.code == Exit.NOT_FOUND
-    assert "There are: DJI FC6520 0K1XE8" in ended.err
+    assert "Registered: DJI FC6520 0K1XE8" in ended.err
 
 
 def test_the_client_gives_one_k(calibrated):
@@ -143,7 +143,10 @@ def test_a_frame_has_a_region_of_its_own(signed_in, team, shots):
     campaign = team.campaign()
     frames = team.push(campaign, shots[:2])
     moved = ("--frame", shots[0].path.name, "--frame", frames[1].id)
-    assert "its own region: 2" in signed_in("roi", campaign.id, *moved, "--polygon", "8,8 80,8 80,56").out
+    assert (
+        "their own region, being read again: 2"
+        in signed_in("roi", campaign.id, *moved, "--polygon", "8,8 80,8 80,56").out
+    )
     signed_in("roi", campaign.id, *moved[:2], "--imagej", "makePolygon(9,9,70,9,70,50)")
     first, second = (frame.raw["roi_id"] for frame in team.client.frames(campaign.id))
     assert first != second
