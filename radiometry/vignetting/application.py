@@ -1,4 +1,4 @@
-"""What a fitted falloff says: V anywhere in the frame, and between f-numbers."""
+"""Application of a fitted falloff: V anywhere in the frame, and between f-numbers."""
 
 import itertools
 import math
@@ -21,7 +21,15 @@ BAND_ROWS = 256
 
 @dataclass(frozen=True)
 class Share:
-    """V at some places and its standard uncertainty, arrays of one shape; a signal over V is corrected."""
+    """V at some places and its standard uncertainty, arrays of one shape; a signal divided by V is corrected.
+
+    Attributes
+    ----------
+    share : ndarray of float64
+        V at each place.
+    standard_uncertainty : ndarray of float64
+        Standard uncertainty of V.
+    """
 
     share: Array
     standard_uncertainty: Array
@@ -40,17 +48,42 @@ class Share:
 def evaluate(
     coefficients: Sequence[Coefficient], row_px: Array, col_px: Array, *, channel: str, f_number: float
 ) -> Share:
-    """Give V of a channel at places of the frame, at an f-number within the range of the flats.
+    """Compute V of a channel at places of the frame, at an f-number within the range of the flats.
 
-    At an f-number of the flats: V = 1 + k1 r^2 + k2 r^4 + k3 r^6, u(V)^2 = J C J' + (model_u_rel V)^2.
-    Between two, a and b, linearly in log2 of the f-number:
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    row_px, col_px : ndarray of float64
+        Rows and columns of pixel centres [px], in shapes that broadcast together.
+    channel : str
+        Name of the channel.
+    f_number : float
+        F-number.
+
+    Returns
+    -------
+    Share
+        V and its standard uncertainty at each place.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` for another channel, or outside the range.
+
+    Notes
+    -----
+    At an f-number of the flats::
+
+        V = 1 + k1 r^2 + k2 r^4 + k3 r^6,   u(V)^2 = J C J' + (model_u_rel V)^2
+
+    Between two f-numbers a and b, V is interpolated linearly in log2 of the f-number::
+
         V = (1 - w) V_a + w V_b,  w = log2(N / N_a) / log2(N_b / N_a)
         u(V)^2 = (1 - w)^2 u(V_a)^2 + w^2 u(V_b)^2 + (4 w (1 - w) (V_b - V_a) / (2 sqrt 3))^2
-    the last because the truth may lie anywhere between the neighbours: a rectangle that closes at both.
 
-    Takes
-      coefficients : of one version; row_px, col_px : of pixel centres, shapes that broadcast together
-    Raises InputRejected(vignetting_not_calibrated) for another channel, or outside the range
+    The last term is included because the true value may lie anywhere between the neighbours: a rectangular
+    distribution that closes at both.
     """
     ends = []
     for coefficient, weight in bracket(coefficients, channel=channel, f_number=f_number):
@@ -62,9 +95,26 @@ def evaluate(
 def bracket(
     coefficients: Sequence[Coefficient], *, channel: str, f_number: float
 ) -> tuple[tuple[Coefficient, float], ...]:
-    """Give the coefficients next to an f-number with their weights: one where it was calibrated, else two.
+    """Return the coefficients next to an f-number with their weights.
 
-    Raises InputRejected(vignetting_not_calibrated)
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    channel : str
+        Name of the channel.
+    f_number : float
+        F-number.
+
+    Returns
+    -------
+    tuple of tuple of (Coefficient, float)
+        One coefficient where the f-number was calibrated, else two.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` for another channel, or outside the range.
     """
     own = sorted((each for each in coefficients if each.channel == channel), key=lambda each: each.f_number)
     if not own:
@@ -91,9 +141,19 @@ def bracket(
 
 
 def require_format(coefficients: Sequence[Coefficient], *, height_px: int, width_px: int) -> None:
-    """Refuse to apply a falloff to frames of another size: another crop or binning has another centre.
+    """Check that frames have the size of the calibration: another crop or binning has another centre.
 
-    Raises InputRejected(vignetting_not_calibrated)
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    height_px, width_px : int
+        Size of the frames [px].
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` if the size differs.
     """
     sizes = {(each.height_px, each.width_px) for each in coefficients}
     if sizes != {(height_px, width_px)}:
@@ -106,9 +166,20 @@ def require_format(coefficients: Sequence[Coefficient], *, height_px: int, width
 
 
 def select_channels(coefficients: Sequence[Coefficient], *, signal: str) -> tuple[str, ...]:
-    """Name the channels whose mean a signal is: both greens of "green", all of "grey".
+    """Return the channels whose mean a signal is: both greens for "green", all for "grey".
 
-    Of a calibration without the colour asked for (grey, a single band) all channels are given.
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    signal : str
+        Name of the signal.
+
+    Returns
+    -------
+    tuple of str
+        Names of channels; all channels if the calibration lacks the requested colour
+        (grey, a single band).
     """
     channels = tuple(dict.fromkeys(each.channel for each in coefficients))
     greens = tuple(channel for channel in channels if channel in (*GREENS, "G"))
@@ -116,13 +187,37 @@ def select_channels(coefficients: Sequence[Coefficient], *, signal: str) -> tupl
 
 
 def list_windows(height_px: int, width_px: int) -> Iterator[Window]:
-    """Cut a frame into bands of rows, so that a whole map needs little memory."""
+    """Return the bands of rows of a frame, so that a whole map needs little memory.
+
+    Parameters
+    ----------
+    height_px, width_px : int
+        Size of the frame [px].
+
+    Returns
+    -------
+    iterator of Window
+        Windows from top to bottom.
+    """
     for row0 in range(0, height_px, BAND_ROWS):
         yield Window(row0=row0, col0=0, height=min(BAND_ROWS, height_px - row0), width=width_px)
 
 
 def evaluate_one(coefficient: Coefficient, row_px: Array, col_px: Array) -> tuple[Array, Slopes]:
-    """Give V of one f-number and channel, and how it changes with each of its parameters."""
+    """Compute V of one f-number and channel, and its derivatives by each of its parameters.
+
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Falloff of one f-number and channel.
+    row_px, col_px : ndarray of float64
+        Rows and columns [px], in shapes that broadcast together.
+
+    Returns
+    -------
+    tuple of ndarray of float64
+        V, and its derivatives.
+    """
     return evaluate_slopes(
         row_px, col_px, coefficient.k, centre_px=coefficient.centre_px, radius_px=coefficient.radius_px
     )
@@ -142,5 +237,16 @@ def _interpolate(ends: Sequence[tuple[float, Array, Array]]) -> Share:
 
 
 def spread_between(weight: float) -> float:
-    """Give the standard uncertainty between two f-numbers, of the difference of their V."""
+    """Return the standard uncertainty between two f-numbers, as a multiple of the difference of their V.
+
+    Parameters
+    ----------
+    weight : float
+        Weight w of the second f-number.
+
+    Returns
+    -------
+    float
+        Multiple of the difference.
+    """
     return 4.0 * weight * (1.0 - weight) / (2.0 * math.sqrt(3.0))

@@ -1,4 +1,4 @@
-"""What a certificate prints of a vignetting calibration."""
+"""Certificate text of a vignetting calibration."""
 
 from typing import Final
 

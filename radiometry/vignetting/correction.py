@@ -16,12 +16,29 @@ _COLOURS = ("R", "G", "B")
 def compute_correction(
     coefficients: Sequence[Coefficient], *, cfa: str, f_number: float
 ) -> NDArray[np.float32]:
-    """Give 1 / V of every pixel, each with its own channel's curve; multiply the signal above dark by it.
+    """Compute 1 / V of every pixel, each with its own channel's curve.
 
-    Takes
-      cfa : the pattern at the frame's corner, "grey" for one channel, "rgb" for a rendered image
-    Returns (row, col) float32, or (row, col, 3) for "rgb"
-    Raises InputRejected(vignetting_not_calibrated)
+    The signal above dark is multiplied by it.
+
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    cfa : str
+        Pattern at the frame's corner; "grey" for one channel, "rgb" for a rendered
+        image.
+    f_number : float
+        F-number.
+
+    Returns
+    -------
+    ndarray of float32
+        Gains, (row, col), or (row, col, 3) for "rgb".
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` for another channel, or outside the range.
     """
     height, width = coefficients[0].height_px, coefficients[0].width_px
     lens = Lens(coefficients=tuple(coefficients), f_number=f_number)

@@ -1,4 +1,4 @@
-"""How well the dark level under a flat is known, alike in all of its blocks; and whether it was dark."""
+"""Uncertainty of the dark level under a flat, common to all of its blocks; and dark frames that saw light."""
 
 import math
 from collections.abc import Sequence
@@ -22,8 +22,13 @@ WANDER_SHARE = 1e-4
 class DarkError:
     """Standard uncertainties of the dark level, in the unit of the light.
 
-    ``shared`` : of the level that was subtracted, one and the same for all flats with these dark frames
-    ``own`` : by which a single frame's dark level departs from it
+    Attributes
+    ----------
+    shared : float, default: 0.0
+        Uncertainty of the subtracted level, one and the same for all flats with these
+        dark frames.
+    own : float, default: 0.0
+        Uncertainty by which the dark level of a single frame departs from it.
     """
 
     shared: float = 0.0
@@ -36,14 +41,30 @@ KNOWN = DarkError()
 def estimate_dark_error(
     means_dn: Sequence[float], variances_dn2: Sequence[float], *, span_dn: float
 ) -> DarkError:
-    """Give the error of a dark level from the means of its n dark frames.
+    """Estimate the error of a dark level from the means of its n dark frames.
+
+    Parameters
+    ----------
+    means_dn : sequence of float
+        Mean of a channel in each dark frame [DN].
+    variances_dn2 : sequence of float
+        Variance u_i^2 of each mean from pixel noise [DN^2].
+    span_dn : float
+        Signal from dark to white [DN].
+
+    Returns
+    -------
+    DarkError
+        Standard uncertainties [DN].
+
+    Notes
+    -----
+    With s the standard deviation of the means::
 
         own^2 = max(0, s^2 - mean u_i^2),    shared^2 = (own^2 + mean u_i^2) / n
-    s the standard deviation of the means, u_i^2 what pixel noise makes of each. Of one frame own is what dark
-    levels usually wander by. Without any: the stated black level, to a step of 12 bits.
 
-    Takes
-      means_dn, variances_dn2 : of a channel, one per dark frame; span_dn : from dark to white
+    For one frame, own is the usual variation of dark levels. Without any dark frame it is the uncertainty
+    of the stated black level, to a step of 12 bits.
     """
     n = len(means_dn)
     if n == 0:
@@ -63,17 +84,36 @@ def estimate_dark_drift(
     apart_s: float,
     span_dn: float,
 ) -> float:
-    """Give what dark current makes of a dark level that is used for a flat of another exposure time [DN].
+    """Estimate the effect of dark current on a dark level used for a flat of another exposure time [DN].
+
+    Parameters
+    ----------
+    times_s : sequence of float
+        Exposure time of each dark frame of the ISO value, whatever its time [s].
+    means_dn : sequence of float
+        Mean of a channel in each dark frame [DN].
+    variances_dn2 : sequence of float
+        Variance of each mean from pixel noise [DN^2].
+    apart_s : float
+        Time from the mean time of the subtracted dark frames to that of the flat [s].
+    span_dn : float
+        Signal from dark to white [DN].
+
+    Returns
+    -------
+    float
+        Standard uncertainty [DN]; 0 if all dark frames have one time, since nothing is
+        known then.
+
+    Notes
+    -----
+    A line through the means, with t the mean time::
 
         mean_i = m + b t_i,    u^2 = (b apart)^2 + (u_b apart)^2,    u_b^2 = s^2 / sum (t_i - t)^2
-    The level is not corrected: dark current depends on the sensor's temperature, so b apart is the size of
-    the error and no more. s is the scatter about the line, at least pixel noise; of two frames, through which
-    every line goes, what dark levels usually wander by.
 
-    Takes
-      times_s, means_dn, variances_dn2 : of a channel, one per dark frame of the ISO, whatever its time
-      apart_s : from the mean time of the dark frames that are subtracted to the flat's
-    Returns 0 where all have one time: nothing is known then
+    The level is not corrected: dark current depends on the sensor's temperature, so b apart is the size of
+    the error and no more. s is the scatter about the line, at least pixel noise; for two frames, through
+    which every line goes, it is the usual variation of dark levels.
     """
     t, y = np.array(times_s), np.array(means_dn)
     if len(t) == 0 or float(np.ptp(t)) == 0.0:
@@ -89,10 +129,19 @@ def estimate_dark_drift(
 
 
 def merge_dark_errors(errors: Sequence[DarkError], shares: Sequence[float]) -> DarkError:
-    """Give the error of a weighted mean of flats: what they share adds up, what is each one's own averages.
+    """Compute the error of a weighted mean of flats: shared errors add up, own errors average.
 
-    Takes
-      errors : each relative to its flat's level; shares : the flats' weights, of sum 1
+    Parameters
+    ----------
+    errors : sequence of DarkError
+        Errors of the flats, each relative to its flat's level.
+    shares : sequence of float
+        Weights of the flats, of sum 1.
+
+    Returns
+    -------
+    DarkError
+        Error of the mean.
     """
     pairs = list(zip(errors, shares, strict=True))
     return DarkError(
@@ -102,9 +151,18 @@ def merge_dark_errors(errors: Sequence[DarkError], shares: Sequence[float]) -> D
 
 
 def find_not_dark(dark: FrameRow) -> Reason | None:
-    """Say that a dark frame saw light, where a channel's median lies too far above the stated black level.
+    """Check whether a dark frame saw light: a channel's median lies too far above the stated black level.
 
-    Reasons  dark_not_dark : fail, or warn where it may be the sensor's own dark current
+    Parameters
+    ----------
+    dark : FrameRow
+        Evidence of the dark frame.
+
+    Returns
+    -------
+    Reason or None
+        `dark_not_dark`: fail, or warn where it may be the sensor's own dark current;
+        None if the frame is dark.
     """
     found = []
     for channel in dark.features.channels if dark.features else ():

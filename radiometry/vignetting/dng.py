@@ -19,13 +19,21 @@ _TERMS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class DngVignette:
-    """The parameters of FixVignetteRadial.
+    """Parameters of FixVignetteRadial.
 
     gain = 1 + k0 r^2 + k1 r^4 + k2 r^6 + k3 r^8 + k4 r^10, r the distance from the centre over that of the
-    farthest corner pixel; ``centre_x``, ``centre_y`` relative to the frame: 0 at the first pixel, 1 at the
-    last
-    ``largest_error_rel`` : of gain V, anywhere in the frame
-    ``opcode_list`` : one opcode, big endian, as the tag OpcodeList3 holds it
+    farthest corner pixel.
+
+    Attributes
+    ----------
+    k : tuple of float
+        Coefficients k0 to k4.
+    centre_x, centre_y : float
+        Centre relative to the frame: 0 at the first pixel, 1 at the last.
+    largest_error_rel : float
+        Largest error of gain V, anywhere in the frame.
+    opcode_list : bytes
+        One opcode, big endian, in the form of the tag OpcodeList3.
     """
 
     k: tuple[float, float, float, float, float]
@@ -38,14 +46,36 @@ class DngVignette:
 def export_dng(
     coefficients: Sequence[Coefficient], *, channels: Sequence[str], f_number: float
 ) -> DngVignette:
-    """Give the gain of FixVignetteRadial that undoes a falloff, the mean of V over channels.
+    """Compute the gain of FixVignetteRadial that corrects a falloff, the mean of V over channels.
 
-    1 / V is no polynomial of five terms: it is fitted over the frame, and the largest error is stated.
-    Between two f-numbers the centre is the weighted mean of theirs.
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    channels : sequence of str
+        Channels whose mean V is taken.
+    f_number : float
+        F-number.
 
-    Raises InputRejected(vignetting_not_calibrated), also if the centre lies outside of the frame, which the
-    opcode cannot say
-    References Adobe, Digital Negative Specification 1.7.1, chapter 7, FixVignetteRadial
+    Returns
+    -------
+    DngVignette
+        Parameters and opcode.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated`, also if the centre lies outside of the frame, which
+        the opcode cannot express.
+
+    Notes
+    -----
+    1 / V is not a polynomial of five terms: such a polynomial is fitted to it over the frame [1]_, and the
+    largest error is stated. Between two f-numbers the centre is the weighted mean of theirs.
+
+    References
+    ----------
+    .. [1] Adobe, Digital Negative Specification 1.7.1, chapter 7, FixVignetteRadial
     """
     wanted = 1.0 / average_share(
         coefficients, *sample_frame(coefficients[0]), channels=channels, f_number=f_number

@@ -1,4 +1,4 @@
-"""A falloff in other programs' terms: fitted anew to their equations, with the error that this costs."""
+"""Falloff in the terms of other programs: refitted to their equations, with the error that this causes."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,18 @@ _SAMPLES = 129
 
 
 def sample_frame(coefficient: Coefficient) -> tuple[Vector, Vector]:
-    """Give rows and columns of a lattice over the pixel centres of a frame, corners included."""
+    """Return rows and columns of a lattice over the pixel centres of a frame, corners included.
+
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Falloff of one f-number and channel.
+
+    Returns
+    -------
+    tuple of ndarray of float64
+        Rows and columns [px].
+    """
     rows = np.linspace(0.0, coefficient.height_px - 1.0, _SAMPLES)
     cols = np.linspace(0.0, coefficient.width_px - 1.0, _SAMPLES)
     return rows[:, None], cols[None, :]
@@ -28,9 +39,28 @@ def average_share(
     channels: Sequence[str],
     f_number: float,
 ) -> Vector:
-    """Give the mean of V over channels at a lattice, (row, col).
+    """Compute the mean of V over channels at a lattice.
 
-    Raises InputRejected(vignetting_not_calibrated)
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    rows, cols : ndarray of float64
+        Rows and columns of the lattice [px].
+    channels : sequence of str
+        Channels whose mean is taken.
+    f_number : float
+        F-number.
+
+    Returns
+    -------
+    ndarray of float64
+        Mean V, (row, col).
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` for another channel, or outside the range.
     """
     if not channels:
         raise InputRejected(
@@ -46,9 +76,19 @@ def average_share(
 def fit_even_powers(squared: Vector, wanted: Vector, *, terms: int) -> tuple[tuple[float, ...], float]:
     """Fit 1 + c1 r^2 + c2 r^4 + ... to values, by least squares of the relative error.
 
-    Takes
-      squared : r^2; wanted : the values there, > 0
-    Returns the coefficients, and the largest relative error
+    Parameters
+    ----------
+    squared : ndarray of float64
+        Values of r^2.
+    wanted : ndarray of float64
+        Values to fit there, > 0.
+    terms : int
+        Number of coefficients.
+
+    Returns
+    -------
+    tuple of (tuple of float, float)
+        Coefficients, and the largest relative error.
     """
     powers = np.stack([squared.ravel() ** power for power in range(1, terms + 1)], axis=1)
     target = wanted.ravel()

@@ -1,4 +1,4 @@
-"""What a flat or dark frame says: every channel averaged over a grid of blocks."""
+"""Features of a flat or dark frame: every channel averaged over a grid of blocks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,11 +23,26 @@ _COLOURS = ("R", "G", "B")
 class ChannelBlocks:
     """One channel in blocks, each array (row, col).
 
-    ``channel`` : R, G1, G2, B of a mosaic; R, G, B of a rendered image; grey; a multispectral band's name
-    ``mean_dn`` : black included; 0 where n is 0
-    ``noise_dn`` : standard deviation of one pixel without the slope of the light, of neighbours' differences
-    ``n`` : pixels of a block; 0 for one that is not wholly in the region
-    ``clipped_share`` : pixels at or above the white level
+    Attributes
+    ----------
+    channel : str
+        R, G1, G2, B for a mosaic; R, G, B for a rendered image; grey; or the name of a
+        multispectral band.
+    site : Site
+        Pixels of the channel.
+    black_level_dn : float
+        Black level [DN].
+    white_level_dn : float
+        White level [DN].
+    mean_dn : Packed
+        Mean, black included [DN]; 0 where n is 0.
+    noise_dn : Packed
+        Standard deviation of one pixel without the slope of the light, from differences
+        of neighbours [DN].
+    n : Packed
+        Pixels of a block; 0 for one that is not entirely in the region.
+    clipped_share : Packed
+        Fraction of pixels at or above the white level.
     """
 
     channel: str
@@ -54,7 +69,7 @@ FrameRow = FrameEvidence[Features]
 
 @dataclass(frozen=True)
 class _Channel:
-    """Where a channel's pixels are: the plane of the picture, the index of its levels, the site."""
+    """Pixels of a channel: the plane of the picture, the index of its levels, the site."""
 
     name: str
     plane: int
@@ -63,14 +78,31 @@ class _Channel:
 
 
 def extract_features(frame: Frame, regions: Sequence[Region], *, header: FrameHeader) -> Extracted[Features]:
-    """Average a frame over blocks of at most 1/64 of its long side, per channel.
+    """Compute the averages of a frame over blocks of at most 1/64 of its long side, per channel.
 
-    noise^2 = sum d^2 / (2 m) over the m differences d of neighbours of one colour within a block, along rows
-    and along columns: of a light that slopes by s per pixel only s^2 / 2 remains.
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    regions : sequence of Region
+        Regions to read; a block counts if all of its pixels belong to one of them.
+    header : FrameHeader
+        Header of the frame.
 
-    Takes
-      regions : where to look; a block counts when all of its pixels belong to one of them
-    Raises InputRejected(roi_empty) if no block lies wholly in a region
+    Returns
+    -------
+    Extracted[Features]
+        Statistics of the frame, and the blocks.
+
+    Raises
+    ------
+    InputRejected
+        `roi_empty` if no block lies entirely in a region.
+
+    Notes
+    -----
+    noise^2 = sum d^2 / (2 m) over the m differences d of neighbours of one colour within a block, along
+    rows and along columns: for a light that slopes by s per pixel only s^2 / 2 remains.
     """
     height, width = frame.samples_dn.shape[:2]
     window = Window(row0=frame.row0, col0=frame.col0, height=height, width=width)
@@ -107,7 +139,7 @@ def _list_channels(cfa: str, band: str) -> list[_Channel]:
 
 
 def _embed(frame: Frame, inside: NDArray[np.bool_]) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
-    """Give the whole frame as (row, col, plane), zeros where nothing was read, and what is known of it."""
+    """Return the whole frame as (row, col, plane), zeros where nothing was read, and what is known of it."""
     samples = frame.samples_dn[..., None] if frame.samples_dn.ndim == 2 else frame.samples_dn
     shape = (frame.height_px, frame.width_px)
     if inside.shape == shape:
@@ -155,9 +187,9 @@ def _average(
 
 
 def _measure_band(samples: Samples, cols: Axis, white_level_dn: float) -> tuple[Vector, Vector, Vector]:
-    """Give mean, noise and clipped share of the blocks that lie in one band of rows.
+    """Return mean, noise and clipped share of the blocks that lie in one band of rows.
 
-    Samples are whole numbers below 2^16, so that float32 holds them and their differences exactly.
+    Samples are whole numbers below 2^16, so that float32 represents them and their differences exactly.
     """
     height = samples.shape[0]
     counts = cols.counts * height

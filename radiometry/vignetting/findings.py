@@ -1,4 +1,4 @@
-"""What is to be said of a vignetting fit besides its numbers."""
+"""Flags and thresholds of a vignetting fit."""
 
 import itertools
 import math
@@ -41,7 +41,18 @@ Fitted = Sequence[FittedChannel]
 
 
 def find_thresholds(fitted: Fitted) -> tuple[Threshold, ...]:
-    """Say from which f-number on the falloff is below 2 % and below 10 %, in every channel."""
+    """Find from which f-number on the falloff is below 2 % and below 10 %, in every channel.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        Fitted f-numbers and channels.
+
+    Returns
+    -------
+    tuple of Threshold
+        Threshold of each limit.
+    """
     worst: dict[float, tuple[float, float]] = {}
     for each in fitted:
         of = each.fit.coefficient
@@ -71,7 +82,22 @@ def _answer(
 
 
 def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], params: Params) -> list[Raised]:
-    """Look at the frames that went in, and at those that did not; ``rows`` : dark frames too."""
+    """Check the frames that were used, and those that were not.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Flat frames.
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames, dark frames included.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    list of Raised
+        Flags of the frames.
+    """
     flags = []
     for candidate in candidates:
         if candidate.quality is not None:
@@ -130,7 +156,18 @@ def _check_darks(used: Sequence[Candidate]) -> list[Raised]:
 
 
 def check_fits(fitted: Fitted) -> list[Raised]:
-    """Look at what came out, per f-number and channel, and from one f-number to the next."""
+    """Check the results, per f-number and channel, and from one f-number to the next.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        Fitted f-numbers and channels.
+
+    Returns
+    -------
+    list of Raised
+        Flags of the results.
+    """
     flags = []
     for each in fitted:
         flags += _check_centre(each, fitted) + _check_shape(each)
@@ -156,8 +193,20 @@ def _check_shape(each: FittedChannel) -> list[Raised]:
 
 
 def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
-    """Give by how much V grows outwards and from which r to which; None below 0.5 % or three errors.
+    """Return the outward increase of V and the two radii r from which and to which it extends.
 
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Falloff of one f-number and channel.
+
+    Returns
+    -------
+    tuple of float or None
+        Increase and radii; None below 0.5 % or three errors.
+
+    Notes
+    -----
     The error is that of the difference of V at the two radii, from the coefficients' covariance.
     """
     radii = sample_radii(farthest_radius(coefficient))
@@ -180,7 +229,7 @@ def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
 
 
 def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
-    """Ask whether the centre is the lens's, or held, or denied by a plane or by other apertures."""
+    """Check whether the centre is the lens's, or held, or contradicted by a plane or by other apertures."""
     coefficient, where = each.fit.coefficient, _where(each)
     if each.fit.centre_held:
         detail = f"A falloff of {each.fit.largest_falloff:.1%} holds no centre: the middle stands for it."

@@ -1,4 +1,4 @@
-"""The falloff of one f-number and channel, from all of its flat frames."""
+"""Falloff of one f-number and channel, from all of its flat frames."""
 
 import math
 from collections.abc import Sequence
@@ -31,7 +31,17 @@ _CHI_SQUARED_ERRORS = 3.0
 
 @dataclass(frozen=True)
 class FittedChannel:
-    """One f-number and channel: what is stored, and both of the fits that it rests on."""
+    """One f-number and channel: the stored result, and both of the fits on which it rests.
+
+    Attributes
+    ----------
+    fit : ChannelFit
+        Result of the fit.
+    plain : Solution
+        Fit without a plane in the light.
+    tilted : Solution
+        Fit with a plane in the light.
+    """
 
     fit: ChannelFit
     plain: Solution
@@ -41,10 +51,25 @@ class FittedChannel:
 def merge_flats(flats: Sequence[Blocks]) -> Blocks:
     """Average frames of one f-number block by block, each divided by its own level first.
 
-    z = sum(w light / level) / sum w,  w = (level / u)^2;  the level is the mean over the blocks that count in
-    every frame, so that what one frame lacks does not shift it against the others.
+    Parameters
+    ----------
+    flats : sequence of Blocks
+        Blocks of each frame.
 
-    Raises InputRejected(flat_unusable) if no block counts in all of them
+    Returns
+    -------
+    Blocks
+        Blocks of the mean.
+
+    Raises
+    ------
+    InputRejected
+        `flat_unusable` if no block counts in all of them.
+
+    Notes
+    -----
+    z = sum(w light / level) / sum w,  w = (level / u)^2;  the level is the mean over the blocks that count
+    in every frame, so that a block missing in one frame does not shift it against the others.
     """
     everywhere = np.all([np.isfinite(flat.standard_error) for flat in flats], axis=0)
     if not everywhere.any():
@@ -75,15 +100,34 @@ def merge_flats(flats: Sequence[Blocks]) -> Blocks:
 
 
 def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> FittedChannel:
-    """Fit one channel of one f-number; ``flats`` in a fixed order, at least one.
+    """Fit one channel of one f-number.
 
-    Two fits are made, without and with a plane in the light. The second is used where the plane stands out
-    of its error as three standard errors do: then the first one's centre is the light's.
+    Parameters
+    ----------
+    flats : sequence of Blocks
+        Blocks of each frame in a fixed order, at least one.
+    f_number : float
+        F-number.
+    channel : str
+        Name of the channel.
 
-    A dark level that is wrong by e turns A V into A V + e = (A + e) V', V' - 1 = (V - 1) / (1 + e/A): the k
-    shrink by one factor, and the centre stays. So u(e/A)^2 k k' joins the covariance of k.
+    Returns
+    -------
+    FittedChannel
+        Result and both fits.
 
-    Raises InputRejected(fit_failed) if hardly any light is left in a corner
+    Raises
+    ------
+    InputRejected
+        `fit_failed` if hardly any light is left in a corner.
+
+    Notes
+    -----
+    Two fits are made, without and with a plane in the light. The second is used if the plane exceeds its
+    error as much as three standard errors do: then the centre of the first fit is that of the light.
+
+    A dark level that is wrong by e changes A V to A V + e = (A + e) V', V' - 1 = (V - 1) / (1 + e/A): the k
+    shrink by one factor, and the centre stays. So u(e/A)^2 k k' is added to the covariance of k.
     """
     blocks = merge_flats(flats)
     plain = solve_falloff(blocks, with_gradient=False)
@@ -117,7 +161,7 @@ def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> Fi
 
 
 def _relate_dark_error(solution: Solution, dark: DarkError) -> float:
-    """Give u(e/A), e the error of the dark level and A the light at the centre."""
+    """Return u(e/A), e the error of the dark level and A the light at the centre."""
     return math.hypot(dark.shared, dark.own) / abs(solution.level) if solution.level else 0.0
 
 
@@ -128,12 +172,34 @@ def _add_dark_error(solution: Solution, dark: DarkError) -> Solution:
 
 
 def find_largest_falloff(coefficient: Coefficient) -> float:
-    """Give 1 - V where it is largest, from the centre to the farthest corner."""
+    """Return 1 - V where it is largest, from the centre to the farthest corner.
+
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Falloff of one f-number and channel.
+
+    Returns
+    -------
+    float
+        Largest falloff.
+    """
     return 1.0 - float(evaluate_curve(sample_radii(farthest_radius(coefficient)) ** 2, coefficient.k).min())
 
 
 def farthest_radius(coefficient: Coefficient) -> float:
-    """Give r at the corner that is farthest from the centre."""
+    """Return r at the corner that is farthest from the centre.
+
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Falloff of one f-number and channel.
+
+    Returns
+    -------
+    float
+        Radius r.
+    """
     corner = find_farthest_corner(
         coefficient.height_px, coefficient.width_px, centre_px=coefficient.centre_px
     )
@@ -141,7 +207,7 @@ def farthest_radius(coefficient: Coefficient) -> float:
 
 
 def _measure_misfit(solution: Solution, blocks: Blocks) -> float:
-    """Give the scatter of the blocks beyond their noise, relative; 0 where noise explains it.
+    """Compute the relative scatter of the blocks beyond their noise; 0 where noise explains it.
 
     s^2 = mean(residual^2) - mean(u^2), where chi^2 / dof exceeds 1 by three of its own standard deviations.
     """

@@ -15,7 +15,15 @@ LEAST_BLOCK_PX = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """The pixels of one channel: every ``step``-th row from ``row0`` on, and column from ``col0`` on."""
+    """Pixels of one channel: every `step`-th row from `row0` on, and column from `col0` on.
+
+    Attributes
+    ----------
+    row0, col0 : int
+        First row and column [px].
+    step : int
+        Distance of neighbouring pixels of the channel [px].
+    """
 
     row0: int
     col0: int
@@ -24,31 +32,56 @@ class Site:
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """The positions of a channel's pixels along rows or columns, and where each block of them starts."""
+    """Positions of a channel's pixels along rows or columns, and the start of each block of them.
+
+    Attributes
+    ----------
+    positions : ndarray of float64
+        Position of each pixel [px].
+    starts : ndarray of intp
+        Index of the first position of each block.
+    """
 
     positions: Vector
     starts: NDArray[np.intp]
 
     @property
     def counts(self) -> NDArray[np.intp]:
-        """How many positions each block has."""
+        """Number of positions of each block."""
         return np.diff(np.append(self.starts, self.positions.size))
 
     @property
     def means(self) -> Vector:
-        """The mean position of each block [px]."""
+        """Mean position of each block [px]."""
         return self.mean_of(self.positions)
 
     def mean_of(self, values: Vector) -> Vector:
-        """Average values at the positions over each block."""
+        """Average values at the positions over each block.
+
+        Parameters
+        ----------
+        values : ndarray of float64
+            Value at each position.
+
+        Returns
+        -------
+        ndarray of float64
+            Mean of each block.
+        """
         return np.asarray(np.add.reduceat(values, self.starts) / self.counts)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Square blocks of ``block_px`` pixels a side over a frame; those at the far borders may be cut.
+    """Square blocks of `block_px` pixels a side over a frame; those at the far borders may be cut.
 
-    ``block_px`` is even, so that every block holds whole 2 x 2 patterns of a mosaic.
+    Attributes
+    ----------
+    height_px, width_px : int
+        Size of the frame [px].
+    block_px : int
+        Side of a block [px]; even, so that every block consists of whole 2 x 2 patterns
+        of a mosaic.
     """
 
     height_px: int
@@ -57,7 +90,18 @@ class Grid:
 
     @classmethod
     def over(cls, height_px: int, width_px: int) -> "Grid":
-        """Give the finest grid with at most 64 blocks on the long side, none smaller than 8 pixels."""
+        """Return the finest grid with at most 64 blocks on the long side, none smaller than 8 pixels.
+
+        Parameters
+        ----------
+        height_px, width_px : int
+            Size of the frame [px].
+
+        Returns
+        -------
+        Grid
+            Grid over the frame.
+        """
         block_px = 2 * math.ceil(max(height_px, width_px) / (2 * MOST_BLOCKS))
         return cls(height_px=height_px, width_px=width_px, block_px=max(LEAST_BLOCK_PX, block_px))
 
@@ -72,7 +116,18 @@ class Grid:
         return (self.height_px - 1) / 2.0, (self.width_px - 1) / 2.0
 
     def axes(self, site: Site) -> tuple[Axis, Axis]:
-        """Give a channel's rows and columns in blocks; a block at the border that has none is left out."""
+        """Return a channel's rows and columns in blocks; a block at the border that has none is left out.
+
+        Parameters
+        ----------
+        site : Site
+            Pixels of the channel.
+
+        Returns
+        -------
+        tuple of Axis
+            Rows and columns.
+        """
         return (
             _cut(site.row0, site.step, self.height_px, self.block_px),
             _cut(site.col0, site.step, self.width_px, self.block_px),
@@ -90,10 +145,25 @@ def average_radial(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Average r^2, r^4, r^6 and their slopes over the pixels of each block; exact, not at its centre.
 
+    Parameters
+    ----------
+    rows, cols : Axis
+        Rows and columns of the channel in blocks.
+    centre_row_px, centre_col_px : float
+        Row and column of the centre [px].
+    radius_px : float
+        Radius R at which r = 1 [px].
+
+    Returns
+    -------
+    tuple of ndarray of float64
+        Means, (3, row, col); their derivatives by centre_row [1/px]; their derivatives
+        by centre_col [1/px].
+
+    Notes
+    -----
     r^2 = a^2 + b^2, a = (row - centre_row) / R, b = (col - centre_col) / R. Rows and columns of a block are
     independent, so that e.g. <r^4> = <a^4> + 2 <a^2> <b^2> + <b^4>: moments along each axis are enough.
-
-    Returns (3, row, col) means; the same by d/d centre_row [1/px]; by d/d centre_col [1/px]
     """
     a = _moments(rows, centre_row_px, radius_px)
     b = _moments(cols, centre_col_px, radius_px)

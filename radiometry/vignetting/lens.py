@@ -1,4 +1,4 @@
-"""One lens at one f-number: what it passes at every pixel and over regions, for a correction of luminance."""
+"""One lens at one f-number: V at every pixel and over regions, for a correction of luminance."""
 
 import math
 from collections.abc import Sequence
@@ -24,10 +24,16 @@ _End = tuple[Coefficient, float, float, Array]  # with its weight, and at the pl
 
 @dataclass(frozen=True, kw_only=True)
 class LensShare:
-    """V at a place or over a region, and what each independent error of its calibration does to it.
+    """V at a place or over a region, and the effect of each independent error of its calibration on it.
 
-    ``effects`` : change of V by one standard uncertainty of each source, with its sign. At one f-number, of
-        the same channels, they come in one order: what two places share is the same error in both.
+    Attributes
+    ----------
+    value : float
+        V.
+    effects : tuple of float
+        Change of V by one standard uncertainty of each source, with its sign. At one
+        f-number, for the same channels, the sources have one order: what two places
+        share is the same error in both.
     """
 
     value: float
@@ -35,7 +41,7 @@ class LensShare:
 
     @property
     def standard_uncertainty(self) -> float:
-        """Of the value, all sources together."""
+        """Standard uncertainty of the value, all sources together."""
         return math.hypot(*self.effects)
 
     @property
@@ -46,25 +52,61 @@ class LensShare:
 
 @dataclass(frozen=True, kw_only=True)
 class Lens:
-    """A vignetting version at a frame's f-number. ``coefficients`` : all that the version holds."""
+    """Vignetting version at the f-number of a frame.
+
+    Attributes
+    ----------
+    coefficients : tuple of Coefficient
+        All coefficients of the version.
+    f_number : float
+        F-number.
+    """
 
     coefficients: tuple[Coefficient, ...]
     f_number: float
 
     def require(self, *, channels: Sequence[str], height_px: int, width_px: int) -> None:
-        """Refuse frames that the version does not hold for.
+        """Check that the version is valid for frames of a format.
 
-        Raises InputRejected(vignetting_not_calibrated) : another picture size, channel or f-number
+        Parameters
+        ----------
+        channels : sequence of str
+            Channels that are needed.
+        height_px, width_px : int
+            Size of the frames [px].
+
+        Raises
+        ------
+        InputRejected
+            `vignetting_not_calibrated` for another picture size, channel or f-number.
         """
         require_format(self.coefficients, height_px=height_px, width_px=width_px)
         for channel in channels:
             bracket(self.coefficients, channel=channel, f_number=self.f_number)
 
     def over(self, polygon: Polygon, *, channels: Sequence[str]) -> LensShare:
-        """Give the mean of V over a region, averaged over channels.
+        """Compute the mean of V over a region, averaged over channels.
 
+        Parameters
+        ----------
+        polygon : Polygon
+            Region.
+        channels : sequence of str
+            Channels that are averaged.
+
+        Returns
+        -------
+        LensShare
+            Mean V with its effects.
+
+        Raises
+        ------
+        InputRejected
+            `vignetting_not_calibrated`, `roi_outside_frame` or `roi_empty`.
+
+        Notes
+        -----
         The parameters' errors are shared by all pixels of the region: they enter by the mean of V's slopes.
-        Raises InputRejected(vignetting_not_calibrated | roi_outside_frame | roi_empty)
         """
         return _combine(
             [
@@ -74,7 +116,20 @@ class Lens:
         )
 
     def at(self, row_px: int, col_px: int, *, channels: Sequence[str]) -> LensShare:
-        """Give V at one pixel's centre, averaged over channels."""
+        """Compute V at one pixel's centre, averaged over channels.
+
+        Parameters
+        ----------
+        row_px, col_px : int
+            Row and column of the pixel.
+        channels : sequence of str
+            Channels that are averaged.
+
+        Returns
+        -------
+        LensShare
+            V with its effects.
+        """
         row, col = np.array(float(row_px)), np.array(float(col_px))
 
         def resolve(channel: str) -> list[_End]:
@@ -86,10 +141,21 @@ class Lens:
     def compute_plane(
         self, rows_px: NDArray[np.intp], cols_px: NDArray[np.intp], *, channel: str
     ) -> NDArray[np.float32]:
-        """Give V of a channel at rows and columns, (row, col), without its uncertainty: a tenth of the work.
+        """Compute V of a channel at rows and columns, without its uncertainty: a tenth of the work.
 
-        Takes
-          rows_px, cols_px : (n,) and (m,) of pixel centres
+        Parameters
+        ----------
+        rows_px : ndarray of intp
+            Rows of pixel centres [px], (n,).
+        cols_px : ndarray of intp
+            Columns of pixel centres [px], (m,).
+        channel : str
+            Name of the channel.
+
+        Returns
+        -------
+        ndarray of float32
+            V, (row, col).
         """
         plane = np.zeros((rows_px.size, cols_px.size))
         for coefficient, weight in self._bracket(channel):
@@ -105,20 +171,56 @@ class Lens:
 def average_over_polygon(
     coefficients: Sequence[Coefficient], polygon: Polygon, *, channels: Sequence[str], f_number: float
 ) -> Quantity:
-    """Give the mean of V over a region, averaged over channels: an even surface's mean signal divided by it.
+    """Compute the mean of V over a region, averaged over channels.
 
+    A uniform surface's mean signal is divided by it.
+
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    polygon : Polygon
+        Region.
+    channels : sequence of str
+        Channels that are averaged.
+    f_number : float
+        F-number.
+
+    Returns
+    -------
+    Quantity
+        Mean V.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated`, as in `evaluate`; `roi_outside_frame`; `roi_empty`.
+
+    Notes
+    -----
     u^2 = sum over channels of J C J' / m^2 + (model term)^2 + (interpolation term)^2, J the mean of V's
-    slopes over the region, since the parameters' errors are shared by all of its pixels. The model's and the
-    interpolation's error are taken as alike in the whole region and in all channels: they do not average out.
-
-    Raises InputRejected
-      vignetting_not_calibrated, as `evaluate`; roi_outside_frame, roi_empty
+    slopes over the region, since the parameters' errors are shared by all of its pixels. The model's and
+    the interpolation's error are taken as alike in the whole region and in all channels: they do not
+    average out.
     """
     return Lens(coefficients=tuple(coefficients), f_number=f_number).over(polygon, channels=channels).quantity
 
 
 def average_curve(coefficient: Coefficient, polygon: Polygon) -> tuple[float, Array]:
-    """Give the means of V and of its slopes over a region's pixels, a band of rows at a time."""
+    """Compute the means of V and of its slopes over a region's pixels, a band of rows at a time.
+
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Falloff of one f-number and channel.
+    polygon : Polygon
+        Region.
+
+    Returns
+    -------
+    tuple of (float, ndarray of float64)
+        Mean V, and mean of its slopes.
+    """
     whole = bounding_window(polygon, height_px=coefficient.height_px, width_px=coefficient.width_px)
     total, slopes_total, count = 0.0, np.zeros(len(coefficient.covariance)), 0
     for band in list_windows(whole.height, whole.width):

@@ -1,4 +1,4 @@
-"""The falloff as an entry of Lensfun's database."""
+"""Falloff as an entry of Lensfun's database."""
 
 import math
 from collections.abc import Sequence
@@ -18,12 +18,24 @@ _DATABASE_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class LensfunNames:
-    """What the raw files do not reliably say and Lensfun's database wants to know.
+    """Entries that Lensfun's database requires and that raw files do not reliably contain.
 
-    ``mount`` : of a fixed lens, a name of its own that begins in lower case, as in Lensfun's own database
-    ``sensor_width_mm``, ``sensor_height_mm`` : of the visible area; they give the crop factor
-    ``widest_f_number`` : of the lens, as in its name, or Lensfun does not find it by that; None: of the flats
-    ``distance_m`` : to which the lens was focused, Lensfun's 1000 for infinity
+    Attributes
+    ----------
+    camera_make, camera_model, lens_make, lens_model : str
+        Names of the camera and of the lens.
+    mount : str
+        Mount; for a fixed lens, a name of its own that begins in lower case, as in
+        Lensfun's own database.
+    focal_length_mm : float
+        Focal length [mm].
+    sensor_width_mm, sensor_height_mm : float
+        Size of the visible area [mm], from which the crop factor follows.
+    distance_m : float, default: 1000.0
+        Distance to which the lens was focused [m]; Lensfun's 1000 for infinity.
+    widest_f_number : float or None, default: None
+        Widest f-number of the lens, as in its name; otherwise Lensfun does not find the
+        lens by that name. None: that of the flats.
     """
 
     camera_make: str
@@ -38,7 +50,7 @@ class LensfunNames:
     widest_f_number: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what the schema would."""
+        """Check for values that the schema would refuse."""
         widest = 1.0 if self.widest_f_number is None else self.widest_f_number
         sizes = (self.focal_length_mm, self.sensor_width_mm, self.sensor_height_mm)
         numbers = (*sizes, self.distance_m, widest)
@@ -56,14 +68,37 @@ class LensfunNames:
 def export_lensfun(
     coefficients: Sequence[Coefficient], *, channels: Sequence[str], names: LensfunNames
 ) -> str:
-    """Write a Lensfun database with the camera, the lens, and one vignetting element an f-number.
+    """Write a Lensfun database with the camera, the lens, and one vignetting element per f-number.
 
-    Model "pa" is V itself: light times 1 + k1 r^2 + k2 r^4 + k3 r^6, r = 1 at the half diagonal, from the
-    middle of the frame: the database's schema knows no centre for a lens. V is therefore fitted anew about
-    the middle; a comment beside each element says what error is left. V is the mean over channels.
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of one version.
+    channels : sequence of str
+        Channels whose mean V is taken.
+    names : LensfunNames
+        Names and sizes of camera and lens.
 
-    Raises InputRejected(vignetting_not_calibrated) if the calibration lacks a channel
-    References Lensfun manual, "Lens calibration data format", and lensfun-database.xsd of its database
+    Returns
+    -------
+    str
+        XML document.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` if the calibration lacks a channel.
+
+    Notes
+    -----
+    Model "pa" is V itself [1]_: light times 1 + k1 r^2 + k2 r^4 + k3 r^6, r = 1 at the half diagonal, from
+    the middle of the frame: the database's schema has no centre for a lens [2]_. V is therefore refitted
+    about the middle; a comment beside each element states the remaining error. V is the mean over channels.
+
+    References
+    ----------
+    .. [1] Lensfun manual, "Lens calibration data format"
+    .. [2] lensfun-database.xsd of Lensfun's database
     """
     elements = [
         _write_element(coefficients, f_number, channels, names)

@@ -1,4 +1,4 @@
-"""The light of a flat frame: its blocks less dark."""
+"""Light of a flat frame: its blocks less dark."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,16 @@ _ROUNDING_VARIANCE = 1.0 / 12.0
 class ChannelLight:
     """One channel of a flat frame.
 
-    ``blocks`` : light above dark [DN]; ``span_dn`` : from dark to white; ``clipped_share`` : of its pixels
+    Attributes
+    ----------
+    channel : str
+        Name of the channel.
+    blocks : Blocks
+        Light above dark [DN].
+    span_dn : float
+        Signal from dark to white [DN].
+    clipped_share : float
+        Fraction of its pixels that are clipped.
     """
 
     channel: str
@@ -33,17 +42,29 @@ class ChannelLight:
 
     @property
     def median_share(self) -> float:
-        """The median light of the blocks that count, of the span; 0 where none counts."""
+        """Median light of the blocks that count, as a fraction of the span; 0 if none counts."""
         light = self.blocks.light[np.isfinite(self.blocks.standard_error)]
         return float(np.median(light)) / self.span_dn if light.size else 0.0
 
 
 @dataclass(frozen=True)
 class FlatLight:
-    """A flat frame less dark.
+    """Flat frame less dark.
 
-    ``dark_time_ratio`` : of the nearest dark frames' time; None without any
-    ``dark_times`` : how many exposure times the dark frames of its ISO have
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    f_number : float
+        F-number.
+    channels : tuple of ChannelLight
+        Light of each channel.
+    dark_frames : int
+        Number of dark frames that were subtracted.
+    dark_time_ratio : float or None
+        Exposure time ratio of the nearest dark frames; None without any.
+    dark_times : int
+        Number of exposure times of the dark frames of its ISO value.
     """
 
     frame: str
@@ -55,9 +76,20 @@ class FlatLight:
 
 
 def list_darks(flat: FrameRow, rows: Sequence[FrameRow]) -> tuple[list[FrameRow], float | None]:
-    """Give the dark frames that serve a flat: of its ISO, and of the times nearest to its own.
+    """Return the dark frames that serve a flat: of its ISO value, and of the times nearest to its own.
 
-    All within a factor of two count, else those of the one nearest time. Without any: none, and None.
+    Parameters
+    ----------
+    flat : FrameRow
+        Evidence of the flat frame.
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+
+    Returns
+    -------
+    tuple of (list of FrameRow, float or None)
+        Dark frames and the ratio of times. All within a factor of two count, else those
+        of the one nearest time. Without any: none, and None.
     """
     darks = [(row, time_ratio(flat, row)) for row in _list_alike(flat, rows)]
     if not darks:
@@ -68,7 +100,7 @@ def list_darks(flat: FrameRow, rows: Sequence[FrameRow]) -> tuple[list[FrameRow]
 
 
 def _list_alike(flat: FrameRow, rows: Sequence[FrameRow]) -> list[FrameRow]:
-    """Give every dark frame of a flat's ISO, of whatever time."""
+    """Return every dark frame of a flat's ISO value, of whatever time."""
     return [
         row
         for row in sorted(rows, key=lambda row: row.frame)
@@ -77,13 +109,24 @@ def _list_alike(flat: FrameRow, rows: Sequence[FrameRow]) -> list[FrameRow]:
 
 
 def time_ratio(one: FrameRow, other: FrameRow) -> float:
-    """Give how many times longer the longer of two exposures is."""
+    """Return how many times longer the longer of two exposures is.
+
+    Parameters
+    ----------
+    one, other : FrameRow
+        Evidence of the two frames.
+
+    Returns
+    -------
+    float
+        Ratio, 1 or more.
+    """
     times = [row.exposure.exposure_time_s for row in (one, other) if row.exposure]
     return max(times) / min(times)
 
 
 def _is_alike(flat: FrameRow, dark: FrameRow) -> bool:
-    """Whether a dark frame has the flat's ISO, picture size and colour filter."""
+    """Return True if a dark frame has the flat's ISO value, picture size and colour filter."""
     if flat.exposure is None or dark.exposure is None or flat.features is None or dark.features is None:
         return False
     return (
@@ -94,10 +137,24 @@ def _is_alike(flat: FrameRow, dark: FrameRow) -> bool:
 
 
 def measure_light(flat: FrameRow, rows: Sequence[FrameRow]) -> FlatLight:
-    """Subtract dark from a flat frame, block by block.
+    """Compute the light of a flat frame less dark, block by block.
 
+    Parameters
+    ----------
+    flat : FrameRow
+        Evidence of the flat frame.
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+
+    Returns
+    -------
+    FlatLight
+        Light of every channel.
+
+    Notes
+    -----
     light = mean - dark,  u^2 = noise^2 / n + u(dark)^2, noise^2 the straight line through the blocks' own
-    noise over their light: what a single block's noise happens to be must not decide its weight.
+    noise over their light: the random noise estimate of a single block must not decide its weight.
     """
     darks, ratio = list_darks(flat, rows)
     channels = _features(flat).channels
@@ -121,9 +178,10 @@ def measure_light(flat: FrameRow, rows: Sequence[FrameRow]) -> FlatLight:
 def _add_drift(
     light: ChannelLight, flat: FrameRow, darks: Sequence[FrameRow], alike: Sequence[FrameRow]
 ) -> ChannelLight:
-    """Add what is known of the dark current, where the dark frames have another time than the flat.
+    """Add the uncertainty due to dark current, where the dark frames have another time than the flat.
 
-    ``darks`` : that were subtracted; ``alike`` : all of the ISO, from which the dark current follows
+    `darks` are those that were subtracted; `alike` are all of the ISO value, from which the dark current
+    follows.
     """
     if not darks:
         return light
@@ -136,7 +194,7 @@ def _add_drift(
 
 
 def _measure_level(dark: FrameRow, channel: str) -> tuple[float, float] | None:
-    """Give the mean of a dark frame's blocks and the variance that pixel noise makes of it."""
+    """Return the mean of a dark frame's blocks and the variance of it due to pixel noise."""
     blocks = next(each for each in _features(dark).channels if each.channel == channel)
     n = unpack(blocks.n)
     pixels = math.fsum(n.ravel())
@@ -200,7 +258,7 @@ def _subtract(flat: ChannelBlocks, darks: Sequence[ChannelBlocks], features: Fea
 
 
 def _smooth_noise(light: Plane, noise: Plane, known: NDArray[np.bool_]) -> Plane:
-    """Give a pixel's variance as a straight line over the light, at least that of rounding."""
+    """Return a pixel's variance as a straight line over the light, at least that of rounding."""
     x, y = light[known], noise[known] ** 2
     if x.size < 3 or float(np.ptp(x)) == 0.0:
         return np.full_like(light, max(_ROUNDING_VARIANCE, float(np.mean(y)) if y.size else 0.0))
@@ -210,8 +268,22 @@ def _smooth_noise(light: Plane, noise: Plane, known: NDArray[np.bool_]) -> Plane
 
 
 def leave_out(light: ChannelLight, spots: NDArray[np.bool_]) -> ChannelLight:
-    """Give the light without the blocks of spots, which may have been found in another channel.
+    """Return the light without the blocks of spots, which may have been found in another channel.
 
+    Parameters
+    ----------
+    light : ChannelLight
+        Light of the channel.
+    spots : ndarray of bool
+        True for each block of a spot.
+
+    Returns
+    -------
+    ChannelLight
+        Light without these blocks.
+
+    Notes
+    -----
     A block is the same place in every channel; at a border of one odd pixel a channel may have one less.
     """
     errors = light.blocks.standard_error.copy()

@@ -1,9 +1,15 @@
-"""Vignetting: per f-number and channel, the share of light that the lens passes at every place.
+"""Vignetting: fraction V of the light that the lens transmits at every place, per f-number and channel.
+
+The falloff is fitted to flat fields [1]_::
 
     signal - dark = A V(r)          V(r) = 1 + k1 r^2 + k2 r^4 + k3 r^6
 
-r = 1 at half of the frame's diagonal, from a fitted centre; dividing by V corrects. Fitted to flat fields.
-Source: "Four Vision" report, 3.3.2, with a fitted centre and falloffs with their errors in place of profiles.
+r = 1 at half of the frame's diagonal, from a fitted centre; dividing by V corrects. In place of the
+profiles of [1]_, the centre is fitted and falloffs have their errors.
+
+References
+----------
+.. [1] "Four Vision" report, 3.3.2
 """
 
 import itertools
@@ -84,34 +90,84 @@ __all__ = [
 def extract(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
 ) -> Extracted[Features]:
-    """Average a flat or dark frame over blocks; without a drawn region ``regions`` is the whole frame.
+    """Compute the averages of a flat or dark frame over blocks.
 
-    ``exposure`` is part of the door and says nothing about blocks.
-    Raises InputRejected(roi_empty)
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    regions : sequence of Region
+        Regions of the frame; without a drawn region this is the whole frame.
+    header : FrameHeader
+        Header of the frame.
+    exposure : Exposure or None
+        Exposure settings; part of the interface of all methods, without effect on the
+        blocks.
+
+    Returns
+    -------
+    Extracted[Features]
+        Statistics of the frame, and the blocks.
+
+    Raises
+    ------
+    InputRejected
+        `roi_empty` if no block lies entirely in a region.
     """
     del exposure
     return extract_features(frame, regions, header=header)
 
 
 def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """Say, by name, what the fit still lacks; empty when it can start with every frame."""
+    """List, by name, what the fit still lacks.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of the frames of which nothing is known yet.
+
+    Returns
+    -------
+    tuple of str
+        Empty if the fit can start with every frame.
+    """
     return list_missing(rows, params, unread=unread)
 
 
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Fit the falloff of every f-number and channel of a campaign's flat frames.
 
-    Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
 
-    Flags
-      per frame: flat_left_out, weak_flat, dust; per ISO: dark_from_black_level, dark_exposure_differs,
-      dark_not_dark;
-      per f-number and channel: uneven_light, centre_uncertain, falloff_not_monotonic, falloff_grows,
-      vignetting_misfit; of the whole: rendered
-    Raises InputRejected
-      fit_incomplete if there is no flat frame, or frames are not extracted yet;
-      flat_unusable if every flat frame is left out, each with its reason, or they are of several lenses;
-      fit_failed if hardly any light is left in a corner
+    Returns
+    -------
+    Fit
+        Falloffs, points and flags.
+
+    Raises
+    ------
+    InputRejected
+        `fit_incomplete` if there is no flat frame, or frames are not extracted yet;
+        `flat_unusable` if every flat frame is left out, each with its reason, or they
+        are of several lenses; `fit_failed` if hardly any light is left in a corner.
+
+    Notes
+    -----
+    The same input in any order gives the same result to the last bit. All numbers are finite; what does not
+    exist is None.
+
+    Flags per frame: flat_left_out, weak_flat, dust. Flags per ISO value: dark_from_black_level,
+    dark_exposure_differs, dark_not_dark. Flags per f-number and channel: uneven_light, centre_uncertain,
+    falloff_not_monotonic, falloff_grows, vignetting_misfit. Flag of the whole fit: rendered.
     """
     lacking = list_missing(rows, params)
     if lacking:
@@ -149,7 +205,18 @@ def _fit_all(used: Sequence[Candidate]) -> list[FittedChannel]:
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Give k1, k2, k3, the centre and the corner's falloff, per f-number and channel."""
+    """Return k1, k2, k3, the centre and the corner's falloff, per f-number and channel.
+
+    Parameters
+    ----------
+    fit : Fit
+        Result of the fit.
+
+    Returns
+    -------
+    tuple of CoefficientValue
+        Coefficients with unit and uncertainty.
+    """
     return tuple(
         CoefficientValue(
             name=name,
@@ -190,7 +257,7 @@ def _list_quantities(coefficient: Coefficient) -> dict[str, Quantity]:
 
 
 def _flags_of(fit: Fit, coefficient: Coefficient) -> tuple[str, ...]:
-    """Give the flags that concern a coefficient: its own, its frames' and those of the whole."""
+    """Return the flags that concern a coefficient: its own, its frames' and those of the whole fit."""
     f_number = coefficient.f_number
     frames = {f"frame {point.frame}" for point in fit.points if point.f_number == f_number}
     wheres = {"", f"f/{f_number:g} {coefficient.channel}", *frames}

@@ -1,4 +1,4 @@
-"""What a vignetting campaign still lacks for a good fit, beyond what any fit needs."""
+"""Suggestions for a vignetting campaign: what it lacks for a good fit, beyond what any fit needs."""
 
 import itertools
 import math
@@ -20,7 +20,20 @@ falloff changes; markings are rounded by up to a tenth."""
 
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """Say by name what to add while the target still stands there; the gravest first."""
+    """List, by name, what to add while the target is still set up.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of str
+        Suggestions, the most serious first.
+    """
     candidates = collect_candidates(rows, params)
     used = [candidate for candidate in candidates if not candidate.left_out]
     advice = [

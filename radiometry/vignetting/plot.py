@@ -1,4 +1,4 @@
-"""A vignetting calibration drawn: falloff by f-number, at the corner by channel, and what is left over."""
+"""Plot of a vignetting calibration: falloff by f-number, at the corner by channel, and residuals."""
 
 import math
 from collections.abc import Iterator
@@ -21,7 +21,18 @@ _BELOW, _ABOVE = (0, 90, 181), (220, 50, 32)
 
 
 def draw(result: Node) -> str:
-    """SVG of a stored vignetting result; swaths and bars are twice the standard uncertainty."""
+    """Return the SVG of a stored vignetting result; swaths and bars are twice the standard uncertainty.
+
+    Parameters
+    ----------
+    result : Node
+        Stored result.
+
+    Returns
+    -------
+    str
+        SVG document.
+    """
     fits = result["channel_fits"]
     shown = _choose_channel(fits)
     mine = [fit for fit in fits if fit["coefficient"]["channel"] == shown]

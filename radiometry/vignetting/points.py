@@ -1,4 +1,4 @@
-"""The frames of a vignetting campaign: which count, which are left out and why, what is still missing."""
+"""Frames of a vignetting campaign: which are used, which are left out and why, and what is missing."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -17,7 +17,19 @@ _MOST_NAMES = 3
 
 @dataclass(frozen=True)
 class Candidate:
-    """A flat frame; ``left_out`` is "" when it counts; no features, no light and no quality."""
+    """Flat frame that may be used.
+
+    Attributes
+    ----------
+    row : FrameRow
+        Evidence of the frame.
+    light : FlatLight or None
+        Light above dark; None without features.
+    quality : Quality or None
+        Result of the inspection; None without features.
+    left_out : str
+        "" if it counts, else the reason.
+    """
 
     row: FrameRow
     light: FlatLight | None
@@ -26,7 +38,7 @@ class Candidate:
 
     @property
     def channels(self) -> tuple[ChannelLight, ...]:
-        """The light without the blocks of spots."""
+        """Light of every channel without the blocks of spots."""
         if self.light is None:
             return ()
         if self.quality is None or self.quality.spots_mask is None:
@@ -35,7 +47,22 @@ class Candidate:
 
 
 def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """Say, by name, what keeps a fit from starting."""
+    """List, by name, what keeps a fit from starting.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of the frames of which nothing is known yet.
+
+    Returns
+    -------
+    tuple of str
+        Empty if the fit can start.
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
     flats = [row for row in rows if row.role == FLAT and row.frame not in excluded]
     waiting = [row.frame for row in rows if row.features is None and row.frame not in excluded]
@@ -59,7 +86,20 @@ def _name(frames: Sequence[str]) -> str:
 
 
 def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
-    """Look at every flat frame; in the order f-number, name, whatever the order of the input."""
+    """Return every flat frame, inspected.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of Candidate
+        Candidates in the order f-number, name, whatever the order of the input.
+    """
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
     usable = [row for row in rows if row.frame not in excluded]
     usual = _find_usual(usable)
@@ -94,15 +134,23 @@ def _format(row: FrameRow) -> tuple[int, int, str] | None:
 
 
 def _find_usual(rows: Sequence[FrameRow]) -> tuple[int, int, str] | None:
-    """Give the format of most flat frames; of equally many the smallest by its numbers."""
+    """Return the format of most flat frames; of equally many the smallest by its numbers."""
     counts = Counter(_format(row) for row in rows if row.role == FLAT and row.features is not None)
     return min(counts, key=lambda form: (-counts[form], form or (0, 0, "")), default=None)
 
 
 def require_one_lens(candidates: Sequence[Candidate]) -> None:
-    """Refuse flat frames of several lenses: a falloff belongs to one.
+    """Check that all flat frames are of one lens: a falloff belongs to one.
 
-    Raises InputRejected(flat_unusable)
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Flat frames.
+
+    Raises
+    ------
+    InputRejected
+        `flat_unusable` if they are of several lenses.
     """
     lenses = {
         f"{header.lens_model or 'unnamed lens'} {header.lens_serial or ''}".strip()
@@ -119,7 +167,22 @@ def require_one_lens(candidates: Sequence[Candidate]) -> None:
 def describe_points(
     rows: Sequence[FrameRow], candidates: Sequence[Candidate], params: Params
 ) -> tuple[Point, ...]:
-    """Give every flat and dark frame as the record keeps it, used or not."""
+    """Return every flat and dark frame as it is stored, used or not.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    candidates : sequence of Candidate
+        Flat frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of Point
+        Point of each frame.
+    """
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
     points = [_describe_flat(candidate) for candidate in candidates]
     served = {

@@ -1,4 +1,4 @@
-"""Whether a flat frame is one: clipping, signal, evenness of the light, dust. Looked at before any fit."""
+"""Quality of a flat frame before any fit: clipping, signal, evenness of the light, dust."""
 
 import math
 from dataclasses import dataclass
@@ -41,11 +41,31 @@ _MOST_NAMED = 3
 
 @dataclass(frozen=True)
 class Quality:
-    """What was found in a flat frame; ``left_out`` is "" for one that can be used, else what to do.
+    """Result of the inspection of a flat frame.
 
-    ``gradient_rel`` : of the light across the frame in the strongest channel; None where it was not looked at
-    ``is_uneven`` : the gradient is more than 2 %, and no noise
-    ``problem`` : "" | clipped | too_dark | uneven | dust | small
+    Attributes
+    ----------
+    left_out : str
+        "" for one that can be used, else what to do.
+    problem : str
+        "", "clipped", "too_dark", "uneven", "dust" or "small".
+    saturated_share : float
+        Fraction of clipped pixels of the most clipped channel.
+    signal_share : float
+        Median light of the weakest channel, as a fraction of its span.
+    strongest : str
+        Channel with the strongest signal.
+    gradient_rel, gradient_u_rel : float or None
+        Gradient of the light across the frame in the strongest channel, and its
+        standard uncertainty; None if it was not measured.
+    is_uneven : bool
+        True if the gradient is more than 2 %, and not noise.
+    spots : tuple of Spot
+        Spots that were found.
+    spots_share : float
+        Fraction of blocks in spots.
+    spots_mask : ndarray of bool or None
+        True for each block of a spot.
     """
 
     left_out: str
@@ -62,7 +82,18 @@ class Quality:
 
 
 def inspect_flat(light: FlatLight) -> Quality:
-    """Look at a flat frame, in the order in which one fault hides the next."""
+    """Check a flat frame, in the order in which one fault hides the next.
+
+    Parameters
+    ----------
+    light : FlatLight
+        Light of the frame.
+
+    Returns
+    -------
+    Quality
+        Result of the inspection.
+    """
     most_clipped = max(light.channels, key=lambda each: each.clipped_share)
     weakest = min(light.channels, key=lambda each: each.median_share)
     strongest = max(light.channels, key=lambda each: each.median_share)
@@ -133,7 +164,20 @@ def _refuse_shape(
 
 
 def measure_gradient(solution: Solution, blocks: Blocks) -> tuple[float, float]:
-    """Give the range of the light's plane across the frame, relative, and its standard uncertainty."""
+    """Return the relative range of the light's plane across the frame, and its standard uncertainty.
+
+    Parameters
+    ----------
+    solution : Solution
+        Fit with a plane in the light.
+    blocks : Blocks
+        Blocks that were fitted.
+
+    Returns
+    -------
+    tuple of float
+        Range and its standard uncertainty.
+    """
     extent = np.array([blocks.grid.height_px, blocks.grid.width_px]) / blocks.grid.half_diagonal_px
     signed = np.copysign(extent, solution.gradient)
     variance = float(signed @ solution.gradient_covariance @ signed)
@@ -141,7 +185,18 @@ def measure_gradient(solution: Solution, blocks: Blocks) -> tuple[float, float]:
 
 
 def name_direction(gradient: tuple[float, float]) -> str:
-    """Say where the light is brighter."""
+    """Return where the light is brighter, in words.
+
+    Parameters
+    ----------
+    gradient : tuple of float
+        Gradient of the light, (d row, d column).
+
+    Returns
+    -------
+    str
+        Direction.
+    """
     by_row, by_col = gradient
     if abs(by_row) > abs(by_col):
         return "the bottom" if by_row > 0.0 else "the top"
@@ -165,7 +220,7 @@ def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]
 
 
 def _find_spots(residual: Plane, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Say which blocks differ from the median of their 7 x 7 surroundings by 1 % and six deviations."""
+    """Return which blocks differ from the median of their 7 x 7 surroundings by 1 % and six deviations."""
     local = residual - median_filter(residual, size=_NEIGHBOURHOOD, mode="nearest")
     usual = _NORMAL_MAD * float(np.median(np.abs(local[known])))
     return np.asarray(known & (np.abs(local) > max(SPOT_REL, SPOT_DEVIATIONS * usual)))
@@ -184,7 +239,20 @@ def _list_spots(solution: Solution, spots: NDArray[np.bool_], blocks: Blocks) ->
 
 
 def flag_frame(frame: str, quality: Quality) -> list[Raised]:
-    """Say what there is to know about a frame."""
+    """Return the flags of a frame.
+
+    Parameters
+    ----------
+    frame : str
+        Name of the frame.
+    quality : Quality
+        Result of its inspection.
+
+    Returns
+    -------
+    list of Raised
+        Flags.
+    """
     where = f"frame {frame}"
     if quality.left_out:
         return [codes.FLAT_LEFT_OUT.at(where, f"{_sentence(quality.left_out)}.")]
@@ -198,7 +266,18 @@ def flag_frame(frame: str, quality: Quality) -> list[Raised]:
 
 
 def describe_spots(spots: tuple[Spot, ...]) -> str:
-    """Say how many there are, and where the deepest lie."""
+    """Return how many spots there are, and where the deepest lie, in words.
+
+    Parameters
+    ----------
+    spots : tuple of Spot
+        Spots of a frame.
+
+    Returns
+    -------
+    str
+        Description.
+    """
     deepest = sorted(spots, key=lambda spot: (-abs(spot.depth_rel), spot.row_px, spot.col_px))[:_MOST_NAMED]
     places = ", ".join(
         f"row {spot.row_px:.0f} column {spot.col_px:.0f} ({-spot.depth_rel:+.1%})" for spot in deepest

@@ -1,4 +1,4 @@
-"""What a fitted falloff leaves of a flat: rings are the lens's own, slopes and patches the light's."""
+"""Residuals of a falloff fitted to a flat: rings are due to the lens, slopes and patches to the light."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,28 @@ from radiometry.vignetting.results import ChannelFit
 def read_residuals(
     fits: Sequence[ChannelFit], *, f_number: float, channel: str
 ) -> tuple[ChannelFit, NDArray[np.float32]]:
-    """Give (light - fitted) / fitted of one f-number and channel, and the fit that it belongs to.
+    """Return (light - fitted) / fitted of one f-number and channel, and the fit to which it belongs.
 
-    Returns (row, col) float32, a block of ``block_px`` x ``block_px`` pixels each; NaN where a block did not
-        count: clipped, in a spot, or outside the regions
-    Raises InputRejected(vignetting_not_calibrated) where no flat was fitted: residuals are not interpolated
+    Parameters
+    ----------
+    fits : sequence of ChannelFit
+        Fits of a version.
+    f_number : float
+        F-number.
+    channel : str
+        Name of the channel.
+
+    Returns
+    -------
+    tuple of (ChannelFit, ndarray of float32)
+        Fit, and residuals (row, col) of blocks of `block_px` x `block_px` pixels; NaN
+        where a block did not count: clipped, in a spot, or outside the regions.
+
+    Raises
+    ------
+    InputRejected
+        `vignetting_not_calibrated` where no flat was fitted: residuals are not
+        interpolated.
     """
     for fit in fits:
         if (fit.coefficient.f_number, fit.coefficient.channel) == (f_number, channel):

@@ -1,4 +1,4 @@
-"""What comes out of a vignetting fit: plain numbers, ready for JSON; what does not exist is None."""
+"""Results of a vignetting fit: plain numbers, ready for JSON; what does not exist is None."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,7 +11,7 @@ EQUATION = "signal above dark = even light * (1 + k1 r^2 + k2 r^4 + k3 r^6)"
 
 @dataclass(frozen=True, kw_only=True)
 class Conventions:
-    """What the numbers mean, since programs differ: stored with every fit."""
+    """Conventions of the numbers, since programs differ: stored with every fit."""
 
     equation: str = EQUATION
     correction: Literal["divide"] = "divide"
@@ -23,12 +23,31 @@ class Conventions:
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
-    """The falloff of one f-number and channel: all that an application needs, in plain fields.
+    """Falloff of one f-number and channel: all that an application needs, in plain fields.
 
-    V = 1 + k1 r^2 + k2 r^4 + k3 r^6, r the distance from the centre over ``radius_px``, half of the diagonal
-    of the frame of ``height_px`` by ``width_px``. ``covariance`` : of k1, k2, k3, centre row, centre column
-    ``model_u_rel`` : by how much the flat departs from the curve beyond noise; alike at neighbouring places
-    ``corner_falloff`` : 1 - V at the corner farthest from the centre
+    V = 1 + k1 r^2 + k2 r^4 + k3 r^6, r the distance from the centre over `radius_px`.
+
+    Attributes
+    ----------
+    f_number : float
+        F-number.
+    channel : str
+        Name of the channel.
+    height_px, width_px : int
+        Size of the frame [px].
+    radius_px : float
+        Half of the diagonal of the frame [px].
+    centre_row_px, centre_col_px : float
+        Row and column of the centre [px].
+    k1, k2, k3 : float
+        Coefficients of the curve.
+    covariance : tuple of tuple of float
+        Covariance of k1, k2, k3, centre row, centre column.
+    model_u_rel : float
+        Relative departure of the flat from the curve beyond noise; alike at
+        neighbouring places.
+    corner_falloff, corner_falloff_standard_uncertainty : float
+        1 - V at the corner farthest from the centre, and its standard uncertainty.
     """
 
     f_number: float
@@ -48,7 +67,7 @@ class Coefficient:
 
     @property
     def k(self) -> tuple[float, float, float]:
-        """The three coefficients of the curve."""
+        """Three coefficients of the curve."""
         return self.k1, self.k2, self.k3
 
     @property
@@ -59,7 +78,15 @@ class Coefficient:
 
 @dataclass(frozen=True, kw_only=True)
 class Spot:
-    """A block that is darker (or brighter) than those around it, by ``depth_rel`` of the fitted light."""
+    """Block that is darker (or brighter) than those around it.
+
+    Attributes
+    ----------
+    row_px, col_px : float
+        Position [px].
+    depth_rel : float
+        Difference, as a fraction of the fitted light.
+    """
 
     row_px: float
     col_px: float
@@ -68,15 +95,41 @@ class Spot:
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelFit:
-    """Everything about one f-number and channel.
+    """Results of one f-number and channel.
 
-    ``mean_corner_falloff`` : over the four corners; ``largest_falloff`` : anywhere in the frame
-    ``residual_rms_rel`` : of the blocks that count, relative to the fitted light
-    ``gradient_rel`` : of the light across the frame, largest less smallest, with its standard uncertainty;
-        ``gradient_fitted`` says whether the coefficients are those of the fit with it
-    ``residuals`` : (row, col) of blocks, (light - fitted) / fitted; NaN where a block did not count
-    ``dark_u_rel`` : standard uncertainty of the dark level over the light at the centre; the covariance of k
-        holds it, but not that of versions from before it was looked at
+    Attributes
+    ----------
+    coefficient : Coefficient
+        Falloff.
+    frames : int
+        Number of flat frames.
+    chi_squared : float
+        Weighted sum of squared residuals.
+    dof : int
+        Degrees of freedom.
+    birge_ratio : float
+        Birge ratio.
+    residual_rms_rel : float
+        Rms residual of the blocks that count, relative to the fitted light.
+    mean_corner_falloff : float
+        Mean falloff over the four corners.
+    largest_falloff : float
+        Largest falloff anywhere in the frame.
+    gradient_rel, gradient_standard_uncertainty_rel : float
+        Gradient of the light across the frame, largest less smallest, and its standard
+        uncertainty.
+    gradient_fitted : bool
+        True if the coefficients are those of the fit with the gradient.
+    centre_held : bool
+        True if the centre was held at the frame's middle.
+    residuals : Packed
+        (light - fitted) / fitted, (row, col) of blocks; NaN where a block did not
+        count.
+    block_px : int
+        Side of a block [px].
+    dark_u_rel : float, default: 0.0
+        Standard uncertainty of the dark level over the light at the centre. The
+        covariance of k includes it, but not in versions from before it was evaluated.
     """
 
     coefficient: Coefficient
@@ -98,10 +151,18 @@ class ChannelFit:
 
 @dataclass(frozen=True, kw_only=True)
 class Threshold:
-    """From which f-number on the falloff, the largest anywhere and in any channel, is below a limit.
+    """F-number from which on the falloff, the largest anywhere and in any channel, is below a limit.
 
-    ``lowest_f_number`` : the lowest that is below; ``from_f_number`` : the lowest from which on all are; None
-    where there is none. ``is_sure`` : twice the uncertainty changes neither
+    Attributes
+    ----------
+    falloff : float
+        Limit.
+    lowest_f_number : float or None
+        Lowest f-number that is below; None if there is none.
+    from_f_number : float or None
+        Lowest f-number from which on all are below; None if there is none.
+    is_sure : bool
+        True if twice the uncertainty changes neither.
     """
 
     falloff: float
@@ -112,10 +173,29 @@ class Threshold:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One frame in the fit. ``left_out`` is "" for one that was used, else the reason.
+    """One frame in the fit.
 
-    ``signal_share`` : median light of the weakest channel, of its span from black to white
-    ``gradient_rel`` : of the light, in the strongest channel; ``spots`` : left out of the fit
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    role : str
+        Role of the frame.
+    f_number : float or None
+        F-number.
+    used : bool
+        True if the fit used it.
+    left_out : str
+        "" for one that was used, else the reason.
+    saturated_share : float or None, default: None
+        Fraction of clipped pixels of the most clipped channel.
+    signal_share : float or None, default: None
+        Median light of the weakest channel, as a fraction of its span from black to
+        white.
+    gradient_rel, gradient_standard_uncertainty_rel : float or None, default: None
+        Gradient of the light in the strongest channel, and its standard uncertainty.
+    spots : tuple of Spot, default: ()
+        Spots, left out of the fit.
     """
 
     frame: str
@@ -132,7 +212,25 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """The result of a campaign; ``cfa`` : the frames' pattern, "grey" or "rgb"."""
+    """Result of a campaign.
+
+    Attributes
+    ----------
+    height_px, width_px : int
+        Size of the frames [px].
+    cfa : str
+        Pattern of the frames, "grey" or "rgb".
+    channel_fits : tuple of ChannelFit
+        Results of each f-number and channel.
+    thresholds : tuple of Threshold
+        F-numbers from which on the falloff is below a limit.
+    points : tuple of Point
+        Points of the fit.
+    flags : tuple of Raised
+        Flags of the fit.
+    conventions : Conventions, default: Conventions()
+        Conventions of the numbers.
+    """
 
     height_px: int
     width_px: int
@@ -145,5 +243,5 @@ class Fit:
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:
-        """Of every f-number and channel."""
+        """Falloff of every f-number and channel."""
         return tuple(fit.coefficient for fit in self.channel_fits)

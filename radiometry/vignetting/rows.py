@@ -1,4 +1,4 @@
-"""What a vignetting fit may be told."""
+"""Parameters of a vignetting fit."""
 
 from dataclasses import dataclass
 

@@ -27,10 +27,20 @@ _SIGNIFICANT_CHI_SQUARED = 11.83
 
 @dataclass(frozen=True)
 class Blocks:
-    """One channel's light over the blocks of a grid, (row, col).
+    """Light of one channel over the blocks of a grid, (row, col).
 
-    ``light`` : above dark, in any unit; ``standard_error`` : of each, > 0; infinite where it does not count
-    ``dark`` : the error of the dark level, alike in all of them
+    Attributes
+    ----------
+    grid : Grid
+        Grid of blocks.
+    rows, cols : Axis
+        Rows and columns of the channel in blocks.
+    light : ndarray of float64
+        Light above dark, in any unit.
+    standard_error : ndarray of float64
+        Standard error of each, > 0; infinite where it does not count.
+    dark : DarkError, default: KNOWN
+        Error of the dark level, common to all of them.
     """
 
     grid: Grid
@@ -43,12 +53,34 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Solution:
-    """A fitted falloff.
+    """Fitted falloff.
 
-    ``covariance`` : of k1, k2, k3, centre row and column, Birge's ratio included
-    ``gradient`` : of the light, (d row, d column) relative per half diagonal; 0 where it was not fitted
-    ``centre_held`` : the flat does not say where the centre is; the frame's middle stands for it
-    ``fitted`` : the model per block; ``residual`` : (light - fitted) / fitted, 0 where it does not count
+    Attributes
+    ----------
+    level : float
+        Light A at the centre.
+    k : tuple of float
+        Coefficients k1, k2, k3.
+    centre_px : tuple of float
+        Row and column of the centre [px].
+    covariance : ndarray of float64
+        Covariance of k1, k2, k3, centre row and column, Birge's ratio included.
+    gradient : tuple of float
+        Gradient of the light, (d row, d column) relative per half diagonal; 0 where it
+        was not fitted.
+    gradient_covariance : ndarray of float64
+        Covariance of the gradient.
+    centre_held : bool
+        True if the flat does not determine the centre, which is then the frame's
+        middle.
+    chi_squared : float
+        Weighted sum of squared residuals.
+    dof : int
+        Degrees of freedom.
+    fitted : ndarray of float64
+        Model per block.
+    residual : ndarray of float64
+        (light - fitted) / fitted, 0 where it does not count.
     """
 
     level: float
@@ -69,10 +101,24 @@ _FALLOFF_CHI_SQUARED = 14.16
 
 
 def is_gradient_significant(plain: Solution, tilted: Solution) -> bool:
-    """Say whether a plane in the light explains the blocks better, as a likelihood ratio says.
+    """Return True if a plane in the light explains the blocks better, by a likelihood ratio.
 
-    chi^2 falls by more than 11.8, times chi^2 / dof where that exceeds 1. The plane over its own error would
-    not do: where little falloff is left, centre and plane stand for one another, along a bent valley.
+    Parameters
+    ----------
+    plain : Solution
+        Fit without a plane.
+    tilted : Solution
+        Fit with a plane.
+
+    Returns
+    -------
+    bool
+        True if chi^2 falls by more than 11.8, times chi^2 / dof where that exceeds 1.
+
+    Notes
+    -----
+    The plane over its own error would not suffice: where little falloff is left, centre and plane can
+    replace one another, along a bent valley.
     """
     birge_squared = max(1.0, tilted.chi_squared / tilted.dof)
     return plain.chi_squared - tilted.chi_squared > _SIGNIFICANT_CHI_SQUARED * birge_squared
@@ -81,13 +127,31 @@ def is_gradient_significant(plain: Solution, tilted: Solution) -> bool:
 def solve_falloff(blocks: Blocks, *, with_gradient: bool) -> Solution:
     """Fit A (1 + k1 <r^2> + k2 <r^4> + k3 <r^6>) (1 + g_row <a> + g_col <b>) to blocks.
 
-    <> is the mean over a block's own pixels, a and b the distance from the frame's middle over R. Where the
-    flat does not hold the centre (about the middle there is no falloff beyond noise; or the centre's error
-    is above a quarter of R, or it lies beyond the corners), the centre is held at the frame's middle with the
-    variance of a position anywhere in the frame.
+    Parameters
+    ----------
+    blocks : Blocks
+        Light of a channel. A flat with fewer blocks than parameters cannot be fitted:
+        the caller counts them.
+    with_gradient : bool
+        True to fit g_row and g_col, the plane in the light.
 
-    A flat with fewer blocks than parameters cannot be fitted: the caller counts them.
-    Source: Press et al., Numerical Recipes, 15.5 (Levenberg and Marquardt), here MINPACK's
+    Returns
+    -------
+    Solution
+        Parameters and their covariance.
+
+    Notes
+    -----
+    <> is the mean over a block's own pixels, a and b the distance from the frame's middle over R. The fit
+    is that of Levenberg and Marquardt [1]_, here in MINPACK's implementation.
+
+    Where the flat does not determine the centre, the centre is held at the frame's middle with the variance
+    of a position anywhere in the frame. This is so if about the middle there is no falloff beyond noise, if
+    the centre's error is above a quarter of R, or if it lies beyond the corners.
+
+    References
+    ----------
+    .. [1] Press et al., Numerical Recipes, 15.5
     """
     held = _solve(blocks, with_gradient=with_gradient, held=True)
     if held is None:
@@ -99,7 +163,7 @@ def solve_falloff(blocks: Blocks, *, with_gradient: bool) -> Solution:
 
 
 def _has_falloff(held: Solution) -> bool:
-    """Say whether k1, k2, k3 together stand out of their errors."""
+    """Return True if k1, k2, k3 together exceed their errors."""
     k = np.array(held.k)
     return bool(k @ np.linalg.solve(held.covariance[:3, :3], k) > _FALLOFF_CHI_SQUARED)
 
@@ -163,13 +227,49 @@ class _Model:
         return np.array([scaled[0], *(scaled[1:] / scaled[0]), 0.0, 0.0, 0.0, 0.0])
 
     def evaluate(self, p: Matrix) -> Plane:
+        """Compute the model per block.
+
+        Parameters
+        ----------
+        p : ndarray of float64
+            Parameters.
+
+        Returns
+        -------
+        ndarray of float64
+            Model per block.
+        """
         means, _, _ = self._radial(p)
         return np.asarray(p[0] * (1.0 + np.tensordot(p[1:4], means, 1)) * self._tilt(p))
 
     def residual(self, p: Matrix) -> Matrix:
+        """Compute the residuals that are minimised.
+
+        Parameters
+        ----------
+        p : ndarray of float64
+            Parameters.
+
+        Returns
+        -------
+        ndarray of float64
+            Residuals.
+        """
         return np.asarray((self.evaluate(p)[self.counts] - self.light) * self.weights)
 
     def jacobian(self, p: Matrix) -> Matrix:
+        """Compute the derivatives of the residuals by the parameters.
+
+        Parameters
+        ----------
+        p : ndarray of float64
+            Parameters.
+
+        Returns
+        -------
+        ndarray of float64
+            Derivatives.
+        """
         means, by_row, by_col = self._radial(p)
         radius = self.blocks.grid.half_diagonal_px
         share, tilt = 1.0 + np.tensordot(p[1:4], means, 1), self._tilt(p)
@@ -179,7 +279,24 @@ class _Model:
         return np.column_stack([column[self.counts] * self.weights for column in columns])
 
     def conclude(self, p: Matrix, covariance: Matrix, *, held: bool, free: int) -> Solution:
-        """Put the parameters into pixels, and scale their covariance by Birge's ratio."""
+        """Return the solution in pixels, with the covariance scaled by Birge's ratio.
+
+        Parameters
+        ----------
+        p : ndarray of float64
+            Parameters.
+        covariance : ndarray of float64
+            Covariance of the parameters.
+        held : bool
+            True if the centre was held.
+        free : int
+            Number of free parameters.
+
+        Returns
+        -------
+        Solution
+            Solution.
+        """
         grid = self.blocks.grid
         chi_squared = float(np.sum(self.residual(p) ** 2))
         dof = max(1, self.light.size - free)

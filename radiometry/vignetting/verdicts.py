@@ -1,4 +1,4 @@
-"""The verdict on every frame of a vignetting campaign, from the same evidence that its fit will use."""
+"""Verdict on every frame of a vignetting campaign, from the same evidence that its fit uses."""
 
 from collections.abc import Sequence
 
@@ -21,12 +21,22 @@ _FAILURES = {
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
-    """Give the verdict on each frame of a campaign, by name.
+    """Return the verdict on each frame of a campaign.
 
-    Takes
-      frames : all frames of the campaign; one without a region has the whole frame for it
-      rows : those of them that a fit would see
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        All frames of the campaign; for one without a region the region is the whole
+        frame.
+    rows : sequence of FrameRow
+        Those of the frames that a fit would use.
+    params : Params
+        Parameters of the fit.
 
+    Returns
+    -------
+    dict of str to Verdict
+        Verdict by name.
     """
     reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
     for candidate in collect_candidates(rows, params):
