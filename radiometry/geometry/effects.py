@@ -10,7 +10,20 @@ DISTORTION: Final = frozenset({*_RADIAL, "p1", "p2"})
 
 
 def move_corner(name: str, means: Mapping[str, float]) -> float:
-    """Give the image motion in the frame's corner per unit of a distortion coefficient [px]."""
+    """Return the image motion in the frame's corner per unit of a distortion coefficient.
+
+    Parameters
+    ----------
+    name : str
+        Coefficient: k1, k2, k3, p1 or p2.
+    means : mapping
+        Values of fx_px, fy_px, cx_px and cy_px by name [px].
+
+    Returns
+    -------
+    float
+        Motion [px]; NaN if one of the four values is missing.
+    """
     try:
         fx, fy, cx, cy = (means[f"{each}_px"] for each in ("fx", "fy", "cx", "cy"))
     except KeyError:
