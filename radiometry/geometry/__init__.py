@@ -8,6 +8,7 @@ from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE
 from radiometry.geometry.effects import DISTORTION, move_corner
 from radiometry.geometry.plot import draw
+from radiometry.geometry.written import EXPORTS
 from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
@@ -61,6 +62,7 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     draw=draw,
     certificate=CERTIFICATE,
+    exports=EXPORTS,
     application=PictureApplication(
         quantity="undistorted picture",
         unit="DN",

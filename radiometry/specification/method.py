@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args, get_type_hints
 from radiometry.findings import Finding
 from radiometry.specification.application import Application, Correction, FoundRegion
 from radiometry.specification.certificate import CertificateText
+from radiometry.specification.exports import Export
 from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Role
 
@@ -184,6 +185,8 @@ class MethodSpec:
         Field of ``result`` with what is applied: fits, each with its ``coefficient``, or one model.
     correction : Correction or None
         What a version corrects the signals of another method with, None if it corrects none.
+    exports : tuple of Export
+        Forms in which other programs read a version.
     measure_light : callable or None
         ``(band) -> light``, the light that a multispectral frame's own sensor recorded. Raises InputRejected.
     configure : callable
@@ -210,6 +213,7 @@ class MethodSpec:
     application: Application | None = None
     applied: str = ""
     correction: Correction | None = None
+    exports: tuple[Export, ...] = ()
     measure_light: Callable[..., Any] | None = None
     applied_roles: tuple[Role, ...] = ()
     features: type[Any] | None = None

@@ -14,6 +14,7 @@ from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
 from radiometry.vignetting.certificate import CERTIFICATE
 from radiometry.vignetting.plot import draw
+from radiometry.vignetting.written import EXPORTS
 
 __all__ = ["SPEC"]
 
@@ -47,6 +48,7 @@ SPEC: Final = MethodSpec(
     list_coefficients=method.list_coefficients,
     draw=draw,
     certificate=CERTIFICATE,
+    exports=EXPORTS,
     applied="channel_fits",
     correction=Correction(lens=method.Lens, average_over_polygon=method.average_over_polygon),
 )

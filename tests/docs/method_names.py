@@ -27,7 +27,6 @@ ALLOWED: Final = frozenset({"radiometry/methods/__init__.py", "stilb/method.py"}
 KNOWN: Final[frozenset[str]] = frozenset(
     {
         "radiometry/fleet/meaning.py",
-        "service/routes/exports.py",
         "service/web/static/calibration/detail.js",
         "service/web/static/calibration/page.js",
         "service/web/static/calibration/points.js",

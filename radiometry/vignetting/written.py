@@ -1,0 +1,122 @@
+"""Exports of a vignetting version."""
+
+import base64
+import json
+from typing import Any, Final
+
+from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
+from radiometry.vignetting.application import select_channels
+from radiometry.vignetting.correction import compute_correction
+from radiometry.vignetting.dng import export_dng
+from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
+from radiometry.vignetting.residuals import read_residuals
+from radiometry.vignetting.results import Fit
+
+_F_NUMBER: Final = ExportOption(name="f_number", kind="number")
+
+
+def _write_lensfun(fitted: Fit, subject: ExportSubject, options: dict[str, Any]) -> str:
+    coefficients = fitted.coefficients
+    pitch_mm = (subject.pixel_pitch_um or 0.0) / 1000.0
+    names = LensfunNames(
+        camera_make=subject.make,
+        camera_model=subject.model,
+        lens_make=subject.lens_make or subject.make,
+        lens_model=subject.lens_model or f"{subject.model} lens",
+        mount=options["mount"],
+        focal_length_mm=options["focal_length_mm"],
+        sensor_width_mm=coefficients[0].width_px * pitch_mm,
+        sensor_height_mm=coefficients[0].height_px * pitch_mm,
+        widest_f_number=options["widest_f_number"],
+    )
+    return export_lensfun(coefficients, channels=select_channels(coefficients, signal="green"), names=names)
+
+
+def _write_dng(fitted: Fit, _: ExportSubject, options: dict[str, Any]) -> str:
+    channels = select_channels(fitted.coefficients, signal="green")
+    found = export_dng(fitted.coefficients, channels=channels, f_number=options["f_number"])
+    return json.dumps(
+        {
+            "f_number": options["f_number"],
+            "k": list(found.k),
+            "centre_x_share": found.centre_x,
+            "centre_y_share": found.centre_y,
+            "largest_error_rel": found.largest_error_rel,
+            "opcode_list_base64": base64.b64encode(found.opcode_list).decode(),
+        }
+    )
+
+
+def _write_correction(fitted: Fit, _: ExportSubject, options: dict[str, Any]) -> Picture:
+    gains = compute_correction(fitted.coefficients, cfa=fitted.cfa, f_number=options["f_number"])
+    return Picture(samples=gains)
+
+
+def _write_residuals(fitted: Fit, subject: ExportSubject, options: dict[str, Any]) -> Picture:
+    fit, residuals = read_residuals(fitted.channel_fits, **options)
+    said = {
+        "quantity": "(light - fitted) / fitted",
+        "unit": "1",
+        **options,
+        "block_px": fit.block_px,
+        "residual_rms_rel": fit.residual_rms_rel,
+        "calibration_id": subject.calibration_id,
+    }
+    return Picture(samples=residuals, description=json.dumps(said))
+
+
+EXPORTS: Final = (
+    Export(
+        filename="lensfun.xml",
+        label="Lensfun",
+        media_type="application/xml",
+        operation="get_lensfun_xml",
+        description="The falloff as an entry of Lensfun's database. The pixel pitch must be registered with "
+        "the camera.",
+        write=_write_lensfun,
+        options=(
+            ExportOption(name="focal_length_mm", kind="number"),
+            ExportOption(
+                name="mount", kind="text", description="Of a fixed lens a name of its own, in lower case."
+            ),
+            ExportOption(
+                name="widest_f_number",
+                kind="number",
+                description="Of the lens, as in its name.",
+                required=False,
+            ),
+        ),
+        needs_pixel_pitch=True,
+    ),
+    Export(
+        filename="dng.json",
+        label="DNG opcode",
+        media_type="application/json",
+        operation="get_dng_vignette",
+        description="The parameters of DNG's FixVignetteRadial at one f-number, and the opcode as "
+        "OpcodeList3 holds it.",
+        write=_write_dng,
+        options=(_F_NUMBER,),
+    ),
+    Export(
+        filename="correction.tif",
+        label="Correction map",
+        media_type="image/tiff",
+        operation="get_correction_map",
+        description="1 / V of every pixel, float32: multiply what lies above dark by it, each pixel by its "
+        "own channel's.",
+        write=_write_correction,
+        options=(_F_NUMBER,),
+    ),
+    Export(
+        filename="residuals.tif",
+        label="Residual map",
+        media_type="image/tiff",
+        operation="get_residual_map",
+        description="What the curve leaves of the flats, (light - fitted) / fitted, float32: a pixel for "
+        "each block.\n\nNaN where a block did not count. The description says how many pixels of the frame a "
+        "block is wide.",
+        write=_write_residuals,
+        options=(_F_NUMBER, ExportOption(name="channel", kind="text")),
+    ),
+)
