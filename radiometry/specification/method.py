@@ -257,7 +257,7 @@ class MethodSpec:
     @property
     def corrected_by(self) -> str | None:
         """Name of the method whose version a fit can be corrected by, None if there is none."""
-        return next((each.field for each in self.parameters if each.kind == "version"), None)
+        return next((each.version_of for each in self.parameters if each.kind == "version"), None)
 
     @property
     def is_corrected(self) -> bool:

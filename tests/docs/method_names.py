@@ -25,24 +25,7 @@ ALLOWED: Final = frozenset({"radiometry/methods/__init__.py", "stilb/method.py"}
 
 # files that still know a method by its name: each leaves with its last mention, and none may join them
 KNOWN: Final[frozenset[str]] = frozenset(
-    {
-        "radiometry/fleet/meaning.py",
-        "service/web/static/calibration/detail.js",
-        "service/web/static/calibration/page.js",
-        "service/web/static/calibration/points.js",
-        "service/web/static/calibration/refit.js",
-        "service/web/static/calibration/result.js",
-        "service/web/static/campaign/create.js",
-        "service/web/static/campaign/overview.js",
-        "service/web/static/campaign/region.js",
-        "service/web/static/campaign/target.js",
-        "service/web/static/measurement/new.js",
-        "service/web/static/measurement/words.js",
-        "service/web/static/pages/camera.js",
-        "service/web/static/pages/fleet.js",
-        "service/web/templates/calibration.html",
-        "service/web/templates/campaign.html",
-    }
+    {"service/web/static/measurement/new.js", "service/web/static/measurement/words.js"}
 )
 
 _NAME: Final = "|".join(sorted(NAMES))
