@@ -1,4 +1,4 @@
-"""The parts of the reflectance calibration; `radiometry.reflectance.method` is its door."""
+"""Reflectance method: its specification; `radiometry.reflectance.method` exports its functions."""
 
 from typing import Final
 

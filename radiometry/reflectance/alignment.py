@@ -1,4 +1,4 @@
-"""Bands of one capture brought onto one another by what the files say of their lenses."""
+"""Alignment of the bands of one capture by the lens data that the files state."""
 
 import math
 
@@ -23,17 +23,42 @@ def align(
 ) -> NDArray[np.float32]:
     """Resample a band's whole frame to the pixels of another band of the same capture.
 
-    d_of = R_of^T R_onto d_onto    a pixel's direction in the one camera, and in the other
-    R = R_x(omega) R_y(phi) R_z(kappa) turns a band's directions into the rig's reference band's. Only the
-    turning is undone. Lenses b [m] apart see a surface h [m] away moved by c b/h pixels, c = 1055 px in a
-    Sequoia: half a pixel for 2 cm and 40 m, tens for a panel close by. No file states b.
-    Values between pixels are bilinear; NaN where the other band did not look, or was saturated.
+    Parameters
+    ----------
+    plane : ndarray of float32
+        Whole frame of band `of`, (row, col).
+    of : RigGeometry or None
+        Lens of the band to resample.
+    onto : RigGeometry or None
+        Lens of the band whose pixels are the result.
 
-    Takes
-      plane : (row, col) float32, the whole frame of band ``of``
-    Raises InputRejected(bands_not_aligned) if a file does not say how its band is turned
-    Source: Pix4D, "How are the internal and external camera parameters defined?" (lens models); the sense of
-    R was found on a real Sequoia capture, see the tests
+    Returns
+    -------
+    ndarray of float32
+        Bilinear values, (row, col); NaN where the other band did not look, or was
+        saturated.
+
+    Raises
+    ------
+    InputRejected
+        `bands_not_aligned` if a file does not state the rotation of its band.
+
+    Notes
+    -----
+    A pixel's direction in one camera and in the other is related by [1]_::
+
+        d_of = R_of^T R_onto d_onto
+
+    R = R_x(omega) R_y(phi) R_z(kappa) rotates a band's directions into the rig's
+    reference band's. Only the rotation is corrected. Lenses b [m] apart see a
+    surface h [m] away shifted by c b/h pixels, c = 1055 px in a Sequoia: half a
+    pixel for 2 cm and 40 m, tens for a panel close by. No file states b. The sense
+    of R was determined on a real Sequoia capture (see the tests).
+
+    References
+    ----------
+    .. [1] Pix4D, "How are the internal and external camera parameters defined?"
+           (lens models)
     """
     rows, cols = (np.arange(size, dtype=np.float64) for size in plane.shape)
     x, y = _find_positions(
@@ -49,12 +74,32 @@ def align(
 def move_region(
     polygon: Polygon, *, of: RigGeometry | None, onto: RigGeometry | None, height_px: int, width_px: int
 ) -> tuple[Polygon, Polygon]:
-    """Give a region of band ``onto`` as ``onto`` and as ``of`` see it: the part of it that both frames hold.
+    """Return a region of band `onto` as both bands see it: the part of it that both frames contain.
 
-    The corners are moved as `align` moves pixels; the lines between them stay straight.
+    Parameters
+    ----------
+    polygon : Polygon
+        Region in the frame of `onto`.
+    of, onto : RigGeometry or None
+        Lenses of the two bands.
+    height_px, width_px : int
+        Size of the frames [px].
 
-    Raises InputRejected
-      bands_not_aligned as `align`; roi_outside_frame if the other band sees nothing of the region
+    Returns
+    -------
+    tuple[Polygon, Polygon]
+        Region in the frame of `onto`, and in that of `of`.
+
+    Raises
+    ------
+    InputRejected
+        `bands_not_aligned` as in `align`; `roi_outside_frame` if the other band
+        sees nothing of the region.
+
+    Notes
+    -----
+    The corners are moved as `align` moves pixels; the lines between them stay
+    straight.
     """
     lenses = (_require(of), _require(onto))
     try:
@@ -75,16 +120,17 @@ def move_region(
 
 
 def _move_points(points: Grid, *, of: RigGeometry, onto: RigGeometry) -> Grid:
-    """Move points (n, 2) [px] from where ``onto`` sees them: a region's 0.5 is the centre of pixel 0."""
+    """Move points (n, 2) [px] from where `onto` sees them: a region's 0.5 is the centre of pixel 0."""
     x, y = _find_positions(points[:, 0] - 0.5, points[:, 1] - 0.5, of=of, onto=onto)
     return np.column_stack((x, y)) + 0.5
 
 
 def _find_positions(x: Grid, y: Grid, *, of: RigGeometry, onto: RigGeometry) -> tuple[Grid, Grid]:
-    """Give where (x, y) [px] the band ``of`` sees what ``onto`` sees at x, y; if nowhere, beside the image.
+    """Return where (x, y) [px] band `of` sees what `onto` sees at x, y, or a position beside the image.
 
-    A file's numbers may be any, and resampling at a position that is no number reads beside the memory: what
-    is not finite, or behind the lens, is put beside the image.
+    A file may state any number, and resampling at a position that is not finite
+    reads outside the memory: what is not finite, or behind the lens, is put beside
+    the image.
     """
     with np.errstate(all="ignore"):
         directions = find_directions(onto, x=x, y=y)
@@ -95,7 +141,20 @@ def _find_positions(x: Grid, y: Grid, *, of: RigGeometry, onto: RigGeometry) -> 
 
 
 def find_directions(lens: RigGeometry, *, x: Grid, y: Grid) -> Grid:
-    """Give the unit direction of each pixel position [px] in the band's own frame, (..., 3); z forward."""
+    """Compute the unit direction of each pixel position in the band's own frame.
+
+    Parameters
+    ----------
+    lens : RigGeometry
+        Lens of the band.
+    x, y : Grid
+        Pixel positions [px].
+
+    Returns
+    -------
+    Grid
+        Unit vectors, (..., 3), with z forward.
+    """
     u, v = x - lens.principal_point_px[0], y - lens.principal_point_px[1]
     if lens.model == "fisheye":
         c, d, e, f = lens.fisheye_affine
@@ -116,7 +175,20 @@ def find_directions(lens: RigGeometry, *, x: Grid, y: Grid) -> Grid:
 
 
 def project(lens: RigGeometry, directions: Grid) -> tuple[Grid, Grid]:
-    """Give the pixel position (x, y) [px] of directions in the band's own frame, (..., 3)."""
+    """Compute the pixel position of directions in the band's own frame.
+
+    Parameters
+    ----------
+    lens : RigGeometry
+        Lens of the band.
+    directions : Grid
+        Directions, (..., 3).
+
+    Returns
+    -------
+    tuple[Grid, Grid]
+        x and y [px].
+    """
     a, b, forward = directions[..., 0], directions[..., 1], directions[..., 2]
     if lens.model == "fisheye":
         sideways = np.hypot(a, b)
@@ -130,14 +202,14 @@ def project(lens: RigGeometry, directions: Grid) -> tuple[Grid, Grid]:
 
 
 def _fisheye_radius(lens: RigGeometry, angle: Grid) -> Grid:
-    """Give rho = p0 + p1 t + p2 t^2 + ..., t = 2 angle / pi."""
+    """Compute rho = p0 + p1 t + p2 t^2 + ..., t = 2 angle / pi."""
     return np.asarray(
         np.polynomial.polynomial.polyval(2.0 * angle / math.pi, np.array(lens.fisheye_polynomial))
     )
 
 
 def _distort(lens: RigGeometry, u: Grid, v: Grid) -> tuple[Grid, Grid]:
-    """Brown's model, k1 k2 k3 p1 p2."""
+    """Apply Brown's model, k1 k2 k3 p1 p2."""
     k1, k2, k3, p1, p2 = lens.distortion
     square = u * u + v * v
     radial = 1.0 + square * (k1 + square * (k2 + square * k3))
@@ -156,7 +228,7 @@ def _rotation(lens: RigGeometry) -> Grid:
 
 
 def _require(lens: RigGeometry | None) -> RigGeometry:
-    """Refuse a band whose file does not say enough to place it."""
+    """Refuse a band whose file does not state enough to align it."""
     whole = lens is not None and lens.rotation_deg is not None
     if whole and lens is not None and lens.model == "fisheye":
         affine, terms = lens.fisheye_affine, lens.fisheye_polynomial

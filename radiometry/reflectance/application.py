@@ -1,4 +1,4 @@
-"""A reflectance calibration applied to a new frame: a region, or every pixel of a window."""
+"""Application of a reflectance calibration to a new frame: a region, or every pixel of a window."""
 
 import math
 from collections.abc import Sequence
@@ -27,9 +27,24 @@ _SAME_SCALE_REL = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """How a frame's signal becomes reflectance: R = I_sq factor, factor = K / (I_ss cos(theta)).
+    """Conversion of a frame's signal to reflectance: R = I_sq factor, factor = K / (I_ss cos(theta)).
 
-    ``u_rel`` : of the factor, the same for every pixel; ``sources`` : its parts
+    Attributes
+    ----------
+    band : str
+        Name of the band.
+    factor : float
+        Factor from the signal to reflectance.
+    u_rel : float
+        Relative standard uncertainty of the factor, the same for every pixel.
+    sources : tuple of tuple[str, float]
+        Parts of `u_rel` by source.
+    reflectance_k : float
+        K at the frame's time.
+    i_ss : float or None
+        Sunshine reading; None for a panel-only K.
+    flags : tuple of Raised
+        Flags of the frame.
     """
 
     band: str
@@ -43,7 +58,17 @@ class Scale:
 
 @dataclass(frozen=True, kw_only=True)
 class ReflectanceMap:
-    """A window's reflectance, (row, col) float32 [1], NaN where saturated, and how many leave [0, 1]."""
+    """Reflectance of a window.
+
+    Attributes
+    ----------
+    reflectance : ndarray of float32
+        Reflectance, (row, col); NaN where saturated.
+    below_zero, above_one : int
+        Number of pixels below 0 and above 1.
+    saturated : int
+        Number of saturated pixels.
+    """
 
     reflectance: NDArray[np.float32]
     below_zero: int
@@ -54,20 +79,40 @@ class ReflectanceMap:
 def find_scale_of_frame(
     header: FrameHeader, *, coefficients: Sequence[Coefficient], incidence_angle_deg: float = 0.0
 ) -> Scale:
-    """Give the factor from a frame's signal to reflectance.
+    """Compute the factor from a frame's signal to reflectance.
 
-    R = K I_sq / (I_ss cos(theta)), K at the frame's time; I_ss is left out with a panel-only K
-    u_rel^2 = u_K^2 + sunshine^2 + gain^2. A gain's error is in K and in I_ss alike: with one and the same
-    gain index in both it cancels, else both count.
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the frame.
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per band.
+    incidence_angle_deg : float, default: 0.0
+        Angle between the light and the surface's normal [deg]; 0 if it is that of
+        the sunshine sensor.
 
-    Takes
-      incidence_angle_deg : between the light and the surface's normal; 0: as the sunshine sensor
-    Flags
-      of `measure_sunshine`; panel_only, outside_panel_times, sensor_model_differs, serial_unknown,
-      sunshine_serial_unknown
-    Raises InputRejected
-      band_not_calibrated, wrong_camera, wrong_sunshine_sensor, sunshine_missing, panel_angle_too_large,
-      tilt_not_correctable, sensor_model_unusable
+    Returns
+    -------
+    Scale
+        Factor with its uncertainty. Flags: those of `measure_sunshine`, and
+        `panel_only`, `outside_panel_times`, `sensor_model_differs`,
+        `serial_unknown`, `sunshine_serial_unknown`.
+
+    Raises
+    ------
+    InputRejected
+        `band_not_calibrated`, `wrong_camera`, `wrong_sunshine_sensor`,
+        `sunshine_missing`, `panel_angle_too_large`, `tilt_not_correctable` or
+        `sensor_model_unusable`.
+
+    Notes
+    -----
+    With K at the frame's time; I_ss is left out with a panel-only K::
+
+        R = K I_sq / (I_ss cos(theta))        u_rel^2 = u_K^2 + sunshine^2 + gain^2
+
+    The error of a gain is in K and in I_ss alike: with the same gain index in both
+    it cancels, otherwise both count.
     """
     band = require_band(header)
     require_flat_angle(incidence_angle_deg)
@@ -100,9 +145,24 @@ def find_scale_of_frame(
 
 
 def choose_coefficient(coefficients: Sequence[Coefficient], *, band: str) -> Coefficient:
-    """Give the coefficient of a band.
+    """Return the coefficient of a band.
 
-    Raises InputRejected(band_not_calibrated)
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per band.
+    band : str
+        Name of the band.
+
+    Returns
+    -------
+    Coefficient
+        The coefficient of that band.
+
+    Raises
+    ------
+    InputRejected
+        `band_not_calibrated` if there is none.
     """
     for coefficient in coefficients:
         if coefficient.band == band:
@@ -122,10 +182,29 @@ def apply_features(
     coefficients: Sequence[Coefficient],
     incidence_angle_deg: float = 0.0,
 ) -> AppliedReflectance:
-    """Give the reflectance of a region, with its uncertainty; nothing is clipped to [0, 1].
+    """Compute the reflectance of a region with its uncertainty; nothing is clipped to [0, 1].
 
-    Flags  of `find_scale_of_frame`; saturated, below_detection, reflectance_out_of_range
-    Raises InputRejected as `find_scale_of_frame`
+    Parameters
+    ----------
+    features : Features
+        Features of the region.
+    header : FrameHeader
+        Metadata of the frame.
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per band.
+    incidence_angle_deg : float, default: 0.0
+        Angle between the light and the surface's normal [deg].
+
+    Returns
+    -------
+    AppliedReflectance
+        Reflectance. Flags: those of `find_scale_of_frame`, and `saturated`,
+        `below_detection`, `reflectance_out_of_range`.
+
+    Raises
+    ------
+    InputRejected
+        As `find_scale_of_frame`.
     """
     scale = find_scale_of_frame(header, coefficients=coefficients, incidence_angle_deg=incidence_angle_deg)
     value = features.i_sq * scale.factor
@@ -150,9 +229,28 @@ def apply_features(
 
 
 def compute_map(frame: Frame, *, header: FrameHeader, exposure: Exposure, scale: Scale) -> ReflectanceMap:
-    """Give the reflectance of every pixel of a window; a window gives what the whole frame gives there.
+    """Compute the reflectance of every pixel of a window; it equals that of the whole frame there.
 
-    Raises InputRejected(sensor_model_unusable)
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    header : FrameHeader
+        Metadata of the frame.
+    exposure : Exposure
+        Exposure of the frame.
+    scale : Scale
+        Scale of the frame.
+
+    Returns
+    -------
+    ReflectanceMap
+        Reflectance, with the numbers of pixels outside [0, 1].
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable`.
     """
     signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
     reflectance: NDArray[np.float32] = (signal * scale.factor).astype(np.float32)
@@ -199,7 +297,7 @@ def _check_identity(header: FrameHeader, band: Multispectral, coefficient: Coeff
 
 
 def _compare(stated: str | None, calibrated: str | None, what: str, code: Finding) -> bool:
-    """Say whether both serial numbers are known; refuse two that differ."""
+    """Return True if both serial numbers are known; refuse two that differ."""
     if not stated or not calibrated:
         return False
     if stated.casefold() != calibrated.casefold():

@@ -1,4 +1,4 @@
-"""The uncertainty budgets of K per band in the form in which a certificate states them."""
+"""Uncertainty budgets of K per band in the form in which a certificate states them."""
 
 from dataclasses import asdict, dataclass
 
@@ -9,13 +9,30 @@ from radiometry.specification.method import Budget
 
 @dataclass(frozen=True, kw_only=True)
 class BudgetLine(BudgetEntry):
-    """One source of u(K); ``u`` is its contribution in the unit of K."""
+    """One source of u(K).
+
+    Attributes
+    ----------
+    u : float
+        Contribution in the unit of K.
+    """
 
     u: float
 
 
 def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
-    """Return the budget of each band."""
+    """Return the budget of each band.
+
+    Parameters
+    ----------
+    fitted : Fit
+        Result of the fit.
+
+    Returns
+    -------
+    tuple of Budget
+        One budget per band.
+    """
     return tuple(
         Budget(
             holds_for={"band": fit.coefficient.band},

@@ -1,4 +1,4 @@
-"""What a certificate prints of a reflectance calibration."""
+"""Text of a certificate for a reflectance calibration."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""When a frame was taken, and where the sun stood."""
+"""Time of a frame, and position of the sun at that time."""
 
 from datetime import UTC, datetime
 
@@ -10,7 +10,19 @@ from radiometry.reflectance.tilt import Tilt, TiltParams, require_high_sun
 
 
 def read_clock(header: FrameHeader) -> datetime | None:
-    """Give the time of the exposure; both makers write UTC, and where a file has an offset it counts."""
+    """Return the time of the exposure.
+
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the frame.
+
+    Returns
+    -------
+    datetime or None
+        None if the file has no time. Both manufacturers write UTC; an offset in the
+        file is used.
+    """
     if header.taken_at is None:
         return None
     at = datetime.fromisoformat(header.taken_at)
@@ -18,15 +30,42 @@ def read_clock(header: FrameHeader) -> datetime | None:
 
 
 def read_clock_s(header: FrameHeader) -> float | None:
-    """Give the same in seconds since 1970; None where the file has no time."""
+    """Return the time of the exposure in seconds since 1970.
+
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the frame.
+
+    Returns
+    -------
+    float or None
+        Time [s]; None if the file has none.
+    """
     at = read_clock(header)
     return at.timestamp() if at is not None else None
 
 
 def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:
-    """Give the sun over a frame, or None where no correction is wanted.
+    """Return the tilt correction of a frame with the position of the sun.
 
-    Raises InputRejected(tilt_not_correctable) if the file lacks position or time, or the sun is too low
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the frame.
+    params : TiltParams or None
+        Assumptions of the correction; None for no correction.
+
+    Returns
+    -------
+    Tilt or None
+        None if no correction is requested.
+
+    Raises
+    ------
+    InputRejected
+        `tilt_not_correctable` if the file lacks position or time, or the sun is too
+        low.
     """
     if params is None:
         return None

@@ -1,4 +1,4 @@
-"""What another calibration would make of a reflectance that was measured."""
+"""Change of a measured reflectance with another calibration."""
 
 import math
 from collections.abc import Sequence
@@ -19,18 +19,44 @@ def change_reflectance(
     incidence_angle_deg: float = 0.0,
     common_u_rel: float = 0.0,
 ) -> Quantity:
-    """Give R_new / R_old - 1 [%] of a frame that was measured with ``old`` and would be with ``new``.
+    """Compute R_new / R_old - 1 of a frame measured with `old` and with `new`.
+
+    Parameters
+    ----------
+    old, new : sequence of Coefficient
+        Coefficients of both versions, one per band.
+    header : FrameHeader
+        Metadata of the frame; K is taken at its time, I_ss as each version chooses
+        its readings.
+    incidence_angle_deg : float, default: 0.0
+        Angle between the light and the surface's normal [deg].
+    common_u_rel : float, default: 0.0
+        Relative standard uncertainty m of the panel's reflectance if both versions
+        depend on the same panel.
+
+    Returns
+    -------
+    Quantity
+        Change in %, with its standard uncertainty.
+
+    Raises
+    ------
+    InputRejected
+        As `find_scale_of_frame`, with either version.
+
+    Notes
+    -----
+    With the uncertainties relative to K [1]_::
 
         R = K I_sq / (I_ss cos(theta))      R_new / R_old = factor_new / factor_old
-        u(change)^2 = (R_new / R_old)^2 (u_old^2 + u_new^2 - 2 m^2), u relative to K
+        u(change)^2 = (R_new / R_old)^2 (u_old^2 + u_new^2 - 2 m^2)
 
-    The frame's signal is one and the same in both, and so is its sunshine reading's error.
+    The frame's signal is the same in both, and so is the error of its sunshine
+    reading.
 
-    Takes
-      header : of the frame; K is taken at its time, I_ss as each version chooses its readings
-      common_u_rel : m, of the panel's reflectance where both versions hang on one panel
-    Raises InputRejected as `find_scale_of_frame`, with either version
-    Source: JCGM 100:2008, 5.2.2
+    References
+    ----------
+    .. [1] JCGM 100:2008, 5.2.2, doi:10.59161/JCGM100-2008E
     """
     factors = [
         find_scale_of_frame(header, coefficients=each, incidence_angle_deg=incidence_angle_deg).factor

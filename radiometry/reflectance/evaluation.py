@@ -9,7 +9,17 @@ from radiometry.reflectance.results import Coefficient, Knot
 
 @dataclass(frozen=True, kw_only=True)
 class KAtTime:
-    """``value`` : K; ``u_rel`` : all but the sunshine gain; ``outside`` : not between two knots."""
+    """K at the time of a frame.
+
+    Attributes
+    ----------
+    value : float
+        K.
+    u_rel : float
+        Relative standard uncertainty from all sources but the sunshine gain.
+    outside : bool
+        True if the time is not between two knots.
+    """
 
     value: float
     u_rel: float
@@ -17,13 +27,32 @@ class KAtTime:
 
 
 def evaluate_k(coefficient: Coefficient, *, at_s: float | None) -> KAtTime:
-    """Give K(t) with its uncertainty; ``at_s`` on the camera's clock, None where it is not known.
+    """Compute K(t) with its uncertainty.
 
-    constant : the mean of the visits, with their drift in its uncertainty
-    linear : K(t) = (1 - w) K_0 + w K_1, w = (t - t_0)/(t_1 - t_0) between the two visits around t, and
-        u^2 = shared^2 + (1 - w)^2 u_0^2 + w^2 u_1^2. Outside the visits K is the nearest one's, and the whole
-        change between the first and the last is added: nothing says that it stopped there. Without the time
-        of the frame or of the visits: the mean, with the same addition.
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Coefficient of the band.
+    at_s : float or None
+        Time on the camera's clock [s]; None if it is not known.
+
+    Returns
+    -------
+    KAtTime
+        K at that time.
+
+    Notes
+    -----
+    "constant" uses the mean of the panel captures, with their drift in its
+    uncertainty. "linear" uses, with w = (t - t_0)/(t_1 - t_0) between the two
+    captures around t::
+
+        K(t) = (1 - w) K_0 + w K_1        u^2 = shared^2 + (1 - w)^2 u_0^2 + w^2 u_1^2
+
+    Outside the captures K is that of the nearest one, and the whole change between
+    the first and the last is added to the uncertainty: there is no evidence that it
+    stopped there. Without the time of the frame or of the captures it is the mean,
+    with the same addition.
     """
     knots = coefficient.knots
     mean = math.fsum(knot.reflectance_k for knot in knots) / len(knots)

@@ -1,4 +1,4 @@
-"""What a region of one band says: its raw statistics and its irradiance or radiance."""
+"""Features of a region of one band: raw statistics, and irradiance or radiance."""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,11 +20,23 @@ _CONTAINER_BITS = 16
 class Features:
     """A region of one band, ready for JSON.
 
-    ``statistics`` : of raw numbers, black included, channel named by the band
-    ``i_sq`` : mean over the region after black and vignetting: a Sequoia's irradiance [unit of its own] or a
-        MicaSense camera's radiance [W/(m2*sr*nm)]; ``i_sq_std`` over its pixels
-    ``i_sq_standard_uncertainty`` : of the mean, from pixel noise and rounding
-    ``gradient_rel`` : range of the plane that fits the region best, relative to the mean
+    Attributes
+    ----------
+    band : str
+        Name of the band.
+    statistics : ChannelStatistics
+        Statistics of raw values, black included, with the band as channel.
+    i_sq : float
+        Mean over the region after black and vignetting: a Sequoia's irradiance
+        [unit of its own] or a MicaSense camera's radiance [W/(m2*sr*nm)].
+    i_sq_standard_uncertainty : float
+        Standard uncertainty of the mean, from pixel noise and rounding.
+    i_sq_std : float
+        Standard deviation over the region's pixels.
+    i_sq_unit : str
+        Unit of the three.
+    gradient_rel : float
+        Range of the plane that fits the region best, relative to the mean.
     """
 
     band: str
@@ -37,12 +49,36 @@ class Features:
 
 
 def extract_features(frame: Frame, polygon: Polygon, *, header: FrameHeader, exposure: Exposure) -> Features:
-    """Give the features of a region; ``frame`` must hold the region's window.
+    """Compute the features of a region.
 
-    u^2 = s^2 / n + (q^2 / 12) exp(-4 pi^2 s^2 / q^2)   per mean, s the pixels' spread, q the sensor's step:
-    64 raw numbers in a Sequoia's file, 16 in a MicaSense camera's
+    Parameters
+    ----------
+    frame : Frame
+        Window that contains the region's window.
+    polygon : Polygon
+        Region.
+    header : FrameHeader
+        Metadata of the frame.
+    exposure : Exposure
+        Exposure of the frame.
 
-    Raises InputRejected(roi_empty | sensor_model_unusable)
+    Returns
+    -------
+    Features
+        Features of the region.
+
+    Raises
+    ------
+    InputRejected
+        `roi_empty` or `sensor_model_unusable`.
+
+    Notes
+    -----
+    With s the standard deviation of the pixels and q the sensor's step (64 raw
+    values in a Sequoia's file, 16 in a MicaSense camera's), the variance of the
+    mean is::
+
+        u^2 = s^2 / n + (q^2 / 12) exp(-4 pi^2 s^2 / q^2)
     """
     band = require_band(header)
     height, width = frame.samples_dn.shape[:2]
@@ -69,13 +105,25 @@ def extract_features(frame: Frame, polygon: Polygon, *, header: FrameHeader, exp
 
 
 def measure_gradient(signal: NDArray[np.float64], inside: NDArray[np.bool_]) -> float:
-    """Give how much a region's signal changes across it: a plane's range, relative to the mean.
+    """Compute the change of a region's signal across it: a plane's range, relative to the mean.
 
-    The plane is the least-squares one through all pixels, so noise hardly enters: over n pixels of noise s
-    the range it makes up is about 2 sqrt(12) s / sqrt(n). 0 where the region is too narrow for a plane.
+    Parameters
+    ----------
+    signal : ndarray of float64
+        Signal, (row, col).
+    inside : ndarray of bool
+        Pixels of the region in the same window, (row, col).
 
-    Takes
-      signal, inside : (row, col), the same window
+    Returns
+    -------
+    float
+        Range relative to the mean; 0 if the region is too narrow for a plane.
+
+    Notes
+    -----
+    The plane is the least-squares one through all pixels, so noise has little
+    effect: over n pixels of noise s the range that noise produces is about 2
+    sqrt(12) s / sqrt(n).
     """
     rows, cols = np.nonzero(inside)
     values = signal[inside]
@@ -94,6 +142,6 @@ def _black_dn(header: FrameHeader) -> float:
 
 
 def _step_dn(header: FrameHeader) -> float:
-    """Give the step between the numbers that a sensor of fewer bits writes into sixteen."""
+    """Return the step between the values that a sensor of fewer bits writes into sixteen."""
     full = require_band(header).full_scale_dn
     return 1.0 if full is None else float(1 << _CONTAINER_BITS) - full

@@ -1,4 +1,4 @@
-"""What to know about panel frames, their sunshine readings and a fitted band."""
+"""Flags of panel frames, of their sunshine readings and of a fitted band."""
 
 from collections.abc import Sequence
 
@@ -16,9 +16,19 @@ _BLACK_TOLERANCE_REL = 0.01
 
 
 def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
-    """Say what to know about a multispectral file by its header alone.
+    """Check a multispectral file by its header alone.
 
-    Flags  sensor_model_scale, black_level_disagrees
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the file.
+    where : str, default: ""
+        What the flags name.
+
+    Returns
+    -------
+    list of Raised
+        Flags `sensor_model_scale`, `black_level_disagrees`.
     """
     band = header.multispectral
     if band is None or band.sensor_model is None:
@@ -39,7 +49,18 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
 
 
 def check_candidates(candidates: Sequence[Candidate]) -> list[Raised]:
-    """Look at the panel frames that went in, and at those that did not."""
+    """Check the panel frames that entered the fit, and those that did not.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Panel frames.
+
+    Returns
+    -------
+    list of Raised
+        Flags by frame and by capture.
+    """
     raised: list[Raised] = []
     for each in candidates:
         where = f"frame {each.row.frame}"
@@ -76,7 +97,20 @@ def _find_missing_bands(candidates: Sequence[Candidate]) -> list[Raised]:
 
 
 def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
-    """Look at what came out of one band."""
+    """Check the result of one band.
+
+    Parameters
+    ----------
+    fit : BandFit
+        Result of the band.
+    used : sequence of Candidate
+        Panel frames that were used.
+
+    Returns
+    -------
+    list of Raised
+        Flags of the band.
+    """
     where = f"band {fit.coefficient.band}"
     steepest = max(each.features.gradient_rel for each in used)
     raised = []

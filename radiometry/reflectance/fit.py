@@ -20,7 +20,7 @@ _RECTANGLE = 1.0 / math.sqrt(12.0)
 
 @dataclass(frozen=True)
 class _Frame:
-    """K of one panel frame, and what it shares with no other."""
+    """K of one panel frame, and its errors that no other frame shares."""
 
     candidate: Candidate
     k: float
@@ -30,7 +30,7 @@ class _Frame:
 
 @dataclass(frozen=True)
 class _Own:
-    """What visits do not share, as relative variances of their K, and the degrees of freedom behind them."""
+    """Errors that panel captures do not share, as relative variances of their K, and their degrees of freedom."""
 
     noise: float
     sunshine: float
@@ -43,26 +43,60 @@ class _Own:
 
 
 def compute_k(*, reflectance: float, incidence_angle_deg: float, i_sq: float, i_ss: float | None) -> float:
-    """Give K = R cos(theta) I_ss / I_sq; without a sunshine reading I_ss is left out.
+    """Compute K = R cos(theta) I_ss / I_sq.
 
-    Source: "How to convert Sequoia images to reflectance?" 1.1, section 4c
+    Parameters
+    ----------
+    reflectance : float
+        Reflectance R of the panel.
+    incidence_angle_deg : float
+        Angle theta between the light and the panel's normal [deg].
+    i_sq : float
+        Signal I_sq of the panel.
+    i_ss : float or None
+        Sunshine reading I_ss; None leaves it out.
+
+    Returns
+    -------
+    float
+        K, as in section 4c of [1]_.
+
+    References
+    ----------
+    .. [1] "How to convert Sequoia images to reflectance?" 1.1, section 4c
     """
     lit = reflectance * math.cos(math.radians(incidence_angle_deg))
     return lit * (1.0 if i_ss is None else i_ss) / i_sq
 
 
 def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
-    """Fit one band; ``used`` in the order of time, at least one.
+    """Fit K of one band.
 
-    Model: K of a visit is the mean over its frames; K of the flight the mean over the visits, or K(t) on
-    straight lines between them.
-    u_rel(K)^2 = panel^2 + angle^2 + evenness^2 + gain^2 + drift^2 + (noise^2 + sunshine^2 + repeat^2)
+    Parameters
+    ----------
+    used : sequence of Candidate
+        Panel frames in the order of time, at least one.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    BandFit
+        Coefficient with its budget.
+
+    Notes
+    -----
+    K of a panel capture is the mean over its frames. K of the flight is the mean
+    over the captures, or K(t) on straight lines between them::
+
+        u_rel(K)^2 = panel^2 + angle^2 + evenness^2 + gain^2 + drift^2 + (noise^2 + sunshine^2 + repeat^2)
+
         panel     u(R)/R
         angle     tan(theta) u_theta and u_theta^2 / 2: the cosine's first and second order
         evenness  gradient across the region / sqrt(12)
         gain      of the sunshine sensor's gain indices, which all frames share
         drift     |K_last - K_first| / (K sqrt(12)) of a constant K; K(t) follows it
-        repeat    by how much the frames of a visit scatter beyond their noise
+        repeat    by how much the frames of a capture scatter beyond their noise
     """
     frames = [_measure(candidate, params) for candidate in used]
     visits = [
@@ -120,7 +154,7 @@ def _measure(candidate: Candidate, params: Params) -> _Frame:
 
 
 def _judge_visit(visit: Sequence[_Frame]) -> _Own:
-    """Compare what the frames predict with how they scatter; the larger of the two counts."""
+    """Compare the predicted scatter of the frames with the observed one; the larger of the two counts."""
     n = len(visit)
     noise = sum(frame.noise_u_rel**2 for frame in visit) / n**2
     sunshine = sum(frame.sunshine_u_rel**2 for frame in visit) / n**2
@@ -198,14 +232,38 @@ def _build(
 
 
 def find_scale(band: Multispectral) -> float:
-    """Give the number that sets the scale of a band's signal: A, or a1."""
+    """Return the coefficient that sets the scale of a band's signal.
+
+    Parameters
+    ----------
+    band : Multispectral
+        Metadata of the band.
+
+    Returns
+    -------
+    float
+        A of a Sequoia, or a1 of a MicaSense camera; 0 if the file has neither.
+    """
     if band.sensor_model is not None:
         return band.sensor_model.a
     return band.radiance_model.a1 if band.radiance_model is not None else 0.0
 
 
 def unit_of_k(band: Multispectral, normalisation: Normalisation) -> str:
-    """Give the unit of R I_ss / I_sq."""
+    """Return the unit of R I_ss / I_sq.
+
+    Parameters
+    ----------
+    band : Multispectral
+        Metadata of the band.
+    normalisation : Normalisation
+        Normalisation of the fit.
+
+    Returns
+    -------
+    str
+        Unit of K.
+    """
     if band.system == "sequoia":
         return "1/s" if normalisation == "sunshine" else "1"
     return "sr" if normalisation == "sunshine" else "m2*sr*nm/W"
@@ -216,7 +274,22 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
 
 
 def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) -> Point:
-    """Give a panel frame as the record keeps it, used or not."""
+    """Describe a panel frame as it is stored, used or not.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        Panel frame.
+    params : Params
+        Parameters of the fit.
+    fit : BandFit or None
+        Result of the band; None if the band was not fitted.
+
+    Returns
+    -------
+    Point
+        The stored point.
+    """
     features, sunshine, panel = candidate.row.features, candidate.sunshine, candidate.panel
     k = residual = None
     if not candidate.left_out and fit is not None:
@@ -245,7 +318,7 @@ def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) ->
 
 
 def _find_irradiance(candidate: Candidate) -> float | None:
-    """Give what a light sensor should read: a hundred times more or less is another unit."""
+    """Return what a light sensor should read: a hundred times more or less is another unit."""
     features, panel = candidate.row.features, candidate.panel
     if candidate.band.system != "micasense" or candidate.left_out or features is None or panel is None:
         return None

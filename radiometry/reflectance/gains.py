@@ -1,4 +1,4 @@
-"""The sunshine sensor's relative gains, from the table that every unit carries."""
+"""Relative gains of the sunshine sensor, from the table that every unit carries."""
 
 import math
 from collections.abc import Sequence
@@ -18,22 +18,51 @@ Channel = Literal["ch0", "ch1"]
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """``value`` : relative to the reference index; ``u_rel`` : of the rounding of its counts."""
+    """Relative gain of one index.
+
+    Attributes
+    ----------
+    value : float
+        Gain relative to the reference index.
+    u_rel : float
+        Relative standard uncertainty from the rounding of its counts.
+    """
 
     value: float
     u_rel: float
 
 
 def measure_gains(rows: Sequence[GainMeasurement], *, channel: Channel = "ch0") -> dict[int, Gain]:
-    """Give the relative gain of every usable index of a channel.
+    """Compute the relative gain of every usable index of a channel.
 
-    g_rel(i) = (CH_i / tau_i) / (CH_ref / tau_ref), reference index 1, all rows at equal light. The ratios
-    belong to one unit, band and channel. An index whose count is saturated (65535) or zero has no gain in
-    that channel; without a usable reference row only the reference itself has one, which is 1 by definition.
+    Parameters
+    ----------
+    rows : sequence of GainMeasurement
+        Gain table of the file.
+    channel : Channel, default: "ch0"
+        Channel of the sensor.
 
-    u_rel^2 = (1/12) / CH_i^2 + (1/12) / CH_ref^2 : 2.6 % for 11 counts. Dividing by the gain INDEX instead is
-    a common mistake: 6 times wrong at index 2, and index 0 divides by zero.
-    Source: "How to convert Sequoia images to reflectance?" 1.1, section 6
+    Returns
+    -------
+    dict of int to Gain
+        Gain by index.
+
+    Notes
+    -----
+    With reference index 1 and all rows at equal light [1]_::
+
+        g_rel(i) = (CH_i / tau_i) / (CH_ref / tau_ref)
+        u_rel^2 = (1/12) / CH_i^2 + (1/12) / CH_ref^2        2.6 % for 11 counts
+
+    The ratios belong to one unit, band and channel. An index whose count is
+    saturated (65535) or zero has no gain in that channel. Without a usable
+    reference row only the reference itself has one, which is 1 by definition.
+    Dividing by the gain INDEX instead is a common mistake: 6 times wrong at index
+    2, and index 0 divides by zero.
+
+    References
+    ----------
+    .. [1] "How to convert Sequoia images to reflectance?" 1.1, section 6
     """
     gains = {REFERENCE_INDEX: Gain(value=1.0, u_rel=0.0)}
     usable = {row.gain_index: row for row in rows if _is_usable(row, channel)}

@@ -1,4 +1,4 @@
-"""The signal of a band's pixels, whichever camera wrote them: black, then vignetting, then scale."""
+"""Signal of a band's pixels, whichever camera wrote them: black, then vignetting, then scale."""
 
 from typing import assert_never
 
@@ -20,9 +20,22 @@ RADIANCE_UNIT = "W/(m2*sr*nm)"
 
 
 def require_band(header: FrameHeader) -> Multispectral:
-    """Give what a multispectral file says of its band.
+    """Return the metadata of the band of a multispectral file.
 
-    Raises InputRejected(sensor_model_unusable) if the file is of another kind
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the file.
+
+    Returns
+    -------
+    Multispectral
+        Metadata of the band.
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable` if the file is of another kind.
     """
     if header.multispectral is None:
         raise InputRejected(
@@ -35,15 +48,47 @@ def require_band(header: FrameHeader) -> Multispectral:
 
 
 def signal_unit(band: Multispectral) -> str:
-    """Give the unit of a band's signal: a Sequoia's is its own, a MicaSense camera's is radiance."""
+    """Return the unit of a band's signal.
+
+    Parameters
+    ----------
+    band : Multispectral
+        Metadata of the band.
+
+    Returns
+    -------
+    str
+        A Sequoia's is its own, a MicaSense camera's is that of radiance.
+    """
     return SEQUOIA_UNIT if band.system == "sequoia" else RADIANCE_UNIT
 
 
 def compute_signal(frame: Frame, *, header: FrameHeader, settings: Settings) -> Plane:
-    """Give I_sq, or radiance, of every pixel of a window, (row, col) float64; nothing is clipped.
+    """Compute I_sq, or radiance, of every pixel of a window; nothing is clipped.
 
-    The position in the frame enters: a window gives what the whole frame gives there, to the last bit.
-    Raises InputRejected(sensor_model_unusable)
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    header : FrameHeader
+        Metadata of the frame.
+    settings : Settings
+        Exposure settings.
+
+    Returns
+    -------
+    Plane
+        Signal, (row, col).
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable`.
+
+    Notes
+    -----
+    The position in the frame enters: the signal of a window equals that of the
+    whole frame there, to the last bit.
     """
     band = require_band(header)
     match band.system:

@@ -20,7 +20,15 @@ _SECOND: Mapping[Index, str] = {"ndvi": "red", "ndre": "red_edge", "gndvi": "gre
 
 @dataclass(frozen=True, kw_only=True)
 class BandMap:
-    """The reflectance of one band's whole frame, (row, col) float32, and its file's header."""
+    """Reflectance of one band's whole frame.
+
+    Attributes
+    ----------
+    header : FrameHeader
+        Metadata of the band's file.
+    reflectance : ndarray of float32
+        Reflectance, (row, col).
+    """
 
     header: FrameHeader
     reflectance: NDArray[np.float32]
@@ -28,7 +36,17 @@ class BandMap:
 
 @dataclass(frozen=True, kw_only=True)
 class IndexMap:
-    """An index on the pixels of the near infrared band, NaN where it does not exist."""
+    """An index on the pixels of the near infrared band.
+
+    Attributes
+    ----------
+    index : Index
+        Name of the index.
+    values : ndarray of float32
+        Index, (row, col); NaN where it does not exist.
+    undefined : int
+        Number of pixels where it does not exist.
+    """
 
     index: Index
     values: NDArray[np.float32]
@@ -36,25 +54,54 @@ class IndexMap:
 
 
 def name_bands(index: Index) -> tuple[str, str]:
-    """Give the two bands that an index compares."""
+    """Return the two bands that an index compares.
+
+    Parameters
+    ----------
+    index : Index
+        Name of the index.
+
+    Returns
+    -------
+    tuple[str, str]
+        Near infrared and the other band.
+    """
     return NIR, _SECOND[index]
 
 
 def compute_index(index: Index, bands: Mapping[str, BandMap]) -> IndexMap:
-    """Give (NIR - X) / (NIR + X): X red for NDVI [1], red edge for NDRE, green for GNDVI [2].
+    """Compute (NIR - X) / (NIR + X): X red for NDVI [1]_, red edge for NDRE, green for GNDVI [2]_.
 
-    The second band is aligned onto the near infrared first. Where the two add up to nothing or less the index
-    does not exist: NaN, as where a band is saturated or did not look.
+    Parameters
+    ----------
+    index : Index
+        Name of the index.
+    bands : mapping of str to BandMap
+        Maps by name of the band; both must be whole frames of one capture of one
+        camera.
 
-    Takes
-      bands : by name; both must be whole frames of one capture of one camera
-    Raises InputRejected
-      bands_not_aligned if they are not one capture's, or a file does not say how its band is turned;
-      band_not_calibrated if one is not there
+    Returns
+    -------
+    IndexMap
+        The index on the pixels of the near infrared band.
+
+    Raises
+    ------
+    InputRejected
+        `bands_not_aligned` if they are not of one capture, or a file does not state
+        the rotation of its band; `band_not_calibrated` if one is missing.
+
+    Notes
+    -----
+    The second band is aligned onto the near infrared first. Where the sum of the
+    two is zero or less the index does not exist: NaN, as where a band is saturated
+    or did not look.
+
     References
-      [1] J. W. Rouse et al., Third ERTS Symposium, NASA SP-351, 309, 1974
-      [2] A. A. Gitelson, M. N. Merzlyak, Adv. Space Res. 22, 689, 1998, doi:10.1016/S0273-1177(97)01133-2
-
+    ----------
+    .. [1] J. W. Rouse et al., Third ERTS Symposium, NASA SP-351, 309 (1974)
+    .. [2] A. A. Gitelson, M. N. Merzlyak, Adv. Space Res. 22, 689 (1998),
+           doi:10.1016/S0273-1177(97)01133-2
     """
     nir_name, other_name = name_bands(index)
     lacking = [name for name in (nir_name, other_name) if name not in bands]
@@ -79,10 +126,25 @@ def compute_index(index: Index, bands: Mapping[str, BandMap]) -> IndexMap:
 
 
 def align_region(polygon: Polygon, nir: FrameHeader, other: FrameHeader) -> tuple[Polygon, Polygon]:
-    """Give a region of the near infrared frame as it and the capture's other band see it.
+    """Return a region of the near infrared frame as it and the capture's other band see it.
 
-    Raises InputRejected
-      bands_not_aligned as `compute_index`; roi_outside_frame if the other band sees nothing of it
+    Parameters
+    ----------
+    polygon : Polygon
+        Region in the near infrared frame.
+    nir, other : FrameHeader
+        Metadata of the two files.
+
+    Returns
+    -------
+    tuple[Polygon, Polygon]
+        Region in the near infrared frame, and in the other.
+
+    Raises
+    ------
+    InputRejected
+        `bands_not_aligned` as in `compute_index`; `roi_outside_frame` if the other
+        band sees nothing of it.
     """
     _require_one_capture(nir, other, sizes={(each.height_px, each.width_px) for each in (nir, other)})
     return move_region(

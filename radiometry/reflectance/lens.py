@@ -1,4 +1,4 @@
-"""The lens's share of light as the file states it, and its correction."""
+"""Relative illumination of the lens as the file states it, and its correction."""
 
 from dataclasses import dataclass
 
@@ -18,17 +18,45 @@ _DARKEST_SHARE, _BRIGHTEST_SHARE = 0.05, 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class FrameSize:
-    """Of the whole visible area."""
+    """Size of the whole visible area.
+
+    Attributes
+    ----------
+    height_px, width_px : int
+        Height and width [px].
+    """
 
     height_px: int
     width_px: int
 
 
 def evaluate_polynomial(lens: VignettingPolynomial, window: Window, *, size: FrameSize) -> Plane:
-    """Give V(x/W, y/H) = sum c_n (x/W)^i_n (y/H)^j_n in a window, (row, col).
+    """Compute V(x/W, y/H) = sum c_n (x/W)^i_n (y/H)^j_n in a window.
 
-    x is a pixel's column and y its row, counted from 0; W and H are the whole frame's.
-    Raises InputRejected(sensor_model_unusable) if the share leaves 5 % to 200 %: not a lens's polynomial
+    Parameters
+    ----------
+    lens : VignettingPolynomial
+        Polynomial of the lens.
+    window : Window
+        Window of the frame.
+    size : FrameSize
+        Size of the whole frame.
+
+    Returns
+    -------
+    Plane
+        Relative illumination V, (row, col).
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable` if V leaves 5 % to 200 %, so that it is not a lens's
+        polynomial.
+
+    Notes
+    -----
+    x is a pixel's column and y its row, counted from 0; W and H are the whole
+    frame's.
     """
     highest = np.max(np.array(lens.exponents), axis=0)
     terms = np.zeros(highest + 1)
@@ -41,9 +69,24 @@ def evaluate_polynomial(lens: VignettingPolynomial, window: Window, *, size: Fra
 
 
 def evaluate_radial(lens: RadialVignetting, window: Window) -> Plane:
-    """Give 1 + k0 r + k1 r^2 + ... in a window, (row, col); r [px] from the lens's centre.
+    """Compute 1 + k0 r + k1 r^2 + ... in a window; r [px] from the lens's centre.
 
-    Raises InputRejected(sensor_model_unusable) as above
+    Parameters
+    ----------
+    lens : RadialVignetting
+        Polynomial of the lens.
+    window : Window
+        Window of the frame.
+
+    Returns
+    -------
+    Plane
+        The polynomial, (row, col).
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable` as in `evaluate_polynomial`.
     """
     x = np.arange(window.col0, window.col0 + window.width) - lens.centre_x_px
     y = np.arange(window.row0, window.row0 + window.height) - lens.centre_y_px
@@ -52,10 +95,10 @@ def evaluate_radial(lens: RadialVignetting, window: Window) -> Plane:
 
 
 def _sum_powers(base: Plane, coefficients: Plane, shape: tuple[int, ...]) -> Plane:
-    """Give c_0 + c_1 base + c_2 base^2 + ... by Horner's rule, in one plane.
+    """Compute c_0 + c_1 base + c_2 base^2 + ... by Horner's rule, in one plane.
 
-    The same numbers as numpy's polyval to the last bit, which makes two new planes for each term: three times
-    faster on a million pixels.
+    The values equal those of numpy's polyval to the last bit; polyval makes two new
+    planes for each term and is three times slower on a million pixels.
     """
     total = np.broadcast_to(coefficients[-1], shape).copy()
     for coefficient in coefficients[-2::-1]:
@@ -65,10 +108,25 @@ def _sum_powers(base: Plane, coefficients: Plane, shape: tuple[int, ...]) -> Pla
 
 
 def correct_vignetting(light: Plane, share: Plane) -> Plane:
-    """Give the signal that the lens would pass where it passes all: (p - B) / V.
+    """Correct a signal above black for vignetting: (p - B) / V.
 
-    Black does not come through the lens, so it must be gone BEFORE this division: p / V - B is too large by
-    B (1/V - 1): in the top left corner of a real capture 4 % (green) to 19 % (red edge) of the signal.
+    Parameters
+    ----------
+    light : Plane
+        Signal above black, (row, col).
+    share : Plane
+        Relative illumination V, (row, col).
+
+    Returns
+    -------
+    Plane
+        Corrected signal, (row, col).
+
+    Notes
+    -----
+    Black does not come through the lens, so it must be subtracted BEFORE this
+    division. p / V - B is too large by B (1/V - 1): in the top left corner of a
+    real capture 4 % (green) to 19 % (red edge) of the signal.
     """
     return light / share
 

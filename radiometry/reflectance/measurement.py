@@ -1,4 +1,4 @@
-"""A band's frame measured with a reflectance calibration: a region, its pixels; and an index of two bands."""
+"""Measurement of a band's frame: a region and its pixels, and an index of two bands."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,19 @@ _MAD_TO_SIGMA = 1.4826
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """One source's share of the mean's uncertainty [1]; ``shared`` : the same error in every pixel."""
+    """Contribution of one source to the mean's uncertainty.
+
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    shared : bool
+        True for the same error in every pixel.
+    standard_uncertainty : float
+        Contribution [1].
+    variance_share : float
+        Fraction of the variance, 0 to 1.
+    """
 
     source: str
     shared: bool
@@ -36,7 +48,15 @@ class Share:
 
 @dataclass(frozen=True, kw_only=True)
 class Percentile:
-    """``percent`` of the region's pixels do not reflect more than ``reflectance``."""
+    """A percentile of the region's pixels.
+
+    Attributes
+    ----------
+    percent : int
+        Percentage of the pixels that do not reflect more than `reflectance`.
+    reflectance : Quantity
+        Reflectance at that percentile.
+    """
 
     percent: int
     reflectance: Quantity
@@ -44,11 +64,40 @@ class Percentile:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredReflectance:
-    """A region's reflectance with its whole budget; nothing is clipped to [0, 1].
+    """Reflectance of a region with its whole budget; nothing is clipped to [0, 1].
 
-    ``mean`` : of the region's signal, as K was made; ``shared_u``, ``noise_u`` : its two parts [1]
-    ``smallest``, ``largest``, ``percentiles`` : of single pixels, with a single pixel's noise
-    ``below_zero_share``, ``above_one_share`` : of the region's pixels
+    Attributes
+    ----------
+    band : str
+        Name of the band.
+    pixels : int
+        Number of pixels.
+    mean : Quantity
+        Reflectance of the region's signal, as K was made.
+    shared_u, noise_u : float
+        The two parts of its uncertainty [1].
+    smallest, largest : Quantity
+        Extremes of single pixels, with a single pixel's noise.
+    median : Quantity
+        Median of the pixels, with the median's own noise.
+    percentiles : tuple of Percentile
+        Percentiles of single pixels, with a single pixel's noise.
+    budget : tuple of Share
+        Contributions to the uncertainty of the mean, the largest first.
+    i_sq : float
+        Signal of the region.
+    i_ss : float or None
+        Sunshine reading; None for a panel-only K.
+    reflectance_k : float
+        K at the frame's time.
+    incidence_angle_deg : float
+        Angle between the light and the surface's normal [deg].
+    below_zero_share, above_one_share : float
+        Fractions of the region's pixels below 0 and above 1.
+    saturated_share : float
+        Saturated fraction of the region, 0 to 1.
+    flags : tuple of Raised
+        Flags of the measurement.
     """
 
     band: str
@@ -80,13 +129,39 @@ def measure_region(
     coefficients: Sequence[Coefficient],
     incidence_angle_deg: float = 0.0,
 ) -> MeasuredReflectance:
-    """Measure a region; ``frame`` holds its window.
+    """Measure the reflectance of a region.
 
-    The mean is `apply_features` of the region's signal: what was calibrated is what is measured. A single
-    pixel's noise is estimated from second differences a - 2 b + c of neighbours, of variance 6 times a
-    pixel's, without outliers beyond 5 sigma, so that texture hardly enters.
+    Parameters
+    ----------
+    frame : Frame
+        Window that contains the region's window.
+    polygon : Polygon
+        Region.
+    header : FrameHeader
+        Metadata of the frame.
+    exposure : Exposure
+        Exposure of the frame.
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per band.
+    incidence_angle_deg : float, default: 0.0
+        Angle between the light and the surface's normal [deg].
 
-    Flags, raises  as `apply_features` and `extract_features`
+    Returns
+    -------
+    MeasuredReflectance
+        Reflectance with its budget, and the flags of `apply_features`.
+
+    Raises
+    ------
+    InputRejected
+        As `apply_features` and `extract_features`.
+
+    Notes
+    -----
+    The mean is `apply_features` of the region's signal: measured as it was
+    calibrated. A single pixel's noise is estimated from second differences a - 2 b
+    + c of neighbours, of variance 6 times a pixel's, without outliers beyond 5
+    sigma, so that texture has little effect.
     """
     features = extract_features(frame, polygon, header=header, exposure=exposure)
     applied = apply_features(
@@ -131,7 +206,20 @@ def measure_region(
 
 
 def estimate_noise(values: NDArray[np.float64], inside: NDArray[np.bool_]) -> float:
-    """Give the noise of one pixel of a region, (row, col); 0 where no three neighbours lie in it."""
+    """Estimate the noise of one pixel of a region.
+
+    Parameters
+    ----------
+    values : ndarray of float64
+        Values of the window, (row, col).
+    inside : ndarray of bool
+        Pixels of the region, (row, col).
+
+    Returns
+    -------
+    float
+        Standard deviation; 0 if no three neighbours lie in the region.
+    """
     found = []
     for axis in (0, 1):
         size = values.shape[axis] - 2
@@ -151,7 +239,19 @@ def estimate_noise(values: NDArray[np.float64], inside: NDArray[np.bool_]) -> fl
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredIndex:
-    """An index of a region's mean reflectances; ``bands`` : those means, near infrared first."""
+    """Index of a region's mean reflectances.
+
+    Attributes
+    ----------
+    index : Index
+        Name of the index.
+    value : Quantity
+        Index with its standard uncertainty.
+    bands : tuple of AppliedReflectance
+        Mean reflectances, near infrared first.
+    flags : tuple of Raised
+        Flags of both bands.
+    """
 
     index: Index
     value: Quantity
@@ -160,12 +260,33 @@ class MeasuredIndex:
 
 
 def measure_index(index: Index, nir: AppliedReflectance, other: AppliedReflectance) -> MeasuredIndex:
-    """Give (a - b) / (a + b) of a region's reflectances a (near infrared) and b.
+    """Compute (a - b) / (a + b) of a region's reflectances a (near infrared) and b.
 
-    u^2 = (2 b / (a + b)^2)^2 u_a^2 + (2 a / (a + b)^2)^2 u_b^2, taken as independent: what panel and light do
-    alike to both bands would cancel, so this is no less than the true uncertainty where they do.
+    Parameters
+    ----------
+    index : Index
+        Name of the index.
+    nir, other : AppliedReflectance
+        Reflectances a and b.
 
-    Raises InputRejected(index_undefined) if a + b is not positive
+    Returns
+    -------
+    MeasuredIndex
+        Index with its uncertainty.
+
+    Raises
+    ------
+    InputRejected
+        `index_undefined` if a + b is not positive.
+
+    Notes
+    -----
+    The two are taken as independent::
+
+        u^2 = (2 b / (a + b)^2)^2 u_a^2 + (2 a / (a + b)^2)^2 u_b^2
+
+    Errors of panel and light that are alike in both bands would cancel, so this is
+    no less than the true uncertainty where they are.
     """
     a, b = nir.reflectance, other.reflectance
     total = a.value + b.value

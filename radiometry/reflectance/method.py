@@ -1,11 +1,12 @@
-"""Reflectance: per band the coefficient K that turns irradiance at the sensor into a surface's reflectance.
+"""Reflectance: per band the coefficient K that converts irradiance at the sensor into reflectance.
 
     R cos(theta) = K I_sq / I_ss          K = R cos(theta) I_ss / I_sq   of a panel of known R
 
-I_sq the band's signal after black and vignetting, I_ss the sunshine sensor's reading of the same moment.
-One K per band, camera and sunshine sensor, for one flight.
-Source: "How to convert Sequoia images to reflectance?" 1.1; its divisions by the gain index and of black by
-the vignetting, in public scripts, are not followed.
+I_sq is the band's signal after black and vignetting, I_ss the sunshine sensor's
+reading of the same moment. There is one K per band, camera and sunshine sensor, for
+one flight. The method follows "How to convert Sequoia images to reflectance?" 1.1;
+the divisions by the gain index and of black by the vignetting, in public scripts,
+are not followed.
 """
 
 from collections.abc import Sequence
@@ -98,7 +99,29 @@ __all__ = [
 def extract(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, exposure: Exposure | None
 ) -> Extracted[Features]:
-    """Give the statistics and the signal of a region of one band."""
+    """Compute the statistics and the signal of a region of one band.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window that contains the region's window.
+    regions : sequence of Region
+        Regions of the frame, of which the first is used.
+    header : FrameHeader
+        Metadata of the frame.
+    exposure : Exposure or None
+        Exposure of the frame.
+
+    Returns
+    -------
+    Extracted[Features]
+        Statistics and features.
+
+    Raises
+    ------
+    ValueError
+        If the frame has no exposure.
+    """
     if exposure is None:
         raise ValueError("a panel or field frame without its exposure")
     features = extract_features(frame, regions[0].polygon, header=header, exposure=exposure)
@@ -106,12 +129,41 @@ def extract(
 
 
 def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
-    """Find the panel in a whole frame of one band by its code; None where none is certain."""
+    """Find the panel in a whole frame of one band by its code.
+
+    Parameters
+    ----------
+    frame : Frame
+        Whole frame.
+    header : FrameHeader
+        Metadata of the frame.
+
+    Returns
+    -------
+    FoundPanel or None
+        None if no panel is certain.
+    """
     return find_panel(frame.samples_dn) if header.multispectral is not None else None
 
 
 def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
-    """Give a frame as the fit wants it."""
+    """Convert the evidence of a frame to the row that the fit uses.
+
+    Parameters
+    ----------
+    evidence : FrameEvidence[Features]
+        One frame of the campaign.
+
+    Returns
+    -------
+    FrameRow
+        Row of the fit.
+
+    Raises
+    ------
+    ValueError
+        If the frame has no exposure.
+    """
     if evidence.exposure is None:
         raise ValueError(f"a panel or field frame without its exposure: {evidence.frame}")
     return FrameRow(
@@ -127,9 +179,28 @@ def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
 def missing(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
 ) -> tuple[str, ...]:
-    """Say, by name, what the fit still lacks; empty when it can start with every band.
+    """List by name what the fit still lacks.
 
-    A band without a panel reflectance is named although the other bands may be enough: `fit` leaves it out.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Reflectances of the panel.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of frames that are not read yet.
+
+    Returns
+    -------
+    tuple of str
+        Fragments of sentences; empty if the fit can start with every band.
+
+    Notes
+    -----
+    A band without a panel reflectance is named although the other bands may be
+    enough: `fit` leaves it out.
     """
     lacking = list_missing(rows, readings, params, unread=unread)
     return (*lacking, *list_bands_without_reflectance(rows, readings, params))
@@ -138,16 +209,37 @@ def missing(
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
     """Fit K for every band of a campaign's panel frames.
 
-    Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Reflectances of the panel.
+    params : Params
+        Parameters of the fit.
 
-    Flags
-      per band: panel_uneven, panel_uncertainty_missing, panel_from_file, panel_drift, panel_once, panel_only;
-      per frame: panel_saturated, sunshine_* of `measure_sunshine`, sensor_model_scale, black_level_disagrees,
-      serial_unknown, sunshine_serial_unknown; per capture: band_missing
-    Raises InputRejected
-      fit_incomplete if no band has a usable panel frame, or frames are not extracted yet;
-      sunshine_missing, panel_saturated if that is what keeps every frame out; panel_angle_too_large;
-      wrong_camera, wrong_sunshine_sensor if the panel frames are of several; tilt_not_correctable
+    Returns
+    -------
+    Fit
+        Coefficients, points and flags. Per band: `panel_uneven`,
+        `panel_uncertainty_missing`, `panel_from_file`, `panel_drift`, `panel_once`,
+        `panel_only`. Per frame: `panel_saturated`, `sunshine_*` of
+        `measure_sunshine`, `sensor_model_scale`, `black_level_disagrees`,
+        `serial_unknown`, `sunshine_serial_unknown`. Per capture: `band_missing`.
+
+    Raises
+    ------
+    InputRejected
+        `fit_incomplete` if no band has a usable panel frame, or frames are not
+        extracted yet. `sunshine_missing` or `panel_saturated` if that is what keeps
+        every frame out. `panel_angle_too_large`. `wrong_camera` or
+        `wrong_sunshine_sensor` if the panel frames are of several.
+        `tilt_not_correctable`.
+
+    Notes
+    -----
+    The same input in any order gives the same result to the last bit. All values
+    are finite; what does not exist is None.
     """
     require_flat_angle(params.incidence_angle_deg)
     lacking = list_missing(rows, readings, params)
@@ -175,7 +267,18 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
 
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
-    """Give K of every band, by rising wavelength where the files say it."""
+    """List K of every band, by rising wavelength where the files state it.
+
+    Parameters
+    ----------
+    fitted : Fit
+        Result of the fit.
+
+    Returns
+    -------
+    tuple of CoefficientValue
+        Coefficients with the flags that apply to them.
+    """
     coefficients = (each.coefficient for each in fitted.band_fits)
     return tuple(
         CoefficientValue(
@@ -192,14 +295,25 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
 
 
 def _flags_of(fitted: Fit, band: str) -> tuple[str, ...]:
-    """Gather what is raised of the whole, of the band, and of its frames."""
+    """Collect the flags of the whole, of the band, and of its frames."""
     frames = {f"frame {point.frame}" for point in fitted.points if point.band == band}
     where = {"", f"band {band}", *frames}
     return tuple(sorted({raised.flag for raised in fitted.flags if raised.where in where}))
 
 
 def configure(fitted: Fit) -> dict[str, Any]:
-    """Give the sunshine sensor that the fit holds with: K belongs to the pair."""
+    """Return the sunshine sensor that the fit holds with: K belongs to the pair.
+
+    Parameters
+    ----------
+    fitted : Fit
+        Result of the fit.
+
+    Returns
+    -------
+    dict of str to Any
+        Serial number of the sensor; empty if no file states one.
+    """
     serials = sorted({each.coefficient.sunshine_serial or "" for each in fitted.band_fits} - {""})
     return {"sunshine_sensor": {"serial": serials[0]}} if serials else {}
 

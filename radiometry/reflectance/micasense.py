@@ -1,11 +1,11 @@
-"""A MicaSense camera's raw numbers as radiance at the sensor [W/m2/sr/nm].
+"""Raw values of a MicaSense camera as radiance at the sensor [W/m2/sr/nm].
 
-    L = V(r) (a1/g) (p - p_BL) / (te + a2 y - a3 te y)          p, p_BL as shares of 2^bits
+    L = V(r) (a1/g) (p - p_BL) / (te + a2 y - a3 te y)          p, p_BL as fractions of 2^bits
 
-te the exposure time [s], g the gain (ISO/100), y the row, V = 1 / (1 + k0 r + k1 r^2 + ... + k5 r^6), r [px]
-from the vignetting centre.
-Source: MicaSense, "RedEdge Camera Radiometric Calibration Model"; the same model, with the same figures for
-the same files, in its public image processing library.
+te is the exposure time [s], g the gain (ISO/100), y the row, V = 1 / (1 + k0 r + k1
+r^2 + ... + k5 r^6), r [px] from the vignetting centre. The model is that of
+MicaSense, "RedEdge Camera Radiometric Calibration Model"; its public image
+processing library uses the same model, with the same values for the same files.
 """
 
 import math
@@ -26,14 +26,48 @@ _ISO_PER_GAIN = 100.0
 
 
 def subtract_black(samples_dn: NDArray[np.uint16], *, black_dn: float, bits: int) -> Plane:
-    """Give p - p_BL as a share of full scale, 2^bits. Negative below black, never clipped."""
+    """Compute p - p_BL as a fraction of full scale.
+
+    Parameters
+    ----------
+    samples_dn : ndarray of uint16
+        Raw values [DN], (row, col).
+    black_dn : float
+        Black level [DN].
+    bits : int
+        Bits per sample; full scale is 2^bits.
+
+    Returns
+    -------
+    Plane
+        Fraction of full scale, (row, col); negative below black, never clipped.
+    """
     return np.subtract(samples_dn, black_dn, dtype=np.float64) / float(1 << bits)
 
 
 def scale_to_radiance(signal: Plane, *, model: RadianceModel, settings: Settings, row0: int) -> Plane:
-    """Give L [W/m2/sr/nm] of a signal above black [share of full scale], window starting at ``row0``.
+    """Compute the radiance L of a signal above black.
 
-    Raises InputRejected(sensor_model_unusable) if the exposure of a row is not positive
+    Parameters
+    ----------
+    signal : Plane
+        Signal as a fraction of full scale, (row, col).
+    model : RadianceModel
+        Calibration of the band.
+    settings : Settings
+        Exposure settings.
+    row0 : int
+        First row of the window.
+
+    Returns
+    -------
+    Plane
+        Radiance [W/m2/sr/nm], (row, col).
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable` if the exposure of a row is not positive.
     """
     time_s = settings.exposure_time_s
     if math.isclose(time_s, _MISWRITTEN_TIME_S, abs_tol=1e-6):
@@ -51,5 +85,18 @@ def scale_to_radiance(signal: Plane, *, model: RadianceModel, settings: Settings
 
 
 def panel_irradiance(radiance: float, *, albedo: float) -> float:
-    """Give the irradiance on a diffuse panel, E = pi L / albedo [W/m2/nm], L its mean radiance."""
+    """Compute the irradiance on a diffuse panel, E = pi L / albedo.
+
+    Parameters
+    ----------
+    radiance : float
+        Mean radiance L of the panel [W/m2/sr/nm].
+    albedo : float
+        Reflectance of the panel.
+
+    Returns
+    -------
+    float
+        Irradiance [W/m2/nm].
+    """
     return math.pi * radiance / albedo

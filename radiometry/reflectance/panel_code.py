@@ -1,4 +1,4 @@
-"""A reflectance panel that carries a QR code, found in a band's picture by that code."""
+"""Search for a reflectance panel with a QR code in a band's image."""
 
 import math
 import re
@@ -34,7 +34,15 @@ Grey = NDArray[np.uint8]
 
 @dataclass(frozen=True, kw_only=True)
 class FoundPanel:
-    """``region`` : a square well within the panel [px]; ``serial`` : as the code names the panel."""
+    """A panel that was found.
+
+    Attributes
+    ----------
+    region : Polygon
+        Square well within the panel [px].
+    serial : str
+        Name of the panel in the code.
+    """
 
     region: Polygon
     serial: str
@@ -42,7 +50,7 @@ class FoundPanel:
 
 @dataclass(frozen=True, kw_only=True)
 class _Layout:
-    """Where the panel lies beside its code, both in sides of the code."""
+    """Position of the panel beside its code, in sides of the code."""
 
     distance: float
     side: float
@@ -53,22 +61,41 @@ _EARLY, _LATE = _Layout(distance=1.68, side=1.30), _Layout(distance=1.57, side=0
 
 
 def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
-    """Find the one panel that a picture shows, by the QR code beside it; None where none is certain.
+    """Find the one panel that an image shows, by the QR code beside it.
 
-    The centre of the panel lies D sides of the code from the code's centre, across one of its four sides; a
-    panel measures S of them. Which side it is the picture says: of the four squares exactly one must be
-    bright (half of the way from the code's black to its white) and even (5 %). Place, size and turn follow
-    from the code's corners; the square returned is 0.65 S wide, in the middle of the panel.
+    Parameters
+    ----------
+    samples_dn : ndarray of uint16
+        Raw values [DN], (row, col), black not subtracted.
+
+    Returns
+    -------
+    FoundPanel or None
+        None if there is no code, none names a panel (RPnn-nnnnnnn-AA), the square
+        leaves the image, no side or several look like a panel, or two panels are
+        visible.
+
+    Notes
+    -----
+    The centre of the panel lies D sides of the code from the code's centre, across
+    one of its four sides; a panel measures S of them::
 
         up to RP02   D = 1.68, S = 1.30 [1]          from RP03 on   D = 1.57, S = 0.75 [2]
 
-    Takes (row, col) uint16 [DN], black not subtracted
-    Returns None where there is no code, none names a panel (RPnn-nnnnnnn-AA), the square leaves the picture,
-      no side or several look like a panel, or two panels are seen
-    Errors: a code's corners are found to a few pixels, a fiftieth of its side; it needs 4 px a module, some
-      80 px in all. A transposed picture gives the transposed region
-    Sources [1] measured on RP02-1603036-SC, five bands; the maker's reference points agree within 0.01
-      [2] the maker's reference points in micasense/imageprocessing, panel.py; on no picture of our own
+    The image determines which side it is: of the four squares exactly one must be
+    bright (half of the way from the code's black to its white) and even (5 %).
+    Position, size and rotation follow from the code's corners; the returned square
+    is 0.65 S wide, in the middle of the panel. The first layout was measured on
+    RP02-1603036-SC, five bands; the manufacturer's reference points [1]_ agree
+    within 0.01. The second is from the same reference points and was tested on no
+    image of our own.
+
+    A code's corners are found to a few pixels, a fiftieth of its side. It needs 4
+    px a module, some 80 px in all. A transposed image gives the transposed region.
+
+    References
+    ----------
+    .. [1] MicaSense, reference points in micasense/imageprocessing, panel.py
     """
     plane, factor = _shrink(samples_dn)
     if plane is None:
@@ -87,7 +114,7 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
 
 
 def _shrink(samples_dn: NDArray[np.uint16]) -> tuple[Plane | None, int]:
-    """Give the picture as it is searched, and by what it was made smaller; None of colour or a crumb."""
+    """Return the image at the size that is searched, and the factor; None for a colour or a tiny image."""
     if samples_dn.ndim != 2 or min(samples_dn.shape) < _SAMPLES:
         return None, 1
     factor = math.ceil(max(samples_dn.shape) / LONGEST_SIDE_PX)
@@ -100,9 +127,10 @@ def _shrink(samples_dn: NDArray[np.uint16]) -> tuple[Plane | None, int]:
 
 
 def _read_codes(plane: Plane) -> list[tuple[str, Corners]]:
-    """Give the text of every code that can be read, once, with its corners (x, y) [px].
+    """Return the text of every readable code, once, with its corners (x, y) [px].
 
-    Codes hide one another from the detector: those that it has read are covered for a second look.
+    Codes hide one another from the detector: those that it has read are covered for
+    a second pass.
     """
     low, high = (float(level) for level in np.percentile(plane, (0.1, 99.9)))
     if high <= low:
@@ -116,10 +144,11 @@ def _read_codes(plane: Plane) -> list[tuple[str, Corners]]:
 
 
 def _search(grey: Grey) -> Iterator[tuple[str, Corners]]:
-    """Read a code in the picture and in the transposed one.
+    """Read a code in the image and in the transposed one.
 
-    The detector does not see a transposed code quite where it saw the code, and one of five bands of a real
-    panel it reads in one of the two alone: what follows from both is transposed with the picture.
+    The detector finds a transposed code not quite where it found the code, and one
+    of five bands of a real panel it reads in one of the two alone. The result from
+    both is transposed with the image.
     """
     yield from _detect(grey)
     for text, corners in _detect(np.ascontiguousarray(grey.T)):
@@ -137,7 +166,7 @@ def _detect(grey: Grey) -> Iterator[tuple[str, Corners]]:
 
 
 def _group(readings: Iterable[tuple[str, Corners]]) -> list[tuple[str, Corners]]:
-    """Give each code once, its corners the median of its readings, whichever corner each began with."""
+    """Return each code once, its corners the median of its readings, whichever corner each began with."""
     groups: list[tuple[str, list[Corners]]] = []
     for text, corners in readings:
         same = next((group for name, group in groups if name == text and _overlap(corners, group[0])), None)
@@ -150,13 +179,13 @@ def _group(readings: Iterable[tuple[str, Corners]]) -> list[tuple[str, Corners]]
 
 
 def _overlap(one: Corners, other: Corners) -> bool:
-    """Say whether two squares are the same thing, seen twice."""
+    """Return True if two squares are the same object, seen twice."""
     apart = float(np.linalg.norm(one.mean(axis=0) - other.mean(axis=0)))
     return apart < 0.5 * float(np.linalg.norm(one[1] - one[0]))
 
 
 def _find_square(plane: Plane, code: Corners, layout: _Layout) -> Corners | None:
-    """Give the corners of the square within the panel: the one side of the code that looks like a panel."""
+    """Return the corners of the square within the panel: the one side of the code that looks like a panel."""
     across = (code[1] - code[0] + code[2] - code[3]) / 2.0
     down = (code[3] - code[0] + code[2] - code[1]) / 2.0
     printed = _sample(plane, code.mean(axis=0), across, down)
@@ -175,7 +204,7 @@ def _find_square(plane: Plane, code: Corners, layout: _Layout) -> Corners | None
 
 
 def _sample(plane: Plane, centre: Corners, across: Corners, down: Corners) -> Plane | None:
-    """Sample a parallelogram of the picture on a grid of 64 x 64; None where it leaves the picture."""
+    """Sample a parallelogram of the image on a grid of 64 x 64; None if it leaves the image."""
     corners = np.array([centre + (a * across + d * down) / 2.0 for a in (-1, 1) for d in (-1, 1)])
     if corners.min() < 0.0 or (corners > plane.shape[::-1]).any():
         return None

@@ -1,4 +1,4 @@
-"""A reflectance calibration drawn: K per band, and K of each visit to the panel against the band's K."""
+"""Plot of a reflectance calibration: K per band, and K of each panel capture relative to the band's K."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -12,7 +12,19 @@ _ONE_MOMENT_S = 1.0
 
 
 def draw(result: Node) -> str:
-    """SVG of a stored reflectance result; bars are expanded uncertainties, frames left out are not drawn."""
+    """Draw a stored reflectance result as SVG.
+
+    Parameters
+    ----------
+    result : Node
+        Stored result of the fit.
+
+    Returns
+    -------
+    str
+        SVG document; bars are expanded uncertainties, frames left out are not
+        drawn.
+    """
     coefficients = [fit["coefficient"] for fit in result["band_fits"]]
     parts = [*_draw_bands(coefficients), *_draw_visits(result, coefficients)]
     return finish(parts, panels=2, label="Reflectance calibration")
@@ -44,7 +56,7 @@ def _draw_bands(coefficients: list[Node]) -> Iterator[str]:
 
 
 def _draw_visits(result: Node, coefficients: list[Node]) -> Iterator[str]:
-    """Relative to each band's K, since bands differ in size; the visits' means are joined."""
+    """Draw K relative to each band's K, since bands differ in size; the means of the captures are joined."""
     points = [p for p in result["points"] if p["used"] and p.get("reflectance_k") is not None]
     times = [p["at_s"] for p in points if p.get("at_s") is not None]
     # the bands of one capture differ by less than a moment
@@ -82,7 +94,7 @@ def _draw_visits(result: Node, coefficients: list[Node]) -> Iterator[str]:
 
 
 def _list_bars(coefficient: Node) -> list[tuple[Node, float]]:
-    """Each visit with both ends of its bar, in %."""
+    """List each panel capture with both ends of its bar, in %."""
     return [(k, sign * 200.0 * k["u_rel"]) for k in coefficient["knots"] for sign in (-1.0, 1.0)]
 
 

@@ -1,4 +1,4 @@
-"""The points of a reflectance fit: which panel frames count, which are left out and why, what is missing."""
+"""Points of a reflectance fit: panel frames that count, those left out with the reason, and what is missing."""
 
 import itertools
 import math
@@ -25,9 +25,29 @@ NO_REFLECTANCE = "no reflectance of the panel in this band"
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A panel frame with all that its point needs; ``left_out`` is "" when it counts.
+    """A panel frame with all that its point needs.
 
-    ``left_out_code`` : of an InputRejected that it would be, None for other reasons
+    Attributes
+    ----------
+    row : FrameRow
+        Row of the frame.
+    band : Multispectral
+        Metadata of the band.
+    at_s : float or None
+        Time on the camera's clock [s]; None if the file has none.
+    visit : int
+        Number of the panel capture, from 1.
+    panel : Reading or None
+        Reflectance of the panel in this band; None if not known.
+    from_file : bool
+        True if the reflectance is the one that the camera read from the panel's
+        code.
+    sunshine : Sunshine or None
+        Sunshine readings, if they are used.
+    left_out : str
+        "" if it counts, else the reason.
+    left_out_code : Finding or None, default: None
+        Code of the InputRejected that it would be; None for other reasons.
     """
 
     row: FrameRow
@@ -42,7 +62,7 @@ class Candidate:
 
     @property
     def features(self) -> Features:
-        """Those of the row; a candidate has them."""
+        """Features of the row, which a candidate has."""
         if self.row.features is None:
             raise ValueError(f"{self.row.frame} has no features")
         return self.row.features
@@ -51,7 +71,24 @@ class Candidate:
 def list_missing(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params, *, unread: Sequence[str] = ()
 ) -> list[str]:
-    """Say by name what keeps a fit from starting, in fragments that can be joined by "; "."""
+    """List by name what keeps a fit from starting.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Reflectances of the panel.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of frames that are not read yet.
+
+    Returns
+    -------
+    list of str
+        Fragments that can be joined by "; ".
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = [
         f"frame {name} is to be left out, but the campaign has no such frame"
@@ -72,9 +109,22 @@ def list_missing(
 def list_bands_without_reflectance(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> list[str]:
-    """Say which bands have panel frames but no reflectance, and what to do.
+    """List the bands that have panel frames but no reflectance, with what to do.
 
-    A fit can start with the other bands, and leaves these out.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Reflectances of the panel.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    list of str
+        Fragments of sentences; a fit can start with the other bands, and leaves
+        these out.
     """
     excluded = {exclusion.frame for exclusion in params.exclude}
     shown = {
@@ -110,9 +160,17 @@ def _list_contradictions(readings: Sequence[Reading]) -> list[str]:
 
 
 def require_flat_angle(angle_deg: float) -> None:
-    """Refuse an angle at which neither the cosine nor the panel's reflectance can be trusted.
+    """Refuse an angle at which neither the cosine nor the panel's reflectance is reliable.
 
-    Raises InputRejected(panel_angle_too_large) above 60 degrees
+    Parameters
+    ----------
+    angle_deg : float
+        Angle of incidence [deg].
+
+    Raises
+    ------
+    InputRejected
+        `panel_angle_too_large` above 60 degrees.
     """
     if angle_deg > STEEPEST_ANGLE_DEG:
         raise InputRejected(
@@ -126,7 +184,22 @@ def require_flat_angle(angle_deg: float) -> None:
 def collect_candidates(
     rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> tuple[Candidate, ...]:
-    """Gather the panel frames in the order band, time, name: the order of the input changes nothing."""
+    """Collect the panel frames in the order band, time, name: the order of the input changes nothing.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Reflectances of the panel.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of Candidate
+        Panel frames with their sunshine readings.
+    """
     reasons = {exclusion.frame: f"{exclusion.reason} ({exclusion.by})" for exclusion in params.exclude}
     panels = [row for row in rows if row.role == PANEL and row.header.multispectral is not None]
     visits = _count_visits(panels)
@@ -138,7 +211,7 @@ def collect_candidates(
 
 
 def _count_visits(panels: Sequence[FrameRow]) -> dict[str, int]:
-    """Number the visits to the panel; frames without a time belong to the first."""
+    """Number the panel captures; frames without a time belong to the first."""
     times = {row.frame: read_clock_s(row.header) for row in panels}
     known = sorted(at for at in times.values() if at is not None)
     starts = [after for before, after in itertools.pairwise(known) if after - before > VISIT_GAP_S]
@@ -180,7 +253,7 @@ def _judge(
 
 
 def _find_reflectance(band: Multispectral, readings: Sequence[Reading]) -> tuple[Reading | None, bool]:
-    """Find the certificate's reflectance of a band; else what the camera read off the panel's code."""
+    """Return the certificate's reflectance of a band, else the one that the camera read from the panel's code."""
     for reading in readings:
         if reading.band == band.band:
             return reading, False
@@ -190,7 +263,7 @@ def _find_reflectance(band: Multispectral, readings: Sequence[Reading]) -> tuple
 
 
 def _inspect(row: FrameRow) -> tuple[str, Finding | None]:
-    """Say what keeps a frame's signal out of a fit, and its code where it has one of its own."""
+    """Return what keeps a frame's signal out of a fit, and its code if it has one of its own."""
     features = row.features
     if features is None:
         return "not extracted", None
@@ -206,7 +279,18 @@ def _inspect(row: FrameRow) -> tuple[str, Finding | None]:
 
 
 def sunshine_flags(candidates: Sequence[Candidate]) -> list[Raised]:
-    """Gather what the used frames' sunshine readings raise."""
+    """Collect the flags of the used frames' sunshine readings.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Panel frames.
+
+    Returns
+    -------
+    list of Raised
+        Flags of the frames that are used.
+    """
     return [
         raised for each in candidates if each.sunshine and not each.left_out for raised in each.sunshine.flags
     ]

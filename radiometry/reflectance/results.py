@@ -1,4 +1,4 @@
-"""What comes out of a reflectance fit: plain numbers, ready for JSON; what does not exist is None."""
+"""Results of a reflectance fit, ready for JSON; what does not exist is None."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,17 @@ REFLECTANCE_UNIT = "1"
 
 @dataclass(frozen=True, kw_only=True)
 class Knot:
-    """K at one visit to the panel: ``at_s`` its mean time on the camera's clock, None where it has none.
+    """K at one panel capture.
 
-    ``u_rel`` : what this visit does not share with others: noise, sunshine scatter
+    Attributes
+    ----------
+    at_s : float or None
+        Mean time on the camera's clock [s]; None if it has none.
+    reflectance_k : float
+        K of the capture.
+    u_rel : float
+        Relative standard uncertainty that this capture does not share with others:
+        noise, sunshine scatter.
     """
 
     at_s: float | None
@@ -25,17 +33,61 @@ class Knot:
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
-    """The reflectance calibration of one band: all that `apply` needs, in plain fields.
+    """Reflectance calibration of one band: all that `apply` needs, in plain fields.
 
-    K = R cos(theta) I_ss / I_sq, for this camera and this sunshine sensor, and for the flight of the panel
-    captures. ``reflectance_k_standard_uncertainty`` holds everything.
+    K = R cos(theta) I_ss / I_sq, for this camera and this sunshine sensor, and for
+    the flight of the panel captures.
 
-    ``knots`` : of the visits to the panel, in time; ``interpolation`` says whether K follows them
-    ``shared_u_rel`` : panel, angle, evenness: the same in every visit; ``gain_u_rel`` : of the sunshine
-        sensor's gain, kept apart since it cancels at the same ``gain_indices``; ``drift_u_rel`` : of a
-        constant K
-    ``sensor_model_scale`` : SensorModel's A, or RadiometricCalibration's a1
-    ``*_range`` : (lowest, highest) of the points used; ``i_ss_range`` : None for panel_only
+    Attributes
+    ----------
+    band : str
+        Name of the band.
+    reflectance_k : float
+        K, in `reflectance_k_unit`.
+    reflectance_k_standard_uncertainty : float
+        Standard uncertainty of K from all sources.
+    reflectance_k_unit : str
+        Unit of K.
+    expanded_uncertainty : float
+        Expanded uncertainty of K for a coverage probability of 95 %.
+    coverage_factor : float
+        Coverage factor k of the expanded uncertainty.
+    normalisation : Normalisation
+        "sunshine" or "panel_only".
+    sunshine_choice : Choice
+        Choice among the sunshine readings.
+    interpolation : Interpolation
+        "constant", or "linear" if K follows the knots.
+    tilt : TiltParams or None
+        Assumptions of the tilt correction; None without it.
+    camera_serial, sunshine_serial : str or None
+        Serial numbers of camera and sunshine sensor, where the files state them.
+    wavelength_nm : float or None
+        Centre wavelength [nm].
+    incidence_angle_deg : float
+        Angle between the light and the panel's normal [deg].
+    panel : str
+        Name of the panel.
+    panel_reflectance : float
+        Reflectance of the panel.
+    knots : tuple of Knot
+        K of the panel captures, in time.
+    shared_u_rel : float
+        Relative standard uncertainty from panel, angle and evenness, the same in
+        every capture.
+    gain_u_rel : float
+        Relative standard uncertainty of the sunshine sensor's gain, separate since
+        it cancels at the same `gain_indices`.
+    drift_u_rel : float
+        Relative standard uncertainty from the drift, of a constant K.
+    gain_indices : tuple of int
+        Gain indices of the sunshine readings used.
+    sensor_model_scale : float
+        A of SensorModel, or a1 of RadiometricCalibration.
+    i_sq_range : tuple[float, float]
+        Lowest and highest signal of the points used.
+    i_ss_range : tuple[float, float] or None
+        Lowest and highest sunshine reading of the points used; None for panel_only.
     """
 
     band: str
@@ -66,10 +118,44 @@ class Coefficient:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One panel frame in the fit. ``left_out`` is "" for one that was used, else the reason.
+    """One panel frame in the fit.
 
-    ``visit`` : number of the visit to the panel, from 1; ``residual_rel`` : K of this frame against the
-        coefficient's at its time; ``panel_irradiance_w_m2_nm`` : on the panel, where radiance is known
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    band : str
+        Name of the band.
+    capture_id : str or None
+        Identifier of the capture.
+    visit : int or None
+        Number of the panel capture, from 1.
+    at_s : float or None
+        Time on the camera's clock [s].
+    used : bool
+        True if the frame was used.
+    left_out : str
+        "" if it was used, else the reason.
+    i_sq, i_sq_standard_uncertainty : float or None
+        Signal of the panel and its standard uncertainty.
+    gradient_rel : float or None
+        Change of the signal across the region, relative to the mean.
+    saturated_share : float or None
+        Saturated fraction of the region, 0 to 1.
+    i_ss : float or None
+        Sunshine reading.
+    sunshine_readings : int or None
+        Number of valid sunshine readings.
+    sunshine_spread_rel : float or None
+        Standard deviation of the sunshine readings, relative to their mean.
+    panel_reflectance : float or None
+        Reflectance of the panel.
+    panel_irradiance_w_m2_nm : float or None
+        Irradiance on the panel [W/m2/nm], where radiance is known.
+    reflectance_k : float or None
+        K of this frame.
+    residual_rel : float or None
+        K of this frame relative to the coefficient's at its time, minus 1.
     """
 
     frame: str
@@ -94,7 +180,19 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class BandFit:
-    """Everything about one band; ``drift_rel`` : (K_last - K_first) / K, None for one visit."""
+    """Result for one band.
+
+    Attributes
+    ----------
+    coefficient : Coefficient
+        Calibration of the band.
+    budget : tuple of BudgetEntry
+        Contributions to u(K).
+    visits : int
+        Number of panel captures.
+    drift_rel : float or None
+        (K_last - K_first) / K; None for one capture.
+    """
 
     coefficient: Coefficient
     budget: tuple[BudgetEntry, ...]
@@ -104,7 +202,17 @@ class BandFit:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """A reflectance calibration: one coefficient per band, every point, every flag."""
+    """A reflectance calibration: one coefficient per band, every point, every flag.
+
+    Attributes
+    ----------
+    band_fits : tuple of BandFit
+        Result for each band.
+    points : tuple of Point
+        Every panel frame.
+    flags : tuple of Raised
+        Flags of the fit.
+    """
 
     band_fits: tuple[BandFit, ...]
     points: tuple[Point, ...]
@@ -113,9 +221,16 @@ class Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What one standard uncertainty of one source does to a reflectance.
+    """Effect of one standard uncertainty of one source on a reflectance.
 
-    ``shared`` : the same in every region of the frame
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    shared : bool
+        True if it is the same in every region of the frame.
+    effect : float
+        Effect [1].
     """
 
     source: str
@@ -125,7 +240,25 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class AppliedReflectance:
-    """The reflectance of a region in a new frame, and what to know about it."""
+    """Reflectance of a region in a new frame, with its flags.
+
+    Attributes
+    ----------
+    band : str
+        Name of the band.
+    reflectance : Quantity
+        Reflectance with its standard uncertainty.
+    i_sq : float
+        Signal of the region.
+    i_ss : float or None
+        Sunshine reading; None for a panel-only K.
+    reflectance_k : float
+        K at the frame's time.
+    effects : tuple of Effect
+        Effects of the sources.
+    flags : tuple of Raised
+        Flags of the measurement.
+    """
 
     band: str
     reflectance: Quantity

@@ -1,4 +1,4 @@
-"""What goes into a reflectance fit: parameters, panel frames with features, the panel's reflectances."""
+"""Inputs of a reflectance fit: parameters, panel frames with features, the panel's reflectances."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -75,11 +75,22 @@ class Params:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRow:
-    """One frame of a campaign as the fit sees it: one band of one capture.
+    """One frame of a campaign as input of the fit: one band of one capture.
 
-    ``frame`` : its name in messages and points; ``role`` : "panel", others are not looked at
-    ``features`` : of `extract`, None while the frame waits for it; ``has_region`` : False while nobody has
-        drawn a region for it
+    Attributes
+    ----------
+    frame : str
+        Name of the frame in messages and points.
+    role : str
+        "panel"; other roles are not used.
+    header : FrameHeader
+        Metadata of the file.
+    exposure : Exposure
+        Exposure of the frame.
+    features : Features or None
+        Features of `extract`; None until the frame is extracted.
+    has_region : bool, default: True
+        False if no region is drawn for it.
     """
 
     frame: str
@@ -92,10 +103,18 @@ class FrameRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """The panel's reflectance in one band, as its certificate says.
+    """Reflectance of the panel in one band, as its certificate states it.
 
-    ``reflectance`` : of the panel under these directions, (0, 1.2]; ``standard_uncertainty`` : absolute, None
-        where it is not stated
+    Attributes
+    ----------
+    panel : str
+        Name of the panel.
+    band : str
+        Name of the band.
+    reflectance : float
+        Reflectance of the panel under these directions, (0, 1.2].
+    standard_uncertainty : float or None, default: None
+        Absolute standard uncertainty; None if it is not stated.
     """
 
     panel: str
@@ -104,7 +123,7 @@ class Reading:
     standard_uncertainty: float | None = None
 
     def __post_init__(self) -> None:
-        """Hold what every caller must have checked at its edge."""
+        """Check what every caller must have checked at its interface."""
         uncertainty = self.standard_uncertainty or 0.0
         if not (0.0 < self.reflectance <= 1.2 and 0.0 <= uncertainty < 1.0):
             raise ValueError(f"a reflectance that cannot be: {self}")

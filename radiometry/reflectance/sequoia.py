@@ -1,10 +1,11 @@
-"""A Sequoia's raw numbers as irradiance at the sensor, in stages that stand alone.
+"""Raw values of a Sequoia as irradiance at the sensor, in separate stages.
 
     I_sq = f^2 (p - B) / ((A eps gamma + C) V(x/W, y/H))
 
-p the 16-bit raw number, eps the exposure time [s], gamma the ISO value, V the lens's share of light. I_sq is
-in a unit of its own, the same for all bands of all captures of one camera; K carries its scale.
-Source: Parrot, SEQ-AN-01 (sensor model) and its vignetting note; "How to convert Sequoia images to
+p is the 16-bit raw value, eps the exposure time [s], gamma the ISO value, V the
+relative illumination. I_sq is in a unit of its own, the same for all bands of all
+captures of one camera; K carries its scale. The model is that of Parrot, SEQ-AN-01
+(sensor model) and its vignetting note, and of "How to convert Sequoia images to
 reflectance?" 1.1, section 4.
 """
 
@@ -20,14 +21,44 @@ Plane = NDArray[np.float64]
 
 
 def subtract_black(samples_dn: NDArray[np.uint16], *, black_dn: float) -> Plane:
-    """Give p - B [DN]: the part of the numbers that light makes. Negative below black, never clipped."""
+    """Compute p - B, the part of the raw values that light causes.
+
+    Parameters
+    ----------
+    samples_dn : ndarray of uint16
+        Raw values [DN], (row, col).
+    black_dn : float
+        Black level B [DN].
+
+    Returns
+    -------
+    Plane
+        Signal above black [DN], (row, col); negative below black, never clipped.
+    """
     return np.subtract(samples_dn, black_dn, dtype=np.float64)
 
 
 def scale_to_irradiance(signal_dn: Plane, *, model: SensorModel, settings: Settings) -> Plane:
-    """Give I_sq = f^2 signal / (A eps gamma + C) of a signal above black [DN].
+    """Compute I_sq = f^2 signal / (A eps gamma + C) of a signal above black.
 
-    Raises InputRejected(sensor_model_unusable) if the denominator is not positive
+    Parameters
+    ----------
+    signal_dn : Plane
+        Signal above black [DN], (row, col).
+    model : SensorModel
+        Response of the band.
+    settings : Settings
+        Exposure settings.
+
+    Returns
+    -------
+    Plane
+        Irradiance in the camera's own unit, (row, col).
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable` if the denominator is not positive.
     """
     response = model.a * settings.exposure_time_s * settings.iso + model.c
     if not response > 0.0:

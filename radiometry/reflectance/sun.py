@@ -1,4 +1,4 @@
-"""Where the sun stands."""
+"""Position of the sun."""
 
 import math
 from dataclasses import dataclass
@@ -7,22 +7,46 @@ from datetime import UTC, datetime
 
 @dataclass(frozen=True, kw_only=True)
 class SunPosition:
-    """``elevation_deg`` : above the horizon, without refraction; ``azimuth_deg`` : from north over east."""
+    """Direction of the sun.
+
+    Attributes
+    ----------
+    elevation_deg : float
+        Angle above the horizon, without refraction [deg].
+    azimuth_deg : float
+        Angle from north over east [deg].
+    """
 
     elevation_deg: float
     azimuth_deg: float
 
 
 def locate_sun(at: datetime, *, latitude_deg: float, longitude_deg: float) -> SunPosition:
-    """Give the sun's direction at a place and time; north and east are positive.
+    """Compute the sun's direction at a place and time.
 
-    The Astronomical Almanac's low-precision formulae [1]: within 0.01 degrees from 1950 to 2050, apart from
-    refraction (0.03 degrees at 30 degrees of elevation, 0.09 at 10), which is left out. Ten lines instead of
-    a library: an attitude known to a degree cannot use more.
+    Parameters
+    ----------
+    at : datetime
+        Time with its offset from UTC.
+    latitude_deg, longitude_deg : float
+        Position, north and east positive [deg].
 
-    Takes
-      at : with its offset from UTC
-    References [1] J. J. Michalsky, Solar Energy 40 (3), 227, 1988, doi:10.1016/0038-092X(88)90045-X
+    Returns
+    -------
+    SunPosition
+        Direction of the sun, without refraction.
+
+    Notes
+    -----
+    The Astronomical Almanac's low-precision formulae [1]_ are within 0.01 degrees
+    from 1950 to 2050, apart from refraction (0.03 degrees at 30 degrees of
+    elevation, 0.09 at 10), which is left out. Ten lines replace a library: an
+    attitude known to a degree cannot use more.
+
+    References
+    ----------
+    .. [1] J. J. Michalsky, Solar Energy 40 (3), 227 (1988),
+           doi:10.1016/0038-092X(88)90045-X
     """
     days = (at - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 86400.0
     mean_longitude_deg = (280.460 + 0.9856474 * days) % 360.0

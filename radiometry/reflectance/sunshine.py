@@ -1,4 +1,4 @@
-"""The light that fell on the scene while a band was exposed, as the sunshine sensor saw it."""
+"""Light on the scene while a band was exposed, as measured by the sunshine sensor."""
 
 import itertools
 import math
@@ -23,7 +23,21 @@ ASSUMED_INTEGRATION_TIME_S = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class SunshineReading:
-    """One reading: ``i_ss`` [counts/s at gain index 1], or None with the reason in ``left_out``."""
+    """One reading of the sunshine sensor.
+
+    Attributes
+    ----------
+    time_us : int
+        Time on the camera's clock [us].
+    count : int
+        Count of channel 0.
+    gain_index : int
+        Index of the gain.
+    i_ss : float or None
+        Reading [counts/s at gain index 1]; None if it is not valid.
+    left_out : str
+        Reason why it is not valid, else "".
+    """
 
     time_us: int
     count: int
@@ -36,9 +50,31 @@ class SunshineReading:
 class Sunshine:
     """I_ss of one band of one capture.
 
-    ``standard_uncertainty`` : of the readings' scatter and of counting in whole numbers; not of the gain
-    ``gain_u_rel`` : of the relative gain; it cancels between captures at the same ``gain_indices``
-    ``readings`` : valid ones; ``left_out`` : the others' reasons; ``spread_rel`` : None for a single one
+    Attributes
+    ----------
+    i_ss : float
+        Sunshine reading, in `unit`.
+    standard_uncertainty : float
+        From the readings' scatter and from counting in whole numbers; not from the
+        gain.
+    gain_u_rel : float
+        Relative standard uncertainty of the relative gain; it cancels between
+        captures at the same `gain_indices`.
+    gain_indices : tuple of int
+        Gain indices of the readings used.
+    unit : str
+        Unit of the reading.
+    choice : Choice
+        Choice among the readings.
+    readings : int
+        Number of valid readings.
+    left_out : tuple of str
+        Reasons of the readings that are not valid.
+    spread_rel : float or None
+        Standard deviation of the valid readings, relative to their mean; None for a
+        single one.
+    flags : tuple of Raised
+        Flags of the readings.
     """
 
     i_ss: float
@@ -56,22 +92,51 @@ class Sunshine:
 def measure_sunshine(
     band: Multispectral, *, choice: Choice = "mean", tilt: Tilt | None = None, where: str = ""
 ) -> Sunshine:
-    """Give I_ss from a file's own readings.
+    """Compute I_ss from a file's own readings.
 
-    I_ss = CH0 / (g_rel tau)   tau the sunshine sensor's own integration time, not the image's exposure
-    choice : the mean of the valid readings, the last, or the one nearest in time to the exposure
-    A mean of n has u^2 = s^2/n + (1/12) exp(-4 pi^2 s_c^2), s_c the noise in counts: rounding to whole
-    counts does not average out unless noise carries the counts across the steps, and a band may count 5.
+    Parameters
+    ----------
+    band : Multispectral
+        Metadata of the band.
+    choice : Choice, default: "mean"
+        Mean of the valid readings, the last, or the one nearest in time to the
+        exposure.
+    tilt : Tilt or None, default: None
+        Corrects each reading to a level sensor by its own attitude; None leaves it
+        as the sensor was oriented.
+    where : str, default: ""
+        What the flags name.
 
-    Takes
-      tilt : corrects each reading to a level sensor by its own attitude; None: as the sensor hung
-      where : what the flags name
-    Flags
-      sunshine_readings_left_out, sunshine_gain_assumed, sunshine_gain_table_missing,
-      sunshine_single_reading, sunshine_time_unknown, sunshine_scale_assumed
-    Raises InputRejected
-      sunshine_missing if there is no valid reading; tilt_not_correctable if readings have no attitude
-    Source: "How to convert Sequoia images to reflectance?" 1.1, section 4b
+    Returns
+    -------
+    Sunshine
+        I_ss. Flags: `sunshine_readings_left_out`, `sunshine_gain_assumed`,
+        `sunshine_gain_table_missing`, `sunshine_single_reading`,
+        `sunshine_time_unknown`, `sunshine_scale_assumed`.
+
+    Raises
+    ------
+    InputRejected
+        `sunshine_missing` if there is no valid reading; `tilt_not_correctable` if
+        readings have no attitude.
+
+    Notes
+    -----
+    With tau the sunshine sensor's own integration time, not the image's exposure
+    [1]_::
+
+        I_ss = CH0 / (g_rel tau)
+
+    A mean of n has, with s_c the noise in counts::
+
+        u^2 = s^2/n + (1/12) exp(-4 pi^2 s_c^2)
+
+    Rounding to whole counts does not average out unless noise carries the counts
+    across the steps, and a band may count 5.
+
+    References
+    ----------
+    .. [1] "How to convert Sequoia images to reflectance?" 1.1, section 4b
     """
     if band.irradiance is not None:
         return _take_irradiance(band.irradiance, choice=choice, tilt=tilt, where=where)
@@ -100,9 +165,24 @@ def measure_sunshine(
 
 
 def list_readings(counts: SunshineCounts, *, tilt: Tilt | None = None) -> tuple[SunshineReading, ...]:
-    """Give every reading with its I_ss, or the reason why it has none.
+    """List every reading with its I_ss, or the reason why it has none.
 
-    Not valid: a saturated count (65535), a count or integration time of zero, a gain index without a gain.
+    Parameters
+    ----------
+    counts : SunshineCounts
+        Irradiance list and gain table of the file.
+    tilt : Tilt or None, default: None
+        Tilt correction; None without it.
+
+    Returns
+    -------
+    tuple of SunshineReading
+        Readings in the order of the list.
+
+    Notes
+    -----
+    Not valid are a saturated count (65535), a count or integration time of zero,
+    and a gain index without a gain.
     """
     gains = measure_gains(counts.gains)
     return tuple(_read(record, gains, tilt) for record in counts.records)
@@ -179,7 +259,7 @@ def _summarise(
 
 
 def _rounding_rel(chosen: Sequence[SunshineReading]) -> float:
-    """Give the relative error of whole counts that the mean keeps, each gain's readings by themselves."""
+    """Return the relative error of whole counts that remains in the mean, per gain."""
     ordered = sorted(chosen, key=lambda reading: reading.gain_index)
     variance = 0.0
     for _, group in itertools.groupby(ordered, key=lambda reading: reading.gain_index):
@@ -207,7 +287,7 @@ def _flag_counts(counts: SunshineCounts, left_out: tuple[str, ...], total: int, 
 def _take_irradiance(
     reading: SunshineIrradiance, *, choice: Choice, tilt: Tilt | None, where: str
 ) -> Sunshine:
-    """Take a MicaSense light sensor's one reading; one that the camera made level is not levelled again."""
+    """Use a MicaSense light sensor's one reading; one that the camera levelled is not levelled again."""
     factor = 1.0
     if tilt is not None and reading.quantity != "horizontal":
         angle_deg = _angle_to_sun(reading, tilt)

@@ -1,4 +1,4 @@
-"""What a tilted sunshine sensor would have read level. Off unless asked for."""
+"""Correction of a tilted sunshine sensor to level; off unless requested."""
 
 import math
 from dataclasses import dataclass
@@ -38,7 +38,15 @@ class TiltParams:
 
 @dataclass(frozen=True, kw_only=True)
 class Tilt:
-    """The sun at the time of a capture, and how the correction is made."""
+    """Position of the sun at the time of a capture, and the assumptions of the correction.
+
+    Attributes
+    ----------
+    sun : SunPosition
+        Position of the sun.
+    params : TiltParams
+        Assumptions about sky and sensor.
+    """
 
     sun: SunPosition
     params: TiltParams
@@ -47,7 +55,15 @@ class Tilt:
 def require_high_sun(sun: SunPosition) -> None:
     """Refuse a sun under 10 degrees: there the correction is mostly the attitude's error.
 
-    Raises InputRejected(tilt_not_correctable)
+    Parameters
+    ----------
+    sun : SunPosition
+        Position of the sun.
+
+    Raises
+    ------
+    InputRejected
+        `tilt_not_correctable`.
     """
     if sun.elevation_deg < LOWEST_SUN_DEG:
         raise InputRejected(
@@ -58,9 +74,23 @@ def require_high_sun(sun: SunPosition) -> None:
 
 
 def transmit(angle_deg: float, *, refractive_index: float) -> float:
-    """Give the share of unpolarised light that enters a diffuser at an angle, 1 at normal incidence.
+    """Compute the fraction of unpolarised light that enters a diffuser at an angle.
 
-    T(angle) / T(0), T = 1 - (R_s + R_p) / 2 by Fresnel's equations for one surface.
+    Parameters
+    ----------
+    angle_deg : float
+        Angle of incidence [deg].
+    refractive_index : float
+        Refractive index of the diffuser.
+
+    Returns
+    -------
+    float
+        T(angle) / T(0), which is 1 at normal incidence.
+
+    Notes
+    -----
+    T = 1 - (R_s + R_p) / 2 by Fresnel's equations for one surface.
     """
     return _enter(math.radians(angle_deg), refractive_index) / _enter(0.0, refractive_index)
 
@@ -73,9 +103,20 @@ def _enter(angle: float, index: float) -> float:
 
 
 def sun_angle_deg(sun: SunPosition, *, yaw_deg: float, pitch_deg: float, roll_deg: float) -> float:
-    """Give the angle between a sensor's upward normal and the sun [deg].
+    """Compute the angle between a sensor's upward normal and the sun.
 
-    The attitude turns the body (x forward, y right, z down) from north-east-down: yaw, then pitch, then roll.
+    Parameters
+    ----------
+    sun : SunPosition
+        Position of the sun.
+    yaw_deg, pitch_deg, roll_deg : float
+        Attitude [deg]. It rotates the body (x forward, y right, z down) from
+        north-east-down: yaw, then pitch, then roll.
+
+    Returns
+    -------
+    float
+        Angle [deg].
     """
     yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     normal = (
@@ -94,16 +135,39 @@ def sun_angle_deg(sun: SunPosition, *, yaw_deg: float, pitch_deg: float, roll_de
 
 
 def level_factor(angle_deg: float, tilt: Tilt) -> float:
-    """Give the factor that makes a reading, `angle_deg` off the sun, what a level sensor would have read.
+    """Compute the factor that converts a reading to that of a level sensor.
 
-    Both readings are direct light times cosine times T plus diffuse light, which has no direction here:
+    Parameters
+    ----------
+    angle_deg : float
+        Angle between the sensor's normal and the sun [deg].
+    tilt : Tilt
+        Position of the sun, and assumptions.
+
+    Returns
+    -------
+    float
+        Factor of the reading.
+
+    Notes
+    -----
+    Both readings are direct light times cosine times T plus diffuse light, which
+    has no direction here [1]_::
+
         reading = H ((1 - d) cos(a) T(a) / cos(z) + d T_d)          level = the same with a = z
-    H the horizontal irradiance, d its diffuse share, a the angle to the sun, z the zenith angle; T_d = 1,
-    since only the factor between the two readings is used. Limits: the share d is an assumption; part of the
-    sky and the ground that a tilted sensor sees is left out; the attitude's yaw comes from a compass beside
+
+    H is the horizontal irradiance, d its diffuse fraction (d/(1 - d) = 1/5 as in
+    MicaSense's light sensor notes), a the angle to the sun, z the zenith angle; T_d
+    = 1, since only the factor between the two readings is used.
+
+    Limits: the fraction d is an assumption; part of the sky and the ground that a
+    tilted sensor sees is left out; the attitude's yaw comes from a compass beside
     motors. At a sun of 45 degrees each degree of tilt towards it is 1.5 %.
-    Source: J. A. Duffie, W. A. Beckman, Solar Engineering of Thermal Processes, section 2.15 (isotropic sky);
-    the direct and diffuse split with d/(1 - d) = 1/5 as in MicaSense's light sensor notes
+
+    References
+    ----------
+    .. [1] J. A. Duffie, W. A. Beckman, Solar Engineering of Thermal Processes,
+           section 2.15 (isotropic sky)
     """
     zenith_deg = 90.0 - tilt.sun.elevation_deg
     level, tilted = (_response(angle, tilt, zenith_deg) for angle in (zenith_deg, angle_deg))

@@ -1,4 +1,4 @@
-"""The verdict on every frame of a reflectance campaign, and what would make its fit good."""
+"""Verdict on every frame of a reflectance campaign, and advice for a good fit."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,10 +21,25 @@ from radiometry.reflectance.sunshine import measure_sunshine
 def judge(
     frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params
 ) -> dict[str, Verdict]:
-    """Give the verdict on each frame of a campaign, by name.
+    """Judge each frame of a campaign.
 
-    Reasons, beside those of any frame
-      of a panel frame: clipped, panel_uneven, panel_weak, panel_unknown; of any: sunshine_unusable
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        All frames of the campaign.
+    rows : sequence of FrameRow
+        Those of them that a fit would use.
+    readings : sequence of Reading
+        Reflectances of the panel.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    dict of str to Verdict
+        Verdict by name of the frame. Reasons besides those of any frame: `clipped`,
+        `panel_uneven`, `panel_weak`, `panel_unknown` of a panel frame;
+        `sunshine_unusable` of any.
     """
     reasons = inspect_frames(frames)
     for each in collect_candidates(rows, readings, replace(params, normalisation="panel_only", exclude=())):
@@ -75,7 +90,22 @@ def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
-    """Say, by name, what would make the fit good."""
+    """List by name what would improve the fit.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Reflectances of the panel.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of str
+        Fragments of sentences.
+    """
     candidates = [each for each in collect_candidates(rows, readings, params) if not each.left_out]
     advice: list[str] = []
     shown = {row.header.multispectral.band for row in rows if row.header.multispectral is not None}

@@ -74,7 +74,7 @@ def find_faults(path: Path, source: str) -> Iterator[str]:
 
 def _list_public_functions(body: list[ast.stmt]) -> Iterator[ast.FunctionDef]:
     for node in body:
-        if isinstance(node, ast.ClassDef):
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield from _list_public_functions(node.body)
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             yield node
