@@ -30,7 +30,7 @@ class _Frame:
 
 @dataclass(frozen=True)
 class _Own:
-    """Errors that panel captures do not share, as relative variances of their K, and their degrees of freedom."""
+    """Errors that panel captures do not share, as relative variances of K, with degrees of freedom."""
 
     noise: float
     sunshine: float

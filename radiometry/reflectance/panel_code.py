@@ -80,7 +80,7 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
     The centre of the panel lies D sides of the code from the code's centre, across
     one of its four sides; a panel measures S of them::
 
-        up to RP02   D = 1.68, S = 1.30 [1]          from RP03 on   D = 1.57, S = 0.75 [2]
+        up to RP02   D = 1.68, S = 1.30          from RP03 on   D = 1.57, S = 0.75
 
     The image determines which side it is: of the four squares exactly one must be
     bright (half of the way from the code's black to its white) and even (5 %).

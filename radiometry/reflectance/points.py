@@ -1,4 +1,4 @@
-"""Points of a reflectance fit: panel frames that count, those left out with the reason, and what is missing."""
+"""Points of a reflectance fit: panel frames used, those left out with the reason, what is missing."""
 
 import itertools
 import math
@@ -253,7 +253,7 @@ def _judge(
 
 
 def _find_reflectance(band: Multispectral, readings: Sequence[Reading]) -> tuple[Reading | None, bool]:
-    """Return the certificate's reflectance of a band, else the one that the camera read from the panel's code."""
+    """Return the certificate's reflectance of a band, else that which the camera read from the code."""
     for reading in readings:
         if reading.band == band.band:
             return reading, False
