@@ -6,6 +6,7 @@ from typing import Any, Literal
 from pydantic import Field, TypeAdapter
 
 from radiometry.methods import METHODS
+from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import MethodSpec, Reference, ToleranceUnit
 from radiometry.specification.parameters import Kind, Parameter
 from service.schemas.base import Answer, FrameRole, Method
@@ -87,12 +88,17 @@ class MethodAnswer(Answer):
     tolerance_unit: ToleranceUnit = Field(
         description="Unit of one tolerance for all coefficients; % is sent as a fraction."
     )
+    measured_quantity: str | None = Field(
+        default=None, description="What a version measures in a region of a later frame."
+    )
+    measurement_options: list[str] = Field(description="Options of a measurement beside region and products.")
     parameters: list[ParameterAnswer]
     coefficients: list[CoefficientKindAnswer]
 
     @classmethod
     def of(cls, spec: MethodSpec) -> "MethodAnswer":
         roles = [(role, True) for role in spec.roles] + [(role, False) for role in spec.applied_roles]
+        measured = None if isinstance(spec.application, PictureApplication) else spec.application
         return cls(
             name=spec.name,
             label=spec.label,
@@ -107,6 +113,8 @@ class MethodAnswer(Answer):
             finds_region=spec.finds_region,
             several_regions=spec.several_regions,
             tolerance_unit=spec.tolerance_unit,
+            measured_quantity=measured.quantity if measured else None,
+            measurement_options=list(measured.options) if measured else [],
             parameters=[ParameterAnswer.of(each) for each in spec.parameters],
             coefficients=[CoefficientKindAnswer.model_validate(each) for each in spec.coefficients],
         )

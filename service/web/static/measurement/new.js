@@ -2,8 +2,9 @@
 
 import { all, get, post, Problem } from "../api.js";
 import { byId, fill, h, may } from "../dom.js";
-import { day, words } from "../format.js";
+import { day } from "../format.js";
 import { followJob } from "../live.js";
+import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
 import { decimal, field, select } from "../campaign/forms.js";
 import { numberOf } from "../campaign/numbers.js";
@@ -29,9 +30,9 @@ async function begin() {
   if (!may("upload")) return empty("Your key may not measure", "It needs the scope upload. An administrator of your organisation can create such a key.");
   const [campaigns, wanted] = await Promise.all([all("/v1/campaigns"), asked.has("frame") ? get(`/v1/frames/${asked.get("frame")}`) : undefined]);
   if (!campaigns.length) return empty("No campaigns yet", "First send a frame to a campaign of its camera.", h("a", { class: "button", href: "/campaigns" }, "Campaigns"));
-  const able = campaigns.filter((each) => ["luminance", "reflectance"].includes(each.method)).reverse();
+  const able = campaigns.filter((each) => methodOf(each.method).measured_quantity).reverse();
   const first = wanted?.campaign_id ?? asked.get("campaign") ?? (await newestWithField(able))?.id;
-  const campaign = select(able.map((each) => [each.id, each.project_number ? `${each.project_number}, ${words(each.method)}` : titleOf(each)]), { onchange: () => offerFrames() }, first);
+  const campaign = select(able.map((each) => [each.id, each.project_number ? `${each.project_number}, ${labelOf(each.method)}` : titleOf(each)]), { onchange: () => offerFrames() }, first);
   const frame = select([], { onchange: () => choose(frame.value) });
   const note = h("div");
   async function offerFrames() {
@@ -72,16 +73,18 @@ function choose(id) {
 
 function offerSettings(versions) {
   const usable = versions.filter((each) => each.state !== "revoked");
-  const options = [["", "In force at the time of the frame"], ...usable.map((each) => [each.id, `Version ${each.version}, ${each.state}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`])];
-  chosen.calibration = select(options);
+  const usual = [["", "In force at the time of the frame"], ...usable.map((each) => [each.id, `Version ${each.version}, ${each.state}${each.valid_from ? ` from ${day(each.valid_from)}` : ""}`])];
+  chosen.calibration = select(usual);
   chosen.map = h("input", { type: "checkbox", checked: true, id: "with-map" });
-  const luminance = chosen.campaign.method === "luminance";
+  const { measurement_options: options } = methodOf(chosen.campaign.method);
   chosen.number = decimal();
   chosen.index = select([["", "Reflectance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
   fill(
     settings,
     field("Calibration", chosen.calibration),
-    luminance ? field("Reflectance ρ of the surface", chosen.number, "For the illuminance E = π L / ρ; asphalt has about 0.08. Optional.") : [field("Quantity", chosen.index), field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: 0.")],
+    options.includes("reflectance") ? field("Reflectance ρ of the surface", chosen.number, "For the illuminance E = π L / ρ; asphalt has about 0.08. Optional.") : null,
+    options.includes("index") ? field("Quantity", chosen.index) : null,
+    options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: 0.") : null,
     h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
   );
 }
@@ -89,13 +92,14 @@ function offerSettings(versions) {
 async function measure() {
   const progress = byId("progress");
   const said = numberOf(chosen.number);
-  const name = chosen.campaign.method === "luminance" ? "reflectance" : "incidence_angle_deg";
+  const { measurement_options: options } = methodOf(chosen.campaign.method);
+  const name = ["reflectance", "incidence_angle_deg"].find((each) => options.includes(each));
   const body = {
     frame_id: chosen.frame.id,
     ...region.read(),
     ...(said === undefined ? {} : { [name]: said }),
     ...(chosen.calibration.value ? { calibration_id: chosen.calibration.value } : {}),
-    ...(chosen.campaign.method === "reflectance" && chosen.index.value ? { index: chosen.index.value } : {}),
+    ...(options.includes("index") && chosen.index.value ? { index: chosen.index.value } : {}),
     ...(chosen.map.checked ? { products: ["map"] } : {}),
   };
   try {
