@@ -1,4 +1,4 @@
-"""Which responses go into a sharpness fit, which are left out and why, and what is still missing."""
+"""Responses of a sharpness fit: which are used, which are left out and why, and what is missing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,22 @@ Key = tuple[str, str, str, float]
 class Candidate:
     """One channel of one region of one frame.
 
-    ``response`` : None where the channel was refused; ``left_out`` : "" when it counts
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    features : Features
+        Features of the frame.
+    region : RegionResponse
+        Responses of the region.
+    channel : str
+        Name of the channel.
+    f_number : float or None
+        F-number.
+    response : EdgeResponse or StarResponse or None
+        Response of the channel; None if the channel was refused.
+    left_out : str
+        "" if it counts, else the reason.
     """
 
     frame: str
@@ -32,21 +47,32 @@ class Candidate:
 
     @property
     def kind(self) -> str:
-        """The target's."""
+        """Kind of the target."""
         return self.features.kind
 
     @property
     def key(self) -> Key:
-        """What repeats of one another share."""
+        """Key that repeats of one another share."""
         return self.kind, self.region.name, self.channel, self.f_number or 0.0
 
     @property
     def figure(self) -> str:
-        """The name of the figure that is compared between frames and positions."""
+        """Name of the coefficient that is compared between frames and positions."""
         return MTF50 if self.kind == "slanted_edge" else RESOLVING_POWER
 
     def measure(self, params: Params) -> Estimate | None:
-        """Give that figure."""
+        """Return the coefficient that is compared between frames and positions.
+
+        Parameters
+        ----------
+        params : Params
+            Parameters of the fit.
+
+        Returns
+        -------
+        Estimate or None
+            Coefficient with its uncertainty, if it exists.
+        """
         match self.response:
             case EdgeResponse():
                 return self.response.mtf50
@@ -59,7 +85,20 @@ class Candidate:
 
 
 def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
-    """Give every channel of every region, ordered by position, channel, f-number and frame."""
+    """Return every channel of every region.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of Candidate
+        Candidates ordered by position, channel, f-number and frame.
+    """
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
     found = []
     for row in rows:
@@ -90,7 +129,22 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
 
 
 def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """Say, by name, what keeps a fit from starting."""
+    """List, by name, what keeps a fit from starting.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of the frames of which nothing is known yet.
+
+    Returns
+    -------
+    tuple of str
+        Empty if the fit can start.
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
     wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
     found = []

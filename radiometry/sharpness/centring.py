@@ -1,4 +1,4 @@
-"""Where the centre of a Siemens star lies."""
+"""Centre of a Siemens star."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,22 @@ _RINGS = 6
 
 
 def guess_centre(picture: Matrix) -> tuple[float, float]:
-    """Give the point about which a picture is most nearly symmetric or antisymmetric: (row, col) indices.
+    """Estimate the point about which a picture is most nearly symmetric or antisymmetric.
 
+    Parameters
+    ----------
+    picture : ndarray of float64
+        Picture of the star, (row, col).
+
+    Returns
+    -------
+    tuple of float
+        Row and column, as indices.
+
+    Notes
+    -----
     A star turned by half a turn is itself (n even) or its negative (n odd), so the picture convolved with
-    itself has its largest modulus at twice the centre. Slow changes of light are taken off before.
+    itself has its largest modulus at twice the centre. Slow changes of light are subtracted before.
     """
     size = max(3, min(picture.shape) // 8)
     fine = picture - uniform_filter(picture, size, mode="nearest")
@@ -30,14 +42,28 @@ def guess_centre(picture: Matrix) -> tuple[float, float]:
 def refine_centre(
     plane: Plane, *, start: tuple[float, float], cycles: int, radius_px: float
 ) -> tuple[float, float]:
-    """Move the centre to where the star's fundamental is strongest, over rings of its outer half.
+    """Find the centre at which the star's fundamental is strongest, over rings of its outer half.
 
-    P(c) = sum_rings |sum I exp(-i n theta)|^2 / N^2,  theta about c.   A centre that is d off turns the phase
-    by n d / r around the ring, and weakens the sum.
+    Parameters
+    ----------
+    plane : Plane
+        Plane with lines along the rows.
+    start : tuple of float
+        Row and column within about r / n of the true centre.
+    cycles : int
+        Cycles n of the star.
+    radius_px : float
+        Radius of the largest ring that lies entirely in the plane [px].
 
-    Takes
-      plane : lines along the rows; start : (row, col) within about r / n of the truth
-      radius_px : of the largest ring that lies wholly in the plane
+    Returns
+    -------
+    tuple of float
+        Row and column of the centre.
+
+    Notes
+    -----
+    P(c) = sum_rings |sum I exp(-i n theta)|^2 / N^2,  theta about c.   A centre that is d off turns the
+    phase by n d / r around the ring, and weakens the sum.
     """
     rows = np.broadcast_to(plane.line_px[:, None], plane.values.shape).ravel()
     cols = plane.positions_px.ravel()

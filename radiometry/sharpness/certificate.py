@@ -1,4 +1,4 @@
-"""What a certificate prints of a sharpness calibration."""
+"""Certificate text of a sharpness calibration."""
 
 from typing import Final
 

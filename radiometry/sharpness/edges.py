@@ -37,15 +37,31 @@ _WIDEST_GAP_PX = 0.45
 def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
     """Measure an edge that crosses the plane's lines.
 
-    The uncertainties are a delete-one jackknife over eight blocks of neighbouring lines, u^2 = 7/8 sum (t_i -
-    mean t)^2: they hold the noise, and what differs along the edge. They do not hold what all lines share:
-    uneven light across the edge, a soft or ragged target.
+    Parameters
+    ----------
+    plane : Plane
+        Samples of one channel.
+    order : int
+        Order of the polynomial through the edge.
+    orientation : str
+        "vertical" or "horizontal"; copied to the result.
 
-    Takes
-      order : of the polynomial through the edge; orientation : vertical | horizontal, to be passed on
-    Raises InputRejected
-      edge_too_short, chart_clipped, chart_contrast_too_low, edge_too_noisy, edge_not_found,
-      edge_angle_unsuitable
+    Returns
+    -------
+    EdgeResponse
+        Response with uncertainties.
+
+    Raises
+    ------
+    InputRejected
+        `edge_too_short`, `chart_clipped`, `chart_contrast_too_low`, `edge_too_noisy`,
+        `edge_not_found` or `edge_angle_unsuitable`.
+
+    Notes
+    -----
+    The uncertainties are a delete-one jackknife over eight blocks of neighbouring lines, u^2 = 7/8 sum (t_i
+    - mean t)^2: they include the noise, and what differs along the edge. They do not include what all lines
+    share: uneven light across the edge, a soft or ragged target.
     """
     contrast, noise_rel = _require_signal(plane)
     edge = locate_edge(plane, order=order)
@@ -87,7 +103,7 @@ def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
 
 
 def _measure(profiles: Sequence[Profile]) -> list[Vector]:
-    """Give, per profile, MTF50, MTF at Nyquist, rise, width, over- and undershoot, then the whole MTF."""
+    """Return, per profile, MTF50, MTF at Nyquist, rise, width, over- and undershoot, then the whole MTF."""
     frequency = list_frequencies()
     found = []
     for profile, mtf in zip(profiles, compute_mtfs(profiles, frequency=frequency), strict=True):
@@ -105,7 +121,7 @@ def _measure(profiles: Sequence[Profile]) -> list[Vector]:
 
 
 def _estimate(value: float, u: float) -> Estimate | None:
-    """Give a figure, or None where it or one of its parts does not exist."""
+    """Return an estimate, or None where it or one of its parts does not exist."""
     if not (math.isfinite(value) and math.isfinite(u)):
         return None
     return Estimate(value=float(value), standard_uncertainty=float(u))
@@ -116,7 +132,7 @@ def _line_step(plane: Plane) -> float:
 
 
 def _count_whole_periods(plane: Plane, edge: Edge) -> int:
-    """Give how many lines hold whole passes of the edge over a sample: every phase equally often."""
+    """Return how many lines contain whole passes of the edge over a sample: every phase equally often."""
     per_line = abs(edge.slope) * _line_step(plane) / plane.pitch_px
     return min(plane.line_px.size, round(math.floor(plane.line_px.size * per_line) / per_line))
 

@@ -1,4 +1,4 @@
-"""Every region of a frame measured in every channel, and what could not be."""
+"""Measurement of every region of a frame in every channel, with the reasons of refused channels."""
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -26,13 +26,34 @@ _MAIN_CHANNELS = (LUMINANCE, "G", "grey")
 def extract_features(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, target: Target
 ) -> tuple[tuple[ChannelStatistics, ...], Features]:
-    """Give the statistics over all regions together and what each region shows.
+    """Measure every region of a frame.
 
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    regions : sequence of Region
+        Regions of the frame.
+    header : FrameHeader
+        Header of the frame.
+    target : Target
+        Photographed target.
+
+    Returns
+    -------
+    tuple of (tuple of ChannelStatistics, Features)
+        Statistics over all regions together, and the responses of each region.
+
+    Raises
+    ------
+    InputRejected
+        `roi_outside_frame`, `roi_empty`; where no channel of any region can be used,
+        the reason of the first.
+
+    Notes
+    -----
     A region is the box about its polygon: an edge must run from one side to the other. Channels that cannot
-    be used are kept with the reason.
-
-    Raises InputRejected
-      roi_outside_frame, roi_empty; where no channel of any region can be used, the reason of the first
+    be used are stored with the reason.
     """
     windows = [
         bounding_window(region.polygon, height_px=frame.height_px, width_px=frame.width_px)
@@ -102,7 +123,7 @@ def _try(found: list[R], refused: list[Refusal], plane: Plane, measure: Callable
 
 
 def _runs_along_rows(frame: Frame, window: Window, tone: Tone | None) -> bool:
-    """Say whether the signal changes more from top to bottom than from left to right."""
+    """Return True if the signal changes more from top to bottom than from left to right."""
     picture, _ = average_sites(frame, window, tone=tone)
     rows, cols = (max(1, size // 4) for size in picture.shape)
     down = abs(float(picture[:rows].mean() - picture[-rows:].mean()))
@@ -119,7 +140,7 @@ def _find_star(
     target: Target,
     tone: Tone | None,
 ) -> tuple[tuple[float, float], float]:
-    """Give a star's centre, (row, col) indices, and the radius [px] of the largest ring in its window."""
+    """Return a star's centre, (row, col) indices, and the radius [px] of the largest ring in its window."""
     given = {each.region: (each.y_px - 0.5, each.x_px - 0.5) for each in target.centres}
     if region.name in given:
         centre = given[region.name]
@@ -134,7 +155,7 @@ def _find_star(
 
 
 def _room(centre: tuple[float, float], window: Window) -> float:
-    """Give the radius of the largest circle in a window."""
+    """Return the radius of the largest circle in a window."""
     row, col = centre[0] - window.row0, centre[1] - window.col0
     return max(1.0, min(row, col, window.height - 1 - row, window.width - 1 - col))
 

@@ -1,4 +1,4 @@
-"""How sharpness falls from the middle of the frame to its corners."""
+"""Decrease of sharpness from the middle of the frame to its corners."""
 
 import itertools
 import math
@@ -13,8 +13,20 @@ CORNER_RADIUS_REL = 0.6
 
 
 def compare_positions(positions: Sequence[PositionFit]) -> tuple[FalloffTable, ...]:
-    """Give the falloff of every channel and f-number that has a position in the middle and one elsewhere.
+    """Compute the falloff of every channel and f-number that has a position in the middle and one elsewhere.
 
+    Parameters
+    ----------
+    positions : sequence of PositionFit
+        Results of all positions.
+
+    Returns
+    -------
+    tuple of FalloffTable
+        Falloff by channel and f-number.
+
+    Notes
+    -----
     ratio = m / m_c, m_c the mean over positions within a quarter of the half diagonal; the corner's is the
     mean over positions beyond 0.6 of it. Uncertainties of different positions are taken as independent: the
     focus, which positions of one frame share, is in the repeatability of each.

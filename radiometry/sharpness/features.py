@@ -1,4 +1,4 @@
-"""What one frame says of its edges and stars: plain numbers, ready for JSON."""
+"""Edges and stars of one frame: plain numbers, ready for JSON."""
 
 from dataclasses import dataclass
 
@@ -16,16 +16,38 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeResponse:
-    """The response of one channel at one edge. Lengths are in pixels of the whole sensor, normal to the edge.
+    """Response of one channel at one edge; lengths are in pixels of the whole sensor, normal to the edge.
 
-    ``orientation`` : vertical: the edge crosses the rows; horizontal: it crosses the columns
-    ``angle_deg`` : between the edge and the columns (vertical) or rows (horizontal), unsigned
-    ``lines``, ``periods`` : lines of the channel that count, and how often the edge passes a whole pixel in
-        them
-    ``departure_px`` : largest distance of the edge from a straight line
-    ``contrast`` : (bright - dark) / (bright + dark); ``noise_rel`` : a pixel's noise, of the step
-    ``mtf``, ``mtf_u`` : at 0, 0.01, ..., 1 cycles per pixel; ``mtf50`` : None where it is above 1
-    ``overshoot``, ``undershoot`` : beyond the bright and the dark side, of the step
+    Attributes
+    ----------
+    channel : str
+        Name of the channel.
+    orientation : str
+        "vertical": the edge crosses the rows; "horizontal": it crosses the columns.
+    angle_deg : float
+        Angle between the edge and the columns (vertical) or rows (horizontal), unsigned
+        [deg].
+    lines, periods : int
+        Lines of the channel that count, and how often the edge passes a whole pixel in
+        them.
+    departure_px : float
+        Largest distance of the edge from a straight line [px].
+    contrast : float
+        (bright - dark) / (bright + dark).
+    noise_rel : float
+        Noise of a pixel, as a fraction of the step.
+    mtf, mtf_u : tuple of float
+        MTF and its standard uncertainty at 0, 0.01, ..., 1 cycles per pixel.
+    mtf50 : Estimate or None
+        Frequency at which the MTF is 0.5 [cycles per pixel]; None where it is above 1.
+    mtf_nyquist : Estimate or None
+        MTF at the Nyquist frequency.
+    rise_px : Estimate or None
+        10-90 % rise [px].
+    lsf_fwhm_px : Estimate or None
+        Full width at half maximum of the line spread function [px].
+    overshoot, undershoot : Estimate or None
+        Excess beyond the bright and the dark side, as a fraction of the step.
     """
 
     channel: str
@@ -48,10 +70,16 @@ class EdgeResponse:
 
 @dataclass(frozen=True, kw_only=True)
 class Contrasts:
-    """A star's contrast by frequency, 1 far outside; ``direction_deg`` : None for all directions together.
+    """Contrast of a star by frequency, 1 far outside.
 
-    ``direction_deg`` : of the sector's middle, from x (right) towards y (down). Its spokes run that way, so
-        the response is the one across it
+    Attributes
+    ----------
+    direction_deg : float or None
+        Direction of the sector's middle, from x (right) towards y (down) [deg]; None
+        for all directions together. Its spokes run that way, so the response is the one
+        across it.
+    contrast, contrast_u : tuple of float
+        Contrast and its standard uncertainty.
     """
 
     direction_deg: float | None
@@ -61,11 +89,26 @@ class Contrasts:
 
 @dataclass(frozen=True, kw_only=True)
 class StarResponse:
-    """The response of one channel at one star.
+    """Response of one channel at one star.
 
-    ``centre_row_px``, ``centre_col_px`` : pixel indices, the first pixel's centre being 0
-    ``frequency`` : [cycles per pixel], rising, one for each contrast of every curve
-    ``modulation`` : (bright - dark) / (bright + dark) of the fundamental far outside
+    Attributes
+    ----------
+    channel : str
+        Name of the channel.
+    cycles : int
+        Cycles of the star.
+    centre_row_px, centre_col_px : float
+        Centre, as pixel indices, the first pixel's centre being 0.
+    outer_radius_px : float
+        Radius of the largest ring [px].
+    modulation : float
+        (bright - dark) / (bright + dark) of the fundamental far outside.
+    frequency : tuple of float
+        Rising frequencies [cycles per pixel], one for each contrast of every curve.
+    whole : Contrasts
+        Contrast of all directions together.
+    sectors : tuple of Contrasts
+        Contrast of each sector.
     """
 
     channel: str
@@ -81,7 +124,7 @@ class StarResponse:
 
 @dataclass(frozen=True, kw_only=True)
 class Refusal:
-    """Why a channel of a region gives nothing: the error's code and its sentence."""
+    """Reason why a channel of a region has no response: code and sentence of the error."""
 
     channel: str
     code: str
@@ -90,7 +133,19 @@ class Refusal:
 
 @dataclass(frozen=True, kw_only=True)
 class RegionResponse:
-    """One region, its middle at ``row_px``, ``col_px``: edges or stars by channel, and channels without."""
+    """One region: edges or stars by channel, and channels without a response.
+
+    Attributes
+    ----------
+    name : str
+        Name of the region.
+    row_px, col_px : float
+        Middle of the region [px].
+    edges, stars : tuple of EdgeResponse, tuple of StarResponse
+        Responses by channel.
+    refused : tuple of Refusal
+        Channels without a response.
+    """
 
     name: str
     row_px: float
@@ -102,7 +157,19 @@ class RegionResponse:
 
 @dataclass(frozen=True, kw_only=True)
 class Features:
-    """All regions of a frame; ``kind`` : of the target."""
+    """Responses of all regions of a frame.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of the target.
+    height_px, width_px : int
+        Size of the frame [px].
+    rendered : bool
+        True if the frame is rendered.
+    regions : tuple of RegionResponse
+        Regions of the frame.
+    """
 
     kind: str
     height_px: int

@@ -1,4 +1,4 @@
-"""What to know about fitted positions."""
+"""Flags of fitted positions."""
 
 from collections.abc import Sequence
 
@@ -16,14 +16,34 @@ _OVERSHOOT_ERRORS = 3.0
 
 
 def name_position(position: PositionFit) -> str:
-    """Say where a flag applies."""
+    """Return the place to which a flag applies.
+
+    Parameters
+    ----------
+    position : PositionFit
+        Result of a position.
+
+    Returns
+    -------
+    str
+        Place, in words.
+    """
     return f"position {position.position}" if position.position else ""
 
 
 def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
-    """Look at what came out.
+    """Check the results.
 
-    Flags  sharpness_once, sharpening_suspected, edge_curved, sharpness_beyond_curve
+    Parameters
+    ----------
+    positions : sequence of PositionFit
+        Results of all positions.
+
+    Returns
+    -------
+    list of Raised
+        Flags: sharpness_once, sharpening_suspected, edge_curved,
+        sharpness_beyond_curve.
     """
     raised: list[Raised] = []
     for each in positions:
@@ -47,9 +67,19 @@ def check_positions(positions: Sequence[PositionFit]) -> list[Raised]:
 
 
 def check_candidates(candidates: Sequence[Candidate], params: Params) -> list[Raised]:
-    """Look at what went in.
+    """Check the responses that a fit was given.
 
-    Flags  rendered, region_left_out, sharpness_repeats_differ
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Responses of all frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    list of Raised
+        Flags: rendered, region_left_out, sharpness_repeats_differ.
     """
     raised: list[Raised] = []
     rendered = sorted({each.frame for each in candidates if each.features.rendered and not each.left_out})
@@ -83,7 +113,20 @@ def _check_repeats(repeats: Sequence[Candidate], params: Params) -> list[Raised]
 
 
 def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTable]) -> list[Raised]:
-    """Say when there are several positions and no middle to compare with."""
+    """Check whether there are several positions and no middle to compare with.
+
+    Parameters
+    ----------
+    positions : sequence of PositionFit
+        Results of all positions.
+    tables : sequence of FalloffTable
+        Falloff by channel and f-number.
+
+    Returns
+    -------
+    list of Raised
+        Flags.
+    """
     if tables or len({each.position for each in positions}) < 2:
         return []
     detail = f"No position lies within {CENTRE_RADIUS_REL:g} of the half diagonal."

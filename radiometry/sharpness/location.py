@@ -1,4 +1,4 @@
-"""Where an edge runs: its place on every line, and the polynomial through them."""
+"""Location of an edge: its place on every line, and the polynomial through them."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,20 @@ _WINDOW_FLOOR = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Edge:
-    """An edge in a plane's own coordinates [px of the sensor].
+    """Edge in a plane's own coordinates [px of the sensor].
 
-    ``places_px`` : (line,) of its centroids; ``curve`` : place by line; ``slope`` : of the straight fit
-    ``residual_px`` : rms of the places about the curve
-    ``departure_px`` : largest distance of a cubic through the places from the straight line
+    Attributes
+    ----------
+    places_px : ndarray of float64
+        Places of its centroids, (line,).
+    curve : Polynomial
+        Place by line.
+    slope : float
+        Slope of the straight fit.
+    residual_px : float
+        Rms of the places about the curve.
+    departure_px : float
+        Largest distance of a cubic through the places from the straight line.
     """
 
     places_px: Vector
@@ -30,15 +39,30 @@ class Edge:
 
 
 def locate_edge(plane: Plane, *, order: int) -> Edge:
-    """Find the edge on each line as the centroid of the windowed derivative, and fit a polynomial.
+    """Find the edge on each line as the centroid of the windowed derivative, and fit a polynomial [1]_ [2]_.
 
-    x_j = sum_k k w_jk d_jk / sum_k w_jk d_jk,  d the difference of neighbours, w a raised cosine that reaches
-    to the region's further side, 5 % at least: first about the region's middle, then about the first fit.
+    Parameters
+    ----------
+    plane : Plane
+        Samples of one channel.
+    order : int
+        Order of the polynomial, 1 to 5.
 
-    Takes
-      order : of the polynomial, 1 to 5
+    Returns
+    -------
+    Edge
+        Places and curve.
+
+    Notes
+    -----
+    x_j = sum_k k w_jk d_jk / sum_k w_jk d_jk,  d the difference of neighbours, w a raised cosine that
+    reaches to the region's further side, 5 % at least: first about the region's middle, then about the
+    first fit.
+
     References
-      ISO 12233:2023 annex D; P. D. Burns, sfrmat5
+    ----------
+    .. [1] ISO 12233:2023 annex D
+    .. [2] P. D. Burns, sfrmat5
     """
     samples = plane.values.shape[1]
     middle = np.full(plane.line_px.size, (samples - 1) / 2.0)
@@ -59,7 +83,7 @@ def locate_edge(plane: Plane, *, order: int) -> Edge:
 
 
 def _find_places(plane: Plane, middle: Vector) -> Vector:
-    """Give the centroid of every line's difference, the window about ``middle`` (line,) [samples]."""
+    """Return the centroid of every line's difference, the window about `middle` (line,) [samples]."""
     samples = plane.values.shape[1]
     between = np.arange(samples - 1) + 0.5
     reach = np.maximum(middle + 0.5, samples - 0.5 - middle)[:, None]

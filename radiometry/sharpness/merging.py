@@ -1,4 +1,4 @@
-"""The frames of one position made into one result."""
+"""Merging of the frames of one position into one result."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,20 @@ _CYCLES_PER_PIXEL = "cycles/px"
 
 
 def merge_position(candidates: Sequence[Candidate], params: Params) -> PositionFit:
-    """Give the result of one channel of one position from the frames that count, one at least."""
+    """Return the result of one channel of one position from the frames that count.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Responses that count, at least one.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    PositionFit
+        Result of the position.
+    """
     first = candidates[0]
     edges = [each.response for each in candidates if isinstance(each.response, EdgeResponse)]
     stars = [each.response for each in candidates if isinstance(each.response, StarResponse)]
@@ -46,9 +59,21 @@ def merge_position(candidates: Sequence[Candidate], params: Params) -> PositionF
 
 
 def merge_estimates(estimates: Sequence[Estimate]) -> tuple[float, float, float | None]:
-    """Give mean, its standard uncertainty, and the standard deviation s of one frame (None of one frame).
+    """Compute mean, its standard uncertainty, and the standard deviation s of one frame.
 
-    u^2 = max(s^2, mean u_i^2) / n: of the scatter that is seen and the one that noise predicts, the larger.
+    Parameters
+    ----------
+    estimates : sequence of Estimate
+        Estimate of each frame.
+
+    Returns
+    -------
+    tuple of (float, float, float or None)
+        Mean, standard uncertainty and s; s is None for one frame.
+
+    Notes
+    -----
+    u^2 = max(s^2, mean u_i^2) / n: the larger of the observed scatter and the one that noise predicts.
     """
     values = np.array([each.value for each in estimates])
     predicted = float(np.mean([each.standard_uncertainty**2 for each in estimates]))
@@ -58,7 +83,7 @@ def merge_estimates(estimates: Sequence[Estimate]) -> tuple[float, float, float 
 
 
 def _coefficient(name: str, unit: str, estimates: Sequence[Estimate | None]) -> list[Coefficient]:
-    """Give the coefficient, or none where a frame lacks it."""
+    """Return the coefficient, or none where a frame lacks it."""
     present = [each for each in estimates if each is not None]
     if not present or len(present) < len(estimates):
         return []
@@ -94,7 +119,7 @@ def _merge_stars(stars: Sequence[StarResponse], params: Params) -> list[Coeffici
 
 
 def _convert(found: Sequence[Coefficient], picture_height_px: int, params: Params) -> list[Coefficient]:
-    """Give the frequencies in line pairs and line widths too."""
+    """Return the frequencies in line pairs and line widths too."""
     more = []
     for each in found:
         if each.name not in (MTF50, RESOLVING_POWER):

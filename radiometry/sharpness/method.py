@@ -1,10 +1,16 @@
-"""Sharpness: how much contrast a camera keeps at which fineness, by slanted edges or Siemens stars.
+"""Sharpness: contrast that a camera keeps by spatial frequency, from slanted edges or Siemens stars.
+
+Computed as in ISO 12233:2023 [1]_ (e-SFR, s-SFR) as implemented by sfrmat5::
 
     MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|,   LSF = d ESF / dx          f in cycles per pixel of the whole sensor
     RP = n / (pi d)      of a star of n cycles, d the DIAMETER of the disc that is not resolved
 
-Source: ISO 12233:2023 (e-SFR, s-SFR) as sfrmat5 computes it. The lp/mm of the camera paper's equation 3 are
-line widths per millimetre of a 24 mm picture, and its d is a diameter; both are put right.
+The lp/mm of the camera paper's equation 3 are line widths per millimetre of a 24 mm picture, and its d is a
+diameter; both are corrected here.
+
+References
+----------
+.. [1] ISO 12233:2023
 """
 
 import itertools
@@ -52,31 +58,86 @@ def extract(
     exposure: Exposure | None,  # noqa: ARG001 (a chart needs none; the door is one for all methods)
     target: Target,
 ) -> Extracted[Features]:
-    """Measure every region of a frame in every channel; ``frame`` must hold all regions.
+    """Measure every region of a frame in every channel.
 
-    Raises InputRejected
-      roi_outside_frame, roi_empty; where no channel of any region can be used, the first one's reason:
-      edge_not_found, edge_angle_unsuitable, edge_too_short, edge_too_noisy, chart_clipped,
-      chart_contrast_too_low, star_not_found, star_too_small
+    Parameters
+    ----------
+    frame : Frame
+        Frame, or a window of it that contains all regions.
+    regions : sequence of Region
+        Regions of the frame.
+    header : FrameHeader
+        Header of the frame.
+    exposure : Exposure or None
+        Exposure settings of the frame; part of the interface of all methods and not
+        used here.
+    target : Target
+        Photographed target.
+
+    Returns
+    -------
+    Extracted[Features]
+        Statistics over all regions together, and the responses of each region.
+
+    Raises
+    ------
+    InputRejected
+        `roi_outside_frame`, `roi_empty`; where no channel of any region can be used,
+        the first one's reason: `edge_not_found`, `edge_angle_unsuitable`,
+        `edge_too_short`, `edge_too_noisy`, `chart_clipped`, `chart_contrast_too_low`,
+        `star_not_found` or `star_too_small`.
     """
     statistics, features = extract_features(frame, regions, header=header, target=target)
     return Extracted(statistics=statistics, features=features)
 
 
 def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """Say, by name, what a fit still lacks; ``unread`` names frames of which nothing is known yet."""
+    """List, by name, what a fit still lacks.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of the frames of which nothing is known yet.
+
+    Returns
+    -------
+    tuple of str
+        Empty if the fit can start.
+    """
     return list_missing(rows, params, unread=unread)
 
 
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Merge the frames of every position, and compare the positions.
 
-    Same input in any order, same answer to the last bit.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
 
-    Flags
-      per position: sharpness_once, sharpness_repeats_differ, sharpening_suspected, edge_curved,
-      sharpness_beyond_curve; per frame: region_left_out; of the whole: rendered, sharpness_centre_missing
-    Raises InputRejected(fit_incomplete) if frames are not extracted yet, or no region can be used
+    Returns
+    -------
+    Fit
+        Results of all positions, falloff, points and flags.
+
+    Raises
+    ------
+    InputRejected
+        `fit_incomplete` if frames are not extracted yet, or no region can be used.
+
+    Notes
+    -----
+    The same input in any order gives the same result to the last bit.
+
+    Flags per position: sharpness_once, sharpness_repeats_differ, sharpening_suspected, edge_curved,
+    sharpness_beyond_curve. Flag per frame: region_left_out. Flags of the whole fit: rendered,
+    sharpness_centre_missing.
     """
     lacking = list_missing(rows, params)
     if lacking:
@@ -102,9 +163,18 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
-    """Give every coefficient of every position, then the falloff to the corners.
+    """Return every coefficient of every position, then the falloff to the corners.
 
-    ``model`` holds the position, "slanted_edge:top-left"; the falloff's is the kind of target alone.
+    Parameters
+    ----------
+    fitted : Fit
+        Result of the fit.
+
+    Returns
+    -------
+    tuple of CoefficientValue
+        Coefficients. `model` contains the position, "slanted_edge:top-left"; that of
+        the falloff is the kind of target alone.
     """
     figures = [
         CoefficientValue(
@@ -142,7 +212,7 @@ def _flags_at(fitted: Fit, where: str) -> tuple[str, ...]:
 
 
 def _describe_point(candidate: Candidate, positions: Sequence[PositionFit], params: Params) -> Point:
-    """Give one channel of one region with its distance from its position's mean."""
+    """Return one channel of one region with its distance from its position's mean."""
     estimate = candidate.measure(params)
     residual = None
     if estimate is not None and not candidate.left_out:

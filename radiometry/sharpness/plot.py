@@ -1,4 +1,4 @@
-"""A sharpness calibration drawn: the response by position, a panel per channel; then its figure by radius."""
+"""Plot of a sharpness calibration: response by position, per channel; then its coefficient by radius."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -12,7 +12,18 @@ _FIGURES = ("mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel")
 
 
 def draw(result: Node) -> str:
-    """SVG of a stored sharpness result; swaths and bars are twice the standard uncertainty."""
+    """Return the SVG of a stored sharpness result; swaths and bars are twice the standard uncertainty.
+
+    Parameters
+    ----------
+    result : Node
+        Stored result.
+
+    Returns
+    -------
+    str
+        SVG document.
+    """
     channels = list(dict.fromkeys(each["channel"] for each in result["positions"]))
     parts: list[str] = []
     for index, channel in enumerate(channels):

@@ -1,4 +1,4 @@
-"""The edge's profile, four samples to a pixel, and the lengths that are read off it."""
+"""Profile of an edge, four samples to a pixel, and the lengths that are read off it."""
 
 import math
 from dataclasses import dataclass
@@ -20,8 +20,12 @@ _FINER = 16
 class Sums:
     """Samples gathered in bins of a quarter pixel by their distance from the edge.
 
-    ``count``, ``total`` : (bin,) number of samples and sum of their values
-    ``offset``, ``square`` : sum of their places within the bin, from -1/2 to 1/2, and of its square
+    Attributes
+    ----------
+    count, total : ndarray of float64
+        Number of samples and sum of their values, (bin,).
+    offset, square : ndarray of float64
+        Sum of their places within the bin, from -1/2 to 1/2, and of its square, (bin,).
     """
 
     count: Vector
@@ -30,7 +34,18 @@ class Sums:
     square: Vector
 
     def without(self, part: "Sums") -> "Sums":
-        """Give the sums of what remains when a part is taken away."""
+        """Return the sums of what remains when a part is subtracted.
+
+        Parameters
+        ----------
+        part : Sums
+            Sums of the part.
+
+        Returns
+        -------
+        Sums
+            Sums of the rest.
+        """
         return Sums(
             count=self.count - part.count,
             total=self.total - part.total,
@@ -41,10 +56,18 @@ class Sums:
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """The edge spread function at points, rising. ``step_px`` : between them, normal to the edge.
+    """Edge spread function at points, rising.
 
-    ``distance_px`` : (bin,) from the edge, normal to it; ``signal`` : (bin,)
-    ``low_px``, ``high_px`` : the range that every line reaches
+    Attributes
+    ----------
+    distance_px : ndarray of float64
+        Distance from the edge, normal to it [px], (bin,).
+    signal : ndarray of float64
+        Signal, (bin,).
+    step_px : float
+        Step between the points, normal to the edge [px].
+    low_px, high_px : float
+        Range that every line reaches [px].
     """
 
     distance_px: Vector
@@ -56,7 +79,7 @@ class Profile:
 
 @dataclass(frozen=True, kw_only=True)
 class Lengths:
-    """What a profile gives; NaN where it does not exist."""
+    """Lengths of a profile; NaN where one does not exist."""
 
     rise_px: float
     lsf_fwhm_px: float
@@ -65,7 +88,22 @@ class Lengths:
 
 
 def gather(distance_px: Vector, values: Vector, *, bins: int) -> Sums:
-    """Sort samples into bins; distances along the line [px], the edge in the middle of all bins."""
+    """Return samples sorted into bins.
+
+    Parameters
+    ----------
+    distance_px : ndarray of float64
+        Distances along the line [px], the edge in the middle of all bins.
+    values : ndarray of float64
+        Values of the samples.
+    bins : int
+        Number of bins.
+
+    Returns
+    -------
+    Sums
+        Sums of each bin.
+    """
     place = distance_px * BINS_PER_PIXEL + bins // 2
     index = np.floor(place).astype(np.intp)
     inside = (index >= 0) & (index < bins)
@@ -79,16 +117,29 @@ def gather(distance_px: Vector, values: Vector, *, bins: int) -> Sums:
 
 
 def form_profile(sums: Sums, *, slope: float, low_px: float, high_px: float) -> Profile:
-    """Give the edge spread function at the middle of every bin.
+    """Compute the edge spread function at the middle of every bin.
 
-    A bin's mean is not the value at its middle: mean = e + m1 e' + m2 e'' / 2, with m1, m2 the moments of the
-    places that its samples really have. Both terms are taken off, e', e'' from the profile itself, in bins.
-    Evenly filled bins have m1 = 0, m2 = 1/12, and what goes is their own aperture, sinc(f / 4) in the MTF,
-    which is 1 % of MTF50 for a blur of half a pixel. Empty bins are bridged by a line.
+    Parameters
+    ----------
+    sums : Sums
+        Sums of each bin.
+    slope : float
+        Slope of the edge, which converts distances along the line into those normal to
+        it.
+    low_px, high_px : float
+        Range along the line that every line reaches [px].
 
-    Takes
-      slope : of the edge, turning distances along the line into those normal to it
-      low_px, high_px : the range along the line that every line reaches
+    Returns
+    -------
+    Profile
+        Edge spread function.
+
+    Notes
+    -----
+    A bin's mean is not the value at its middle: mean = e + m1 e' + m2 e'' / 2, with m1, m2 the moments of
+    the places that its samples really have. Both terms are subtracted, e', e'' from the profile itself, in
+    bins. Evenly filled bins have m1 = 0, m2 = 1/12, and what is removed is their own aperture, sinc(f / 4)
+    in the MTF, which is 1 % of MTF50 for a blur of half a pixel. Empty bins are bridged by a line.
     """
     bins = np.arange(sums.count.size)
     filled = sums.count > 0
@@ -118,9 +169,20 @@ def form_profile(sums: Sums, *, slope: float, low_px: float, high_px: float) -> 
 def measure_lengths(profile: Profile) -> Lengths:
     """Read the 10-90 % rise, the line spread's full width at half maximum, and overshoots off a profile.
 
+    Parameters
+    ----------
+    profile : Profile
+        Edge spread function.
+
+    Returns
+    -------
+    Lengths
+        Lengths.
+
+    Notes
+    -----
     Dark and bright are the means over the outer half of either side. Between the points the profile is a
-    cubic spline. Overshoots are looked for within 6 px; noise
-    alone makes them a little more than 0.
+    cubic spline. Overshoots are searched within 6 px; noise alone makes them a little more than 0.
     """
     distance, signal = profile.distance_px, profile.signal
     valid = (distance >= profile.low_px) & (distance <= profile.high_px)
@@ -142,10 +204,11 @@ def measure_lengths(profile: Profile) -> Lengths:
 
 
 def _measure_width(distance_px: Vector, relative: Vector, *, middle: float, rise_px: float) -> float:
-    """Give the full width at half maximum of the line spread function, whose peak lies near the edge.
+    """Compute the full width at half maximum of the line spread function, whose peak lies near the edge.
 
     The derivative is that of a local sextic over a tenth more than the 10-90 % rise, seven points at least:
-    shorter, and noise makes the peak; longer, and the peak is flattened. A Gaussian comes out 0.4 % too wide.
+    if it is shorter, noise makes the peak; if it is longer, the peak is flattened. A Gaussian comes out 0.4
+    % too wide.
     """
     # its package brings scipy.stats along, half a second of every process's start
     from scipy.signal import savgol_filter  # noqa: PLC0415
@@ -163,7 +226,7 @@ def _measure_width(distance_px: Vector, relative: Vector, *, middle: float, rise
 
 
 def _find_crossings(curve: CubicSpline, level: float) -> Vector:
-    """Give the places where a spline crosses a level, by lines over a sixteenth of its own steps."""
+    """Return the places where a spline crosses a level, by lines over a sixteenth of its own steps."""
     place = np.linspace(curve.x[0], curve.x[-1], _FINER * (curve.x.size - 1) + 1)
     above = curve(place) - level
     index = np.flatnonzero((above[:-1] < 0.0) != (above[1:] < 0.0))

@@ -1,4 +1,4 @@
-"""Frequencies in the units that people quote, and a star's resolving power."""
+"""Frequencies in the units in common use, and a star's resolving power."""
 
 import math
 from dataclasses import dataclass
@@ -16,9 +16,16 @@ _NEIGHBOURS = 3
 class Resolution:
     """One frequency in every unit.
 
-    ``lp_per_mm`` : line pairs per millimetre on the sensor itself, None without its pitch
-    ``lp_per_ph``, ``lw_per_ph`` : line pairs, and line widths, per picture height
-    ``lp_per_mm_small_format`` : line pairs per millimetre on a picture enlarged to 24 mm height
+    Attributes
+    ----------
+    cycles_per_pixel : float
+        Frequency [cycles per pixel].
+    lp_per_mm : float or None
+        Line pairs per millimetre on the sensor itself; None without its pitch.
+    lp_per_ph, lw_per_ph : float
+        Line pairs, and line widths, per picture height.
+    lp_per_mm_small_format : float
+        Line pairs per millimetre on a picture enlarged to 24 mm height.
     """
 
     cycles_per_pixel: float
@@ -31,16 +38,29 @@ class Resolution:
 def convert_resolution(
     cycles_per_pixel: float, *, picture_height_px: int, pixel_pitch_um: float | None = None
 ) -> Resolution:
-    """Give a frequency in line pairs and line widths.
+    """Compute a frequency in line pairs and line widths.
 
+    Parameters
+    ----------
+    cycles_per_pixel : float
+        Frequency f [cycles per pixel].
+    picture_height_px : int
+        Shorter side N of the picture [px].
+    pixel_pitch_um : float or None, default: None
+        Pixel pitch p [um]; None if unknown.
+
+    Returns
+    -------
+    Resolution
+        Frequency in every unit.
+
+    Notes
+    -----
     lp/mm = f / p,   LP/PH = f N,   LW/PH = 2 f N,   small format: f N / 24 mm
 
     A line pair is one cycle, a line WIDTH half of one. Equation 3 of the source multiplies by 2, divides
     by 24 mm and calls the result lp/mm: it is line widths per millimetre of a 24 mm picture. Its 26.1 for
     N = 1024 is 0.3059 cycles per pixel and 13.05 lp/mm.
-
-    Takes
-      picture_height_px : N, the shorter side of the picture; pixel_pitch_um : p
     """
     pairs = cycles_per_pixel * picture_height_px
     return Resolution(
@@ -53,13 +73,40 @@ def convert_resolution(
 
 
 def star_frequency(*, cycles: int, radius_px: float) -> float:
-    """Give a star's frequency at a distance from its centre, f = n / (2 pi r) [cycles per pixel]."""
+    """Compute a star's frequency at a distance from its centre, f = n / (2 pi r) [cycles per pixel].
+
+    Parameters
+    ----------
+    cycles : int
+        Cycles n of the star.
+    radius_px : float
+        Distance r from the centre [px].
+
+    Returns
+    -------
+    float
+        Frequency f [cycles per pixel].
+    """
     return cycles / (2.0 * math.pi * radius_px)
 
 
 def unresolved_diameter(resolving_power: float, *, cycles: int) -> float:
-    """Give the diameter of the disc in which a star is not resolved, d = n / (pi RP) [px].
+    """Compute the diameter of the disc in which a star is not resolved, d = n / (pi RP) [px].
 
+    Parameters
+    ----------
+    resolving_power : float
+        Resolving power RP [cycles per pixel].
+    cycles : int
+        Cycles n of the star.
+
+    Returns
+    -------
+    float
+        Diameter d [px].
+
+    Notes
+    -----
     The source calls d the distance from the centre to the unresolved circle's edge; with that radius its
     equation 2 gives twice the resolving power. 48 cycles and 0.5 cycles per pixel: 30.56 px across.
     """
@@ -69,13 +116,26 @@ def unresolved_diameter(resolving_power: float, *, cycles: int) -> float:
 def find_resolving_power(
     frequency: tuple[float, ...], curve: Contrasts, *, contrast: float
 ) -> Estimate | None:
-    """Give the frequency at which a star's contrast first falls below a level; None where it never does.
+    """Find the frequency at which a star's contrast first falls below a level.
 
-    A straight line through three rings on either side smooths the rings'
-    noise; u(f) = u(line at the root) / |slope|, with the rings' own uncertainties.
+    Parameters
+    ----------
+    frequency : tuple of float
+        Rising frequencies [cycles per pixel].
+    curve : Contrasts
+        Contrast at each frequency.
+    contrast : float
+        Level, relative to the contrast far outside.
 
-    Takes
-      frequency : [cycles per pixel], rising; contrast : the level, relative to far outside
+    Returns
+    -------
+    Estimate or None
+        Frequency [cycles per pixel]; None if the contrast never falls below the level.
+
+    Notes
+    -----
+    A straight line through three rings on either side smooths the rings' noise;
+    u(f) = u(line at the root) / |slope|, with the rings' own uncertainties.
     """
     values = np.array(curve.contrast)
     below = np.flatnonzero(values < contrast)

@@ -1,4 +1,4 @@
-"""What comes out of a sharpness fit: plain numbers, ready for JSON; what does not exist is None."""
+"""Results of a sharpness fit: plain numbers, ready for JSON; what does not exist is None."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,16 @@ from radiometry.fitting.evidence import Quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
-    """One figure of one position and channel.
+    """One coefficient of one position and channel.
 
-    ``repeatability`` : standard deviation of single frames, None of one frame
+    Attributes
+    ----------
+    name : str
+        Name of the coefficient.
+    quantity : Quantity
+        Value with uncertainty.
+    repeatability : float or None
+        Standard deviation of single frames; None for one frame.
     """
 
     name: str
@@ -20,9 +27,16 @@ class Coefficient:
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A response: mean over the frames, with its standard uncertainty.
+    """Response: mean over the frames, with its standard uncertainty.
 
-    ``direction_deg`` : of a star's sector, else None; ``frequency`` : [cycles per pixel]
+    Attributes
+    ----------
+    direction_deg : float or None
+        Direction of a star's sector [deg], else None.
+    frequency : tuple of float
+        Frequencies [cycles per pixel].
+    response, response_u : tuple of float
+        Response and its standard uncertainty.
     """
 
     direction_deg: float | None
@@ -43,9 +57,32 @@ class Direction:
 class PositionFit:
     """One channel of one position at one f-number.
 
-    ``radius_rel`` : of the position, from the frame's middle, 1 at its corners
-    ``orientation``, ``angle_deg``, ``departure_px`` : of edges; None for stars
-    ``cycles`` : of stars; None for edges
+    Attributes
+    ----------
+    kind : str
+        Kind of the target.
+    position : str
+        Name of the position.
+    channel : str
+        Name of the channel.
+    f_number : float or None
+        F-number.
+    row_px, col_px : float
+        Position [px].
+    radius_rel : float
+        Distance from the frame's middle, 1 at its corners.
+    frames : int
+        Number of frames.
+    orientation, angle_deg, departure_px : str, float, float or None
+        Orientation, angle [deg] and departure [px] of edges; None for stars.
+    cycles : int or None
+        Cycles of stars; None for edges.
+    coefficients : tuple of Coefficient
+        Coefficients of one version.
+    curves : tuple of Curve
+        Responses.
+    directions : tuple of Direction
+        Resolving power of each sector.
     """
 
     kind: str
@@ -65,13 +102,34 @@ class PositionFit:
     directions: tuple[Direction, ...]
 
     def find(self, name: str) -> Coefficient | None:
-        """Give a coefficient by its name, None where this position has none."""
+        """Return a coefficient by its name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the coefficient.
+
+        Returns
+        -------
+        Coefficient or None
+            None if this position has no coefficient of this name.
+        """
         return next((each for each in self.coefficients if each.name == name), None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Falloff:
-    """A position against the middle of the frame: ``ratio`` is 1 where it is as sharp."""
+    """Position compared with the middle of the frame.
+
+    Attributes
+    ----------
+    position : str
+        Name of the position.
+    radius_rel : float
+        Distance from the frame's middle, 1 at its corners.
+    ratio : Quantity
+        Ratio to the middle, 1 where it is as sharp.
+    """
 
     position: str
     radius_rel: float
@@ -80,10 +138,26 @@ class Falloff:
 
 @dataclass(frozen=True, kw_only=True)
 class FalloffTable:
-    """How sharpness falls towards the corners, per channel and f-number.
+    """Decrease of sharpness towards the corners, per channel and f-number.
 
-    ``figure`` : the coefficient that is compared; ``centre`` : positions that make up the middle
-    ``corner_falloff`` : 1 - (mean of the corners) / (mean of the middle); None without corners
+    Attributes
+    ----------
+    kind : str
+        Kind of the target.
+    channel : str
+        Name of the channel.
+    f_number : float or None
+        F-number.
+    figure : str
+        Coefficient that is compared.
+    centre : tuple of str
+        Positions that make up the middle.
+    corners : tuple of str
+        Positions that make up the corners.
+    rows : tuple of Falloff
+        Falloff of each position.
+    corner_falloff : Quantity or None
+        1 - (mean of the corners) / (mean of the middle); None without corners.
     """
 
     kind: str
@@ -98,9 +172,26 @@ class FalloffTable:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One channel of one region of one frame. ``left_out`` is "" for one that was used, else the reason.
+    """One channel of one region of one frame.
 
-    ``figure``, ``value`` : what is compared; ``residual_rel`` : against the mean of its position
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    position : str
+        Name of the position.
+    channel : str
+        Name of the channel.
+    f_number : float or None
+        F-number.
+    used : bool
+        True if the fit used it.
+    left_out : str
+        "" for one that was used, else the reason.
+    figure, value, standard_uncertainty : str, float or None, float or None
+        Coefficient that is compared, its value and its standard uncertainty.
+    residual_rel : float or None
+        Relative difference from the mean of its position.
     """
 
     frame: str

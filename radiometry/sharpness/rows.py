@@ -1,4 +1,4 @@
-"""What goes into a sharpness fit: what was photographed, parameters, and a frame's evidence."""
+"""Inputs of a sharpness fit: target, parameters, and a frame's evidence."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _GAMMAS = (0.2, 5.0)
 
 @dataclass(frozen=True, kw_only=True)
 class StarCentre:
-    """Where a star's centre lies: x right, y down [px], as regions are drawn; ``region`` names the star."""
+    """Centre of a star: x right, y down [px], as regions are drawn; `region` names the star."""
 
     region: str
     x_px: float
@@ -28,13 +28,22 @@ class StarCentre:
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """What was photographed; every region of a frame shows one edge, or one star.
+    """Photographed target; every region of a frame shows one edge, or one star.
 
-    ``edge_order`` : of the polynomial through the edge, 1 (straight) to 5 (ISO 12233:2023)
-    ``cycles`` : of a star: pairs of a dark and a bright sector, 48 for 96 sectors
-    ``centres`` : of stars, where they are known; the others are found
-    ``tone_curve``, ``gamma`` : what to undo in rendered images; raw files are linear and need neither.
-        linear: as they are; srgb: IEC 61966-2-1; gamma: signal = light ^ (1 / gamma)
+    Attributes
+    ----------
+    kind : Kind, default: "slanted_edge"
+        Kind of the target.
+    edge_order : int, default: 5
+        Order of the polynomial through the edge, 1 (straight) to 5 (ISO 12233:2023).
+    cycles : int, default: 48
+        Cycles of a star: pairs of a dark and a bright sector, 48 for 96 sectors.
+    centres : tuple of StarCentre, default: ()
+        Centres of stars, where they are known; the others are found.
+    tone_curve, gamma : ToneCurve, float
+        Tone curve to undo in rendered images; raw files are linear and need neither.
+        "linear": as they are; "srgb": IEC 61966-2-1; "gamma": signal = light ^ (1 /
+        gamma).
     """
 
     kind: Kind = "slanted_edge"
@@ -45,7 +54,7 @@ class Target:
     gamma: float = 2.2
 
     def __post_init__(self) -> None:
-        """Hold what no target can be, in sentences for whoever typed it in."""
+        """Check for values that no target can have; the messages are for the person who entered them."""
         if self.kind not in get_args(Kind):
             raise ValueError(f"kind must be one of {', '.join(get_args(Kind))}")
         if self.tone_curve not in get_args(ToneCurve):

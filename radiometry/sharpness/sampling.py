@@ -28,15 +28,26 @@ class Tone:
 
 @dataclass(frozen=True, kw_only=True)
 class Plane:
-    """One channel's samples in a region: lines of equally spaced samples.
+    """Samples of one channel in a region: lines of equally spaced samples.
 
     Sample k of line j lies at (line_px[j], first_px[j] + k pitch_px), in pixel indices of the whole frame,
-    the line along the rows or, transposed, along the columns.
+    the line along the rows or, transposed, along the columns. Green takes both its sites: lines of either
+    row, each beginning where its own first green lies.
 
-    ``values`` : (line, sample) signal above black, linear
-    ``pitch_px`` : between samples of a line; 2 on a colour filter array. Green takes both its sites: lines of
-        either row, each beginning where its own first green lies
-    ``clipped_share`` : of the samples at white, or at a raw number of 0
+    Attributes
+    ----------
+    channel : str
+        Name of the channel.
+    values : ndarray of float64
+        Signal above black, linear, (line, sample).
+    line_px : ndarray of float64
+        Place of each line [px].
+    first_px : ndarray of float64
+        Place of the first sample of each line [px].
+    pitch_px : float
+        Distance between samples of a line [px]; 2 on a colour filter array.
+    clipped_share : float
+        Fraction of the samples at white, or at a raw number of 0.
     """
 
     channel: str
@@ -48,13 +59,13 @@ class Plane:
 
     @property
     def positions_px(self) -> Matrix:
-        """Where every sample lies along its line, (line, sample)."""
+        """Place of every sample along its line [px], (line, sample)."""
         return self.first_px[:, None] + self.pitch_px * np.arange(self.values.shape[1])
 
 
 @dataclass(frozen=True)
 class _Site:
-    """The samples of one CFA site or colour plane."""
+    """Samples of one CFA site or colour plane."""
 
     values: Matrix
     row_px: Matrix
@@ -67,13 +78,32 @@ class _Site:
 
 
 def read_planes(frame: Frame, window: Window, *, tone: Tone | None, transposed: bool) -> tuple[Plane, ...]:
-    """Give the channels of a window: grey; R, G, B and luminance of a colour image; R, G, B of a mosaic.
+    """Read the channels of a window: grey; R, G, B and luminance of a colour image; R, G, B of a mosaic.
 
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    window : Window
+        Window to read.
+    tone : Tone or None
+        Tone curve of a rendered image; None for a raw one.
+    transposed : bool
+        True if lines run along columns.
+
+    Returns
+    -------
+    tuple of Plane
+        Plane of each channel.
+
+    Raises
+    ------
+    InputRejected
+        `roi_outside_frame` if the frame's window does not contain this one.
+
+    Notes
+    -----
     A mosaic has no luminance of its own: that would need values that were never measured.
-
-    Takes
-      tone : of a rendered image, None for a raw one; transposed : lines run along columns
-    Raises InputRejected(roi_outside_frame) if the frame's window does not hold this one
     """
     sites = _read_sites(frame, window, tone)
     turned = {
@@ -86,9 +116,22 @@ def read_planes(frame: Frame, window: Window, *, tone: Tone | None, transposed: 
 
 
 def average_sites(frame: Frame, window: Window, *, tone: Tone | None) -> tuple[Matrix, float]:
-    """Give one picture of a window, for finding things in: 2 x 2 means of a mosaic; and its pitch [px].
+    """Compute one picture of a window in which to find things: 2 x 2 means of a mosaic; and its pitch [px].
 
-    Returns (row, col), sample (0, 0) of a mosaic lying half a pixel inside the window's corner
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    window : Window
+        Window to read.
+    tone : Tone or None
+        Tone curve of a rendered image; None for a raw one.
+
+    Returns
+    -------
+    tuple of (ndarray of float64, float)
+        Picture (row, col), sample (0, 0) of a mosaic lying half a pixel inside the
+        window's corner; and pitch [px].
     """
     sites = _read_sites(frame, window, tone)
     if frame.cfa == "rgb":

@@ -15,27 +15,40 @@ NYQUIST_CYCLES_PER_PIXEL = 0.5
 
 
 def list_frequencies() -> Vector:
-    """Give the frequencies of every stored response: 0, 0.01, ..., 1 cycles per pixel."""
+    """Return the frequencies of every stored response: 0, 0.01, ..., 1 cycles per pixel."""
     return np.linspace(0.0, 1.0, round(1.0 / CURVE_STEP_CYCLES_PER_PIXEL) + 1)
 
 
 def compute_mtfs(profiles: Sequence[Profile], *, frequency: Vector) -> Vector:
-    """Give the normalised modulus of the Fourier transform of each profile's windowed line spread function.
+    """Compute the normalised Fourier modulus of the windowed line spread function of each profile.
 
-    LSF_k = (e_{k+1} - e_{k-1}) / 2,   w_k = (1 + cos(2 pi k / n)) / 2 (Tukey, alpha 1, about the edge)
-    MTF(f) = D(f) |sum_k w_k LSF_k exp(-2 pi i f x_k)| / |sum_k w_k LSF_k|,   D(f) = a / sin(a), a = 2 pi f h
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        Profiles at the same distances.
+    frequency : ndarray of float64
+        Frequencies [cycles per pixel], below 2.
+
+    Returns
+    -------
+    ndarray of float64
+        MTF, (profile, frequency).
+
+    Notes
+    -----
+    After [1]_ and [2]_::
+
+        LSF_k = (e_{k+1} - e_{k-1}) / 2,   w_k = (1 + cos(2 pi k / n)) / 2 (Tukey, alpha 1, about the edge)
+        MTF(f) = D(f) |sum_k w_k LSF_k exp(-2 pi i f x_k)| / |sum_k w_k LSF_k|
+        D(f) = a / sin(a), a = 2 pi f h
 
     D undoes the difference over two steps h. There is no factor for the bins' aperture: `form_profile` has
-    already taken it off, which sfrmat5 does not.
-
-    Takes
-      profiles : at the same distances; frequency : [cycles per pixel], below 2
-    Returns (profile, frequency)
+    already removed it, which sfrmat5 does not.
 
     References
     ----------
-      ISO 12233:2023 annex D; P. D. Burns, sfrmat5
-
+    .. [1] ISO 12233:2023 annex D
+    .. [2] P. D. Burns, sfrmat5
     """
     first = profiles[0]
     signals = np.array([profile.signal for profile in profiles])
@@ -51,7 +64,22 @@ def compute_mtfs(profiles: Sequence[Profile], *, frequency: Vector) -> Vector:
 def find_crossing(
     frequency: Sequence[float] | Vector, response: Sequence[float] | Vector, level: float
 ) -> float:
-    """Give the first frequency at which a response falls below a level, between points by a line, or NaN."""
+    """Find the first frequency at which a response falls below a level, between points by a line.
+
+    Parameters
+    ----------
+    frequency : sequence of float or ndarray of float64
+        Rising frequencies [cycles per pixel].
+    response : sequence of float or ndarray of float64
+        Response at each frequency.
+    level : float
+        Level.
+
+    Returns
+    -------
+    float
+        Frequency [cycles per pixel], or NaN.
+    """
     below = np.flatnonzero(np.asarray(response) < level)
     if not below.size or below[0] == 0:
         return math.nan

@@ -26,10 +26,18 @@ _LEAST_EXPLAINED = 0.4
 
 
 def nyquist_of(plane: Plane) -> float:
-    """Give the highest frequency that a channel's lattice can carry in every direction [cycles per pixel].
+    """Return the highest frequency that a channel's lattice can carry in every direction [cycles per pixel].
 
-    0.5 where every pixel counts, 0.25 for red and blue of a mosaic, 0.354 for its greens, which lie on a
-    lattice turned by 45 degrees.
+    Parameters
+    ----------
+    plane : Plane
+        Samples of the channel.
+
+    Returns
+    -------
+    float
+        0.5 where every pixel counts, 0.25 for red and blue of a mosaic, 0.354 for its
+        greens, which lie on a lattice turned by 45 degrees [cycles per pixel].
     """
     apart_px = plane.pitch_px * float(plane.line_px[1] - plane.line_px[0])
     return 0.5 / math.sqrt(apart_px)
@@ -38,19 +46,41 @@ def nyquist_of(plane: Plane) -> float:
 def measure_star(plane: Plane, *, cycles: int, centre: tuple[float, float], radius_px: float) -> StarResponse:
     """Measure a star's contrast on rings, by a fit of its fundamental in each of eight sectors.
 
-    I = a + b cos(n theta) + c sin(n theta),   M = sqrt(b^2 + c^2) / a,   f = n / (2 pi r)
+    Parameters
+    ----------
+    plane : Plane
+        Plane with lines along the rows.
+    cycles : int
+        Cycles n of the star.
+    centre : tuple of float
+        Row and column of the centre, as indices.
+    radius_px : float
+        Radius of the largest ring [px].
 
-    Noise makes b and c larger than they are: the variance of both is taken off their squares. All directions
-    together are the root of the mean square. The contrast is M relative to that of the six outermost rings of
-    the star, whose own blur is left in. A star of bars has a fundamental 4/pi as large, which cancels. Rings
-    end at the channel's Nyquist frequency.
+    Returns
+    -------
+    StarResponse
+        Contrast by frequency, all around and by direction.
 
-    Takes
-      plane : lines along the rows; cycles : n; centre : (row, col) indices; radius_px : of the largest ring
-    Raises InputRejected
-      chart_clipped, chart_contrast_too_low, star_not_found, star_too_small
+    Raises
+    ------
+    InputRejected
+        `chart_clipped`, `chart_contrast_too_low`, `star_not_found` or `star_too_small`.
+
+    Notes
+    -----
+    With the s-SFR of [1]_::
+
+        I = a + b cos(n theta) + c sin(n theta),   M = sqrt(b^2 + c^2) / a,   f = n / (2 pi r)
+
+    Noise makes b and c larger than they are: the variance of both is subtracted from their squares. All
+    directions together are the root of the mean square. The contrast is M relative to that of the six
+    outermost rings of the star, whose own blur is left in. A star of bars has a fundamental 4/pi as large,
+    which cancels. Rings end at the channel's Nyquist frequency.
+
     References
-      ISO 12233:2023 annex E (s-SFR)
+    ----------
+    .. [1] ISO 12233:2023 annex E (s-SFR)
     """
     _require_unclipped(plane)
     inner_px = cycles / (2.0 * math.pi * nyquist_of(plane))
@@ -108,9 +138,10 @@ def _describe(contrast: Vector, u: Vector, *, direction_deg: float | None) -> Co
 def _fit_rings(
     plane: Plane, radii: Vector, *, cycles: int, centre: tuple[float, float]
 ) -> tuple[Vector, Vector, Vector]:
-    """Give the modulation's square and variance, (ring, sector), and the share explained, (ring,).
+    """Return the modulation's square and variance, (ring, sector), and the share explained, (ring,).
 
-    The share is that of one fundamental all around the ring: in a sector alone other numbers of cycles do.
+    The share is that of one fundamental all around the ring: in a sector alone other numbers of cycles also
+    fit.
     """
     rows = np.broadcast_to(plane.line_px[:, None], plane.values.shape).ravel() - centre[0]
     cols = plane.positions_px.ravel() - centre[1]
@@ -134,9 +165,10 @@ def _fit_rings(
 
 
 def _fit_fundamental(angle: Vector, signal: Vector, cycles: int) -> tuple[float, float, float]:
-    """Fit a + b cos + c sin: give the modulation's square, its variance, and the share of variance explained.
+    """Fit a + b cos + c sin; return modulation squared, its variance, and share of variance explained.
 
-    The square has the noise's part taken off, so that without a star it is 0 on average, above or below.
+    The noise's part is subtracted from the square, so that without a star it is 0 on average, above or
+    below.
     """
     design = np.column_stack((np.ones(angle.size), np.cos(cycles * angle), np.sin(cycles * angle)))
     moments = design.T @ design

@@ -1,4 +1,4 @@
-"""The verdict on every frame of a sharpness campaign, and what would make its fit good."""
+"""Verdict on every frame of a sharpness campaign, and suggestions for a good fit."""
 
 from collections.abc import Sequence
 
@@ -17,11 +17,28 @@ _BLURRED_ERRORS = 3.0
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
-    """Give the verdict on each frame of a campaign, by name.
+    """Return the verdict on each frame of a campaign.
 
-    Reasons
-      chart_unusable : warn; some channel of some region gives nothing
-      blurred : warn; at a position, a tenth and three standard uncertainties below the best of its repeats
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        All frames of the campaign; for one without a region the region is the whole
+        frame.
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    dict of str to Verdict
+        Verdict by name.
+
+    Notes
+    -----
+    Reasons, each of them a warning: `chart_unusable` if some channel of some region has no response;
+    `blurred` if at a position the frame is a tenth and three standard uncertainties below the best of its
+    repeats.
     """
     reasons = inspect_frames(frames)
     candidates = collect_candidates(rows, params)
@@ -55,7 +72,20 @@ def _find_blurred(repeats: Sequence[Candidate], params: Params) -> list[tuple[st
 
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """Say by name what would make the fit good; fragments."""
+    """List, by name, what would make the fit good.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of str
+        Suggestions, as fragments.
+    """
     usable = [each for each in collect_candidates(rows, params) if not each.left_out]
     keys = sorted({each.key for each in usable})
     positions = [merge_position([each for each in usable if each.key == key], params) for key in keys]
