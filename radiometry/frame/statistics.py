@@ -114,7 +114,10 @@ def compute_statistics(frame: Frame, inside: NDArray[np.bool_]) -> tuple[Channel
     everything = _merge([site for _, site in sites])
     if frame.cfa == GREY:
         return (_summarise(GREY, *everything),)
-    rows = [_summarise(channel, *_merge([site])) for channel, site in sorted(sites, key=_channel_order)]
+    rows = [
+        _summarise(channel, *_merge([site]))
+        for channel, site in sorted(sites, key=lambda named: CHANNELS.index(named[0]))
+    ]
     return (*rows, _summarise(GREY, *everything))
 
 
@@ -250,23 +253,17 @@ def name_site(cfa: str, index: int) -> str:
     return "G1" if cfa[index ^ 1] == "R" else "G2"
 
 
-def _channel_order(named: tuple[str, _Site]) -> int:
-    return CHANNELS.index(named[0])
-
-
 def _merge(sites: Sequence[_Site]) -> tuple[NDArray[np.intp], int, float, float]:
     """Join positions: histogram, samples at or above their own white, mean black, lowest white."""
     counts = [int(site.histogram.sum()) for site in sites]
-    saturated = sum(int(site.histogram[_first_saturated(site.white_level_dn) :].sum()) for site in sites)
+    saturated = sum(
+        int(site.histogram[min(_LEVELS, math.ceil(site.white_level_dn)) :].sum()) for site in sites
+    )
     black = math.fsum(count * site.black_level_dn for count, site in zip(counts, sites, strict=True)) / sum(
         counts
     )
     histogram = np.sum([site.histogram for site in sites], axis=0)
     return histogram, saturated, black, min(site.white_level_dn for site in sites)
-
-
-def _first_saturated(white_level_dn: float) -> int:
-    return min(_LEVELS, math.ceil(white_level_dn))
 
 
 def _summarise(

@@ -51,7 +51,10 @@ def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Re
         for row in group:
             time_s = times[row.frame]
             darkest = next(r for r in group if time_ratio(times[r.frame], [time_s]) <= EXPOSURE_RATIO)
-            reason = _above_others(row, darkest, signals) or _above_black(signals[row.frame])
+            signal = signals[row.frame]
+            reason = _above_others(row, darkest, signals) or inspect_black(
+                signal.value_dn, black_level_dn=signal.black_level_dn, white_level_dn=signal.white_level_dn
+            )
             if reason is not None:
                 found[row.frame] = [reason]
     return found
@@ -86,20 +89,12 @@ def _above_others(row: FrameRow, darkest: FrameRow, signals: dict[str, Signal]) 
     signal, least = signals[row.frame], signals[darkest.frame]
     excess = signal.value_dn - least.value_dn
     error = math.hypot(signal.standard_uncertainty_dn, least.standard_uncertainty_dn)
-    if excess <= max(ABOVE_OTHERS_SHARE * _span(signal), DETECTION_ERRORS * error):
+    if excess <= max(
+        ABOVE_OTHERS_SHARE * max(signal.white_level_dn - signal.black_level_dn, 1.0), DETECTION_ERRORS * error
+    ):
         return None
     detail = (
         f"Its mean is {excess:.3g} DN above that of {darkest.frame}, a dark frame of the same ISO and a like "
         f"time: this one saw light. {TAKE_AGAIN}"
     )
     return shared.DARK_NOT_DARK.reason(detail)
-
-
-def _above_black(signal: Signal) -> Reason | None:
-    return inspect_black(
-        signal.value_dn, black_level_dn=signal.black_level_dn, white_level_dn=signal.white_level_dn
-    )
-
-
-def _span(signal: Signal) -> float:
-    return max(signal.white_level_dn - signal.black_level_dn, 1.0)

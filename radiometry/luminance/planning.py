@@ -5,7 +5,7 @@ import math
 import statistics as python_statistics
 from collections.abc import Sequence
 
-from radiometry.findings import Raised, shared
+from radiometry.findings import shared
 from radiometry.luminance import codes
 from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
 from radiometry.luminance.dark import check_dark
@@ -78,11 +78,10 @@ def _plan_darks(series: IsoSeries) -> list[str]:
         codes.DARK_VARIES: "the dark frames at {iso} differ too much for its weakest signal: repeat them",
         shared.DARK_EXPOSURE_DIFFERS: "no dark frames at {iso} with a like exposure time: {detail}",
     }
-    return [_say(advice[found.flag], series, found) for found in raised]
-
-
-def _say(advice: str, series: IsoSeries, raised: Raised) -> str:
-    return advice.format(iso=f"ISO {series.iso:g}", detail=raised.detail.rstrip("."))
+    return [
+        advice[found.flag].format(iso=f"ISO {series.iso:g}", detail=found.detail.rstrip("."))
+        for found in raised
+    ]
 
 
 def _plan_levels(series: IsoSeries) -> list[str]:
