@@ -24,9 +24,7 @@ ROOMS: Final = ("radiometry", "store", "worker", "service", "stilb", "verify")
 ALLOWED: Final = frozenset({"radiometry/methods/__init__.py", "stilb/method.py"})
 
 # files that still know a method by its name: each leaves with its last mention, and none may join them
-KNOWN: Final[frozenset[str]] = frozenset(
-    {"service/web/static/measurement/new.js", "service/web/static/measurement/words.js"}
-)
+KNOWN: Final[frozenset[str]] = frozenset()
 
 _NAME: Final = "|".join(sorted(NAMES))
 _PACKAGE: Final = re.compile(rf"radiometry\.(?:{_NAME})\b")
