@@ -1,4 +1,4 @@
-"""The camera's model: where a direction appears in the picture."""
+"""Camera model: where a direction appears in the picture."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -16,17 +16,19 @@ _STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
 
 @dataclass(frozen=True, kw_only=True)
 class CameraModel:
-    """A camera by Brown's model, in OpenCV's notation.
+    """Camera by Brown's model [1]_, in OpenCV's notation.
 
-    x = X/Z, y = Y/Z of a point in the camera's frame (x right, y down, z forward), r^2 = x^2 + y^2
-    x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
-    y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
-    col = fx x' + cx,   row = fy y' + cy          the first pixel's centre is (0, 0)
+    Of a point in the camera's frame (x right, y down, z forward)::
+
+        x = X/Z, y = Y/Z, r^2 = x^2 + y^2
+        x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
+        y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
+        col = fx x' + cx,   row = fy y' + cy          the first pixel's centre is (0, 0)
 
     References
     ----------
-      D. C. Brown, Decentering distortion of lenses, Photogrammetric Engineering 32(3), 1966
-
+    .. [1] D. C. Brown, Decentering distortion of lenses, Photogrammetric Engineering 32(3),
+       1966
     """
 
     height_px: int
@@ -43,7 +45,20 @@ class CameraModel:
 
     @classmethod
     def from_parameters(cls, values: NDArray[np.float64], *, height_px: int, width_px: int) -> "CameraModel":
-        """Make a camera of its parameters in the order of PARAMETERS."""
+        """Return the camera of parameters in the order of PARAMETERS.
+
+        Parameters
+        ----------
+        values : ndarray of float64
+            Parameters in the order of PARAMETERS, (9,).
+        height_px, width_px : int
+            Size of the picture [px].
+
+        Returns
+        -------
+        CameraModel
+            Camera.
+        """
         named = dict(zip(PARAMETERS, (float(value) for value in values), strict=True))
         return cls(height_px=height_px, width_px=width_px, **named)
 
@@ -74,20 +89,42 @@ def project(
     rotation: NDArray[np.float64],
     shift: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Give where points of a board appear: (point, 2) [px], row before col.
+    """Compute where points of a board appear.
 
-    Takes
-      points_mm : (point, 3) on the board; rotation : Rodrigues vector (3,); shift : (3,) [mm]
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    points_mm : ndarray of float64
+        Points on the board [mm], (point, 3).
+    rotation : ndarray of float64
+        Rodrigues vector, (3,).
+    shift : ndarray of float64
+        Shift [mm], (3,).
+
+    Returns
+    -------
+    ndarray of float64
+        Places in the picture [px], (point, 2), row before col.
     """
     seen, _ = cv2.projectPoints(points_mm, rotation, shift, camera.matrix, camera.distortion)
     return np.asarray(seen, np.float64).reshape(-1, 2)[:, ::-1]
 
 
 def find_directions(camera: CameraModel, places_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give the directions that places in the picture see: (place, 2), x and y at unit distance.
+    """Compute the directions that places in the picture see.
 
-    Takes
-      places_px : (place, 2), row before col
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    places_px : ndarray of float64
+        Places [px], (place, 2), row before col.
+
+    Returns
+    -------
+    ndarray of float64
+        Directions, (place, 2), x and y at unit distance.
     """
     seen = np.ascontiguousarray(places_px[:, ::-1]).reshape(-1, 1, 2)
     ideal = cv2.undistortPoints(seen, camera.matrix, camera.distortion, criteria=_STOP)

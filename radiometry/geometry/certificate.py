@@ -1,4 +1,4 @@
-"""What a certificate prints of a geometry calibration."""
+"""Certificate text of a geometry calibration."""
 
 from typing import Final
 

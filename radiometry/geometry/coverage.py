@@ -1,4 +1,4 @@
-"""Where in the frame corners were seen, and how the boards were tilted."""
+"""Coverage of the frame by corners, and tilt of the boards."""
 
 import math
 from collections.abc import Sequence
@@ -18,10 +18,19 @@ TILTED_DEG: Final = 15.0
 
 
 def measure_coverage(camera: CameraModel, seen_px: Sequence[NDArray[np.float64]]) -> Coverage:
-    """Count corners in a grid of 8 x 8 equal cells over the frame.
+    """Return the counts of corners in a grid of 8 x 8 equal cells over the frame.
 
-    Takes
-      seen_px : of each view (corner, 2), row before col
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    seen_px : sequence of ndarray of float64
+        Corners of each view [px], (corner, 2), row before col.
+
+    Returns
+    -------
+    Coverage
+        Counts, and what follows from them.
     """
     counts = count_cells(seen_px, height_px=camera.height_px, width_px=camera.width_px)
     farthest = find_covered_radius_px(camera, seen_px)
@@ -35,7 +44,20 @@ def measure_coverage(camera: CameraModel, seen_px: Sequence[NDArray[np.float64]]
 def count_cells(
     seen_px: Sequence[NDArray[np.float64]], *, height_px: int, width_px: int
 ) -> NDArray[np.int64]:
-    """Give how many corners lie in each cell, (row, col)."""
+    """Return how many corners lie in each cell.
+
+    Parameters
+    ----------
+    seen_px : sequence of ndarray of float64
+        Corners of each view [px], (corner, 2), row before col.
+    height_px, width_px : int
+        Size of the frame [px].
+
+    Returns
+    -------
+    ndarray of int64
+        Counts, (row, col).
+    """
     places = np.concatenate([np.empty((0, 2)), *seen_px])
     cells = ((places + 0.5) / np.array([height_px, width_px]) * CELLS).astype(np.int64)
     counts = np.zeros((CELLS, CELLS), np.int64)
@@ -44,21 +66,57 @@ def count_cells(
 
 
 def find_covered_radius_px(camera: CameraModel, seen_px: Sequence[NDArray[np.float64]]) -> float:
-    """Give how far from the principal point the outermost corner lies [px]."""
+    """Return the distance from the principal point to the outermost corner [px].
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    seen_px : sequence of ndarray of float64
+        Corners of each view [px], (corner, 2), row before col.
+
+    Returns
+    -------
+    float
+        Distance [px].
+    """
     principal = np.array([camera.cy_px, camera.cx_px])
     return max(float(np.linalg.norm(seen - principal, axis=1).max()) for seen in seen_px)
 
 
 def measure_tilt_deg(pose: Pose) -> float:
-    """Give the angle between a board's normal and the optical axis."""
+    """Compute the angle between a board's normal and the optical axis.
+
+    Parameters
+    ----------
+    pose : Pose
+        Pose of the board.
+
+    Returns
+    -------
+    float
+        Angle [deg].
+    """
     return math.degrees(math.acos(min(1.0, abs(float(_normal(pose)[2])))))
 
 
 def measure_one_sidedness(poses: Sequence[Pose]) -> float:
-    """Give how far the tilted boards all turn about one axis: 0 for all axes alike, 1 for one.
+    """Compute how far the tilted boards all turn about one axis: 0 for all axes alike, 1 for one.
 
+    Parameters
+    ----------
+    poses : sequence of Pose
+        Poses of the boards.
+
+    Returns
+    -------
+    float
+        One-sidedness; 1 where no view is tilted.
+
+    Notes
+    -----
     |mean exp(2 i phi)| over views tilted by 15 degrees or more, phi the direction of the normal in the
-    picture: turned left and turned right are one axis. 1 where no view is tilted.
+    picture: turned left and turned right are one axis.
     """
     normals = [_normal(pose) for pose in poses if measure_tilt_deg(pose) >= TILTED_DEG]
     if not normals:

@@ -1,4 +1,4 @@
-"""The radial distortion against the distance from the principal point, in pixels and micrometres."""
+"""Radial distortion against the distance from the principal point, in pixels and micrometres."""
 
 from typing import Final
 
@@ -15,7 +15,18 @@ _SEARCH_BEYOND: Final = 2.0
 
 
 def find_farthest_radius_px(camera: CameraModel) -> float:
-    """Give the distance from the principal point to the frame's farthest corner pixel."""
+    """Return the distance from the principal point to the frame's farthest corner pixel.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+
+    Returns
+    -------
+    float
+        Distance [px].
+    """
     rows = max(camera.cy_px, camera.height_px - 1 - camera.cy_px)
     cols = max(camera.cx_px, camera.width_px - 1 - camera.cx_px)
     return float(np.hypot(rows, cols))
@@ -28,14 +39,31 @@ def compute_curve(
     pixel_pitch_um: float | None,
     covered_radius_px: float,
 ) -> tuple[CurvePoint, ...]:
-    """Give the curve from the principal point to the frame's farthest corner.
+    """Compute the distortion from the principal point to the frame's farthest corner.
 
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    covariance : ndarray of float64
+        Covariance of PARAMETERS, (9, 9).
+    pixel_pitch_um : float or None
+        Distance of neighbouring pixels [um]; None if unknown.
+    covered_radius_px : float
+        Distance from the principal point to the outermost corner that was used [px].
+
+    Returns
+    -------
+    tuple of CurvePoint
+        Points of the curve.
+
+    Notes
+    -----
     d(R) = R (k1 s^2 + k2 s^4 + k3 s^6),   s = R / f,   f = (fx + fy) / 2
-    R the ideal radius [px], R + d the radius in the picture; u(d)^2 = g^T C g with g the derivatives of d in
-    fx, fy, k1, k2, k3 at fixed R. Where the model turns back before it reaches the corner, it ends there.
 
-    Takes
-      covariance : (9, 9) of PARAMETERS
+    R is the ideal radius [px], R + d the radius in the picture; u(d)^2 = g^T C g with g the derivatives of
+    d in fx, fy, k1, k2, k3 at fixed R. Where the model turns back before it reaches the corner, the curve
+    ends there.
     """
     ideal = np.linspace(0.0, find_ideal_corner_px(camera), POINTS)
     distortion = distort_radially(camera, ideal)
@@ -56,15 +84,41 @@ def compute_curve(
 
 
 def distort_radially(camera: CameraModel, ideal_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give by how far a place at an ideal radius is moved outwards [px]."""
+    """Compute how far a place at an ideal radius is moved outwards [px].
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    ideal_px : ndarray of float64
+        Ideal radii [px].
+
+    Returns
+    -------
+    ndarray of float64
+        Distortion [px].
+    """
     s2 = (ideal_px / _focal_px(camera)) ** 2
     return np.asarray(ideal_px * s2 * (camera.k1 + s2 * (camera.k2 + s2 * camera.k3)), np.float64)
 
 
 def find_turning_radius_px(camera: CameraModel) -> float | None:
-    """Give the radius in the picture at which the model turns back, None if it does not up to the corner.
+    """Find the radius in the picture at which the model turns back.
 
-    Beyond it two directions share a place: no camera does that, only a polynomial that nothing holds there.
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+
+    Returns
+    -------
+    float or None
+        Radius [px]; None if it does not turn back up to the corner.
+
+    Notes
+    -----
+    Beyond it two directions share a place. This occurs with no camera, only with a polynomial that no data
+    constrain there.
     """
     ideal = np.linspace(0.0, _SEARCH_BEYOND * find_farthest_radius_px(camera), _SEARCHED)
     shown = ideal + distort_radially(camera, ideal)
@@ -75,7 +129,18 @@ def find_turning_radius_px(camera: CameraModel) -> float | None:
 
 
 def find_ideal_corner_px(camera: CameraModel) -> float:
-    """Give the ideal radius of what the frame's farthest corner shows, or of where the model turns back."""
+    """Return the ideal radius of what the frame's farthest corner shows, or of where the model turns back.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+
+    Returns
+    -------
+    float
+        Ideal radius [px].
+    """
     farthest = find_farthest_radius_px(camera)
     ideal = np.linspace(0.0, _SEARCH_BEYOND * farthest, _SEARCHED)
     shown = ideal + distort_radially(camera, ideal)

@@ -27,9 +27,23 @@ _FITTED_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-
 
 @dataclass(frozen=True)
 class Found:
-    """``indices`` : of the corners on the board; ``fixed``, ``fitted`` : (corner, 2) [px], row before col.
+    """Corners of a board in a picture.
 
-    ``not_found`` : why there are none, else ""
+    Attributes
+    ----------
+    indices : ndarray of int64
+        Indices of the corners on the board.
+    fixed, fitted : ndarray of float64
+        Places of the corners in the fixed and in the fitted window [px], (corner, 2),
+        row before col.
+    spacing_px : float
+        Shortest distance between neighbouring corners [px].
+    fitted_window_px : int
+        Half side of the fitted window [px].
+    edge_rise_px : float or None
+        10 to 90 % rise of the squares' edges [px].
+    not_found : str, default: ""
+        Reason why there are no corners, else "".
     """
 
     indices: NDArray[np.int64]
@@ -44,17 +58,32 @@ class Found:
 def find_corners(grey: Grey, target: Target) -> Found:
     """Find a board's inner corners; pixel (row, col) has its centre at (row, col), OpenCV's convention.
 
-    A board is looked for in a copy of at most 1600 pixels a side: a checkerboard by its squares, then by its
-    edges' directions [2], a ChArUco board by its markers. Each corner is then placed in the picture itself,
-    where every edge nearby points at it [1]: in a window of 11 pixels' half side, as OpenCV's sample does,
-    and in one that is no larger than 0.4 of the distance to the next corner. On a ChArUco board both are
-    kept clear of the markers, whose edges point elsewhere.
+    Parameters
+    ----------
+    grey : Grey
+        Grey picture.
+    target : Target
+        Board to find.
+
+    Returns
+    -------
+    Found
+        Corners, or the reason why there are none.
+
+    Notes
+    -----
+    A board is searched in a copy of at most 1600 pixels a side: a checkerboard by its squares, then by its
+    edges' directions [2]_, a ChArUco board by its markers. Each corner is then placed in the picture
+    itself, where every edge nearby points at it [1]_: in a window of 11 pixels' half side, as OpenCV's
+    sample does, and in one that is no larger than 0.4 of the distance to the next corner. On a ChArUco
+    board both are kept clear of the markers, whose edges point elsewhere.
 
     References
     ----------
-      [1] W. Foerstner, E. Guelch, A fast operator for detection and precise location of distinct points, 1987
-      [2] A. Duda, U. Frese, Accurate detection and localization of checkerboard corners, BMVC 2018
-
+    .. [1] W. Foerstner, E. Guelch, A fast operator for detection and precise location of
+       distinct points, 1987
+    .. [2] A. Duda, U. Frese, Accurate detection and localization of checkerboard corners,
+       BMVC 2018
     """
     height, width = grey.coarse.shape
     if min(height, width) < _SMALLEST_SIDE_PX:
@@ -152,7 +181,7 @@ def _refine(
 
 
 def _measure_rise(coarse: NDArray[np.uint8], target: Target, corners: NDArray[np.float64]) -> float | None:
-    """Give the mean 10 to 90 % rise of the edges between squares [px]; None where it cannot be told."""
+    """Return the mean 10 to 90 % rise of the edges between squares [px]; None where it cannot be measured."""
     size = (target.corner_columns, target.corner_rows)
     try:
         mean, _ = cv2.estimateChessboardSharpness(coarse, size, corners.astype(np.float32))

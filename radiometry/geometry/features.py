@@ -1,4 +1,4 @@
-"""What one picture of a board says: where its corners are."""
+"""Corners of a board in one picture."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,16 +17,30 @@ from radiometry.geometry.target import Target
 
 @dataclass(frozen=True, kw_only=True)
 class Features:
-    """The corners in one picture, ready for JSON.
+    """Corners in one picture, ready for JSON.
 
-    ``target`` : the board that was looked for; ``not_found`` : why there are no corners, else ""
-    ``height_px``, ``width_px`` : of the whole frame
-    ``indices`` : of the corners on the board, row by row
-    ``fixed_px``, ``fitted_px`` : (row, col) of each corner [px], from the centre of the frame's first pixel,
-        as placed in OpenCV's fixed window and in one fitted to the squares
-    ``fitted_window_px`` : half side of that window; ``spacing_px`` : shortest distance between neighbours
-    ``edge_rise_px`` : 10 to 90 % rise of the squares' edges, None where the board is not seen whole
-    ``board_share`` : of the frame that the corners span
+    Attributes
+    ----------
+    target : Target
+        Board that was searched.
+    not_found : str
+        Reason why there are no corners, else "".
+    height_px, width_px : int
+        Size of the whole frame [px].
+    indices : tuple of int, default: ()
+        Indices of the corners on the board, row by row.
+    fixed_px, fitted_px : tuple of tuple of float, default: ()
+        (row, col) of each corner [px], from the centre of the frame's first pixel, as
+        placed in OpenCV's fixed window and in one fitted to the squares.
+    fitted_window_px : int, default: 0
+        Half side of that window [px].
+    spacing_px : float, default: 0.0
+        Shortest distance between neighbours [px].
+    edge_rise_px : float or None, default: None
+        10 to 90 % rise of the squares' edges [px]; None where the board is not seen
+        whole.
+    board_share : float, default: 0.0
+        Fraction of the frame that the corners span.
     """
 
     target: Target
@@ -45,9 +59,24 @@ class Features:
 def extract_features(
     frame: Frame, regions: Sequence[Region], *, header: FrameHeader, target: Target
 ) -> Extracted[Features]:
-    """Find the board in a window of a frame; a board that is not there is an answer and no error.
+    """Find the board in a window of a frame; a board that is not there is a result and not an error.
 
-    The statistics are of the first region: whether the white squares are clipped shows there.
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    regions : sequence of Region
+        Regions of the frame.
+    header : FrameHeader
+        Header of the frame.
+    target : Target
+        Board to find.
+
+    Returns
+    -------
+    Extracted[Features]
+        Statistics of the first region, which show whether the white squares are
+        clipped, and the corners.
     """
     found = find_corners(make_grey(frame, bits_per_sample=header.bits_per_sample), target)
     return Extracted(statistics=_count(frame, regions[0]), features=_describe(frame, found, target))

@@ -1,4 +1,4 @@
-"""What to know about a geometry fit, as flags."""
+"""Flags of a geometry fit."""
 
 import statistics
 from collections.abc import Sequence
@@ -27,7 +27,22 @@ _OUTLIER_FLOOR_PX: Final = 0.3
 
 
 def check_views(used: Sequence[Candidate], points: Sequence[Point], params: Params) -> list[Raised]:
-    """Look at the pictures that were used, one by one and together."""
+    """Check the pictures that were used, one by one and together.
+
+    Parameters
+    ----------
+    used : sequence of Candidate
+        Pictures that were used.
+    points : sequence of Point
+        Points of the fit.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    list of Raised
+        Flags of the pictures.
+    """
     errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
     usual = statistics.median(errors.values())
     flags = [
@@ -58,7 +73,20 @@ def check_views(used: Sequence[Candidate], points: Sequence[Point], params: Para
 
 
 def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
-    """Look at what came out, and at what it stands on."""
+    """Check the solution, and the coverage on which it rests.
+
+    Parameters
+    ----------
+    solution : Solution
+        Solution of the fit.
+    coverage : Coverage
+        Coverage of the frame by corners.
+
+    Returns
+    -------
+    list of Raised
+        Flags of the solution.
+    """
     flags = _check_coverage(coverage) + _check_tilts(solution) + _check_model(solution.camera)
     if solution.rms_px > LARGEST_RMS_PX:
         detail = f"Root mean square {solution.rms_px:.2f} px."

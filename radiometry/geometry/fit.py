@@ -1,4 +1,4 @@
-"""The geometry of a camera from its pictures of a board."""
+"""Geometry of a camera from its pictures of a board."""
 
 import math
 from collections.abc import Sequence
@@ -33,14 +33,31 @@ _FIGURES = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2")
 def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Fit camera and poses to the corners of all views.
 
-    Same input in any order, same answer to the last bit. All numbers are finite; what does not exist is None.
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
 
-    Flags
-      of the whole: coverage_poor, tilt_poor, few_views, corner_window_wide, reprojection_large,
-      pixels_not_square, distortion_folds, rendered; per frame: view_outlier
-    Raises InputRejected
-      fit_incomplete if fewer than three views can be used, or frames wait to be read;
-      fit_failed if the views do not determine the camera
+    Returns
+    -------
+    Fit
+        Camera, points and flags.
+
+    Raises
+    ------
+    InputRejected
+        `fit_incomplete` if fewer than three views can be used, or frames wait to be
+        read; `fit_failed` if the views do not determine the camera.
+
+    Notes
+    -----
+    The same input in any order gives the same result to the last bit. All numbers are finite; what does not
+    exist is None.
+
+    Flags of the whole fit: coverage_poor, tilt_poor, few_views, corner_window_wide, reprojection_large,
+    pixels_not_square, distortion_folds, rendered. Flag per frame: view_outlier.
     """
     lacking = list_missing(rows, params)
     if lacking:
@@ -58,7 +75,18 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Give the coefficients as dashboards see them."""
+    """Return the coefficients as dashboards show them.
+
+    Parameters
+    ----------
+    fit : Fit
+        Result of the fit.
+
+    Returns
+    -------
+    tuple of CoefficientValue
+        Coefficients with unit and uncertainty.
+    """
     return tuple(
         CoefficientValue(
             name=each.name,
@@ -123,7 +151,7 @@ def _features(candidate: Candidate) -> Features:
 
 
 def _list_coefficients(solution: Solution, errors: dict[str, float]) -> tuple[Coefficient, ...]:
-    """Give the parameters, and the rms with the standard error of a standard deviation, s / sqrt(2 v)."""
+    """Return the parameters, and the rms with the standard error of a standard deviation, s / sqrt(2 v)."""
     listed = [
         Coefficient(
             name=name,
@@ -143,7 +171,7 @@ def _list_coefficients(solution: Solution, errors: dict[str, float]) -> tuple[Co
 
 
 def _measure_distance(solution: Solution, params: Params) -> Quantity | None:
-    """Give c = f s_p, f the mean of fx and fy."""
+    """Return c = f s_p, f the mean of fx and fy."""
     if params.pixel_pitch_um is None:
         return None
     mm_per_px = params.pixel_pitch_um / 1000.0

@@ -1,4 +1,4 @@
-"""One grey picture of a frame, whatever the frame holds: in it corners are looked for."""
+"""Grey picture of a frame, whatever the frame contains, in which corners are searched."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -16,21 +16,43 @@ _PERCENTILE_SAMPLES: Final = 1 << 20
 
 @dataclass(frozen=True)
 class Grey:
-    """``coarse`` : (row, col) uint8, to find a board in; ``fine`` : uint8 or float32, to place corners in."""
+    """Grey picture in two forms, (row, col).
+
+    Attributes
+    ----------
+    coarse : ndarray of uint8
+        Picture in which a board is searched.
+    fine : ndarray of uint8 or ndarray of float32
+        Picture in which corners are placed.
+    """
 
     coarse: NDArray[np.uint8]
     fine: NDArray[np.uint8] | NDArray[np.float32]
 
 
 def make_grey(frame: Frame, *, bits_per_sample: int) -> Grey:
-    """Make the grey picture; the transposed frame gives the transposed picture.
+    """Return the grey picture; the transposed frame gives the transposed picture.
 
-    A mosaic is smoothed by 1/4 [1 2 1] along rows and along columns. Around every pixel, of whatever colour,
-    the four sites of its cell then weigh 1/4 each and lie symmetrically: the pattern vanishes and no edge
-    moves. Colour pictures are weighted as OpenCV does, .299 R + .587 G + .114 B.
+    Parameters
+    ----------
+    frame : Frame
+        Frame to convert.
+    bits_per_sample : int
+        Bits of a sample.
 
-    Pictures of 8 bits are taken as they are. Everything else is placed in as float32, and looked for in 8
-    bits that run straight from the 0.5th percentile to the 99.5th.
+    Returns
+    -------
+    Grey
+        Grey picture.
+
+    Notes
+    -----
+    A mosaic is smoothed by 1/4 [1 2 1] along rows and along columns. Around every pixel, of whatever
+    colour, the four sites of its cell then weigh 1/4 each and lie symmetrically: the pattern vanishes and
+    no edge moves. Colour pictures are weighted as OpenCV does, .299 R + .587 G + .114 B.
+
+    Pictures of 8 bits are taken as they are. In all others, corners are placed in float32, and boards
+    searched in 8 bits that run straight from the 0.5th percentile to the 99.5th.
     """
     samples = frame.samples_dn
     if frame.cfa == "rgb" and bits_per_sample == 8:

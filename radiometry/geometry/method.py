@@ -1,13 +1,15 @@
-"""Geometry: the camera's principal distance, principal point and distortion, from pictures of a board.
+"""Geometry: principal distance, principal point and distortion of a camera, from pictures of a board.
+
+A direction (X/Z, Y/Z), distorted by k1, k2, k3, p1, p2 to (x', y'), appears at::
 
     col = fx x' + cx,  row = fy y' + cy
 
-(x', y') the direction (X/Z, Y/Z) distorted by k1, k2, k3, p1, p2.
+Corners of a checkerboard or ChArUco board in three views or more, best in ten, are fitted together with the
+board's pose in each [1]_. The distortion is Brown's (1966), in OpenCV's notation.
 
-Corners of a checkerboard or ChArUco board in three views or more, best in ten, fitted together with the
-board's pose in each.
-Source: Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11), 2000; the distortion is
-Brown's (1966), in OpenCV's notation.
+References
+----------
+.. [1] Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11), 2000
 """
 
 from collections.abc import Sequence
@@ -64,7 +66,28 @@ def extract(
     exposure: Exposure | None,  # noqa: ARG001  a chart's shapes do not depend on it
     target: Target,
 ) -> Extracted[Features]:
-    """Give the corners of the board in a window of a frame; a board that is not there is told in them."""
+    """Find the corners of the board in a window of a frame.
+
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    regions : sequence of Region
+        Regions of the frame.
+    header : FrameHeader
+        Header of the frame.
+    exposure : Exposure or None
+        Exposure settings of the frame; part of the interface of all methods and not
+        used here.
+    target : Target
+        Board to find.
+
+    Returns
+    -------
+    Extracted[Features]
+        Statistics and corners; if the board is not there, the features contain the
+        reason.
+    """
     return extract_features(frame, regions, header=header, target=target)
 
 
@@ -73,5 +96,21 @@ def judge(
     rows: Sequence[FrameRow],
     params: Params,  # noqa: ARG001  one picture is judged alike whatever the fit
 ) -> dict[str, Verdict]:
-    """Give the verdict on each frame of a campaign, by name."""
+    """Return the verdict on each frame of a campaign.
+
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        All frames of the campaign; for one without a region the region is the whole
+        frame.
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    dict of str to Verdict
+        Verdict by name.
+    """
     return judge_frames(frames, rows)

@@ -1,4 +1,4 @@
-"""What a set of pictures still lacks for a good fit, beyond what any fit needs."""
+"""Suggestions for a set of pictures: what it lacks for a good fit, beyond what any fit needs."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -26,7 +26,20 @@ _COLS: Final = ("left", "centre", "right")
 
 
 def plan_views(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
-    """Say by name what to add while the board still stands there; fragments, the gravest first."""
+    """List, by name, what to add while the board is still set up.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of str
+        Suggestions, as fragments, the most serious first.
+    """
     usable = [each for each in collect_candidates(rows, params) if not each.left_out]
     found = []
     if 0 < len(usable) < GOOD_VIEWS:

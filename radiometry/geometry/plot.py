@@ -1,4 +1,4 @@
-"""A geometry calibration drawn: distortion along the radius, where corners were seen, each view's error."""
+"""Plot of a geometry calibration: distortion along the radius, coverage by corners, each view's error."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,7 +9,20 @@ Node = dict[str, Any]
 
 
 def draw(result: Node) -> str:
-    """SVG of a stored geometry result; the swath is twice the standard uncertainty, hollow: left out."""
+    """Return the SVG of a stored geometry result; the swath is twice the standard uncertainty.
+
+    Hollow marks were left out.
+
+    Parameters
+    ----------
+    result : Node
+        Stored result.
+
+    Returns
+    -------
+    str
+        SVG document.
+    """
     parts = [*_draw_curve(result["curve"]), *_draw_coverage(result), *_draw_views(result)]
     return finish(parts, panels=3, label="Geometry calibration")
 

@@ -1,4 +1,4 @@
-"""What comes out of a geometry fit: plain numbers, ready for JSON; what does not exist is None."""
+"""Results of a geometry fit: plain numbers, ready for JSON; what does not exist is None."""
 
 from dataclasses import dataclass
 
@@ -21,12 +21,29 @@ class Coefficient:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One picture in the fit. ``left_out`` is "" for one that was used, else the reason.
+    """One picture in the fit.
 
-    ``rms_px``, ``largest_px`` : of the distances between its corners and the model; of a view that was
-        rejected, against the camera that the others give
-    ``tilt_deg`` : between the board's normal and the optical axis; ``distance_mm`` : of its first corner
-    ``edge_rise_px`` : 10 to 90 % rise of the squares' edges
+    Attributes
+    ----------
+    frame : str
+        Name of the frame.
+    used : bool
+        True if the fit used it.
+    left_out : str
+        "" for one that was used, else the reason.
+    corners : int
+        Number of corners.
+    rms_px, largest_px : float or None, default: None
+        Rms and largest of the distances between its corners and the model [px]; for a
+        view that was rejected, from the camera that the others determine.
+    tilt_deg : float or None, default: None
+        Angle between the board's normal and the optical axis [deg].
+    distance_mm : float or None, default: None
+        Distance of its first corner [mm].
+    spacing_px : float or None, default: None
+        Shortest distance between neighbouring corners [px].
+    edge_rise_px : float or None, default: None
+        10 to 90 % rise of the squares' edges [px].
     """
 
     frame: str
@@ -43,11 +60,20 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class CurvePoint:
-    """The radial distortion at one distance from the principal point; negative is towards it (barrel).
+    """Radial distortion at one distance from the principal point; negative is towards it (barrel).
 
-    ``ideal_radius_px`` : where a lens without distortion would show it; ``radius_px`` : where this one does
-    ``distortion_px`` : the second less the first; ``distortion_um`` : None without a pixel pitch
-    ``extrapolated`` : further out than any corner that was used
+    Attributes
+    ----------
+    radius_px : float
+        Radius at which this lens shows it [px].
+    ideal_radius_px : float
+        Radius at which a lens without distortion would show it [px].
+    distortion_px, standard_uncertainty_px : float
+        `radius_px` less `ideal_radius_px`, and its standard uncertainty [px].
+    distortion_um, standard_uncertainty_um : float or None
+        The same [um]; None without a pixel pitch.
+    extrapolated : bool
+        True if further out than any corner that was used.
     """
 
     radius_px: float
@@ -61,10 +87,17 @@ class CurvePoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """Where in the frame corners were seen.
+    """Coverage of the frame by corners.
 
-    ``counts`` : corners in each cell of a grid, (row, col); ``share`` : of cells with a corner
-    ``radius_share`` : of the way from the principal point to the farthest corner of the frame
+    Attributes
+    ----------
+    counts : tuple of tuple of int
+        Corners in each cell of a grid, (row, col).
+    share : float
+        Fraction of cells with a corner.
+    radius_share : float
+        Covered fraction of the distance from the principal point to the farthest corner
+        of the frame.
     """
 
     counts: tuple[tuple[int, ...], ...]
@@ -74,11 +107,44 @@ class Coverage:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """A geometry calibration.
+    """Geometry calibration.
 
-    ``coefficients`` : as `list_coefficients` gives them; ``covariance`` : (9, 9) of `camera.PARAMETERS`
-    ``offset_row``, ``offset_col`` : of the principal point from the middle of the frame
-    ``principal_distance_mm``, ``offset_*_um`` : None without a pixel pitch
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    target : Target
+        Board that was photographed.
+    corner_window : Window
+        Window in which corners were placed.
+    pixel_pitch_um : float or None
+        Distance of neighbouring pixels [um]; None if unknown.
+    camera : CameraModel
+        Camera.
+    coefficients : tuple of Coefficient
+        Coefficients of which `list_coefficients` returns the values.
+    covariance : tuple of tuple of float
+        Covariance of `camera.PARAMETERS`, (9, 9).
+    rms_px : float
+        Rms residual [px].
+    views, corners : int
+        Number of views and of corners.
+    degrees_of_freedom : int
+        Degrees of freedom.
+    principal_distance_mm : Quantity or None
+        Principal distance [mm]; None without a pixel pitch.
+    offset_row, offset_col : Quantity
+        Offset of the principal point from the middle of the frame.
+    offset_row_um, offset_col_um : Quantity or None
+        The same [um]; None without a pixel pitch.
+    curve : tuple of CurvePoint
+        Radial distortion.
+    coverage : Coverage
+        Coverage of the frame by corners.
+    points : tuple of Point
+        Points of the fit.
+    flags : tuple of Raised
+        Flags of the fit.
     """
 
     model: str

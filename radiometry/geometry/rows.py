@@ -1,4 +1,4 @@
-"""What goes into a geometry fit: parameters, and pictures of a board with their corners."""
+"""Inputs of a geometry fit: parameters, and pictures of a board with their corners."""
 
 from dataclasses import dataclass
 from typing import Final, Literal

@@ -34,7 +34,15 @@ _ADVICE = (
 
 @dataclass(frozen=True)
 class View:
-    """One picture's corners: ``points_mm`` (corner, 3), ``seen_px`` (corner, 2) row before col."""
+    """Corners of one picture.
+
+    Attributes
+    ----------
+    points_mm : ndarray of float64
+        Corners on the board [mm], (corner, 3).
+    seen_px : ndarray of float64
+        Corners in the picture [px], (corner, 2), row before col.
+    """
 
     points_mm: NDArray[np.float64]
     seen_px: NDArray[np.float64]
@@ -50,9 +58,12 @@ class Pose:
 
 @dataclass(frozen=True)
 class FreeParameters:
-    """Which parameters are free: the camera's nine are ``directions`` times the free ones, or zero.
+    """Free parameters of the camera: its nine are `directions` times the free ones, or zero.
 
-    ``directions`` : (9, free); with square pixels fx and fy are one free parameter
+    Attributes
+    ----------
+    directions : ndarray of float64
+        Directions, (9, free); with square pixels fx and fy are one free parameter.
     """
 
     directions: NDArray[np.float64]
@@ -60,7 +71,23 @@ class FreeParameters:
 
 @dataclass(frozen=True)
 class Solution:
-    """``covariance`` : (9, 9) of PARAMETERS; ``residuals_px`` : (corner, 2) of each view, seen less model."""
+    """Solution of the bundle adjustment.
+
+    Attributes
+    ----------
+    camera : CameraModel
+        Camera.
+    poses : tuple of Pose
+        Pose of the board in each view.
+    residuals_px : tuple of ndarray of float64
+        Residuals of each view, seen less model [px], (corner, 2).
+    covariance : ndarray of float64
+        Covariance of PARAMETERS, (9, 9).
+    rms_px : float
+        Rms residual [px].
+    degrees_of_freedom : int
+        Degrees of freedom.
+    """
 
     camera: CameraModel
     poses: tuple[Pose, ...]
@@ -90,7 +117,22 @@ class _Normal:
 
 
 def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangential: bool) -> FreeParameters:
-    """Say which of the nine parameters are free."""
+    """Return which of the nine parameters are free.
+
+    Parameters
+    ----------
+    fix_aspect_ratio : bool
+        True for square pixels, fx = fy.
+    radial_terms : int
+        Number of k1, k2, k3 that are free.
+    tangential : bool
+        True if p1 and p2 are free.
+
+    Returns
+    -------
+    FreeParameters
+        Free parameters.
+    """
     free = [np.eye(len(PARAMETERS))[PARAMETERS.index(name)] for name in ("fx_px", "fy_px")]
     columns = [free[0] + free[1]] if fix_aspect_ratio else free
     names = ["cx_px", "cy_px", *(f"k{term}" for term in range(1, radial_terms + 1))]
@@ -102,14 +144,39 @@ def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangent
 def solve(views: Sequence[View], free: FreeParameters, *, height_px: int, width_px: int) -> Solution:
     """Find the camera and the poses by least squares over all corners.
 
-    Minimises S = sum |seen - model|^2, by Levenberg and Marquardt's steps with the poses eliminated (Schur's
-    complement), from Zhang's closed form [1].
-    rms = sqrt(S / n),   covariance = S / (2 n - p) (J^T J)^-1        n corners, p all free parameters
+    Parameters
+    ----------
+    views : sequence of View
+        Corners of each picture.
+    free : FreeParameters
+        Free parameters of the camera.
+    height_px, width_px : int
+        Size of the picture [px].
+
+    Returns
+    -------
+    Solution
+        Camera, poses and covariance.
+
+    Raises
+    ------
+    InputRejected
+        `fit_failed` if the views do not determine the camera.
+
+    Notes
+    -----
+    S = sum |seen - model|^2 is minimised by Levenberg and Marquardt's steps with the poses eliminated
+    (Schur's complement), from Zhang's closed form [1]_. With n corners and p parameters that are free in
+    all::
+
+        rms = sqrt(S / n),   covariance = S / (2 n - p) (J^T J)^-1
+
     Corners are taken as equally uncertain and independent; OpenCV's standard errors are the same.
 
-    Raises InputRejected(fit_failed) if the views do not determine the camera
     References
-      [1] Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11), 2000
+    ----------
+    .. [1] Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11),
+       2000
     """
     try:
         camera, poses = _start(views, free, height_px=height_px, width_px=width_px)
@@ -119,16 +186,37 @@ def solve(views: Sequence[View], free: FreeParameters, *, height_px: int, width_
 
 
 def require_determined(solution: Solution) -> None:
-    """Refuse a camera whose principal distance is not known to 10 %.
+    """Check that the principal distance of a camera is known to 10 %.
 
-    Raises InputRejected(fit_failed)
+    Parameters
+    ----------
+    solution : Solution
+        Solution of the fit.
+
+    Raises
+    ------
+    InputRejected
+        `fit_failed` if it is not.
     """
     if solution.covariance[0, 0] > (_WORST_FOCAL_REL * solution.camera.fx_px) ** 2:
         raise InputRejected(shared.FIT_FAILED, _ADVICE)
 
 
 def find_pose(camera: CameraModel, view: View) -> Pose:
-    """Find where a board is that a known camera sees."""
+    """Find where a board is that a known camera sees.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    view : View
+        Corners of the board in the picture.
+
+    Returns
+    -------
+    Pose
+        Pose of the board.
+    """
     _, rotation, shift = cv2.solvePnP(
         view.points_mm, np.ascontiguousarray(view.seen_px[:, ::-1]), camera.matrix, camera.distortion
     )
@@ -203,7 +291,7 @@ def _linearise(
 def _try_step(
     normal: _Normal, free: FreeParameters, camera: CameraModel, poses: Sequence[Pose], damping: float
 ) -> tuple[CameraModel, list[Pose], float]:
-    """Give the next state, and the largest change of a parameter relative to itself."""
+    """Return the next state, and the largest change of a parameter relative to itself."""
     count = free.directions.shape[1]
     total, right, ways = np.zeros((count, count)), np.zeros(count), []
     for cc, cp, pp, ce, pe in normal.blocks:

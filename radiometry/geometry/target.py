@@ -1,4 +1,4 @@
-"""The board that is photographed: what is printed on it, and where its corners lie."""
+"""Photographed board: what is printed on it, and where its corners lie."""
 
 import math
 from dataclasses import dataclass
@@ -19,14 +19,25 @@ _LARGEST_MM: Final = 10_000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """A board of black and white squares.
+    """Board of black and white squares.
 
-    ``kind`` : checkerboard, or charuco: a checkerboard with a marker in each white square, of which a part is
-        enough
-    ``columns``, ``rows`` : as its makers count: INNER CORNERS of a checkerboard, SQUARES of a ChArUco board
-    ``square_size_mm`` : side of a square, measured on the print
-    ``marker_size_mm``, ``dictionary`` : of a ChArUco board's markers, OpenCV's name such as DICT_5X5_100
-    ``legacy_pattern`` : a ChArUco board made before OpenCV 4.6, which begins with a white square
+    Attributes
+    ----------
+    kind : Kind
+        Checkerboard, or charuco: a checkerboard with a marker in each white square, of
+        which a part is enough.
+    columns, rows : int
+        Numbers as its makers count: INNER CORNERS of a checkerboard, SQUARES of a
+        ChArUco board.
+    square_size_mm : float
+        Side of a square, measured on the print [mm].
+    marker_size_mm : float or None, default: None
+        Side of a ChArUco board's markers [mm].
+    dictionary : str or None, default: None
+        Dictionary of a ChArUco board's markers, OpenCV's name such as DICT_5X5_100.
+    legacy_pattern : bool, default: False
+        True for a ChArUco board made before OpenCV 4.6, which begins with a white
+        square.
     """
 
     kind: Kind
@@ -38,7 +49,7 @@ class Target:
     legacy_pattern: bool = False
 
     def __post_init__(self) -> None:
-        """Hold what no board can be, in sentences for whoever typed it in."""
+        """Check for values that no board can have; the messages are for the person who entered them."""
         if not (min(self.columns, self.rows) >= 3 and max(self.columns, self.rows) <= _MOST_PER_SIDE):
             raise ValueError(f"columns and rows of a board lie between 3 and {_MOST_PER_SIDE}")
         if not 0.0 < self.square_size_mm <= _LARGEST_MM:
@@ -89,7 +100,18 @@ def _find_dictionary(name: str) -> cv2.aruco.Dictionary:
 
 
 def make_charuco_board(target: Target) -> cv2.aruco.CharucoBoard:
-    """Give OpenCV's form of a ChArUco board, in millimetres."""
+    """Return OpenCV's form of a ChArUco board, in millimetres.
+
+    Parameters
+    ----------
+    target : Target
+        ChArUco board.
+
+    Returns
+    -------
+    cv2.aruco.CharucoBoard
+        Board.
+    """
     if target.marker_size_mm is None or target.dictionary is None:
         raise ValueError(f"no ChArUco board: {target}")
     board = cv2.aruco.CharucoBoard(
@@ -103,10 +125,24 @@ def make_charuco_board(target: Target) -> cv2.aruco.CharucoBoard:
 
 
 def locate_corners_mm(target: Target, indices: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Give where corners lie on the board: (corner, 3) [mm], x along its rows, y down its columns, z = 0.
+    """Compute where corners lie on the board.
 
-    Corner i is in row i // corner_columns and column i % corner_columns; the first lies at the origin. Where
-    the origin lies enters no parameter of the camera: it moves with the pose.
+    Parameters
+    ----------
+    target : Target
+        Board.
+    indices : ndarray of int64
+        Indices of the corners.
+
+    Returns
+    -------
+    ndarray of float64
+        Places [mm], (corner, 3), x along its rows, y down its columns, z = 0.
+
+    Notes
+    -----
+    Corner i is in row i // corner_columns and column i % corner_columns; the first lies at the origin.
+    Where the origin lies enters no parameter of the camera: it moves with the pose.
     """
     rows, cols = np.divmod(indices, target.corner_columns)
     places = np.column_stack((cols, rows, np.zeros_like(rows)))
@@ -114,10 +150,21 @@ def locate_corners_mm(target: Target, indices: NDArray[np.int64]) -> NDArray[np.
 
 
 def measure_spacing_px(target: Target, indices: NDArray[np.int64], corners: NDArray[np.float64]) -> float:
-    """Give the shortest distance between neighbouring corners in a picture [px], 0 where there are none.
+    """Compute the shortest distance between neighbouring corners in a picture [px].
 
-    Takes
-      corners : (corner, 2), in the order of ``indices``
+    Parameters
+    ----------
+    target : Target
+        Board.
+    indices : ndarray of int64
+        Indices of the corners.
+    corners : ndarray of float64
+        Places of the corners [px], (corner, 2), in the order of `indices`.
+
+    Returns
+    -------
+    float
+        Distance [px]; 0 where there are no neighbours.
     """
     grid = np.full((target.corner_rows, target.corner_columns, 2), math.nan)
     grid[np.divmod(indices, target.corner_columns)] = corners

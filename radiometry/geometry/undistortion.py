@@ -1,4 +1,4 @@
-"""A picture as a lens without distortion would have taken it."""
+"""Picture as a lens without distortion would have taken it."""
 
 from dataclasses import dataclass
 from typing import Final, TypeVar
@@ -20,10 +20,16 @@ _LONGEST_SIDE_PX: Final = 32_766
 
 @dataclass(frozen=True, kw_only=True)
 class Undistorted:
-    """A frame's undistorted picture in raw numbers, black not subtracted.
+    """Undistorted picture of a frame in raw numbers, black not subtracted.
 
-    ``samples_dn`` : (row, col) or (row, col, plane) uint16 [DN], 0 where the camera did not see
-    ``planes`` : ("grey",) or ("R", "G", "B"); ``seen_share`` : of the pixels, that the camera saw
+    Attributes
+    ----------
+    samples_dn : ndarray of uint16
+        Samples [DN], (row, col) or (row, col, plane), 0 where the camera did not see.
+    planes : tuple of str
+        ("grey",) or ("R", "G", "B").
+    seen_share : float
+        Fraction of the pixels that the camera saw.
     """
 
     samples_dn: NDArray[np.uint16]
@@ -32,12 +38,30 @@ class Undistorted:
 
 
 def undistort_frame(frame: Frame, camera: CameraModel) -> Undistorted:
-    """Undo the distortion of a whole frame.
+    """Compute the undistorted picture of a whole frame.
 
+    Parameters
+    ----------
+    frame : Frame
+        Whole frame.
+    camera : CameraModel
+        Camera model.
+
+    Returns
+    -------
+    Undistorted
+        Undistorted picture.
+
+    Raises
+    ------
+    InputRejected
+        `wrong_camera` if the picture has another size than the camera.
+
+    Notes
+    -----
     A rendered colour picture keeps its planes. A mosaic becomes one grey plane, in which the four sites of
-    its pattern weigh a quarter each around every pixel: the picture in which the calibration places corners.
-
-    Raises InputRejected(wrong_camera) if the picture has another size than the camera
+    its pattern weigh a quarter each around every pixel: the picture in which the calibration places
+    corners.
     """
     planes: tuple[str, ...] = ("grey",)
     if frame.cfa == "rgb":
@@ -50,9 +74,19 @@ def undistort_frame(frame: Frame, camera: CameraModel) -> Undistorted:
 
 
 def require_size(camera: CameraModel, *, height_px: int, width_px: int) -> None:
-    """Refuse a picture of another size than the calibration's.
+    """Check that a picture has the size of the calibration's.
 
-    Raises InputRejected(wrong_camera)
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    height_px, width_px : int
+        Size of the picture [px].
+
+    Raises
+    ------
+    InputRejected
+        `wrong_camera` if it has another size.
     """
     if (height_px, width_px) != (camera.height_px, camera.width_px):
         raise InputRejected(
@@ -63,15 +97,32 @@ def require_size(camera: CameraModel, *, height_px: int, width_px: int) -> None:
 
 
 def undistort(samples: NDArray[_Sample], camera: CameraModel) -> tuple[NDArray[_Sample], NDArray[np.bool_]]:
-    """Undo the distortion; size, scale and principal point stay the camera's.
+    """Compute the undistorted picture; size, scale and principal point stay the camera's.
 
-    result(row, col) = samples where the model shows the direction ((col - cx)/fx, (row - cy)/fy), by bilinear
-    interpolation. What lies outside of the picture is 0 (NaN in float32) and False in the second result: a
-    pixel counts as inside when its four neighbours are. Nothing is cropped and nothing made up.
+    Parameters
+    ----------
+    samples : ndarray of _Sample
+        Samples, (row, col) or (row, col, 3) of uint8, uint16 or float32, demosaiced:
+        colours are not mixed.
+    camera : CameraModel
+        Camera model.
 
-    Takes
-      samples : (row, col) or (row, col, 3) of uint8, uint16 or float32, demosaiced: colours are not mixed
-    Raises InputRejected(wrong_camera) if the picture has another size than the camera
+    Returns
+    -------
+    tuple of (ndarray of _Sample, ndarray of bool)
+        Samples, and True for each pixel that the camera saw.
+
+    Raises
+    ------
+    InputRejected
+        `wrong_camera` if the picture has another size than the camera.
+
+    Notes
+    -----
+    result(row, col) = samples where the model shows the direction ((col - cx)/fx, (row - cy)/fy), by
+    bilinear interpolation. What lies outside of the picture is 0 (NaN in float32) and False in the second
+    result: a pixel counts as inside when its four neighbours are. Nothing is cropped and nothing is made
+    up.
     """
     height, width = samples.shape[:2]
     require_size(camera, height_px=height, width_px=width)

@@ -1,4 +1,4 @@
-"""The verdict on every picture of a board while it still stands there."""
+"""Verdict on every picture of a board while it is still set up."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -14,12 +14,25 @@ SMALL_SHARE: Final = 0.05
 
 
 def judge_frames(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow]) -> dict[str, Verdict]:
-    """Give the verdict on each frame of a campaign, by name.
+    """Return the verdict on each frame of a campaign.
 
-    Where nobody has drawn a region the board is looked for in the whole frame: no region is no reason.
+    Parameters
+    ----------
+    frames : sequence of ReviewedFrame
+        All frames of the campaign; without a region the board is searched in the whole
+        frame, and the missing region is not a reason.
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
 
-    Reasons, beside those of any frame
-      board_not_found (fail), board_blurred, board_small (warn)
+    Returns
+    -------
+    dict of str to Verdict
+        Verdict by name.
+
+    Notes
+    -----
+    Reasons, in addition to those of any frame: board_not_found (fail), board_blurred and board_small
+    (warn).
     """
     reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
     for row in rows:

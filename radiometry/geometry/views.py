@@ -1,4 +1,4 @@
-"""Which pictures are views of the fit, which are left out and why, and what is missing."""
+"""Views of the fit: which pictures are used, which are left out and why, and what is missing."""
 
 import math
 from collections import Counter
@@ -20,7 +20,7 @@ FEWEST_VIEWS: Final = 3
 
 @dataclass(frozen=True)
 class Candidate:
-    """A picture of a board; ``left_out`` is "" when it counts."""
+    """Picture of a board; `left_out` is "" when it counts."""
 
     row: FrameRow
     features: Features | None
@@ -29,7 +29,17 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Settled:
-    """``used`` and their solution; ``rejected`` : those that fitted too badly, each with its rms."""
+    """Views that were used, with their solution.
+
+    Attributes
+    ----------
+    used : tuple of Candidate
+        Pictures that were used.
+    solution : Solution
+        Their solution.
+    rejected : tuple of tuple of (Candidate, float)
+        Pictures that fitted too badly, each with its rms [px].
+    """
 
     used: tuple[Candidate, ...]
     solution: Solution
@@ -37,7 +47,22 @@ class Settled:
 
 
 def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """Say by name what keeps a fit from starting, in fragments that can be joined by "; "."""
+    """List, by name, what keeps a fit from starting.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+    unread : sequence of str, default: ()
+        Names of the frames of which nothing is known yet.
+
+    Returns
+    -------
+    tuple of str
+        Fragments that can be joined by "; "; empty if the fit can start.
+    """
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = [
         f"frame {name} is to be left out, but the campaign has no such frame"
@@ -58,7 +83,20 @@ def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[s
 
 
 def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candidate, ...]:
-    """Gather the pictures of a board in the order of their names: that of the input changes nothing."""
+    """Return the pictures of a board in the order of their names, whatever the order of the input.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Evidence of the campaign's frames.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple of Candidate
+        Pictures of a board.
+    """
     reasons = {exclusion.frame: f"{exclusion.reason} ({exclusion.by})" for exclusion in params.exclude}
     charts = sorted((row for row in rows if row.role == CHART), key=lambda row: row.frame)
     usual = _find_usual([row for row in charts if row.frame not in reasons])
@@ -75,7 +113,7 @@ def _form(features: Features) -> _Form:
 
 
 def _find_usual(charts: Sequence[FrameRow]) -> _Form | None:
-    """Give the size and board of most pictures with a board; of equally many, the smallest by its numbers."""
+    """Return size and board of most pictures with a board; of equally many, the smallest by its numbers."""
     counts = Counter(_form(row.features) for row in charts if row.features and not row.features.not_found)
     return min(counts, key=lambda form: (-counts[form], form), default=None)
 
@@ -95,14 +133,43 @@ def _inspect(row: FrameRow, usual: _Form | None) -> str:
 
 
 def make_view(features: Features, params: Params) -> View:
-    """Give a picture's corners as the solver wants them."""
+    """Return a picture's corners in the form that the solver needs.
+
+    Parameters
+    ----------
+    features : Features
+        Corners of the picture.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    View
+        Corners on the board and in the picture.
+    """
     seen = features.fixed_px if params.corner_window == "fixed" else features.fitted_px
     return View(locate_corners_mm(features.target, np.array(features.indices)), np.array(seen))
 
 
 def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters) -> Settled:
-    """Solve, and leave out views that fit worse than the limit: the worst first, then all others anew.
+    """Fit, and leave out views that fit worse than the limit: the worst first, then all others are refitted.
 
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Pictures of a board.
+    params : Params
+        Parameters of the fit.
+    free : FreeParameters
+        Free parameters of the camera.
+
+    Returns
+    -------
+    Settled
+        Views that were used, and their solution.
+
+    Notes
+    -----
     A rejected view never costs the fit: with three views left no more are rejected.
     """
     kept = [candidate for candidate in candidates if not candidate.left_out]
@@ -118,7 +185,18 @@ def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters
 
 
 def measure_rms_px(residual_px: NDArray[np.float64]) -> float:
-    """Give the root mean square distance of a view's corners from the model."""
+    """Compute the root mean square distance of a view's corners from the model.
+
+    Parameters
+    ----------
+    residual_px : ndarray of float64
+        Residuals [px], (corner, 2).
+
+    Returns
+    -------
+    float
+        Rms [px].
+    """
     return math.sqrt(float((residual_px**2).sum()) / len(residual_px))
 
 
