@@ -100,7 +100,7 @@ def _publish(session, camera, number, by, *, shift):
     )
     session.add(campaign)
     session.flush()
-    version = bare_version(campaign, number, created_by=by)
+    version = bare_version(campaign, number, created_by=by, result={"iso_fits": []})
     session.add(version)
     session.flush()
     session.add_all(
