@@ -94,7 +94,8 @@ def begin_by_page(url, key) -> None:
             page.get_by_role("button", name="Create campaign").click()
             page.wait_for_url("**/campaigns/cmp_*")
             settle(page)
-            assert page.get_by_role("heading", level=1).is_visible()
+            page.get_by_text("Parameters of the fit").click()
+            assert page.get_by_label("Offset").is_visible()
         browser.close()
 
 
