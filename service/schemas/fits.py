@@ -93,10 +93,11 @@ def describe_parameter(parameter: Parameter) -> str:
 
 def _make_field(parameter: Parameter) -> tuple[Any, Any]:
     described = Field(default=None, description=describe_parameter(parameter))
-    return _read_kind(parameter) | None, described
+    return read_kind(parameter) | None, described
 
 
-def _read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form of one
+def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form of one
+    """Return the type of a parameter in a form."""
     kind: Any = Text
     if parameter.kind == "choice":
         kind = Literal[tuple(choice.value for choice in parameter.choices)]
@@ -113,7 +114,7 @@ def _read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form 
             _annotate(_bound(parameter), Tag(AS_NUMBER)) | _annotate(Literal["none"], Tag(BY_NAME)),
             Discriminator(lambda value: BY_NAME if isinstance(value, str) else AS_NUMBER),
         )
-    elif parameter.kind == "number":
+    elif parameter.kind in ("number", "integer"):
         kind = _bound(parameter)
     return kind
 
@@ -125,7 +126,7 @@ def _bound(parameter: Parameter) -> Any:  # noqa: ANN401  a type
         "lt" if parameter.below_maximum else "le": high,
     }
     given = {name: limit for name, limit in limits.items() if limit is not None}
-    return _annotate(float, Strict(), Field(**given))
+    return _annotate(int if parameter.kind == "integer" else float, Strict(), Field(**given))
 
 
 def _annotate(kind: Any, *metadata: Any) -> Any:  # noqa: ANN401  a type

@@ -3,10 +3,12 @@
 import math
 
 import pytest
+from pydantic import TypeAdapter, ValidationError
 
 from radiometry.methods import METHODS, get_method
+from radiometry.specification.parameters import Parameter
 from service.problems import Problem
-from service.schemas.fits import NewCalibration, read_request
+from service.schemas.fits import NewCalibration, read_kind, read_request
 
 NUMBERS = [
     (spec, each)
@@ -89,3 +91,12 @@ def test_a_request_may_name_its_method_and_not_another():
     assert read("luminance", method="luminance", tolerance=0.05) == {"tolerance_rel": 0.05}
     with pytest.raises(Problem, match="method: must be 'noise'"):
         read("noise", method="luminance")
+
+
+def test_a_whole_number_is_asked_for_as_one():
+    counted = Parameter(field="n", name="n", label="N", description="How many.", kind="integer", minimum=1.0)
+    form = TypeAdapter(read_kind(counted))
+    assert form.validate_python(2) == 2
+    for wrong in (2.5, 0, "2", True):
+        with pytest.raises(ValidationError):
+            form.validate_python(wrong)
