@@ -16,12 +16,12 @@ import psycopg
 from obstore.store import S3Store
 from sqlalchemy.engine import make_url
 
-from service.launch.port import free_port
 from store.database import Database
 from store.settings import Settings
 from tests.faults.machine import Clock
 from tests.support.compose import compose
 from tests.support.deployments import GIVEN, Composed, Deployment, Embedded, spawn
+from tests.support.ports import pick_port
 from tests.support.postgres import PostgresServer
 from tests.support.processes import alive, family
 from tests.support.proxy import Proxy
@@ -94,7 +94,7 @@ class EmbeddedGround(Ground, Embedded):
     kind = "embedded"
 
     def __init__(self, folder: Path, **settings: str):
-        port = str(free_port("127.0.0.1", 0))
+        port = str(pick_port())
         super().__init__(folder / "data", **{"STILB_PORT": port} | settings)
         self.proxies = {}
 

@@ -15,11 +15,11 @@ import httpx
 from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.launch.port import free_port
 from store.database import Database
 from store.jobs import FINAL_STATES
 from store.tables import Job
 from tests.support.deployments import spawn
+from tests.support.ports import pick_port
 
 _EVERY_S = 0.25
 _WITHIN_S = 8.0
@@ -37,7 +37,7 @@ class Probe:
 @contextmanager
 def bystander(folder: Path) -> Iterator[str]:
     """Serve an empty folder from a process that no fault strikes: nothing answers quicker on this machine."""
-    port = free_port("127.0.0.1", 0)
+    port = pick_port()
     command = [sys.executable, "-m", "http.server", str(port), "--bind", "127.0.0.1"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with spawn([*command, "--directory", str(folder)], dict(os.environ), **quiet) as process:

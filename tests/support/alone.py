@@ -9,9 +9,9 @@ from pathlib import Path
 
 import httpx
 
-from service.launch.port import free_port
 from tests.support.deployments import spawn, wait_for
 from tests.support.fieldwork import Team, new_team
+from tests.support.ports import pick_port
 
 KEY = "stilb_key_of_a_service_that_is_alone_here"
 
@@ -22,7 +22,7 @@ class Alone:
     def __init__(self, folder: Path, template: Path, **settings: str):
         self.log = folder / "service.log"
         (folder / "stilb.sqlite").write_bytes(template.read_bytes())
-        port = free_port("127.0.0.1", 0)
+        port = pick_port()
         self.url = f"http://127.0.0.1:{port}"
         self._environment = (
             os.environ | {"STILB_DATA": str(folder), "STILB_PORT": str(port), "STILB_KEY": KEY} | settings

@@ -18,13 +18,13 @@ import redis
 from sqlalchemy import select
 
 from service.launch.lifeline import die_with_parent
-from service.launch.port import free_port
 from service.launch.valkey import valkey_binary
 from store.database import Database
 from store.jobs import FINAL_STATES
 from store.tables import Job
 from tests.support.compose import ROOT, command_of, compose, environment_of
 from tests.support.fieldwork import Team, new_team
+from tests.support.ports import pick_port
 from tests.support.processes import alive, children, command
 from tests.support.waiting import PATIENCE_S, state_of, text_of, wait_for
 
@@ -213,7 +213,7 @@ class Composed(Deployment):
 
     def _start_all(self, stack: ExitStack) -> None:
         self.logs.mkdir()
-        port, broker_port = free_port("127.0.0.1", 0), free_port("127.0.0.1", 0)
+        port, broker_port = pick_port(), pick_port()
         self.url = f"http://127.0.0.1:{port}"
         self.broker_url = f"redis://127.0.0.1:{broker_port}/0"
         self.broker = stack.enter_context(redis.Redis(port=broker_port))

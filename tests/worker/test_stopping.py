@@ -10,7 +10,6 @@ import pytest
 import redis
 from sqlalchemy import select, text
 
-from service.launch.port import free_port
 from service.launch.valkey import valkey_binary
 from store import jobs
 from store.columns import utc_now
@@ -20,6 +19,7 @@ from store.schema import OTHER_SCHEMA_EXIT
 from store.tables import Job
 from tests.support.deployments import spawn
 from tests.support.house import House
+from tests.support.ports import pick_port
 from tests.support.processes import family
 from tests.support.proxy import Proxy
 from tests.support.waiting import wait_for
@@ -128,7 +128,7 @@ def test_a_worker_ends_when_the_schema_is_changed_under_it(house):
 
 
 def test_a_broker_that_goes_away_leaves_no_traceback(house):
-    port = free_port("127.0.0.1", 0)
+    port = pick_port()
     command = [str(valkey_binary()), "--port", str(port), "--bind", "127.0.0.1", "--save", ""]
     with spawn(command, dict(os.environ), stdout=subprocess.DEVNULL) as valkey:
         address = f"redis://127.0.0.1:{port}/0"
