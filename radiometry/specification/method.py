@@ -256,13 +256,8 @@ class MethodSpec:
 
     @property
     def corrected_by(self) -> str | None:
-        """Name of the method whose version a fit can be corrected by, None if there is none."""
+        """Name of the method whose version can correct a fit, such as vignetting; None if there is none."""
         return next((each.version_of for each in self.parameters if each.kind == "version"), None)
-
-    @property
-    def is_corrected(self) -> bool:
-        """True if a fit can be corrected by a version of another method, such as vignetting."""
-        return any(each.kind == "version" for each in self.parameters)
 
     @property
     def point(self) -> type[Any]:

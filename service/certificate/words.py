@@ -38,7 +38,7 @@ def list_statements(spec: MethodSpec, vignetting: str) -> list[str]:
         _RELATES,
         _EXPANDED if spec.certificate.states_coverage else _EXPANDED_PLAINLY,
         *spec.certificate.statements,
-        *([_UNCORRECTED if vignetting == "none" else corrected] if spec.is_corrected else []),
+        *([_UNCORRECTED if vignetting == "none" else corrected] if spec.corrected_by else []),
         _SUFFICE,
         _WHOLE,
     ]

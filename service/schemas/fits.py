@@ -2,8 +2,18 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, RootModel, Strict, Tag, ValidationError, create_model
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    RootModel,
+    Strict,
+    Tag,
+    ValidationError,
+    create_model,
+)
 from pydantic.json_schema import models_json_schema
+from pydantic_core import PydanticCustomError
 
 from radiometry import methods
 from radiometry.specification.method import MethodSpec
@@ -100,7 +110,9 @@ def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form o
     """Return the type of a parameter in a form."""
     kind: Any = Text
     if parameter.kind == "choice":
-        kind = Literal[tuple(choice.value for choice in parameter.choices)]
+        kind = _annotate(
+            Literal[tuple(choice.value for choice in parameter.choices)], BeforeValidator(_refuse_truth)
+        )
     elif parameter.kind == "boolean":
         kind = _annotate(bool, Strict())
     elif parameter.kind == "group":
@@ -127,6 +139,13 @@ def _bound(parameter: Parameter) -> Any:  # noqa: ANN401  a type
     }
     given = {name: limit for name, limit in limits.items() if limit is not None}
     return _annotate(int if parameter.kind == "integer" else float, Strict(), Field(**given))
+
+
+def _refuse_truth(value: Any) -> Any:  # noqa: ANN401  whatever JSON holds
+    """Refuse true and false, which Python takes for 1 and 0."""
+    if isinstance(value, bool):
+        raise PydanticCustomError("choice", "must be one of the choices, neither true nor false")
+    return value
 
 
 def _annotate(kind: Any, *metadata: Any) -> Any:  # noqa: ANN401  a type

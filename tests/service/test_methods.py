@@ -64,6 +64,13 @@ def test_the_defaults_may_be_sent():
         )
 
 
+def test_neither_true_nor_a_text_is_a_number():
+    assert read("geometry", radial_terms=1) == {"radial_terms": 1}
+    for wrong in (True, False, "1"):
+        with pytest.raises(Problem, match="radial_terms: must be"):
+            read("geometry", radial_terms=wrong)
+
+
 def test_what_is_switched_off_is_sent_by_name():
     assert read("geometry", reject_above_px="none") == {"reject_above_px": None}
     with pytest.raises(Problem, match="reject_above_px: must be 'none'"):
