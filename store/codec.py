@@ -1,5 +1,6 @@
 """Between the science's dataclasses and what the tables keep."""
 
+import json
 from collections.abc import Callable
 from dataclasses import asdict, fields, is_dataclass
 from functools import cache
@@ -31,10 +32,20 @@ def decode(kind: Any, stored: Any) -> Any:  # noqa: ANN401
 
 
 def read_strictly(kind: type[Any], said: Any) -> Json:  # noqa: ANN401
-    """Plain JSON values as a dataclass wants them, defaults written out; what it does not know is refused."""
-    found = _adapter(kind).validate_python(said, extra="forbid")
+    """Return plain JSON values as a dataclass wants them, with its defaults.
+
+    Refused are unknown names, and texts or truth values where a number is wanted. 9.0 is a whole number, as
+    in JSON Schema.
+    """
+    text = json.dumps(json.loads(json.dumps(said), parse_float=_read_number))
+    found = _adapter(kind).validate_json(text, strict=True, extra="forbid")
     plain: Json = drop_absent(encode(found))
     return plain
+
+
+def _read_number(text: str) -> float:
+    number = float(text)
+    return int(number) if number.is_integer() else number
 
 
 def decode_header(stored: dict[str, Any]) -> FrameHeader:

@@ -36,6 +36,19 @@ def test_a_target_that_cannot_be_says_what_it_may_be(house):
     assert problem["detail"] == "body.target: edge_order must lie between 1 and 5"
 
 
+@pytest.mark.parametrize(
+    "wrong", [{"columns": "9"}, {"columns": True}, {"square_size_mm": "25"}, {"legacy_pattern": "yes"}]
+)
+def test_a_number_of_a_target_is_a_number(house, wrong):
+    board = {"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}
+    body = {"camera_id": house.camera()["id"], "method": "geometry"}
+    (name,) = wrong
+    problem = house.post("/v1/campaigns", body | {"target": board | wrong}, status=422)
+    assert f"body.target.{name}: must be" in problem["detail"]
+    whole = house.post("/v1/campaigns", body | {"target": board | {"columns": 9.0}})
+    assert whole["target"]["columns"] == 9
+
+
 def test_what_nobody_said_of_a_sensor_can_be_said_later(house):
     camera = house.camera(serial="later")
     again = house.camera(serial="later", pixel_pitch_um=3.28, sensor_width_mm=17.3)
