@@ -24,7 +24,8 @@ from radiometry.noise.blocks import Features, FrameRow, extract_features
 from radiometry.noise.findings import check_fits, check_rendered
 from radiometry.noise.fit import fit_channel
 from radiometry.noise.planning import plan
-from radiometry.noise.points import collect_stacks, describe_points, list_missing
+from radiometry.noise.points import collect_stacks, describe_points
+from radiometry.noise.points import list_missing as missing
 from radiometry.noise.results import TRANSFER_EQUATION, ChannelFit, Fit, LevelResult, Point
 from radiometry.noise.rows import Params
 from radiometry.noise.verdicts import judge
@@ -94,26 +95,6 @@ def extract(
     return extract_features(frame, regions, header=header)
 
 
-def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what the fit still lacks.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of the frames of which nothing is known yet.
-
-    Returns
-    -------
-    tuple of str
-        Empty if the fit can start with every frame.
-    """
-    return list_missing(rows, params, unread=unread)
-
-
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Evaluate every channel at every ISO value of a campaign.
 
@@ -146,7 +127,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     full_well_not_reached, read_noise_below_rounding, pattern_not_resolved, dark_current_compensated. Flag
     of the whole fit: rendered.
     """
-    lacking = list_missing(rows, params)
+    lacking = missing(rows, params)
     if lacking:
         raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     by_channel = collect_stacks(rows, params)

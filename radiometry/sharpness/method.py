@@ -20,7 +20,8 @@ from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import CoefficientValue, Extracted, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.sharpness.candidates import Candidate, collect_candidates, list_missing
+from radiometry.sharpness.candidates import Candidate, collect_candidates
+from radiometry.sharpness.candidates import list_missing as missing
 from radiometry.sharpness.extraction import extract_features
 from radiometry.sharpness.falloff import compare_positions
 from radiometry.sharpness.features import Features
@@ -91,26 +92,6 @@ def extract(
     return Extracted(statistics=statistics, features=features)
 
 
-def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what a fit still lacks.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of the frames of which nothing is known yet.
-
-    Returns
-    -------
-    tuple of str
-        Empty if the fit can start.
-    """
-    return list_missing(rows, params, unread=unread)
-
-
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Merge the frames of every position, and compare the positions.
 
@@ -139,7 +120,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     sharpness_beyond_curve. Flag per frame: region_left_out. Flags of the whole fit: rendered,
     sharpness_centre_missing.
     """
-    lacking = list_missing(rows, params)
+    lacking = missing(rows, params)
     if lacking:
         raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, params)

@@ -38,8 +38,10 @@ from radiometry.vignetting.points import (
     Candidate,
     collect_candidates,
     describe_points,
-    list_missing,
     require_one_lens,
+)
+from radiometry.vignetting.points import (
+    list_missing as missing,
 )
 from radiometry.vignetting.residuals import read_residuals
 from radiometry.vignetting.results import (
@@ -118,26 +120,6 @@ def extract(
     return extract_features(frame, regions, header=header)
 
 
-def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what the fit still lacks.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of the frames of which nothing is known yet.
-
-    Returns
-    -------
-    tuple of str
-        Empty if the fit can start with every frame.
-    """
-    return list_missing(rows, params, unread=unread)
-
-
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Fit the falloff of every f-number and channel of a campaign's flat frames.
 
@@ -169,7 +151,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     dark_exposure_differs, dark_not_dark. Flags per f-number and channel: uneven_light, centre_uncertain,
     falloff_not_monotonic, falloff_grows, vignetting_misfit. Flag of the whole fit: rendered.
     """
-    lacking = list_missing(rows, params)
+    lacking = missing(rows, params)
     if lacking:
         raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, params)
