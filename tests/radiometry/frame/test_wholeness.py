@@ -111,6 +111,14 @@ def test_zeros_that_begin_beside_light_are_missing_also_where_black_is_zero(slic
     assert _look(_zeroed(_noisy(300, 15), *slices), black=0.0).empty == (block,)
 
 
+@pytest.mark.parametrize(("dark_cols", "is_seen"), [(64, True), (128, False)], ids=["86 %", "71 %"])
+def test_light_beside_the_zeros_must_fill_three_quarters_of_a_row(dark_cols, is_seen):
+    """A night scene whose lit part is narrower may end in black by itself, and is not flagged."""
+    samples = _zeroed(_noisy(300, 15), slice(None), slice(0, dark_cols))
+    found = _look(_zeroed(samples, slice(120, 240)), black=0.0).empty
+    assert any(block.row0 == 120 for block in found) == is_seen
+
+
 @pytest.mark.parametrize("left", [40, 62, 150, 390])
 @pytest.mark.parametrize("at_end", [False, True])
 def test_one_row_cut_in_its_middle_proves_that_the_rest_is_missing(left, at_end):
