@@ -51,7 +51,7 @@ def test_a_signed_list_changes_only_with_a_new_signature(house):
             "body.items.1.key",
             "'lamp'",
         ),
-        ({"items": [{"key": "equipment_lamp", "done": "yes"}]}, "body.items.0.done", "bool"),
+        ({"items": [{"key": "equipment_lamp", "done": "yes"}]}, "body.items.0.done", "true or false"),
         ({}, "body", "items, a signature"),
     ],
 )
