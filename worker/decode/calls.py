@@ -50,12 +50,14 @@ _FREE: Final = {
     "getrusage": (98, 165),
     "sched_yield": (24, 124),
     "sched_getaffinity": (204, 123),
+    "getcpu": (309, 168),
     "sysinfo": (99, 179),
     "exit": (60, 93),
     "exit_group": (231, 94),
 }
 _MMAP, _MPROTECT = (9, 222), (10, 226)
 _FCNTL, _PRLIMIT, _TGKILL = (72, 25), (302, 261), (234, 131)
+_SCHED_SETAFFINITY: Final = (203, 122)
 _PROT_EXEC: Final = mmap.PROT_EXEC if hasattr(mmap, "PROT_EXEC") else 4
 _FCNTL_COMMANDS: Final = (fcntl.F_GETFD, fcntl.F_GETFL, getattr(fcntl, "F_DUPFD_CLOEXEC", 1030))
 
@@ -81,7 +83,9 @@ def build_filter(machine: str) -> list[Instruction]:
     program += _when(_MPROTECT[column], 2, _without(_PROT_EXEC))
     # no F_SETOWN or F_SETSIG, by which a descriptor signals another process
     program += _when(_FCNTL[column], 1, _one_of(*_FCNTL_COMMANDS))
+    # 0 stands for the process, or the thread, that asks
     program += _when(_PRLIMIT[column], 0, _one_of(0))
+    program += _when(_SCHED_SETAFFINITY[column], 0, _one_of(0))
     # abort() and nothing else: by any other signal a cell could look as if somebody had killed it
     abort = [(_EQUAL, 1, 0, OWN_PID), (_RETURN, 0, 0, _FAIL), *_argument(2), *_one_of(signal.SIGABRT)]
     program += _when(_TGKILL[column], 0, abort)

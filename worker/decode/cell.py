@@ -17,6 +17,7 @@ from typing import Any, Final
 from radiometry.findings import InputRejected
 from worker.decode import messages
 from worker.decode.budget import Budget
+from worker.decode.pieces import start_second_thread
 from worker.decode.reading import Reader, Window
 from worker.decode.sandbox import Restrictions, Sandbox
 from worker.decode.settings import NOT_SHUT_IN, DecoderLimits
@@ -48,10 +49,10 @@ def live(prepared: Prepared, expected: Sandbox) -> int:
     Descriptor 0 brings the file and the requests and takes the answers, 1 and 2 lead nowhere; there are no
     others.
     """
-    _limit_process()
     talk = socket.socket(fileno=os.dup(TALK))
-    if prepared.restrictions.shut_in() != expected:
+    if prepared.restrictions.shut_in(start_second_thread) != expected:
         return NOT_SHUT_IN
+    _limit_process()
     own_memory()
     warm_up(prepared.first_file, prepared.first_stream)
     descriptor = _receive_file(talk)

@@ -9,13 +9,15 @@ import os
 import platform
 import signal
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from worker.decode.calls import OWN_PID, build_filter
 
-_PR_SET_PDEATHSIG, _PR_SET_SECCOMP, _PR_SET_NO_NEW_PRIVS = 1, 22, 38
-_SECCOMP_MODE_FILTER = 2
+_PR_SET_PDEATHSIG, _PR_SET_NO_NEW_PRIVS = 1, 38
+_SECCOMP: Final = {"x86_64": 317, "aarch64": 277}
+_SET_MODE_FILTER, _OF_ALL_THREADS = 1, 1
 _LANDLOCK_CREATE_RULESET, _LANDLOCK_RESTRICT_SELF = 444, 446
 _LANDLOCK_VERSION = 1
 # Rights over files that each version of Landlock knows of: 13 at first, then refer, truncate and ioctl.
@@ -99,12 +101,16 @@ class Restrictions:
         if self._linux:
             self._libc.prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
 
-    def shut_in(self) -> Sandbox:
-        """Lose new privileges, every path, the network, and all system calls but those of computing."""
+    def shut_in(self, meanwhile: Callable[[], None] = lambda: None) -> Sandbox:
+        """Lose new privileges, every path, the network, and all system calls but those of computing.
+
+        ``meanwhile`` : starts what needs one more system call. A thread that it starts loses all of it, too.
+        """
         if not self._linux:
             return Sandbox(no_new_privs=False, landlock=0, seccomp=False)
         no_new_privs = self._libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0
         landlock = self._landlock if self._restrict_files() else 0
+        meanwhile()
         return Sandbox(no_new_privs=no_new_privs, landlock=landlock, seccomp=self._restrict_calls())
 
     def _restrict_calls(self) -> bool:
@@ -115,7 +121,8 @@ class Restrictions:
             *(_Instruction(*each[:3], pid if each[3] == OWN_PID else each[3]) for each in self._filter)
         )
         program = _Program(len(array), ctypes.addressof(array))
-        done: int = self._libc.prctl(_PR_SET_SECCOMP, _SECCOMP_MODE_FILTER, ctypes.byref(program), 0, 0)
+        call = _SECCOMP[platform.machine()]
+        done: int = self._libc.syscall(call, _SET_MODE_FILTER, _OF_ALL_THREADS, ctypes.byref(program))
         return done == 0
 
     def _ask_landlock(self) -> int:

@@ -4,7 +4,8 @@ Each compressed piece is decoded to its own end and has to end there, whatever p
 format has to prove its samples with, a checksum or an end code, stands behind the last of them.
 """
 
-from typing import Final
+from collections.abc import Iterator
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from radiometry.frame.proof import Voucher
 from worker.decode import expanding, ljpeg, tags
 from worker.decode.bits import unpack_rows
 from worker.decode.layout import Layout
+from worker.decode.pieces import decode_all
 from worker.decode.source import Source
 
 COMPRESSIONS = {
@@ -48,33 +50,54 @@ def read_samples(
     ``consumed`` : receives the bytes that each compressed piece took up to its end, by its index
     """
     out = np.empty((height, width, layout.samples), np.uint16)
+    parts = list(_cut_window(layout, row0, col0, height, width))
+    if layout.compression == tags.UNCOMPRESSED:
+        for part in parts:
+            out[part.target] = _read_stored(source, layout, part)
+        return out
+
+    def decode(part: _Part) -> None:
+        out[part.target], took = _read_compressed(source, layout, part)
+        if consumed is not None:
+            consumed[part.segment] = took
+
+    decode_all(decode, parts)
+    return out
+
+
+class _Part(NamedTuple):
+    """What a window needs of one strip or tile: where it goes in the window, and which of its samples."""
+
+    segment: int
+    target: tuple[slice, slice]
+    rows: slice
+    cols: slice
+
+
+def _cut_window(layout: Layout, row0: int, col0: int, height: int, width: int) -> Iterator[_Part]:
     for segment_row in range(row0 // layout.segment_rows, -(-(row0 + height) // layout.segment_rows)):
         top = segment_row * layout.segment_rows
         first_row, last_row = max(row0, top), min(row0 + height, top + layout.segment_rows)
         for segment_col in range(col0 // layout.segment_cols, -(-(col0 + width) // layout.segment_cols)):
             left = segment_col * layout.segment_cols
             first_col, last_col = max(col0, left), min(col0 + width, left + layout.segment_cols)
-            target = out[first_row - row0 : last_row - row0, first_col - col0 : last_col - col0]
-            rows, cols = slice(first_row - top, last_row - top), slice(first_col - left, last_col - left)
-            index = segment_row * layout.across + segment_col
-            if layout.compression == tags.UNCOMPRESSED:
-                target[...] = _read_stored(source, layout, index, rows, cols)
-                continue
-            target[...], took = _read_compressed(source, layout, index, rows, cols)
-            if consumed is not None:
-                consumed[index] = took
-    return out
+            yield _Part(
+                segment=segment_row * layout.across + segment_col,
+                target=(slice(first_row - row0, last_row - row0), slice(first_col - col0, last_col - col0)),
+                rows=slice(first_row - top, last_row - top),
+                cols=slice(first_col - left, last_col - left),
+            )
 
 
-def _read_stored(source: Source, layout: Layout, index: int, rows: slice, cols: slice) -> NDArray[np.uint16]:
+def _read_stored(source: Source, layout: Layout, part: _Part) -> NDArray[np.uint16]:
+    index, _, rows, cols = part
     offset, count = int(layout.offsets[index]), rows.stop - rows.start
     stored = source.array(offset + rows.start * layout.row_bytes, count * layout.row_bytes)
     return _cut(stored, layout, count, slice(None), cols)
 
 
-def _read_compressed(
-    source: Source, layout: Layout, index: int, rows: slice, cols: slice
-) -> tuple[NDArray[np.uint16], int]:
+def _read_compressed(source: Source, layout: Layout, part: _Part) -> tuple[NDArray[np.uint16], int]:
+    index, _, rows, cols = part
     offset, size = int(layout.offsets[index]), int(layout.byte_counts[index])
     stored_rows = layout.rows_in(index // layout.across)
     shape = (stored_rows, layout.segment_cols, layout.samples)

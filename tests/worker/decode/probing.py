@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from worker.decode import cell, zygote
+from worker.decode import cell, pieces, zygote
 
 LIBC = ctypes.CDLL(None, use_errno=True)
 CALLS = {
@@ -125,6 +125,7 @@ def list_probes(world):
         "holds more descriptors": _own_descriptors,
         "makes memory executable": _executable_memory,
         "finds another file's samples": lambda: _find_stale(bytes.fromhex(world["samples"])),
+        "moves the worker to one processor": lambda: os.sched_setaffinity(worker, {0}) is None,
         **{name: lambda name=name: _call(name, worker) for name in CALLS},
     }
 
@@ -155,7 +156,11 @@ def _obey(reader, request, answer=cell._answer):
     if content.startswith(b"WAIT"):
         os.read(cell.TALK, 1)
     if content.startswith(b"PROBE"):
-        found = probe(json.loads(content[5:]))
+        world = json.loads(content[5:])
+        found = [] if pieces._second else ["has one thread only"]
+        for thread in pieces._second:
+            found += thread._executor.submit(probe, world).result()
+        found += probe(world)
         if _make_writable(reader._source):
             found.append("writes to what was mapped")
         return {"refused": {"code": "not_a_raw_file", "message": json.dumps(found)}}, b""

@@ -1,0 +1,71 @@
+"""Compressed pieces of an image, decoded on two threads in a cell.
+
+Codecs and numpy let go of the interpreter's lock, so two cores share the work. The second thread is started
+while a cell is shut in: later none can be.
+"""
+
+import contextlib
+import ctypes
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final, TypeVar
+
+_T = TypeVar("_T")
+_M_ARENA_MAX: Final = -8  # of glibc's mallopt: a second arena reserves more address space than a header has
+
+
+class _SecondThread:
+    def __init__(self) -> None:
+        """Start it, and wait until it runs."""
+        libc = ctypes.CDLL(None)
+        libc.mallopt(_M_ARENA_MAX, 1)
+        self._find_own_cpu = libc.sched_getcpu
+        self._cpus = os.sched_getaffinity(0)
+        self._executor = ThreadPoolExecutor(max_workers=1)
+        self._executor.submit(int).result()
+
+    def decode_every_other(
+        self, decode: Callable[[_T], None], pieces: Sequence[_T]
+    ) -> tuple[int, Exception] | None:
+        """Decode pieces 0, 2, 4 ... here and the others there; the failure of the earliest piece, if any."""
+        other = self._executor.submit(self._decode_elsewhere, self._find_own_cpu(), decode, pieces)
+        failures = (_decode(decode, pieces, 0), other.result())
+        return min((each for each in failures if each), default=None, key=lambda failure: failure[0])
+
+    def _decode_elsewhere(
+        self, cpu: int, decode: Callable[[_T], None], pieces: Sequence[_T]
+    ) -> tuple[int, Exception] | None:
+        # A guest's kernel takes an idle virtual processor for a busy one and puts both threads on one.
+        os.sched_setaffinity(0, self._cpus - {cpu} or self._cpus)
+        return _decode(decode, pieces, 1)
+
+
+_second: list[_SecondThread] = []
+
+
+def start_second_thread() -> None:
+    """Let another thread decode every other piece from now on, where there are two processors and Linux."""
+    if hasattr(os, "sched_getaffinity") and len(os.sched_getaffinity(0)) > 1:
+        with contextlib.suppress(RuntimeError):  # no more threads are allowed here: one does as well
+            _second.append(_SecondThread())
+
+
+def decode_all(decode: Callable[[_T], None], pieces: Sequence[_T]) -> None:
+    """Call ``decode`` with every piece; of several failures that of the earliest piece is raised."""
+    if len(pieces) > 1 and _second:
+        failure = _second[0].decode_every_other(decode, pieces)
+        if failure is not None:
+            raise failure[1]
+    else:
+        for piece in pieces:
+            decode(piece)
+
+
+def _decode(decode: Callable[[_T], None], pieces: Sequence[_T], first: int) -> tuple[int, Exception] | None:
+    for index in range(first, len(pieces), 2):
+        try:
+            decode(pieces[index])
+        except Exception as error:  # noqa: BLE001  raised again once both threads have ended
+            return index, error
+    return None
