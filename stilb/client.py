@@ -8,7 +8,7 @@ from stilb.resources.measurements import Measurements
 from stilb.resources.system import System
 
 
-class Client(Coefficients, Campaigns, Frames, Calibrations, Measurements, System):
+class Client(Coefficients, Calibrations, Campaigns, Frames, Measurements, System):
     """A connection to one calibration service, for one key. Use it as a context manager.
 
     ``timeout`` is how long one silence of the service may last [s]. What is safe to send twice is sent again

@@ -7,7 +7,6 @@ frames/<hash>-<name>                every frame, byte for byte
 SHA256SUMS                          for `sha256sum --check` of the frames
 """
 
-import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping
@@ -15,12 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stilb.problem import Problem
-from stilb.transport import Call, Transport, address
+from stilb.transport import Call, Transport, address, hash_file
 
 CERTIFICATE, READINGS, PANELS, REGIONS = "certificate.json", "readings.json", "panels.json", "roi.json"
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
+# What a certificate adds where two frames share a file name.
+_TOLD_APART = re.compile(r" \([0-9a-f]{8}\)$")
+_LONGEST_NAME = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +43,9 @@ def frame_path(frame: Mapping[str, Any]) -> str:
     sha256 = str(frame["sha256"])
     if _SHA256.fullmatch(sha256) is None:
         raise ValueError(f"not a SHA-256: {sha256!r}")
-    return f"frames/{sha256[:12]}-{re.sub(r'[^A-Za-z0-9._-]', '_', str(frame['frame']))[:100]}"
-
-
-def hash_file(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    name = re.sub(r"[^A-Za-z0-9._-]", "_", _TOLD_APART.sub("", str(frame["frame"])))
+    stem, dot, extension = name.rpartition(".")
+    return f"frames/{sha256[:12]}-{stem[: _LONGEST_NAME - len(extension)]}{dot}{extension[:_LONGEST_NAME]}"
 
 
 def export(transport: Transport, calibration_id: str, folder: Path, on_progress: OnExport | None) -> Path:
@@ -86,17 +84,8 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
 def _fetch_frame(transport: Transport, frame: Mapping[str, Any], path: Path) -> None:
     if path.exists() and hash_file(path) == frame["sha256"]:
         return
-    part = path.with_name(f"{path.name}.part")
-    transport.download(Call(method="GET", path=address("frames", frame["id"], "content")), part)
-    found = hash_file(part)
-    if found != frame["sha256"]:
-        raise Problem(
-            status=200,
-            code="export_damaged",
-            detail=f"{frame['frame']} has arrived with the hash {found}, not {frame['sha256']}",
-            retryable=True,
-        )
-    part.replace(path)
+    call = Call(method="GET", path=address("frames", frame["id"], "content"))
+    transport.download(call, path, sha256=frame["sha256"])
 
 
 def _write_json(path: Path, value: object) -> None:

@@ -1,5 +1,6 @@
 """One HTTP request and its repetitions: who may be sent again, when, and what comes of the answer."""
 
+import hashlib
 import random
 import threading
 import uuid
@@ -104,14 +105,28 @@ class Transport:
         """Send until it is answered; only what is safe to send twice is sent twice."""
         return self._repeat(call, self._once)
 
-    def download(self, call: Call, path: Path) -> None:
-        """Write an answer to a file in flat memory; an answer that broke off is begun anew."""
+    def download(self, call: Call, path: Path, *, sha256: str | None = None) -> None:
+        """Write an answer to a file in flat memory; an answer that broke off is begun anew.
+
+        Until it is complete it lies beside the file, which keeps what it held: so it does if this fails.
+        """
+        path = path.resolve()
+        special = path.exists() and not path.is_file()  # a device or a pipe
+        beside = path if special else path.with_name(f".{path.name[:200]}.{uuid.uuid4().hex[:8]}.part")
 
         def save(call: Call, headers: Mapping[str, str]) -> None:
-            with path.open("wb") as file:
+            with beside.open("wb") as file:
                 self._save(call, headers, file)
+            if sha256 is not None and (found := hash_file(beside)) != sha256:
+                detail = f"{path.name} has arrived with the hash {found}, not {sha256}"
+                raise problem.Problem(status=200, code="export_damaged", detail=detail, retryable=True)
 
-        self._repeat(call, save)
+        try:
+            self._repeat(call, save)
+            beside.replace(path)
+        finally:
+            if not special:
+                beside.unlink(missing_ok=True)
 
     def _repeat(self, call: Call, once: Callable[[Call, Mapping[str, str]], Answer]) -> Answer:
         headers = call.sent_headers()
@@ -206,6 +221,11 @@ class Transport:
         # Not a secret: any spread will do.
         backoff_s = self._backoff_s * 2.0**attempt * random.uniform(0.5, 1.0)  # noqa: S311
         return min(_LONGEST_PAUSE_S, max(backoff_s, retry_after_s or 0.0))
+
+
+def hash_file(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _given(query: Query) -> dict[str, str | int | float | list[str]] | None:

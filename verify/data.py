@@ -30,8 +30,9 @@ class Data:
     regions: list[Node]
 
     def path(self, frame: Node) -> Path:
-        """Where a frame of a certificate lies, if it is there."""
-        return self.folder / frame_path(frame)
+        """Where a frame of a certificate lies, if it is there; earlier exports named some differently."""
+        path = self.folder / frame_path(frame)
+        return path if path.exists() else next(path.parent.glob(f"{frame['sha256'][:12]}-*"), path)
 
 
 def read_certificate(place: str, key: str) -> Node:

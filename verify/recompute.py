@@ -14,7 +14,7 @@ from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, measure_signal
 from radiometry.specification.application import SurfaceApplication
 from radiometry.specification.method import MethodSpec
-from stilb.export import hash_file
+from stilb.transport import hash_file
 from store.codec import decode, drop_absent, encode, encode_statistics
 from store.queries.campaigns import Drawing
 from verify.data import Data, Node

@@ -36,6 +36,7 @@ from store.falloff import choose_falloff
 from store.fitting import leave_out_doubtful, list_missing, make_params
 from store.impact import list_touched
 from store.queries.calibrations import coefficients_of, history, read_version_statuses
+from store.queries.campaigns import count_being_read
 from store.queries.evidence import Evidence, gather
 from store.tables import Calibration, Camera, Campaign, Panel
 
@@ -64,7 +65,8 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
         missing = list_missing(campaign, evidence, params)
         if missing:
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
-            raise Problem(422, HttpCode.CAMPAIGN_INCOMPLETE, detail, missing=missing)
+            passing = bool(count_being_read(session, campaign))
+            raise Problem(422, HttpCode.CAMPAIGN_INCOMPLETE, detail, retryable=passing, missing=missing)
         job = jobs.enqueue(
             session,
             kind="fit",

@@ -56,7 +56,7 @@ class CampaignChange(CampaignDetails):
     """What is corrected; what is left out stays."""
 
 
-class FrameCounts(Answer, restates=Counts, fields="received extracted refused"):
+class FrameCounts(Answer, restates=Counts, fields="received being_read extracted refused"):
     pass
 
 

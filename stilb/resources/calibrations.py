@@ -6,12 +6,13 @@ from typing import Any
 
 from stilb.export import OnExport, export
 from stilb.records import Calibration, Job, Moment, as_text
+from stilb.resources.campaigns import Campaigns
 from stilb.resources.jobs import Jobs
 from stilb.transport import Call, address
 from stilb.upload import PathLike
 
 
-class Calibrations(Jobs):
+class Calibrations(Campaigns, Jobs):
     """Versions of a camera's coefficients."""
 
     def start_calibration(self, campaign_id: str, **params: object) -> Job:
@@ -19,7 +20,8 @@ class Calibrations(Jobs):
         return Job.of(self._post(address("campaigns", campaign_id, "calibrations"), params))
 
     def calibrate(self, campaign_id: str, **params: object) -> Calibration:
-        """The same, and wait for the draft."""
+        """The same once all frames that have arrived are read, and wait for the draft."""
+        self.wait_for(campaign_id)
         done = self.wait(self.start_calibration(campaign_id, **params))
         return self.calibration(str((done.result or {})["calibration_id"]))
 

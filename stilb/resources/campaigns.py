@@ -1,5 +1,6 @@
 """A campaign, its region and its readings."""
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Unpack, overload
 
@@ -8,6 +9,8 @@ from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear, missing
 from stilb.records import Campaign, CampaignDetails, Polygon, Reading, as_text
 from stilb.transport import Call, Query, address
+
+_POLL_S = 0.5
 
 
 class Campaigns(Connection):
@@ -33,6 +36,18 @@ class Campaigns(Connection):
 
     def campaign(self, campaign_id: str) -> Campaign:
         return Campaign.of(self._get(address("campaigns", campaign_id)))
+
+    def wait_for(self, campaign_id: str, *, timeout_s: float | None = None) -> Campaign:
+        """Wait until all frames that have arrived are read; ``TimeoutError`` when that takes longer."""
+        end = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            found = self.campaign(campaign_id)
+            left = int(found.raw["frames"]["being_read"])
+            if not left:
+                return found
+            if end is not None and time.monotonic() >= end:
+                raise TimeoutError(f"{left} frames of {campaign_id} are not read after {timeout_s:g} s")
+            time.sleep(_POLL_S)
 
     def campaigns(self) -> Iterator[Campaign]:
         return map(Campaign.of, self._transport.items(address("campaigns"), {"limit": 1000}))

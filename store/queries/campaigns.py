@@ -23,9 +23,12 @@ class Counts:
     ----------
     received : int
         All frames of the campaign.
+    being_read : int
+        Frames with a job that waits or runs.
     """
 
     received: int
+    being_read: int
     extracted: int
     refused: int
     readings: int
@@ -44,10 +47,22 @@ def count(session: Session, campaign: Campaign) -> Counts:
     )
     return Counts(
         received=sum(states.values()),
+        being_read=count_being_read(session, campaign),
         extracted=states.get("extracted", 0),
         refused=states.get("refused", 0),
         readings=readings or 0,
     )
+
+
+def count_being_read(session: Session, campaign: Campaign) -> int:
+    """Frames of which more will be known without anybody doing anything."""
+    busy = select(Job.subject_id).where(
+        Job.organisation_id == campaign.organisation_id,
+        Job.state.in_(("queued", "running")),
+        Job.kind == "extract",
+    )
+    frames = select(func.count()).where(FrameRow.campaign_id == campaign.id, FrameRow.id.in_(busy))
+    return session.scalar(frames) or 0
 
 
 @dataclass(frozen=True, kw_only=True)

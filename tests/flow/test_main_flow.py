@@ -7,12 +7,11 @@ from tests.support.fieldwork import CHANNELS, figures_of
 def test_a_campaign_becomes_coefficients_in_force(deployment, shots, quiet_figures):
     with deployment.team() as team:
         campaign = team.campaign()
-        for frame in team.push(campaign, shots):
-            team.client.wait(frame.job_id, timeout_s=90)
+        team.push(campaign, shots)
+        version = team.client.calibrate(campaign.id)  # as documented: it waits until the frames are read
         for frame in team.client.frames(campaign.id):
             assert frame.state == "extracted"
             assert [row["channel"] for row in frame.raw["statistics"]] == CHANNELS
-        version = team.client.calibrate(campaign.id)
         assert (version.state, version.version) == ("draft", 1)
         team.client.publish(version.id, valid_from="2026-05-01T00:00:00Z", reason="first")
         in_force = team.client.coefficients(campaign.camera_id, at="2026-06-01T00:00:00Z")

@@ -61,7 +61,13 @@ def test_what_is_missing_is_said_by_name_before_a_fit(house):
     campaign = upload_campaign(house, roi=None, readings=False)
     answer = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=422)
     assert answer["code"] == "campaign_incomplete"
+    assert answer["retryable"]
+    frames = house.get(f"/v1/campaigns/{campaign['id']}")["frames"]
+    assert frames["being_read"] == frames["received"]
     house.work()
+    assert house.get(f"/v1/campaigns/{campaign['id']}")["frames"]["being_read"] == 0
+    answer = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=422)
+    assert not answer["retryable"]
     missing = house.get(f"/v1/campaigns/{campaign['id']}")["missing"]
     assert "scene level-4 has no luminance reading" in missing
     assert house.get("/v1/jobs", kind="fit")["items"] == []

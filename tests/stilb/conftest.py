@@ -39,6 +39,7 @@ class Answer:
     body: Any = field(default_factory=dict)
     headers: dict[str, str] = field(default_factory=dict)
     cut_after: int | None = None  # bytes of the request's body, after which the connection is reset
+    withheld: int = 0  # bytes of the answer, at its end, that never come
     forget_body: bool = False  # where a test measures memory, of which this process holds both ends
 
 
@@ -104,9 +105,10 @@ def _handler(stand_in: StandIn) -> type[BaseHTTPRequestHandler]:
             (self.send_response_only if "Date" in answer.headers else self.send_response)(answer.status)
             for name, value in {"Content-Type": "application/json", **answer.headers}.items():
                 self.send_header(name, value)
-            self.send_header("Content-Length", str(len(data)))
+            self.send_header("Content-Length", str(len(data) + answer.withheld))
             self.end_headers()
             self.wfile.write(data)
+            self.close_connection |= answer.withheld > 0
 
         def _reset(self) -> None:
             # Linger 0: the close is a reset, as from a modem that lost its network.

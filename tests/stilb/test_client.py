@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 import pytest
 
 import stilb
+from stilb.export import frame_path
 from stilb.records import as_text
 
 CALIBRATION = {
@@ -133,11 +134,19 @@ def test_waiting_ends(service, client):
         client.wait("j-1", timeout_s=0)
 
 
-def test_calibrate_waits_and_reads_the_draft(service, client):
+def campaign_with(being_read):
+    return {"id": "c-1", "camera_id": "cam-1", "method": "luminance", "frames": {"being_read": being_read}}
+
+
+def test_calibrate_waits_and_reads_the_draft(service, client, monkeypatch):
+    monkeypatch.setattr("time.sleep", lambda _s: None)
+    service.will_answer(campaign_with(being_read=2))
+    service.will_answer(campaign_with(being_read=0))
     service.will_answer(JOB, status=202)
     service.will_answer(job("succeeded", result={"calibration_id": "k-1"}))
     service.will_answer(CALIBRATION)
     calibration = client.calibrate("c-1", model="proportional", tolerance=0.04)
+    del service.asked[:2]
     assert service.asked[0].path == "/v1/campaigns/c-1/calibrations"
     assert service.asked[0].json == {"model": "proportional", "tolerance": 0.04}
     assert service.asked[2].path == "/v1/calibrations/k-1"
@@ -260,3 +269,36 @@ def test_a_form_is_saved_under_its_name(service, client, tmp_path):
     assert path.read_bytes() == b"II*\0"
     assert service.asked[0].path == "/v1/calibrations/k-1/exports/correction.tif"
     assert service.asked[0].query == {"f_number": "2.8"}
+
+
+def test_who_waits_for_a_campaign_may_run_out_of_time(service, client):
+    service.will_answer(campaign_with(being_read=3))
+    with pytest.raises(TimeoutError, match="3 frames of c-1 are not read after 0 s"):
+        client.wait_for("c-1", timeout_s=0)
+
+
+def test_a_refused_or_broken_download_leaves_the_file_as_it_was(service, client, tmp_path):
+    path = tmp_path / "map.tif"
+    path.write_bytes(b"an hour's work")
+    service.will_refuse(404, "not_found")
+    with pytest.raises(stilb.Problem, match="not_found"):
+        client.save_map("m-1", path)
+    service.will_answer(b"half", headers={"Content-Type": "image/tiff"}, withheld=4)
+    with stilb.Client(service.url, "key", retries=0, timeout=2) as impatient, pytest.raises(stilb.Problem):
+        impatient.save_map("m-1", path)
+    assert path.read_bytes() == b"an hour's work"
+    assert [each.name for each in tmp_path.iterdir()] == ["map.tif"]
+
+
+@pytest.mark.parametrize(
+    ("frame", "name"),
+    [
+        ("DSC_1.DNG", "DSC_1.DNG"),
+        ("DSC_1.DNG (abababab)", "DSC_1.DNG"),
+        ("a (1).dng", "a__1_.dng"),
+        (f"{'x' * 200}.DNG (abababab)", f"{'x' * 97}.DNG"),
+        ("no extension", "no_extension"),
+    ],
+)
+def test_an_exported_frame_keeps_its_extension(frame, name):
+    assert frame_path({"sha256": "ab" * 32, "frame": frame}) == f"frames/{'ab' * 6}-{name}"

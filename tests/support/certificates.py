@@ -83,8 +83,8 @@ class InHouse(Transport):
         assert answer.status_code == 200, answer.text
         return answer
 
-    def download(self, call, path):
-        path.write_bytes(self.send(call).content)
+    def _save(self, call, _headers, file):
+        file.write(self.send(call).content)
 
 
 def export_version(house: House, version: dict, folder: Path) -> Path:
