@@ -7,8 +7,10 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from radiometry.findings import shared
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
+from store.codec import decode_header
 from store.fitting import leave_out_doubtful, list_missing, make_params
 from store.queries.evidence import gather
 from store.queries.frames import current_roi, is_told, region_ids, whole_frame_of
@@ -85,7 +87,15 @@ def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -
         needs_region=row.role in drawn_for,
         roles=room.role_names | room.applied_role_names,
         told=is_told(campaign),
+        left_out=_explain_left_out(row, campaign),
     )
+
+
+def _explain_left_out(row: FrameRow, campaign: Campaign) -> str:
+    if row.header is None or shared.FRAME_LEFT_OUT not in row.warnings:
+        return ""
+    found = methods.get_method(campaign.method).check_frame(decode_header(row.header), exposure=None)
+    return next((raised.detail for raised in found), shared.FRAME_LEFT_OUT.sentence)
 
 
 def _read_format(header: dict[str, Any] | None) -> tuple[int, int, str] | None:

@@ -48,6 +48,13 @@ IMAGE_PART_EMPTY = Finding(
     "A part of the image is empty, zeros or below black where a sensor shows noise: data is missing.",
     "Copy the file from the card again, or take the frame again.",
 )
+FRAME_LEFT_OUT = reason(
+    "frame_left_out",
+    "warn",
+    "The method has no use for what this file shows, such as a thermal band; it is stored and left out.",
+    "Nothing: the other files of the capture are used.",
+    "frame",
+)
 WRONG_CAMERA = error(
     "wrong_camera",
     "The file states another make, model or serial number than the camera that it is used for.",

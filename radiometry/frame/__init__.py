@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame.multispectral import Multispectral
+from radiometry.specification.stored import LATER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +45,25 @@ class StatedAngle:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PositionFix:
+    """Quality of a position by satellites with corrections (RTK).
+
+    Attributes
+    ----------
+    kind : str
+        "none", "single", "float" or "fixed"; "other" for what the maker does not
+        describe.
+    u_latitude_m, u_longitude_m, u_height_m : float or None, default: None
+        Standard deviations that the receiver states [m].
+    """
+
+    kind: str
+    u_latitude_m: float | None = None
+    u_longitude_m: float | None = None
+    u_height_m: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class FrameHeader:
     """Metadata of one raw file; a value that the file does not state is None, and zero is kept as zero.
 
@@ -69,7 +89,7 @@ class FrameHeader:
     black_level_dn : tuple of float
         Black level per CFA position [DN].
     black_level_origin : str
-        "tag", "default" or "libraw".
+        "tag", "default", "libraw", or "camera" if the camera's XMP states it.
     white_level_dn : tuple of float
         White level per CFA position [DN].
     white_level_origin : str
@@ -107,6 +127,8 @@ class FrameHeader:
         Longitude, east positive [deg].
     altitude_m : float or None, default: None
         Height above sea level as the camera states it, negative below [m].
+    position_fix : PositionFix or None, default: None
+        Quality of the position; None if the file does not state it.
     attitude : tuple of StatedAngle
         Angles of camera and carrier, stored and passed on; no computation uses
         them.
@@ -151,6 +173,7 @@ class FrameHeader:
     latitude_deg: float | None = None
     longitude_deg: float | None = None
     altitude_m: float | None = None
+    position_fix: PositionFix | None = field(default=None, metadata=LATER)
     attitude: tuple[StatedAngle, ...] = field(default=())
     opcodes: tuple[Opcode, ...] = field(default=())
     multispectral: Multispectral | None = None

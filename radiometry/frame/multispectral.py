@@ -1,17 +1,31 @@
-"""Metadata that a multispectral camera writes beside its pixels; None or "" for what is absent.
+"""One normalised band of a multispectral camera, whoever made it; None or "" for what is absent.
 
-Two families are supported: Parrot's Sequoia and MicaSense's RedEdge and Altum. Each
-file holds one band.
+Each file holds one band. Each maker's dialect is read by the module of its name in
+`worker.decode.dialects`, into these parts: black, response and relative illumination
+make the signal of the raw values, and the light sensor's reading stands beside it.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, get_args
 
-System = Literal["sequoia", "micasense"]
+from radiometry.frame.light import SunshineCounts, SunshineIrradiance
+from radiometry.specification.stored import LATER
+
+CAMERAS: Final = {
+    "sequoia": "Parrot Sequoia",
+    "micasense_2d": "MicaSense RedEdge-P and Altum-PT",
+    "micasense": "MicaSense RedEdge, RedEdge-M, RedEdge-MX and Altum",
+    "dji": "DJI P4 Multispectral and Mavic 3 Multispectral",
+}
+"""Cameras of each dialect by the name of its module; the first that knows a file reads it."""
+
+Kind = Literal["thermal", "panchromatic"]
 Index = Literal["ndvi", "ndre", "gndvi"]
 INDICES: tuple[Index, ...] = get_args(Index)
 
+_THERMAL_NM: Final = 3000.0
+_PANCHROMATIC_WIDTH_NM: Final = 200.0
 _BAND_ALIASES: Final = {"gre": "green", "reg": "red_edge", "rededge": "red_edge"}
 
 
@@ -30,6 +44,27 @@ def name_band(text: str) -> str:
     """
     plain = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
     return _BAND_ALIASES.get(plain, plain) or "unnamed"
+
+
+def classify_band(band: str, *, wavelength_nm: float | None, width_nm: float | None) -> Kind | None:
+    """Return the kind of a band that has no reflectance.
+
+    Parameters
+    ----------
+    band : str
+        Canonical name of the band.
+    wavelength_nm, width_nm : float or None
+        Centre wavelength and bandwidth [nm].
+
+    Returns
+    -------
+    Kind or None
+        "thermal" beyond 3 um, "panchromatic" for 200 nm and wider, or by their
+        names; None for a band of reflected light.
+    """
+    if (wavelength_nm or 0.0) > _THERMAL_NM or band in ("lwir", "thermal"):
+        return "thermal"
+    return "panchromatic" if (width_nm or 0.0) >= _PANCHROMATIC_WIDTH_NM or "panchro" in band else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +87,7 @@ class SensorModel:
 
 @dataclass(frozen=True, kw_only=True)
 class VignettingPolynomial:
-    """Relative illumination of a Sequoia lens, V = sum c_n (x/W)^i_n (y/H)^j_n.
+    """Relative illumination of a lens, V = sum c_n (x/W)^i_n (y/H)^j_n.
 
     Here x is the column and y the row.
 
@@ -70,7 +105,9 @@ class VignettingPolynomial:
 
 @dataclass(frozen=True, kw_only=True)
 class RadialVignetting:
-    """Relative illumination of a MicaSense lens, 1 + k0 r + k1 r^2 + ... + k5 r^6.
+    """A polynomial about a lens's centre, 1 + k0 r + k1 r^2 + ... + k5 r^6.
+
+    It is the relative illumination V of a MicaSense lens, and 1/V of a DJI one.
 
     Attributes
     ----------
@@ -103,99 +140,25 @@ class RadianceModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SunshineRecord:
-    """One reading of a Sequoia's sunshine sensor.
+class GainModel:
+    """Response of a DJI band, signal = adjustment (p - B) / (2^bits gain t).
 
     Attributes
     ----------
-    time_us : int
-        Time of the camera's monotonic clock [us].
-    ch0, ch1 : int
-        Counts of the two channels.
-    gain_index : int or None, default: None
-        None in records of firmware that did not write it.
-    integration_time_s : float or None, default: None
-        Integration time [s]; None in the same records.
-    yaw_deg, pitch_deg, roll_deg : float or None, default: None
-        Attitude [deg]; None if the record has none.
+    gain : float
+        Gain of the sensor.
+    exposure_time_s : float
+        Exposure time t of this band [s].
+    adjustment : float
+        Factor that makes bodies and bands comparable.
     """
 
-    time_us: int
-    ch0: int
-    ch1: int
-    gain_index: int | None = None
-    integration_time_s: float | None = None
-    yaw_deg: float | None = None
-    pitch_deg: float | None = None
-    roll_deg: float | None = None
+    gain: float
+    exposure_time_s: float
+    adjustment: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class GainMeasurement:
-    """Counts of the sunshine sensor at one gain; all rows of a file were taken at equal light.
-
-    Attributes
-    ----------
-    gain_index : int
-        Index of the gain.
-    integration_time_s : float
-        Integration time [s].
-    ch0, ch1 : int
-        Counts of the two channels.
-    """
-
-    gain_index: int
-    integration_time_s: float
-    ch0: int
-    ch1: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class SunshineCounts:
-    """Irradiance list and gain table of a Sequoia.
-
-    Attributes
-    ----------
-    record_bytes : int
-        Size of a record: 28, 24 or 20 bytes.
-    cut_short : bool
-        True if the list ended within a record, which was left out.
-    records : tuple of SunshineRecord
-        Readings of the list.
-    gains : tuple of GainMeasurement
-        Rows of IrradianceCalibrationMeasurement; empty if the file has none.
-    """
-
-    record_bytes: int
-    cut_short: bool
-    records: tuple[SunshineRecord, ...]
-    gains: tuple[GainMeasurement, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class SunshineIrradiance:
-    """Reading of a MicaSense light sensor in SI units.
-
-    Attributes
-    ----------
-    irradiance_w_m2_nm : float
-        Spectral irradiance [W/m2/nm].
-    quantity : str
-        "horizontal" (tilt corrected by the camera) or "spectral" (as the sensor was
-        oriented).
-    unit_origin : str
-        "tag" (the file states its scale), "dls1" (SI) or "dls2" (uW/cm2/nm, 100 to
-        one).
-    yaw_deg, pitch_deg, roll_deg : float or None, default: None
-        Attitude [deg]; None if the file has none.
-    """
-
-    irradiance_w_m2_nm: float
-    quantity: str
-    unit_origin: str
-    yaw_deg: float | None = None
-    pitch_deg: float | None = None
-    roll_deg: float | None = None
+Response = SensorModel | RadianceModel | GainModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,6 +184,13 @@ class RigGeometry:
         does not state it.
     pixels_per_mm : tuple[float, float] or None, default: None
         Pixels per millimetre of the sensor, (x, y).
+    focal_length_y_px : float or None, default: None
+        Focal length along the columns, where it differs from `focal_length_px`.
+    homography : tuple of float or None, default: None
+        The nine numbers of a projective matrix, row by row, from this band's
+        undistorted pixels to those of the rig's reference.
+    calibrated_on : str or None, default: None
+        Day of the lens's calibration.
     """
 
     model: str
@@ -231,6 +201,9 @@ class RigGeometry:
     distortion: tuple[float, ...] = ()
     rotation_deg: tuple[float, float, float] | None = None
     pixels_per_mm: tuple[float, float] | None = None
+    focal_length_y_px: float | None = field(default=None, metadata=LATER)
+    homography: tuple[float, ...] | None = field(default=None, metadata=LATER)
+    calibrated_on: str | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,8 +212,8 @@ class Multispectral:
 
     Attributes
     ----------
-    system : System
-        Family of the camera.
+    system : str
+        Dialect of the file, a key of `CAMERAS`.
     band : str
         Name in lower case with underscores, such as "red_edge".
     band_name : str
@@ -255,31 +228,40 @@ class Multispectral:
         Identifier of the flight.
     full_scale_dn : float or None, default: None
         Largest value that the sensor writes, below the container's largest [DN].
-    sensor_model : SensorModel or None, default: None
-        Response of a Sequoia band.
-    vignetting_polynomial : VignettingPolynomial or None, default: None
-        Relative illumination of a Sequoia lens.
-    radiance_model : RadianceModel or None, default: None
-        Calibration of a MicaSense band.
-    radial_vignetting : RadialVignetting or None, default: None
-        Relative illumination of a MicaSense lens.
+    sensor_model, radiance_model, gain_model : Response or None, default: None
+        Response of the band; at most one is there.
+    vignetting_polynomial, radial_vignetting : VignettingPolynomial or RadialVignetting, default: None
+        Relative illumination V of the lens.
+    radial_gain : RadialVignetting or None, default: None
+        Reciprocal of V, by which the signal is multiplied.
+    black_dn : float or None, default: None
+        Black level that the camera states for the band beside the file's tag [DN].
+    kind : Kind or None, default: None
+        Kind of a band without reflectance; None for a band of reflected light.
+    problem : str or None, default: None
+        What is wrong with the file's statements about response or lens.
+    imager_serial : str or None, default: None
+        Serial number of the imager, where it differs from the body's.
     sunshine_serial : str or None, default: None
-        Serial number of the sunshine or light sensor.
+        Serial number of the sunshine or light sensor, or of the aircraft that it is
+        part of.
     sunshine_missing : str, default: ""
         Reason why there is neither `counts` nor `irradiance`; "" if there is one.
     counts : SunshineCounts or None, default: None
         Readings of a Sequoia's sunshine sensor.
     irradiance : SunshineIrradiance or None, default: None
-        Reading of a MicaSense light sensor.
+        Reading of a light sensor.
     exposed_at_us : int or None, default: None
         Time of the exposure on the clock of the sunshine records [us].
     panel_serial, panel_albedo : str or float, or None, default: None
         Serial number and albedo of a panel that the camera itself recognised.
+    panel_region : tuple of tuple[float, float] or None, default: None
+        Corners (x, y) of that panel [px].
     geometry : RigGeometry or None, default: None
         Projection and rotation of the band's lens.
     """
 
-    system: System
+    system: str
     band: str
     band_name: str
     wavelength_nm: float | None = None
@@ -292,6 +274,12 @@ class Multispectral:
     vignetting_polynomial: VignettingPolynomial | None = None
     radiance_model: RadianceModel | None = None
     radial_vignetting: RadialVignetting | None = None
+    gain_model: GainModel | None = field(default=None, metadata=LATER)
+    radial_gain: RadialVignetting | None = field(default=None, metadata=LATER)
+    black_dn: float | None = field(default=None, metadata=LATER)
+    kind: Kind | None = field(default=None, metadata=LATER)
+    problem: str | None = field(default=None, metadata=LATER)
+    imager_serial: str | None = field(default=None, metadata=LATER)
     sunshine_serial: str | None = None
     sunshine_missing: str = ""
     counts: SunshineCounts | None = None
@@ -299,4 +287,10 @@ class Multispectral:
     exposed_at_us: int | None = None
     panel_serial: str | None = None
     panel_albedo: float | None = None
+    panel_region: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LATER)
     geometry: RigGeometry | None = None
+
+    @property
+    def response(self) -> Response | None:
+        """Response of the band; None if the file states none."""
+        return self.sensor_model or self.radiance_model or self.gain_model

@@ -62,6 +62,8 @@ class ReviewedFrame:
     told : bool, default: True
         False if what is photographed has not been described and the method needs
         it.
+    left_out : str, default: ""
+        Why its campaign's method has no use for it; "" if it has.
     """
 
     frame: str
@@ -75,6 +77,7 @@ class ReviewedFrame:
     needs_region: bool = True
     roles: frozenset[str] = frozenset()
     told: bool = True
+    left_out: str = ""
 
 
 def conclude(reasons: Iterable[Reason]) -> Verdict:
@@ -128,7 +131,11 @@ def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
         The most frequent format; of equally many, the smallest by its numbers. None
         if no frame has been read.
     """
-    counts = Counter(frame.format for frame in frames if frame.format is not None and not frame.refusal)
+    counts = Counter(
+        frame.format
+        for frame in frames
+        if frame.format is not None and not frame.refusal and not frame.left_out
+    )
     return min(counts, key=lambda form: (-counts[form], form), default=None)
 
 
@@ -177,6 +184,8 @@ def inspect_frame(frame: ReviewedFrame) -> list[Reason]:
     if frame.format is None:
         detail = "This frame waits to be read: ask again in a few seconds."
         return [shared.NOT_READ.reason(detail)]
+    if frame.left_out:
+        return [shared.FRAME_LEFT_OUT.reason(frame.left_out)]
     reasons = [*_inspect_role(frame), *_inspect_region(frame, *frame.format[:2])]
     if shared.IMAGE_PART_EMPTY in frame.flags:
         detail = (
@@ -214,6 +223,8 @@ def _inspect_role(frame: ReviewedFrame) -> list[Reason]:
 def _inspect_format(frame: ReviewedFrame, of_region: Format | None, usual: Format | None) -> list[Reason]:
     outcome: Outcome
     if frame.format is None or frame.state == "refused" or of_region is None or usual is None:
+        return []
+    if frame.left_out:
         return []
     if frame.format != of_region:
         outcome, other = "fail", of_region

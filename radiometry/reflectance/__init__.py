@@ -31,11 +31,12 @@ SPEC: Final = MethodSpec(
         CoefficientKind(
             name="reflectance_k",
             label="Reflectance K",
-            units=("1/s", "1", "sr", "m2*sr*nm/W"),
+            units=("1/s", "1", "sr", "m2*sr*nm/W", "s"),
             effect=CoefficientEffect(of="of the reflectance"),
         ),
     ),
     findings=codes.FINDINGS,
+    check_frame=method.review_frame,
     extract=drop_target(method.extract),
     find_region=method.find_region,
     make_row=method.make_row,

@@ -44,12 +44,14 @@ SENSOR_MODEL_SCALE = flag(
     "sensor_model_scale",
     "SensorModel is on the newer scale, about a thousand times larger.",
     "Do not compare this K with K from files of the older scale.",
+    *("frame", "calibration"),
 )
 BLACK_LEVEL_DISAGREES = flag(
     "black_level_disagrees",
-    "SensorModel's black differs from the file's black level by more than 1 % of full scale; the former was "
-    "used.",
+    "The black level of SensorModel, or of a DJI camera's XMP, differs from the file's black level tag by "
+    "more than 1 % of full scale; the former was used.",
     "Check with a dark frame which of the two is right.",
+    *("frame", "calibration"),
 )
 # of a fit
 PANEL_UNEVEN = reason(
@@ -149,8 +151,8 @@ SENSOR_MODEL_DIFFERS = flag(
 # of what gives no result
 SENSOR_MODEL_UNUSABLE = error(
     "sensor_model_unusable",
-    "The file does not state how its sensor or lens responds, or states what no sensor does: not an original "
-    "file of a Sequoia, RedEdge or Altum, a thermal band, or its XMP was lost.",
+    "The file's camera is none whose bands are read, or the file does not state how its sensor or lens "
+    "responds, or states what no sensor does; `detail` names the camera or the statement.",
     "Upload the file as the camera wrote it.",
     *("file", "request"),
 )

@@ -11,7 +11,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
-from radiometry.reflectance.imaging import compute_signal, require_band, signal_unit
+from radiometry.reflectance.imaging import compute_signal, find_black_dn, require_band, signal_unit
 
 _CONTAINER_BITS = 16
 
@@ -28,7 +28,8 @@ class Features:
         Statistics of raw values, black included, with the band as channel.
     i_sq : float
         Mean over the region after black and vignetting: a Sequoia's irradiance
-        [unit of its own] or a MicaSense camera's radiance [W/(m2*sr*nm)].
+        [unit of its own], a MicaSense camera's radiance [W/(m2*sr*nm)] or a DJI
+        camera's rate [1/s].
     i_sq_standard_uncertainty : float
         Standard uncertainty of the mean, from pixel noise and rounding.
     i_sq_std : float
@@ -75,8 +76,8 @@ def extract_features(frame: Frame, polygon: Polygon, *, header: FrameHeader, exp
     Notes
     -----
     With s the standard deviation of the pixels and q the sensor's step (64 raw
-    values in a Sequoia's file, 16 in a MicaSense camera's), the variance of the
-    mean is::
+    values in the file of a Sequoia or DJI camera, 16 in a MicaSense camera's), the
+    variance of the mean is::
 
         u^2 = s^2 / n + (q^2 / 12) exp(-4 pi^2 s^2 / q^2)
     """
@@ -89,7 +90,7 @@ def extract_features(frame: Frame, polygon: Polygon, *, header: FrameHeader, exp
     signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
     values = signal[inside]
     mean, std = float(values.mean()), float(values.std(ddof=1)) if values.size > 1 else 0.0
-    light_dn = statistics.mean_dn - _black_dn(header)
+    light_dn = statistics.mean_dn - find_black_dn(band, header.black_level_dn)
     per_dn = abs(mean / light_dn) if light_dn else 0.0
     step = _step_dn(header) * per_dn
     kept = math.exp(-4.0 * math.pi**2 * (std / step) ** 2) * step**2 / 12.0 if step > 0.0 else 0.0
@@ -134,11 +135,6 @@ def measure_gradient(signal: NDArray[np.float64], inside: NDArray[np.bool_]) -> 
         return 0.0
     slopes = np.linalg.solve(moments, design.T @ (values - mean))
     return float(np.ptp(design @ slopes) / abs(mean))
-
-
-def _black_dn(header: FrameHeader) -> float:
-    model = require_band(header).sensor_model
-    return model.b if model is not None else sum(header.black_level_dn) / len(header.black_level_dn)
 
 
 def _step_dn(header: FrameHeader) -> float:

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 from radiometry.findings import Raised, shared
 from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
+from radiometry.reflectance.imaging import describe_kind, find_black_dn, inspect_band
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
 from radiometry.reflectance.results import BandFit
 
@@ -13,6 +15,35 @@ LARGEST_DRIFT_REL = 0.03
 # Between the largest A of the older scale, 4e5, and the smallest of the newer, some 1e8.
 _NEWER_SCALE = 1e7
 _BLACK_TOLERANCE_REL = 0.01
+
+
+def review_frame(header: FrameHeader, *, exposure: Exposure | None) -> list[Raised]:
+    """Check a file when it is read, so that nothing is drawn on one that cannot be used.
+
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the file.
+    exposure : Exposure or None
+        Exposure of the frame.
+
+    Returns
+    -------
+    list of Raised
+        Flags of `check_frame`; `frame_left_out` alone for a thermal or panchromatic
+        band.
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable` if reflectance cannot be computed from the file.
+    """
+    band = header.multispectral
+    if band is not None and band.kind is not None:
+        return [shared.FRAME_LEFT_OUT.at("", describe_kind(band))]
+    if exposure is not None:
+        inspect_band(header, exposure.on_basis("nominal"))
+    return check_frame(header)
 
 
 def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
@@ -31,19 +62,18 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
         Flags `sensor_model_scale`, `black_level_disagrees`.
     """
     band = header.multispectral
-    if band is None or band.sensor_model is None:
+    if band is None:
         return []
     raised = []
-    if band.sensor_model.a > _NEWER_SCALE:
+    if band.sensor_model is not None and band.sensor_model.a > _NEWER_SCALE:
         detail = f"A = {band.sensor_model.a:g}."
         raised.append(codes.SENSOR_MODEL_SCALE.at(where, detail))
     black_dn = sum(header.black_level_dn) / len(header.black_level_dn)
-    full_dn = min(header.white_level_dn)
-    if (
-        header.black_level_origin == "tag"
-        and abs(band.sensor_model.b - black_dn) > _BLACK_TOLERANCE_REL * full_dn
+    used_dn = find_black_dn(band, header.black_level_dn)
+    if header.black_level_origin == "tag" and abs(used_dn - black_dn) > _BLACK_TOLERANCE_REL * min(
+        header.white_level_dn
     ):
-        detail = f"SensorModel {band.sensor_model.b:g} DN, black level {black_dn:g} DN; the former was used."
+        detail = f"The band's own {used_dn:g} DN, black level tag {black_dn:g} DN; the former was used."
         raised.append(codes.BLACK_LEVEL_DISAGREES.at(where, detail))
     return raised
 

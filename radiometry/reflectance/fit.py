@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorModel
 from radiometry.reflectance.evaluation import evaluate_k
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.points import Candidate
@@ -242,11 +242,14 @@ def find_scale(band: Multispectral) -> float:
     Returns
     -------
     float
-        A of a Sequoia, or a1 of a MicaSense camera; 0 if the file has neither.
+        A of a Sequoia, a1 of a MicaSense camera, SensorGainAdjustment of a DJI
+        camera; 0 if the file has none.
     """
-    if band.sensor_model is not None:
-        return band.sensor_model.a
-    return band.radiance_model.a1 if band.radiance_model is not None else 0.0
+    if isinstance(band.response, SensorModel):
+        return band.response.a
+    if isinstance(band.response, RadianceModel):
+        return band.response.a1
+    return band.response.adjustment if band.response is not None else 0.0
 
 
 def unit_of_k(band: Multispectral, normalisation: Normalisation) -> str:
@@ -264,9 +267,11 @@ def unit_of_k(band: Multispectral, normalisation: Normalisation) -> str:
     str
         Unit of K.
     """
-    if band.system == "sequoia":
+    if isinstance(band.response, SensorModel):
         return "1/s" if normalisation == "sunshine" else "1"
-    return "sr" if normalisation == "sunshine" else "m2*sr*nm/W"
+    if isinstance(band.response, RadianceModel):
+        return "sr" if normalisation == "sunshine" else "m2*sr*nm/W"
+    return "s"  # the light sensor's unit is its own
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:
@@ -320,6 +325,6 @@ def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) ->
 def _find_irradiance(candidate: Candidate) -> float | None:
     """Return what a light sensor should read: a hundred times more or less is another unit."""
     features, panel = candidate.row.features, candidate.panel
-    if candidate.band.system != "micasense" or candidate.left_out or features is None or panel is None:
+    if candidate.band.radiance_model is None or candidate.left_out or features is None or panel is None:
         return None
     return panel_irradiance(features.i_sq, albedo=panel.reflectance)

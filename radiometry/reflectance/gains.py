@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from radiometry.frame.multispectral import GainMeasurement
+from radiometry.frame.light import GainMeasurement
 
 REFERENCE_INDEX = 1
 SATURATED_COUNT = 65_535

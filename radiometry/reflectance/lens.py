@@ -7,13 +7,14 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import RadialVignetting, VignettingPolynomial
+from radiometry.frame.multispectral import Multispectral, RadialVignetting, VignettingPolynomial
 from radiometry.frame.roi import Window
 from radiometry.reflectance import codes
 
 Plane = NDArray[np.float64]
 
 _DARKEST_SHARE, _BRIGHTEST_SHARE = 0.05, 2.0
+_PROBES = 33
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,14 +59,7 @@ def evaluate_polynomial(lens: VignettingPolynomial, window: Window, *, size: Fra
     x is a pixel's column and y its row, counted from 0; W and H are the whole
     frame's.
     """
-    highest = np.max(np.array(lens.exponents), axis=0)
-    terms = np.zeros(highest + 1)
-    for (power_x, power_y), coefficient in zip(lens.exponents, lens.coefficients, strict=True):
-        terms[power_x, power_y] += coefficient
-    x = np.arange(window.col0, window.col0 + window.width) / size.width_px
-    y = np.arange(window.row0, window.row0 + window.height) / size.height_px
-    of_each_row = np.asarray(polynomial.polyval(y, terms.T), np.float64)  # (power of x, row)
-    return _require_lens(_sum_powers(x, of_each_row[:, :, None], (window.height, window.width)))
+    return _require_lens(_evaluate(lens, *_pixels(window), size=size))
 
 
 def evaluate_radial(lens: RadialVignetting, window: Window) -> Plane:
@@ -88,10 +82,85 @@ def evaluate_radial(lens: RadialVignetting, window: Window) -> Plane:
     InputRejected
         `sensor_model_unusable` as in `evaluate_polynomial`.
     """
-    x = np.arange(window.col0, window.col0 + window.width) - lens.centre_x_px
-    y = np.arange(window.row0, window.row0 + window.height) - lens.centre_y_px
-    radius = np.hypot(y[:, None], x[None, :])
-    return _require_lens(_sum_powers(radius, np.array([1.0, *lens.coefficients]), radius.shape))
+    return _require_lens(_evaluate_radial(lens, *_pixels(window)))
+
+
+def evaluate_band(band: Multispectral, window: Window, *, size: FrameSize) -> Plane:
+    """Compute the relative illumination V of a band in a window, in whichever form its file states it.
+
+    Parameters
+    ----------
+    band : Multispectral
+        Metadata of the band.
+    window : Window
+        Window of the frame.
+    size : FrameSize
+        Size of the whole frame.
+
+    Returns
+    -------
+    Plane
+        Relative illumination V, (row, col).
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable` if the file states none, or one that is not a lens's.
+    """
+    return _require_lens(_illuminate(band, *_pixels(window), size=size))
+
+
+def require_lens(band: Multispectral, *, size: FrameSize) -> None:
+    """Refuse a relative illumination that is not a lens's somewhere in the frame.
+
+    Parameters
+    ----------
+    band : Multispectral
+        Metadata of the band.
+    size : FrameSize
+        Size of the whole frame; 33 x 33 pixels of it, with its corners, are probed.
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable`.
+    """
+    x, y = (np.linspace(0.0, length - 1.0, _PROBES) for length in (size.width_px, size.height_px))
+    _require_lens(_illuminate(band, x, y, size=size))
+
+
+def _pixels(window: Window) -> tuple[Plane, Plane]:
+    x = np.arange(window.col0, window.col0 + window.width, dtype=np.float64)
+    return x, np.arange(window.row0, window.row0 + window.height, dtype=np.float64)
+
+
+def _illuminate(band: Multispectral, x: Plane, y: Plane, *, size: FrameSize) -> Plane:
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        if band.vignetting_polynomial is not None:
+            return _evaluate(band.vignetting_polynomial, x, y, size=size)
+        if band.radial_vignetting is not None:
+            return _evaluate_radial(band.radial_vignetting, x, y)
+        if band.radial_gain is not None:
+            return 1.0 / _evaluate_radial(band.radial_gain, x, y)
+    raise InputRejected(
+        codes.SENSOR_MODEL_UNUSABLE,
+        f"The file of band {band.band_name} has no readable vignetting polynomial. Use the camera's original "
+        "file and its newest firmware.",
+    )
+
+
+def _evaluate(lens: VignettingPolynomial, x: Plane, y: Plane, *, size: FrameSize) -> Plane:
+    highest = np.max(np.array(lens.exponents), axis=0)
+    terms = np.zeros(highest + 1)
+    for (power_x, power_y), coefficient in zip(lens.exponents, lens.coefficients, strict=True):
+        terms[power_x, power_y] += coefficient
+    of_each_row = np.asarray(polynomial.polyval(y / size.height_px, terms.T), np.float64)  # (power of x, row)
+    return _sum_powers(x / size.width_px, of_each_row[:, :, None], (len(y), len(x)))
+
+
+def _evaluate_radial(lens: RadialVignetting, x: Plane, y: Plane) -> Plane:
+    radius = np.hypot((y - lens.centre_y_px)[:, None], (x - lens.centre_x_px)[None, :])
+    return _sum_powers(radius, np.array([1.0, *lens.coefficients]), radius.shape)
 
 
 def _sum_powers(base: Plane, coefficients: Plane, shape: tuple[int, ...]) -> Plane:
@@ -136,7 +205,7 @@ def _require_lens(share: Plane) -> Plane:
     if not (darkest >= _DARKEST_SHARE and brightest <= _BRIGHTEST_SHARE):
         raise InputRejected(
             codes.SENSOR_MODEL_UNUSABLE,
-            f"The file's vignetting polynomial gives shares of light of {darkest:.3g} to {brightest:.3g} in "
-            "this region: it is not a lens's. Use the camera's original file.",
+            f"The file's vignetting polynomial gives a relative illumination of {darkest:.3g} to "
+            f"{brightest:.3g}: it is not a lens's. Use the camera's original file.",
         )
     return share

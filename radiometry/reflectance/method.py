@@ -25,7 +25,7 @@ from radiometry.reflectance.application import (
 )
 from radiometry.reflectance.application import apply_features as apply
 from radiometry.reflectance.features import Features, extract_features
-from radiometry.reflectance.findings import check_candidates, check_fit, check_frame
+from radiometry.reflectance.findings import check_candidates, check_fit, check_frame, review_frame
 from radiometry.reflectance.fit import describe_point, fit_band
 from radiometry.reflectance.indices import (
     BandMap,
@@ -93,6 +93,7 @@ __all__ = [
     "missing",
     "name_bands",
     "plan",
+    "review_frame",
 ]
 
 

@@ -83,7 +83,7 @@ class Coefficient:
     gain_indices : tuple of int
         Gain indices of the sunshine readings used.
     sensor_model_scale : float
-        A of SensorModel, or a1 of RadiometricCalibration.
+        A of SensorModel, a1 of RadiometricCalibration, or SensorGainAdjustment.
     i_sq_range : tuple[float, float]
         Lowest and highest signal of the points used.
     i_ss_range : tuple[float, float] or None

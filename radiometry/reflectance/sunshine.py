@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from radiometry.findings import InputRejected, Raised
-from radiometry.frame.multispectral import Multispectral, SunshineCounts, SunshineIrradiance, SunshineRecord
+from radiometry.frame.light import SunshineCounts, SunshineIrradiance, SunshineRecord
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
 from radiometry.reflectance.gains import REFERENCE_INDEX, ROUNDING, SATURATED_COUNT, Gain, measure_gains
 from radiometry.reflectance.tilt import FURTHEST_FROM_SUN_DEG, Tilt, level_factor, sun_angle_deg
@@ -16,9 +17,9 @@ from radiometry.reflectance.tilt import FURTHEST_FROM_SUN_DEG, Tilt, level_facto
 Choice = Literal["mean", "last", "nearest"]
 
 COUNTS_UNIT = "1/s"
-IRRADIANCE_UNIT = "W/(m2*nm)"
 # What records without the two fields are taken for: what later firmware wrote by day.
 ASSUMED_INTEGRATION_TIME_S = 0.1
+_GENERATIONS = {"dls1": "W/m2/nm", "dls2": "uW/cm2/nm"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,9 +288,9 @@ def _flag_counts(counts: SunshineCounts, left_out: tuple[str, ...], total: int, 
 def _take_irradiance(
     reading: SunshineIrradiance, *, choice: Choice, tilt: Tilt | None, where: str
 ) -> Sunshine:
-    """Use a MicaSense light sensor's one reading; one that the camera levelled is not levelled again."""
+    """Use a light sensor's one reading; one that the camera levelled is not levelled again."""
     factor = 1.0
-    if tilt is not None and reading.quantity != "horizontal":
+    if tilt is not None and reading.quantity == "spectral":
         angle_deg = _angle_to_sun(reading, tilt)
         if angle_deg > FURTHEST_FROM_SUN_DEG:
             raise InputRejected(
@@ -297,19 +298,18 @@ def _take_irradiance(
             )
         factor = level_factor(angle_deg, tilt)
     flags = [codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1.")]
-    if reading.unit_origin != "tag":
-        unit = "W/m2/nm" if reading.unit_origin == "dls1" else "uW/cm2/nm"
-        detail = f"Taken for {unit} by its generation, {reading.unit_origin}."
+    if reading.unit_origin in _GENERATIONS:
+        detail = f"Taken for {_GENERATIONS[reading.unit_origin]} by its generation, {reading.unit_origin}."
         flags.append(codes.SUNSHINE_SCALE_ASSUMED.at(where, detail))
     return Sunshine(
-        i_ss=reading.irradiance_w_m2_nm * factor,
+        i_ss=reading.value * factor,
         standard_uncertainty=0.0,
         gain_u_rel=0.0,
         gain_indices=(),
-        unit=IRRADIANCE_UNIT,
+        unit=reading.unit,
         choice=choice,
         readings=1,
-        left_out=(),
+        left_out=(reading.distrust,) if reading.distrust else (),
         spread_rel=None,
         flags=tuple(flags),
     )

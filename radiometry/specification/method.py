@@ -1,11 +1,11 @@
 """The specification of a calibration method: all that the rest of the product may know of it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
 
-from radiometry.findings import Finding
+from radiometry.findings import Finding, Raised
 from radiometry.specification.application import Application, Correction, FoundRegion
 from radiometry.specification.certificate import CertificateText
 from radiometry.specification.exports import Export
@@ -84,7 +84,7 @@ def _empty(_: Any) -> Mapping[Any, Any]:  # noqa: ANN401  any fit
     return {}
 
 
-def _none(_: Any) -> tuple[Any, ...]:  # noqa: ANN401  any fit
+def _none(_: Any, **__: Any) -> tuple[Any, ...]:  # noqa: ANN401  any fit, or any header
     return ()
 
 
@@ -152,6 +152,9 @@ class MethodSpec:
         Unit in which one tolerance for all coefficients of a camera or a fleet is meant.
     manual_exposure : bool
         True if a camera that chooses its exposure deserves a flag.
+    check_frame : callable
+        ``(header, *, exposure) -> sequence of Raised``, what the method finds in a frame's metadata when it
+        is read; `frame_left_out` if it has no use for it. Raises InputRejected if the frame cannot be used.
     extract : callable
         ``(frame, regions, *, header, exposure, target) -> Extracted``. ``exposure`` is None only for a
         frame of a chart whose file has none. Raises InputRejected.
@@ -231,6 +234,7 @@ class MethodSpec:
         default=_empty
     )
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
+    check_frame: Callable[..., Sequence[Raised]] = field(default=_none)
     find_region: Callable[..., FoundRegion | None] = field(default=_nothing)
     make_row: Callable[..., Any] = field(default=_same)
     configure: Callable[..., Mapping[str, Any]] = field(default=_empty)

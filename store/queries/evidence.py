@@ -49,6 +49,7 @@ def gather(session: Session, campaign: Campaign, *, applied: bool = False) -> Ev
             .where(FrameRow.role.in_(roles))
         )
     )
+    rows = [row for row in rows if shared.FRAME_LEFT_OUT not in row.warnings]
     rows.sort(key=lambda row: (row.filename, row.sha256))
     regions = region_ids(session, campaign, rows)
     current = _current_extractions(session, campaign, rows, regions)

@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.multispectral import CAMERAS
 from radiometry.frame.proof import Proof
 from radiometry.methods.findings import FINDINGS
 from worker.decode import limits
@@ -47,6 +48,7 @@ def check_header(answer: dict[str, Any]) -> FrameHeader:
         and abs(header.latitude_deg or 0.0) <= 90
         and abs(header.longitude_deg or 0.0) <= 180
         and all(math.isfinite(level) for level in (*header.black_level_dn, *header.white_level_dn))
+        and (header.multispectral is None or header.multispectral.system in CAMERAS)
         and all(len(text) <= limits.MAX_TEXT and text.isprintable() for text in texts)
     )
     if not plausible:

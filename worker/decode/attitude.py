@@ -3,9 +3,7 @@
 from typing import Final
 
 from radiometry.frame import StatedAngle
-from worker.decode.multispectral import Xmp
-from worker.decode.tiff import Directory
-from worker.decode.xmp import read_xmp
+from worker.decode.xmp import Xmp
 
 _AXES: Final = ("Yaw", "Pitch", "Roll")
 # A Sequoia's own, a MicaSense camera's of its light sensor (once in degrees, once in radians), a DJI's.
@@ -18,9 +16,8 @@ _NAMES: Final = (
 _WHOLE_TURN: Final = 360.0
 
 
-def read_attitude(main: Directory) -> tuple[StatedAngle, ...]:
+def read_attitude(xmp: Xmp) -> tuple[StatedAngle, ...]:
     """The angles that the file states, under its own names; what is none is left out."""
-    xmp = Xmp(read_xmp(main))
     found = ((name, xmp.number(name)) for name in _NAMES)
     return tuple(
         StatedAngle(name=name, value=value)

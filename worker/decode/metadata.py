@@ -7,11 +7,12 @@ from datetime import datetime
 from typing import Final
 
 from radiometry.findings import InputRejected
-from radiometry.frame import StatedAngle
+from radiometry.frame import PositionFix, StatedAngle
 from worker.decode import limits, tags
 from worker.decode.attitude import read_attitude
-from worker.decode.position import read_position
+from worker.decode.position import read_fix, read_position
 from worker.decode.tiff import Directory
+from worker.decode.xmp import Xmp, read_xmp
 
 _ASK_ELSEWHERE: Final = 65_535  # EXIF 2.3: the ISO does not fit, another tag has it
 _PROGRAMS: Final = {
@@ -63,6 +64,7 @@ class Metadata:
     latitude_deg: float | None
     longitude_deg: float | None
     altitude_m: float | None
+    position_fix: PositionFix | None
     attitude: tuple[StatedAngle, ...]
 
 
@@ -113,12 +115,13 @@ class _Tags:
 def read_metadata(main: Directory) -> Metadata:
     found = _Tags(main)
     exposure_time_s, f_number = found.number(tags.EXPOSURE_TIME), found.number(tags.F_NUMBER)
-    position = read_position(main)
+    position, xmp = read_position(main), Xmp(read_xmp(main))
     return Metadata(
         latitude_deg=position.latitude_deg,
         longitude_deg=position.longitude_deg,
         altitude_m=position.altitude_m,
-        attitude=read_attitude(main),
+        position_fix=read_fix(xmp),
+        attitude=read_attitude(xmp),
         exposure_time_s=exposure_time_s,
         exposure_time_apex_s=_from_apex(found.numbers(tags.SHUTTER_SPEED_VALUE), -1.0, exposure_time_s),
         f_number=f_number,

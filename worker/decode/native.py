@@ -86,6 +86,8 @@ def _describe(
     band = read_multispectral(main, bits=layout.bits) if cfa == "grey" else None
     if band is not None and band.full_scale_dn is not None and white_origin == "default":
         white, white_origin = (band.full_scale_dn,), "camera"
+    if band is not None and band.black_dn is not None and black.origin == "default":
+        black = replace(black, pattern=np.full((1, 1, 1), band.black_dn), origin="camera")
     header = FrameHeader(
         container=container,
         decoder="stilb",

@@ -5,11 +5,19 @@ from dataclasses import dataclass
 from typing import Final
 
 from radiometry.findings import InputRejected
+from radiometry.frame import PositionFix
 from worker.decode import tags
 from worker.decode.tiff import Directory
+from worker.decode.xmp import Xmp
 
 _BELOW_SEA_LEVEL: Final = 1
 _HIGHEST_M: Final = 1e5
+_FIXES: Final = (
+    (range(1), "none"),
+    (range(16, 17), "single"),
+    (range(32, 50), "float"),
+    (range(50, 51), "fixed"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +46,17 @@ def read_position(main: Directory) -> Position:
     if latitude is None or longitude is None or latitude == longitude == 0.0:
         return Position()
     return Position(latitude_deg=latitude, longitude_deg=longitude, altitude_m=_altitude(gps))
+
+
+def read_fix(xmp: Xmp) -> PositionFix | None:
+    """How good a DJI aircraft says that its position is, by RtkFlag and its deviations."""
+    state = xmp.index("drone-dji:RtkFlag")
+    if state is None:
+        return None
+    deviations = [xmp.number(f"drone-dji:RtkStd{axis}") for axis in ("Lat", "Lon", "Hgt")]
+    latitude, longitude, height = (each if each and 0.0 < each < _HIGHEST_M else None for each in deviations)
+    kind = next((kind for states, kind in _FIXES if state in states), "other")
+    return PositionFix(kind=kind, u_latitude_m=latitude, u_longitude_m=longitude, u_height_m=height)
 
 
 def _angle(gps: Directory, tag: int, ref: int, letters: str, largest_deg: float) -> float | None:

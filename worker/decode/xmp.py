@@ -10,13 +10,15 @@ from typing import Final
 from xml.parsers import expat
 
 from radiometry.findings import InputRejected
-from worker.decode import tags
+from worker.decode import limits, tags
 from worker.decode.tiff import Directory
 
 MAX_BYTES: Final = 256 << 10
 MAX_DEPTH: Final = 16
 MAX_PROPERTIES: Final = 2_000
 MAX_TEXT_BYTES: Final = 128 << 10
+_MOST_TERMS: Final = 64
+_LARGEST: Final = 1e15
 _RDF: Final = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 # By what their addresses hold: firmware writes them with and without version and closing slash.
 _FAMILIES: Final = (
@@ -116,3 +118,55 @@ def parse_xmp(packet: bytes) -> Properties:
 
 def _refuse(*_declaration: object) -> None:
     raise _RefusedError
+
+
+class Xmp:
+    """The packet's values as texts and numbers."""
+
+    def __init__(self, found: Properties) -> None:
+        self._found = found
+
+    def text(self, key: str) -> str | None:
+        values = self._found.get(key, ("",))
+        printable = "".join(letter if letter.isprintable() else " " for letter in values[0])
+        return printable.strip()[: limits.MAX_TEXT].strip() or None
+
+    def whole(self, key: str) -> str | None:
+        """A text of any length, as it is."""
+        return self._found[key][0] if key in self._found else None
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        """All numbers of a property, a list or between commas; one that is none makes all nothing."""
+        words = [word for value in self._found.get(key, ()) for word in value.split(",")]
+        try:
+            numbers = tuple(float(word) for word in words[: _MOST_TERMS + 1])
+        except ValueError:
+            return ()
+        sane = len(numbers) <= _MOST_TERMS and all(abs(number) < _LARGEST for number in numbers)
+        return numbers if sane else ()
+
+    def require(self, key: str, count: int | None = None) -> tuple[tuple[float, ...], str]:
+        """All numbers of a property, and "" or what is wrong with it; ``count`` : how many there must be."""
+        numbers, name = self.numbers(key), key.partition(":")[2]
+        if numbers and (count is None or len(numbers) == count):
+            return numbers, ""
+        if numbers:
+            return (), f"{name} has {len(numbers)} numbers, not {count}"
+        if key not in self._found:
+            return (), f"{name} is missing"
+        words = sum(value.count(",") + 1 for value in self._found[key])
+        if words > _MOST_TERMS:
+            return (), f"{name} has {words} numbers, more than {_MOST_TERMS}"
+        return (), f"{name} is not a list of numbers below {_LARGEST:g}"
+
+    def number(self, key: str) -> float | None:
+        numbers = self.numbers(key)
+        return numbers[0] if len(numbers) == 1 else None
+
+    def first_number(self, *keys: str) -> float | None:
+        """Of a property that firmware writes in one of several families."""
+        return next((found for key in keys if (found := self.number(key)) is not None), None)
+
+    def index(self, key: str) -> int | None:
+        number = self.number(key)
+        return int(number) if number is not None and number == int(number) and 0 <= number < 1000 else None

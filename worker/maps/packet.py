@@ -10,6 +10,7 @@ from xml.sax.saxutils import escape
 
 from radiometry.frame import StatedAngle
 from radiometry.frame.multispectral import Multispectral, RigGeometry
+from worker.decode.dialects import BY_SYSTEM
 
 Value = str | float | tuple[float, ...] | None
 
@@ -58,12 +59,8 @@ def _describe_band(band: Multispectral) -> dict[str, Value]:
     }
     if band.geometry is not None:
         found |= _describe_lens(band.geometry)
-    match band.system:
-        case "sequoia":
-            found |= {"camera:CaptureUUID": band.capture_id, "camera:FlightUUID": band.flight_id}
-        case "micasense":
-            found |= {"micasense:CaptureId": band.capture_id, "micasense:FlightId": band.flight_id}
-    return found
+    capture, flight = BY_SYSTEM[band.system].IDENTITIES
+    return found | {capture: band.capture_id, flight: band.flight_id}
 
 
 def _describe_lens(lens: RigGeometry) -> dict[str, Value]:

@@ -62,6 +62,8 @@ class _Extracted:
 class _Found:
     header: FrameHeader
     acceptance: Acceptance
+    flags: tuple[str, ...]
+    """Of the frame's acceptance, and what the method finds in its metadata."""
     preview: StoredBlob | None
     proof: Proof
     extracted: _Extracted | None
@@ -120,13 +122,18 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
         camera=subject.camera,
         manual_exposure=room.manual_exposure,
     )
+    flags = acceptance.flags
+    if frame.role in room.role_names | room.applied_role_names:
+        found = room.check_frame(header, exposure=acceptance.exposure)
+        flags = (*flags, *(raised.flag for raised in found))
     preview, proof = _inspect(context, subject, file)
     context.leases.report(claim, 0.5)
+    left_out = shared.FRAME_LEFT_OUT in flags
     extracted, region_refused = subject.equal, None
-    panel = _find_panel(context, subject, header, file)
+    panel = None if left_out else _find_panel(context, subject, header, file)
     drawn = subject.roi is not None or panel is not None
     wanted = is_told(subject.campaign) and (drawn or (room.whole_frame and frame.role in room.role_names))
-    if wanted and not subject.done and extracted is None:
+    if wanted and not left_out and not subject.done and extracted is None:
         try:
             regions = _regions(subject.roi, panel, header)
             extracted = _measure(context, subject, regions, header, acceptance.exposure, file)
@@ -138,6 +145,7 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
     return _Found(
         header=header,
         acceptance=acceptance,
+        flags=flags,
         preview=preview,
         proof=proof,
         extracted=extracted,
@@ -250,7 +258,7 @@ def _store_extraction(
 def _store_acceptance(frame: FrameRow, found: _Found) -> None:
     # together: the row may be written before the rest is known, and must be whole then
     frame.state, frame.refusal_code, frame.refusal_detail = "read", None, None
-    frame.warnings = list(found.acceptance.flags)
+    frame.warnings = list(found.flags)
     if found.proof.wholeness.empty:
         frame.warnings.append(shared.IMAGE_PART_EMPTY)
     if found.region_refused is not None:

@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.multispectral import Multispectral, RadianceModel
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.fit import compute_k
 from simulation.camera import change
@@ -131,7 +131,8 @@ def radiance_row(**band):
     features = dataclasses.replace(
         panel()[0].features, band="blue", i_sq=0.17028382, i_sq_unit="W/(m2*sr*nm)", gradient_rel=0.0
     )
-    told = Multispectral(system="micasense", band="blue", band_name="Blue", **band)
+    model = RadianceModel(a1=1.5e-4, a2=1.2e-7, a3=1.4e-6)
+    told = Multispectral(system="micasense", band="blue", band_name="Blue", radiance_model=model, **band)
     header = make_header(told, serial="1777777", taken_at="2017-10-19T20:40:39")
     return reflectance.FrameRow(
         frame="blue", role="panel", header=header, exposure=panel()[0].exposure, features=features

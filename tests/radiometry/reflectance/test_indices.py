@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import Multispectral, RigGeometry
+from radiometry.frame.multispectral import Multispectral, RadianceModel, RigGeometry
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.alignment import _rotation, align, find_directions, move_region, project
@@ -260,7 +260,10 @@ def test_a_lens_that_cannot_be_sees_nothing(wild, which):
 
 
 def test_a_band_of_a_radiance_camera_needs_its_relatives_too():
-    band = Multispectral(system="micasense", band="red", band_name="Red", capture_id="c", geometry=None)
+    model = RadianceModel(a1=1.5e-4, a2=1.2e-7, a3=1.4e-6)
+    band = Multispectral(
+        system="micasense", band="red", band_name="Red", capture_id="c", radiance_model=model, geometry=None
+    )
     maps = {
         name: reflectance.BandMap(
             header=make_header(dataclasses.replace(band, band=name)), reflectance=np.ones((2, 2), np.float32)

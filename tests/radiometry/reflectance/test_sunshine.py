@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import GainMeasurement, Multispectral, SunshineCounts, SunshineIrradiance
+from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineIrradiance
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance.gains import measure_gains
 from radiometry.reflectance.sunshine import list_readings, measure_sunshine
 from tests.radiometry.reflectance.captures import TABLE, flags_of, make_band, make_record

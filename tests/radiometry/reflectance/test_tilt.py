@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import Multispectral, SunshineIrradiance
+from radiometry.frame.light import SunshineIrradiance
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance.clock import find_tilt, read_clock_s
 from radiometry.reflectance.sun import SunPosition, locate_sun
 from radiometry.reflectance.sunshine import measure_sunshine

@@ -47,21 +47,58 @@ def wrap(description):
     )
 
 
-def write_micasense_xmp(**dls):
+def write_micasense_xmp(*, band="Red edge", lens=True, **dls):
+    radial = (
+        "<Camera:VignettingCenter>16,12</Camera:VignettingCenter>"
+        "<Camera:VignettingPolynomial>-1e-4,0,0,0,0,0</Camera:VignettingPolynomial>"
+    )
     properties = "".join(f"<DLS:{key}>{value}</DLS:{key}>" for key, value in dls.items())
     return wrap(
         '<rdf:Description xmlns:MicaSense="http://micasense.com/MicaSense/1.0/"'
         ' xmlns:Camera="http://pix4d.com/1.0" xmlns:DLS="http://micasense.com/DLS/1.0/">'
         "<MicaSense:RadiometricCalibration><rdf:Seq><rdf:li>0.0001</rdf:li><rdf:li>1e-07</rdf:li>"
         "<rdf:li>1e-06</rdf:li></rdf:Seq></MicaSense:RadiometricCalibration>"
-        f"<Camera:BandName>Red edge</Camera:BandName>{properties}</rdf:Description>"
+        f"<Camera:BandName>{band}</Camera:BandName>{radial if lens else ''}{properties}</rdf:Description>"
     )
 
 
-def make_tiff(xmp, *, make="Parrot", model="Sequoia", software="v1.4.1", black=True):
-    """Sixteen bits, grey, uncompressed."""
+DJI = {
+    "BandName": "NIR",
+    "BlackLevel": "3200",
+    "SensorGain": "2.000",
+    "ExposureTime": "1250",
+    "SensorGainAdjustment": "1.25",
+    "CalibratedOpticalCenterX": "16.0",
+    "CalibratedOpticalCenterY": "12.0",
+    "VignettingData": "0.0001, 1e-6, 0, 0, 0, 0",
+    "VignettingFlag": "0",
+    "Irradiance": "9741.7",
+    "CaptureUUID": "123e4567",
+    "DroneSerialNumber": "1581F5FK",
+    "CameraSerialNumber": "5A1B2C",
+    "FlightYawDegree": "+95.50",
+    "FlightPitchDegree": "-1.20",
+    "FlightRollDegree": "+0.50",
+}
+
+
+def write_dji_xmp(**changes):
+    """As a Mavic 3 Multispectral's; the properties above, changed; None leaves one out."""
+    properties = {key: value for key, value in (DJI | changes).items() if value is not None}
+    attributes = " ".join(f'drone-dji:{key}="{value}"' for key, value in properties.items())
+    return wrap(
+        f'<rdf:Description xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/" {attributes}'
+        ' xmlns:Camera="http://pix4d.com/camera/1.0"><Camera:CentralWavelength>860</Camera:CentralWavelength>'
+        "</rdf:Description>"
+    )
+
+
+def make_tiff(xmp, *, make="Parrot", model="Sequoia", software="v1.4.1", black=True, brightest=None):
+    """Sixteen bits, grey, uncompressed; ``brightest`` : the last sample."""
     writer = TiffWriter()
-    strip = writer.append(struct.pack(f"<{ROWS * COLS}H", *range(5000, 5000 + ROWS * COLS)))
+    samples = list(range(5000, 5000 + ROWS * COLS))
+    samples[-1] = brightest or samples[-1]
+    strip = writer.append(struct.pack(f"<{ROWS * COLS}H", *samples))
     largest = 2**31 - 1
     exif = writer.directory(
         {

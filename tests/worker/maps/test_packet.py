@@ -11,7 +11,8 @@ from radiometry.frame.multispectral import Multispectral
 from tests.support.data import data_file
 from worker.decode import reading
 from worker.decode.metadata import read_metadata
-from worker.decode.multispectral import _pixels_per_mm, read_multispectral
+from worker.decode.multispectral import read_multispectral
+from worker.decode.packet import _pixels_per_mm
 from worker.decode.tiff import read_directories
 from worker.decode.xmp import parse_xmp
 from worker.maps.packet import write_packet

@@ -1,0 +1,109 @@
+"""A real DJI P4 Multispectral over HTTP, and beside it what reflectance has no use for."""
+
+import io
+
+import pytest
+from PIL import Image
+
+from tests.support.data import data_file
+from tests.worker.decode.spectral_tiff import make_tiff, write_micasense_xmp, write_sequoia_xmp
+
+CAMERA = {"make": "DJI", "model": "FC6360", "serial": "43e53d2eaaae3536b0fd1499da1d4389"}
+NUMBERS = {"red": 3, "nir": 5}
+# By DJI's guide, over rows 500 to 799 and columns 650 to 949: K of a panel of 0.5 is 0.5 over it.
+CENTRE = {"red": 0.02423, "nir": 0.1594}
+REGION = {"polygon": [[650, 500], [950, 500], [950, 800], [650, 800]]}
+PANEL = {
+    "serial": "P-50",
+    "measured_on": "2020-06-01",
+    "bands": [{"band": band, "reflectance": 0.5, "standard_uncertainty": 0.01} for band in NUMBERS],
+}
+
+
+def read(house, campaign, content, **query):
+    sent = house.upload(campaign, content, **query)
+    house.work()
+    return house.get(f"/v1/frames/{sent['id']}")
+
+
+@pytest.fixture(scope="module")
+def campaign(sqlite_house):
+    camera = sqlite_house.camera(**CAMERA)
+    sqlite_house.post("/v1/panels", PANEL)
+    return sqlite_house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance"})
+
+
+@pytest.fixture(scope="module")
+def frames(sqlite_house, campaign):
+    return {
+        band: read(
+            sqlite_house,
+            campaign,
+            data_file(f"p4m/DJI_001{number}.TIF").read_bytes(),
+            role="panel",
+            filename=band,
+        )
+        for band, number in NUMBERS.items()
+    }
+
+
+def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, campaign, frames):
+    house = sqlite_house
+    for band, frame in frames.items():
+        assert (frame["state"], frame["band"]) == ("read", band)
+        assert (frame["black_level_dn"], frame["white_level_dn"]) == (4096.0, 65472.0)
+        assert frame["sunshine"]["unit"] == "1"
+        answer = house.http.get(f"/v1/frames/{frame['id']}/preview.png")
+        shown = Image.open(io.BytesIO(answer.content))
+        assert shown.size[0] / shown.size[1] == pytest.approx(1600 / 1300, rel=0.01)
+    house.http.put(f"/v1/campaigns/{campaign['id']}/roi", json=REGION)
+    house.work()
+    (row,) = house.get(f"/v1/frames/{frames['nir']['id']}")["statistics"]
+    assert (row["n"], row["channel"], row["saturated_share"]) == (90_000, "nir", 0.0)
+    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", {}, status=202)
+    house.work()
+    job = house.get(f"/v1/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job
+    version = house.get(f"/v1/calibrations/{job['result']['calibration_id']}")
+    assert version["configuration"]["sunshine_sensor"]["serial"] == CAMERA["serial"]
+    for row in version["coefficients"]:
+        assert (row["unit"], row["value"]) == ("s", pytest.approx(0.5 / CENTRE[row["band"]], rel=3e-4))
+    body = {"frame_id": frames["nir"]["id"], "calibration_id": version["id"]}
+    job = house.post("/v1/measurements", body, status=202)
+    house.work()
+    measured = house.get(f"/v1/jobs/{job['id']}")["result"]["measurement_id"]
+    assert house.get(f"/v1/measurements/{measured}")["mean"]["value"] == pytest.approx(0.5, rel=1e-9)
+
+
+def test_a_thermal_band_is_stored_and_left_out(sqlite_house):
+    camera = sqlite_house.camera(make="MicaSense", model="Altum-PT", serial="A1")
+    made = sqlite_house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance"})
+    content = make_tiff(write_micasense_xmp(band="LWIR", lens=False), make="MicaSense", model="Altum-PT")
+    frame = read(sqlite_house, made, content, role="panel")
+    assert (frame["state"], "frame_left_out" in frame["warnings"]) == ("read", True)
+    (reason,) = frame["verdict"]["reasons"]
+    assert (reason["code"], reason["detail"][:23]) == ("frame_left_out", "Band LWIR is thermal an")
+    missing = sqlite_house.get(f"/v1/campaigns/{made['id']}")["missing"]
+    assert not [each for each in missing if "region" in each]
+    region = {"polygon": [[2, 2], [20, 2], [20, 20], [2, 20]]}
+    assert sqlite_house.http.put(f"/v1/campaigns/{made['id']}/roi", json=region).status_code == 200
+    sqlite_house.work()
+    assert sqlite_house.get(f"/v1/frames/{frame['id']}")["state"] == "read"
+
+
+@pytest.mark.parametrize(
+    ("changes", "model", "said"),
+    [
+        ({"SensorModel": None}, "6X", "The camera Sentera 6X"),
+        ({"SensorModel": "0,1,0"}, "Sequoia", "no positive"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_before_a_region_is_drawn(sqlite_house, changes, model, said):
+    make = "Parrot" if model == "Sequoia" else "Sentera"
+    camera = sqlite_house.camera(make=make, model=model, serial="S1")
+    made = sqlite_house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance"})
+    frame = read(
+        sqlite_house, made, make_tiff(write_sequoia_xmp(**changes), make=make, model=model), role="panel"
+    )
+    assert (frame["state"], frame["refusal"]["code"]) == ("refused", "sensor_model_unusable")
+    assert said in frame["refusal"]["detail"]

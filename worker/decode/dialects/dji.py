@@ -1,0 +1,126 @@
+"""DJI's P4 Multispectral and Mavic 3 Multispectral, as DJI's image processing guides describe their files."""
+
+import math
+from typing import Final
+
+from radiometry.frame.light import SunshineIrradiance
+from radiometry.frame.multispectral import GainModel, Multispectral, RadialVignetting, RigGeometry
+from worker.decode import tags
+from worker.decode.packet import Packet, describe_band, first_problem, read_geometry, read_numbers
+from worker.decode.xmp import Xmp
+
+IDENTITIES = ("drone-dji:CaptureUUID", "drone-dji:FlightUUID")
+# The P4's; of the Mavic's depth nothing is published, and the coarser one finds what is saturated in either.
+_SENSOR_BITS: Final = 10
+_DEWARP_NUMBERS, _MATRIX_NUMBERS = 9, 9
+_MICROSECONDS: Final = 1e6
+_SAME_REL: Final = 1e-3
+
+
+def knows(packet: Packet) -> bool:
+    return packet.make.lower() == "dji" and packet.xmp.text("drone-dji:BandName") is not None
+
+
+def read(packet: Packet) -> Multispectral:
+    xmp = packet.xmp
+    stated = [
+        xmp.require(f"drone-dji:{name}", 1)
+        for name in (
+            *("SensorGain", "ExposureTime", "SensorGainAdjustment"),
+            *("CalibratedOpticalCenterX", "CalibratedOpticalCenterY"),
+        )
+    ]
+    terms, no_terms = xmp.require("drone-dji:VignettingData")
+    values, problems = [value[0] if value else 0.0 for value, _ in stated], [each for _, each in stated]
+    gain, time_us, adjustment, x_px, y_px = values
+    black_dn = xmp.first_number("drone-dji:BlackLevel", "drone-dji:BlackCurrent", "camera:BlackCurrent")
+    irradiance = _read_irradiance(xmp)
+    serials = [
+        xmp.text(f"drone-dji:{name}") for name in ("DroneID", "DroneSerialNumber", "CameraSerialNumber")
+    ]
+    return Multispectral(
+        system="dji",
+        **describe_band(packet, sensor_bits=_SENSOR_BITS),
+        capture_id=xmp.text(IDENTITIES[0]),
+        flight_id=xmp.text(IDENTITIES[1]),
+        gain_model=None
+        if any(problems[:3])
+        else GainModel(gain=gain, exposure_time_s=time_us / _MICROSECONDS, adjustment=adjustment),
+        radial_gain=None
+        if any(problems[3:]) or no_terms
+        else RadialVignetting(centre_x_px=x_px, centre_y_px=y_px, coefficients=terms),
+        black_dn=black_dn,
+        problem=first_problem((*problems, no_terms, _find_contradiction(packet, black_dn))),
+        imager_serial=serials[2],
+        sunshine_serial=serials[0] or serials[1],  # the sensor is part of the aircraft
+        sunshine_missing="" if irradiance else "the file has no Irradiance of the sunlight sensor",
+        irradiance=irradiance,
+        geometry=_read_geometry(packet, x_px, y_px),
+    )
+
+
+def _find_contradiction(packet: Packet, black_dn: float | None) -> str:
+    """What makes DJI's formula wrong for this file; "" for nothing."""
+    if packet.xmp.number("drone-dji:VignettingFlag"):
+        return "VignettingFlag says that the camera has corrected the vignetting already"
+    if black_dn is None and not read_numbers(packet.main, tags.BLACK_LEVEL):
+        return "neither BlackLevel nor BlackCurrent states a black level"
+    return ""
+
+
+def _read_irradiance(xmp: Xmp) -> SunshineIrradiance | None:
+    """The sunlight sensor's reading, in a unit of its own.
+
+    Its attitude is the aircraft's unless the file states another; the P4 writes its sensor's as zeros.
+    `SunSensor` is the reading before DJI's compensation.
+    """
+    value = xmp.first_number("drone-dji:Irradiance", "camera:Irradiance")
+    if value is None or not value > 0.0:
+        return None
+    before = xmp.first_number("drone-dji:SunSensor", "camera:SunSensor")
+    same = before is None or math.isclose(before, value, rel_tol=_SAME_REL)
+    yaw, pitch, roll = (
+        xmp.first_number(
+            f"camera:SunSensor{axis}", f"drone-dji:SunSensor{axis}", f"drone-dji:Flight{axis}Degree"
+        )
+        for axis in ("Yaw", "Pitch", "Roll")
+    )
+    return SunshineIrradiance(
+        relative_irradiance=value,
+        quantity="spectral" if same else "compensated",
+        unit_origin="own",
+        yaw_deg=yaw,
+        pitch_deg=pitch,
+        roll_deg=roll,
+        file_unit="DJI's own",
+    )
+
+
+def _read_geometry(packet: Packet, x_px: float, y_px: float) -> RigGeometry | None:
+    """The lens from DewarpData "date;fx,fy,cx,cy,k1,k2,p1,p2,k3", else from Pix4D's names."""
+    xmp = packet.xmp
+    text = xmp.text("drone-dji:DewarpData") or ""
+    day, _, rest = text.rpartition(";")
+    try:
+        lens = tuple(float(word) for word in rest.split(","))
+    except ValueError:
+        lens = ()
+    matrix = xmp.numbers("drone-dji:DewarpHMatrix") or xmp.numbers("drone-dji:CalibratedHMatrix")
+    if len(lens) != _DEWARP_NUMBERS or not all(map(math.isfinite, lens)):
+        return read_geometry(packet, reference=False)
+    fx, fy, cx, cy, k1, k2, p1, p2, k3 = lens
+    focal_px, focal_mm = (
+        xmp.number("drone-dji:CalibratedFocalLength"),
+        xmp.number("camera:PerspectiveFocalLength"),
+    )
+    per_mm = focal_px / focal_mm if focal_px and focal_mm else None
+    return RigGeometry(
+        model="perspective",
+        principal_point_px=(x_px + cx, y_px + cy),
+        focal_length_px=fx,
+        focal_length_y_px=fy,
+        distortion=(k1, k2, k3, p1, p2),
+        pixels_per_mm=(per_mm, per_mm) if per_mm else None,
+        homography=matrix if len(matrix) == _MATRIX_NUMBERS else None,
+        calibrated_on=day or None,
+    )
