@@ -266,6 +266,7 @@ class Measurement(Record):
     frame_id: str
     filename: str
     camera_id: str
+    region_origin: str = ""  # of mean, min, max and median: request | grid | frame | campaign | whole_frame
     mean: Quantity | None = None  # an undistorted picture has none
     min: Quantity | None = None  # an index has a mean alone
     max: Quantity | None = None
@@ -278,6 +279,18 @@ class Measurement(Record):
     @property
     def flags(self) -> tuple[str, ...]:
         return tuple(raised["flag"] for raised in self.raw.get("flags", ()))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison(Record):
+    """Difference of two measurements, new - old. ``raw`` also contains both sides, and the cells of grids."""
+
+    difference: Quantity
+    change: Quantity | None = None  # in %
+    in_standard_uncertainties: float | None = None
+    significant: bool
+    said: str
+    same_region: bool
 
 
 def as_text(moment: Moment) -> str:

@@ -21,21 +21,27 @@ router = APIRouter(prefix="/v1", tags=["measurements"])
 
 
 @router.get(
-    "/measurements/{measurement_id}/comparison", response_model=ContrastAnswer, responses=problems(404)
+    "/measurements/{measurement_id}/comparison", response_model=ContrastAnswer, responses=problems(404, 409)
 )
 def contrast_measurements(
     measurement_id: Id,
     caller: Reader,
     context: UsesContext,
     old: Annotated[Text, Query(description="The measurement that it is compared with.")],
+    *,
+    other_region: Annotated[bool, Query(description="Compare them even if their outlines differ.")] = False,
 ) -> Response:
-    """Compute the difference of two measurements and its significance. Errors that both share cancel."""
+    """Compute the difference of two measurements and its significance. Errors that both share cancel.
+
+    Measurements with different outlines are refused unless `other_region` is true.
+    """
     with context.database.reading() as session:
         before, after = _side(session, old, caller), _side(session, measurement_id, caller)
         if before.quantity != after.quantity:
             message = f"is of {before.quantity}, the other of {after.quantity}: compare like with like"
             raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
-        return ContrastAnswer.between(before, after, compare_measurements(before, after)).respond()
+        found = compare_measurements(before, after, other_region=other_region)
+        return ContrastAnswer.between(before, after, found).respond()
 
 
 def _side(session: Session, measurement_id: str, caller: Caller) -> Side:

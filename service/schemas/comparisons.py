@@ -7,6 +7,7 @@ from service.schemas.base import Answer, Quantity
 from store.measuring.comparison import MeasurementComparison, Side
 
 _SURE = 2.0
+_OTHER_REGION = " The two regions differ: the change may be one of the place and not of the light."
 
 
 class Compared(Answer, restates=Comparison):
@@ -18,6 +19,8 @@ class Measured(Answer):
     filename: str
     taken_at: str | None = None
     mean: Quantity
+    region: list[list[float]] = Field(description="Outline [x, y] in px of what the mean is of.")
+    region_origin: str = Field(description="Source of the region, as in the measurement.")
 
     @classmethod
     def of(cls, side: Side) -> "Measured":
@@ -31,7 +34,8 @@ class ContrastAnswer(Compared):
     said: str
     common: list[str] = Field(description="Sources whose error is the same in both, so that it cancels.")
     same_region: bool = Field(
-        description="The same region of the image. Whether it shows the same ground is not known."
+        description="The same outlines in images of the same size. Whether they show the same ground is not "
+        "known."
     )
     cells: list[list[Compared]] | None = Field(
         default=None, description="Of two grids with as many rows and columns: cell by cell."
@@ -46,9 +50,9 @@ class ContrastAnswer(Compared):
             old=Measured.of(old),
             new=Measured.of(new),
             significant=sigmas is not None and sigmas >= _SURE,
-            said=_format_verdict(mean),
+            said=_format_verdict(mean) + ("" if found.same_region else _OTHER_REGION),
             common=found.common,
-            same_region=old.measurement.parameters["polygon"] == new.measurement.parameters["polygon"],
+            same_region=found.same_region,
             cells=found.cells or None,
         )
 

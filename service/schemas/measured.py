@@ -38,8 +38,13 @@ class MeasurementAnswer(Answer):
     altitude_m: float | None = None
     method: str
     calibration: CalibrationUsed
-    region: list[list[float]]
-    region_origin: Literal["request", "frame", "campaign", "grid", "whole_frame"]
+    region: list[list[float]] = Field(
+        description="Outline [x, y] in px of what mean, median, min, max, percentiles and illuminance are of."
+    )
+    region_origin: Literal["request", "frame", "campaign", "grid", "whole_frame"] = Field(
+        description="Source of the region: `roi` of the request, else the outline of its `grid`, else the "
+        "frame's own region, else its campaign's, else the whole frame."
+    )
     pixels: int | None = Field(default=None, description="How many measured pixels the region holds.")
     mean: Quantity | None = Field(
         default=None, description="Of a luminance in cd/m2; of a reflectance or an index without unit."

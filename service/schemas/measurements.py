@@ -35,7 +35,10 @@ class MeasurementOptions(Form):
     calibration_id: Annotated[
         Text | None, Field(description="Else the version in force when the frame was taken.")
     ] = None
-    roi: Annotated[NewRoi | None, Field(description="Else the frame's region, else the campaign's.")] = None
+    roi: Annotated[
+        NewRoi | None,
+        Field(description="Else the outline of `grid`, else the frame's region, else the campaign's."),
+    ] = None
     grid: NewGrid | None = None
     reflectance: Annotated[
         Reflectance | None, Field(description="rho of the surface: gives E = pi L / rho.")

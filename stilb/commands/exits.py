@@ -26,6 +26,7 @@ _STEPS = {
     "scope_missing": "Ask an administrator of your organisation for a key with that scope, then: stilb "
     "login URL",
     "no_calibration_in_force": "Publish a version (stilb publish), or ask for another time with --at.",
+    "regions_differ": "Measure both with the same --region or --grid, or add --other-region.",
     "campaign_incomplete": "Add the missing items, which stilb campaign show CAMPAIGN lists, then run "
     "this again.",
     "unreachable": "Check the address and the network (stilb doctor), then run this again: it continues.",

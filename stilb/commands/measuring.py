@@ -24,7 +24,7 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         str | None, typer.Option(help="Default: in force at the time of the frame.")
     ] = None,
     region: Annotated[
-        str | None, typer.Option(help='Region "x,y x,y x,y ..."; default: the frame\'s own.')
+        str | None, typer.Option(help='Region "x,y x,y x,y ..."; default: --grid, the frame\'s own, its campaign\'s.'),
     ] = None,
     grid: Annotated[
         str | None, typer.Option(help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.')
@@ -69,6 +69,23 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         raise typer.Exit(Exit.FINDINGS)
 
 
+@command
+def compare(
+    output: Output,
+    old: Annotated[str, typer.Argument(help="Id of the older measurement.")],
+    new: Annotated[str, typer.Argument(help="Id of the newer measurement.")],
+    *,
+    other_region: Annotated[
+        bool, typer.Option("--other-region", help="Compare even if their outlines in the image differ.")
+    ] = False,
+) -> None:
+    """Compare two measurements of the same outline."""
+    with output.client() as client:
+        found = client.compare(old, new, other_region=other_region)
+    change = f" ({figure(found.change)})" if found.change else ""
+    output.answer(found.raw, found.said, f"new - old: {figure(found.difference)}{change}")
+
+
 def _details(
     calibration: str | None, region: str | None, grid: str | None, reflectance: float | None
 ) -> MeasureDetails:
@@ -94,12 +111,13 @@ def _read_grid(text: str) -> Grid:
 
 def _table(found: list[Measurement]) -> Any:  # noqa: ANN401
     return table(
-        ("measurement", "file", "mean", "U_o", "flags"),
+        ("measurement", "file", "mean", "region", "U_o", "flags"),
         [
             (
                 one.id,
                 one.filename,
                 figure(one.mean) if one.mean else "",
+                one.region_origin.replace("_", " "),
                 f"{one.u_o.value:.3f}" if one.u_o else "",
                 " ".join(dict.fromkeys(one.flags)),
             )

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Unpack
 
-from stilb.records import Job, MeasureDetails, Measurement
+from stilb.records import Comparison, Job, MeasureDetails, Measurement
 from stilb.resources.campaigns import region
 from stilb.resources.jobs import Jobs
 from stilb.transport import Call, address
@@ -42,6 +42,11 @@ class Measurements(Jobs):
         """Newest first."""
         query = {"camera_id": camera_id, "campaign_id": campaign_id, "calibration_id": calibration_id}
         return map(Measurement.of, self._transport.items(address("measurements"), query))
+
+    def compare(self, old: str, new: str, *, other_region: bool = False) -> Comparison:
+        """Compute the difference of two measurements; different outlines only with ``other_region``."""
+        query = {"old": old, **({"other_region": "true"} if other_region else {})}
+        return Comparison.of(self._get(address("measurements", new, "comparison"), query))
 
     def save_map(self, measurement_id: str, path: PathLike) -> Path:
         """Save the map of a measurement that was made with one: its numbers (.tif), or a picture (.png)."""

@@ -11,6 +11,7 @@ from radiometry.methods import get_method
 from radiometry.specification.application import BandApplication
 from store.applied import read_applied
 from store.codec import decode_exposure
+from store.errors import Conflict
 from store.measuring.meters import compare_meters
 from store.tables import Calibration, FrameRow, Measurement
 
@@ -38,6 +39,15 @@ class Side:
         return mean
 
     @property
+    def region(self) -> list[list[float]]:
+        outline: list[list[float]] = self.measurement.parameters["polygon"]
+        return outline
+
+    @property
+    def region_origin(self) -> str:
+        return str(self.measurement.parameters["region_origin"])
+
+    @property
     def cells(self) -> list[list[dict[str, Any]]] | None:
         surface = self.result.get("surface")
         return surface["cells"] if surface else None
@@ -49,18 +59,44 @@ class MeasurementComparison:
 
     mean: Comparison
     common: tuple[str, ...]
+    same_region: bool
     cells: tuple[tuple[Comparison, ...], ...] | None
 
 
-def compare_measurements(old: Side, new: Side) -> MeasurementComparison:
-    """Compare the means of two measurements of the same quantity, and their cells one by one."""
+def compare_measurements(old: Side, new: Side, *, other_region: bool = False) -> MeasurementComparison:
+    """Compare the means of two measurements of the same quantity, and their cells one by one.
+
+    Raises Conflict(regions_differ) unless both have the same outlines, or ``other_region`` asks for it.
+    """
+    same_region = _outline(old) == _outline(new)
+    if not (same_region or other_region):
+        raise Conflict(
+            "regions_differ",
+            f"{_format_region(old)}; {_format_region(new)}: the two outlines differ, so that a change may be "
+            "one of the place and not of the light. Measure both with one roi or one grid. To compare them "
+            "nevertheless, ask with other_region=true.",
+        )
     common = find_common(old, new)
     before, after = _budget(old), _budget(new)
     return MeasurementComparison(
         mean=compare_measured(before, after, common=common),
         common=tuple(sorted(common)),
+        same_region=same_region,
         cells=_compare_cells(old, new, before, after, common),
     )
+
+
+def _outline(side: Side) -> tuple[Any, ...]:
+    """Return what was measured in the image: its size, the region, and the cells if there are any."""
+    header = side.frame.header or {}
+    grid = side.measurement.parameters.get("grid")
+    return header.get("width_px"), header.get("height_px"), side.region, grid and grid["corners"]
+
+
+def _format_region(side: Side) -> str:
+    xs, ys = zip(*side.region, strict=True)
+    box = f"x {min(xs):g} to {max(xs):g}, y {min(ys):g} to {max(ys):g} px"
+    return f"{side.frame.filename}: {box}, from the {side.region_origin.replace('_', ' ')}"
 
 
 def find_common(old: Side, new: Side) -> set[str]:

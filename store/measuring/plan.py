@@ -233,17 +233,17 @@ def require_whole(frame: FrameRow, proof: Proof | None, allowed: Sequence[str]) 
 
 
 def _find_region(session: Session, frame: FrameRow, campaign: Campaign, asked: Asked) -> tuple[Polygon, str]:
-    """The request's own region, else the frame's or the campaign's, else the grid's outline."""
+    """Return the request's own region, else the outline of its grid, else the frame's or the campaign's."""
     application = get_method(campaign.method).application
     if isinstance(application, PictureApplication):
         return whole_frame_of(frame), "whole_frame"
     if asked.polygon is not None:
         return asked.polygon, "request"
+    if asked.grid is not None and isinstance(application, SurfaceApplication):
+        return application.outline(asked.grid), "grid"
     roi = current_roi(session, frame, campaign)
     if roi is not None:
         return Polygon.from_points(roi.points), "frame" if frame.roi_id else "campaign"
-    if asked.grid is not None and isinstance(application, SurfaceApplication):
-        return application.outline(asked.grid), "grid"
     if isinstance(application, BandApplication):
         return whole_frame_of(frame), "whole_frame"
     raise InputRejected(

@@ -15,6 +15,7 @@ ANSWERS = {
     records.Camera: "CameraAnswer",
     records.Campaign: "CampaignAnswer",
     records.Coefficient: "CoefficientInForce",
+    records.Comparison: "ContrastAnswer",
     records.Frame: "FrameAnswer",
     records.Job: "JobAnswer",
     records.KnownFrame: "KnownFrame",
@@ -35,6 +36,7 @@ FORMS = {
 }
 OTHERWISE = {"polygon": "roi"}  # the client takes corners, the service also an ImageJ call
 KINDS = {
+    bool: {"boolean"},
     str: {"string"},
     int: {"integer"},
     float: {"number"},

@@ -83,6 +83,27 @@ def test_cells_are_compared_one_by_one(house, version):
     assert cells[0][0]["in_standard_uncertainties"] > 10
 
 
+def test_other_outlines_are_compared_only_if_asked_for(house, version):
+    samples = np.full((64, 96), 10.0 / PER_DN)
+    samples[:, 48:] *= 2.0
+    other = GRID | {"corners": [[56, 8], [88, 8], [88, 56], [56, 56]]}
+    old, drawn, new = (
+        measure(house, version, 0.0, f"{'j' * (11 + n)}.dng", signal=samples, **asked)
+        for n, asked in enumerate(({}, {"grid": GRID}, {"grid": other}))
+    )
+    address = f"/v1/measurements/{new['id']}/comparison"
+    for each, origin in ((old, "campaign"), (drawn, "grid")):
+        problem = house.get(address, status=409, old=each["id"])
+        assert (problem["code"], f"from the {origin}" in problem["detail"]) == ("regions_differ", True)
+    found = house.get(address, old=drawn["id"], other_region="true")
+    assert not found["same_region"]
+    assert found["said"].endswith("The two regions differ: the change may be one of the place and not of the light.")
+    # the verdict is of what the cells show
+    cells = [cell["change"]["value"] for line in found["cells"] for cell in line]
+    assert min(cells) < found["change"]["value"] < max(cells)
+    assert found["old"]["region_origin"] == found["new"]["region_origin"] == "grid"
+
+
 def test_what_is_not_there_or_not_alike_is_refused(house, version):
     one = measure(house, version, 20.0, "i.dng")
     assert (

@@ -108,6 +108,35 @@ def test_a_lit_surface(house):
     assert found["grid_illuminance"]["unit"] == "lx"
 
 
+@pytest.mark.usefixtures("version")
+def test_the_headline_is_of_the_drawn_surface(house):
+    """The request's region, else its grid's outline, else the frame's, else the campaign's."""
+    samples = np.full((64, 96), 10.0 / PER_DN)
+    samples[:, 48:] *= 2.0
+    path = write_frame(house.folder / "sides.dng", signal_dn=samples, noise_dn=2.0, **SETTINGS)
+    campaign = field_campaign(house, roi=left(4))
+    frame = house.upload(campaign, path.read_bytes(), role="field", filename="sides.DNG")
+    house.work()
+    right = {"corners": [[56, 8], [88, 8], [88, 56], [56, 56]], "rows": 1, "columns": 2}
+    ends = []
+    for asked in ({}, {"grid": right}, {"grid": right, "roi": left(20)}):
+        found = measure(house, frame, **asked, reflectance=0.2)
+        ends.append((found["region_origin"], round(found["mean"]["value"])))
+        assert found["median"]["value"] == pytest.approx(found["mean"]["value"], rel=0.01)
+        assert found["illuminance"]["value"] == pytest.approx(np.pi * found["mean"]["value"] / 0.2)
+    assert ends == [("campaign", 10), ("grid", 20), ("request", 10)]
+    assert found["l_av_cd_m2"]["value"] == pytest.approx(20.0, rel=0.03)
+    house.http.put(f"/v1/frames/{frame['id']}/roi", json=left(30))
+    house.work()
+    own = measure(house, frame)
+    assert (own["region_origin"], own["region"]) == ("frame", [list(map(float, xy)) for xy in left(30)["polygon"]])
+    assert measure(house, frame, grid=right)["region"] == right["corners"]
+
+
+def left(side):
+    return {"polygon": [[4, 8], [4 + side, 8], [4 + side, 56], [4, 56]]}
+
+
 def test_a_map_holds_every_pixel_and_names_what_made_it(house, version):
     frame = field_frame(house, field_campaign(house))
     with house.database.writing("test") as session:

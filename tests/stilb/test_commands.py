@@ -92,6 +92,10 @@ def test_measure_a_frame_and_save_its_map(command, calibrated, tmp_path):
     assert (tmp_path / "maps" / f"{item['id']}.tif").read_bytes()[:2] in {b"II", b"MM"}
     grid = command("measure", field.id, "--grid", "2x3 10,10 80,10 80,50 10,50", "--json").json["items"][0]
     assert [len(row) for row in grid["grid"]["cells"]] == [3, 3]
+    assert (item["region_origin"], grid["region_origin"]) == ("campaign", "grid")
+    refused = command("compare", item["id"], grid["id"])
+    assert (refused.code, "--other-region" in refused.err) == (Exit.REFUSED, True)
+    assert "The two regions differ" in command("compare", item["id"], grid["id"], "--other-region").out
     shown = command("measure", field.id, "--region", "10,10 20,10 20,20", "--reflectance", 0.1).out
     assert "field.DNG" in shown
     assert "cd/m2" in shown

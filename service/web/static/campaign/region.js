@@ -6,7 +6,7 @@ import { act, empty } from "../states.js";
 import { RegionCanvas } from "./canvas.js";
 import { RegionEditor } from "./editor.js";
 import { select } from "./forms.js";
-import { adviceOn, countOwn, holdingFor } from "./holding.js";
+import { adviceOn, countOwn, holdingFor, startsEmpty } from "./holding.js";
 import { imagejPart } from "./imagej-part.js";
 import { lookPart } from "./look.js";
 import { wrong } from "./numbers.js";
@@ -100,7 +100,7 @@ function build(state, drawable) {
     const shown = frame;
     own.textContent = adviceOn(shown);
     if (editor.dirty) return;
-    const roi = await holdingFor(state, shown);
+    const roi = startsEmpty(shown) ? null : await holdingFor(state, shown);
     if (shown === frame && !editor.dirty) editor.load(regionsOf(roi));
   }
 

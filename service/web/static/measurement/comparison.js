@@ -8,17 +8,19 @@ import { cellTable } from "./grid.js";
 import { MapView } from "./map.js";
 import { scaleTools } from "./tools.js";
 import { loadMap } from "./values.js";
+import { regionOf } from "./words.js";
 
 const { old, new: newer } = document.querySelector("main").dataset;
+const asked = new URL(location.href).searchParams.get("other_region") === "true" ? "&other_region=true" : "";
 const both = Promise.all([get(`/v1/measurements/${old}`), get(`/v1/measurements/${newer}`)]);
 const views = {};
 
-load(byId("verdict"), () => get(`/v1/measurements/${newer}/comparison?old=${old}`), (found) => {
+load(byId("verdict"), compared, (found) => {
+  if (found.code) return refused(found);
   byId("cells-section").hidden = !found.cells;
   if (found.cells) fill(byId("cells"), cellTable(found.cells, changeOf, { caption: "Change of each cell in %" }));
   return [
     h("p", { class: `note ${found.significant ? "warn" : ""}` }, h("strong", {}, found.said)),
-    found.same_region ? null : h("p", { class: "note warn" }, "The two regions are different parts of the image. The service cannot check whether they show the same ground."),
     h(
       "dl",
       { class: "figures" },
@@ -35,6 +37,21 @@ for (const [place, index] of [["old", 0], ["new", 1]]) {
   load(byId(`map-${place}`), async () => mapOf((await both)[index], place), (drawn) => drawn);
 }
 
+/** The comparison, or why it is refused. */
+async function compared() {
+  try {
+    return await get(`/v1/measurements/${newer}/comparison?old=${old}${asked}`);
+  } catch (error) {
+    if (error.code !== "regions_differ") throw error;
+    return error;
+  }
+}
+
+const refused = ({ message }) => [
+  h("p", { class: "note warn" }, h("strong", {}, "The two outlines differ."), ` ${message}`),
+  h("p", { class: "actions" }, h("a", { class: "button", href: `/measurements/comparison?old=${old}&new=${newer}&other_region=true` }, "Compare nevertheless")),
+];
+
 async function mapOf(found, place) {
   const title = h("h3", {}, h("a", { href: `/measurements/${found.id}` }, found.filename), h("span", { class: "muted" }, ` ${found.taken_at ? day(found.taken_at) : ""}`));
   if (!found.links.map_tif) return [title, empty("No map", "Measure the frame again with a map to see it here.")];
@@ -44,7 +61,7 @@ async function mapOf(found, place) {
   return [title, views[place].element];
 }
 
-const side = (name, { filename, taken_at: taken, mean }) => figure(name, quantity(mean), `${taken ? `${day(taken)}, ` : ""}${filename}`);
+const side = (name, found) => figure(name, quantity(found.mean), `${found.taken_at ? `${day(found.taken_at)}, ` : ""}${found.filename}; of ${regionOf(found)}`);
 const changeText = (change) => `${change.value > 0 ? "+" : ""}${withUncertainty(change.value, change.standard_uncertainty)} %`;
 
 function changeOf(cell) {

@@ -2,10 +2,12 @@
 
 import { figure, h, table } from "../dom.js";
 import { number, percent, quantity, relative, unit, words } from "../format.js";
-import { titleOf } from "./words.js";
+import { regionOf, titleOf } from "./words.js";
 
 export function drawFigures(found) {
+  const apart = found.grid && found.region_origin !== "grid" ? " The cells are those of the surface, not of this region." : "";
   return [
+    found.mean ? h("p", { class: apart ? "note warn" : "small muted" }, `Mean, median, range${found.illuminance ? ", illuminance" : ""}: of ${regionOf(found)}.${apart}`) : null,
     h("dl", { class: "figures" }, figures(found).map((each) => figure(...each))),
     found.index ? bands(found.index) : null,
     found.percentiles.length ? h("details", { class: "percentiles" }, h("summary", {}, "Percentiles of single pixels"), percentiles(found)) : null,

@@ -18,6 +18,7 @@ const asked = new URL(location.href).searchParams;
 const form = byId("new-measurement");
 const region = regionPart();
 const settings = h("div", { class: "fields" });
+const place = h("fieldset", { class: "card" }, h("legend", { class: "legend" }, "Region"), region.element);
 const chosen = {};
 
 load(byId("form"), begin, (drawn) => drawn);
@@ -33,7 +34,7 @@ async function begin() {
   const able = campaigns.filter((each) => methodOf(each.method).measured_quantity).reverse();
   const first = wanted?.campaign_id ?? asked.get("campaign") ?? (await newestWithField(able))?.id;
   const campaign = select(able.map((each) => [each.id, each.project_number ? `${each.project_number}, ${labelOf(each.method)}` : titleOf(each)]), { onchange: () => offerFrames() }, first);
-  const frame = select([], { onchange: () => choose(frame.value) });
+  const frame = select([], { onchange: () => act(frame, () => choose(frame.value)) });
   const note = h("div");
   async function offerFrames() {
     chosen.campaign = able.find((each) => each.id === campaign.value);
@@ -45,12 +46,12 @@ async function begin() {
       fill(note, frames.length ? null : empty("No field frames", "Send frames with the role field to this campaign.", h("a", { class: "button", href: `/campaigns/${chosen.campaign.id}` }, "Open campaign")));
       rest.hidden = !frames.length;
       offerSettings(versions);
-      if (frames.length) choose(frame.value);
+      if (frames.length) await choose(frame.value);
     } catch (error) {
       fill(note, failed(error, offerFrames));
     }
   }
-  const rest = h("div", { class: "stack-wide" }, section("Region", region.element), section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })));
+  const rest = h("div", { class: "stack-wide" }, place, section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })));
   const ready = offerFrames();
   await ready;
   return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign), field("Frame", frame)), note), rest);
@@ -66,9 +67,11 @@ async function newestWithField(campaigns) {
   return newest.find((_, place) => found[place].length) ?? newest[0];
 }
 
-function choose(id) {
-  chosen.frame = chosen.frames.find((each) => each.id === id);
-  region.show(chosen.frame, chosen.roi?.polygon);
+async function choose(id) {
+  const frame = chosen.frames.find((each) => each.id === id);
+  chosen.frame = frame;
+  const roi = frame.roi_id ? await get(`/v1/frames/${id}/roi`) : chosen.roi;
+  if (chosen.frame === frame) region.show(frame, roi?.polygon);
 }
 
 function offerSettings(versions) {
@@ -77,6 +80,8 @@ function offerSettings(versions) {
   chosen.calibration = select(usual);
   chosen.map = h("input", { type: "checkbox", checked: true, id: "with-map" });
   const { measurement_options: options } = methodOf(chosen.campaign.method);
+  // a method without options answers with the whole picture
+  place.hidden = !options.length;
   chosen.number = decimal();
   chosen.index = select([["", "Reflectance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
   fill(
@@ -96,7 +101,7 @@ async function measure() {
   const name = ["reflectance", "incidence_angle_deg"].find((each) => options.includes(each));
   const body = {
     frame_id: chosen.frame.id,
-    ...region.read(),
+    ...(place.hidden ? {} : region.read()),
     ...(said === undefined ? {} : { [name]: said }),
     ...(chosen.calibration.value ? { calibration_id: chosen.calibration.value } : {}),
     ...(options.includes("index") && chosen.index.value ? { index: chosen.index.value } : {}),

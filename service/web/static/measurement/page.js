@@ -12,7 +12,7 @@ import { drawGrid } from "./grid.js";
 import { MapView } from "./map.js";
 import { scaleTools } from "./tools.js";
 import { loadMap } from "./values.js";
-import { titleOf } from "./words.js";
+import { regionOf, titleOf } from "./words.js";
 
 const { measurementId: id } = document.querySelector("main").dataset;
 const measurement = get(`/v1/measurements/${id}`);
@@ -103,7 +103,7 @@ function drawRecord(found) {
     ["Frame", h("a", { href: `/campaigns/${found.campaign_id}` }, found.filename)],
     ["Taken", found.taken_at ? time(found.taken_at) : "not in the file"],
     ["Position", found.latitude_deg === undefined ? "not in the file" : `${number(found.latitude_deg, 9)}°, ${number(found.longitude_deg, 9)}°${found.altitude_m === undefined ? "" : `, ${number(found.altitude_m, 5)} m`}`],
-    ["Region", `${found.region.length} corners, from the ${words(found.region_origin)}${found.pixels ? `; ${number(found.pixels, 9)} measured pixels` : ""}`],
+    ["Region", `${found.region.length} corners: ${regionOf(found)}${found.pixels ? `; ${number(found.pixels, 9)} measured pixels` : ""}`],
     ["Measured", time(found.created_at)],
     ["Software", Object.entries(found.software).map(([name, version]) => `${name} ${version}`).join(", ")],
     ["Content, SHA-256", h("code", { class: "small" }, found.content_sha256)],

@@ -8,15 +8,15 @@ import { numberOf, wrong } from "../campaign/numbers.js";
 import { faultOf } from "../campaign/polygon.js";
 
 const KINDS = [
-  ["set", "Existing region", "The region of the frame, else that of its campaign."],
   ["drawn", "New region", "A polygon for this measurement only."],
+  ["set", "Existing region", "The region of the frame, else that of its campaign, which is where the calibration was made."],
   ["grid", "Surface with cells", "Four corners of a rectangle on the ground, in the order top left, top right, bottom right, bottom left. Returns L of each cell and the uniformity."],
 ];
 
 export function regionPart() {
   const editor = new RegionEditor();
   const canvas = new RegionCanvas(editor);
-  let kind = "set";
+  let kind = "drawn";
   let before = [];
   const rows = h("input", { type: "number", min: 1, max: 50, value: 3 });
   const columns = h("input", { type: "number", min: 1, max: 50, value: 5 });
@@ -27,17 +27,18 @@ export function regionPart() {
   const corners = field("Corners", typed, "x,y pairs in pixels, separated by blanks, from the top left of the image.");
   const note = h("p", { class: "hint" });
   const drawing = h("div", { class: "region-drawing" }, canvas.element, tools, corners, cells);
-  const element = h("div", { class: "region-part" }, h("div", { class: "choices", role: "radiogroup", "aria-label": "Region" }, choices("region", KINDS, turn)), note, drawing);
+  const kinds = h("div", { class: "choices", role: "radiogroup", "aria-label": "Region" }, choices("region", KINDS, turn, kind));
+  const element = h("div", { class: "region-part" }, kinds, note, drawing);
   editor.addEventListener("settled", () => (typed.value = editor.points.map((point) => point.join(",")).join(" ")));
-  turn("set");
+  turn(kind);
 
+  /** Start a kind; a new drawing starts empty, since what the campaign's region shows in this frame is another place. */
   function turn(chosen) {
     kind = chosen;
     tools.hidden = corners.hidden = kind === "set";
     cells.hidden = kind !== "grid";
     canvas.element.inert = kind === "set";
-    const points = kind === "grid" && before.length !== 4 ? [] : before;
-    editor.load(points.length ? [{ name: "", points, closed: true }] : []);
+    editor.load(kind === "set" && before.length ? [{ name: "", points: before, closed: true }] : []);
     fill(note, kind === "set" && !before.length ? "The campaign has no region. The measurement fails unless the frame has one." : "");
   }
 
@@ -48,10 +49,12 @@ export function regionPart() {
 
   return {
     element,
+    /** Show a frame with the region that holds for it; one of the frame's own is offered first. */
     show(frame, polygon) {
       before = polygon ?? [];
       canvas.show({ url: `/v1/frames/${frame.id}/preview.png`, width: frame.width_px, height: frame.height_px });
-      turn(kind);
+      turn(frame.roi_id ? "set" : kind);
+      for (const each of kinds.querySelectorAll("input")) each.checked = each.value === kind;
     },
     /** `roi` or `grid` of the request; throws what is wrong with it. */
     read() {

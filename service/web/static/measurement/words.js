@@ -3,6 +3,17 @@
 import { words } from "../format.js";
 import { methodOf } from "../methods.js";
 
+const REGIONS = {
+  request: "the region drawn for this measurement",
+  grid: "the outline of the surface with cells",
+  frame: "the frame’s own region",
+  campaign: "the campaign’s region",
+  whole_frame: "the whole frame",
+};
+
+/** Name the region that mean, median and range are of. */
+export const regionOf = ({ region_origin: origin }) => REGIONS[origin];
+
 /** "luminance", "reflectance, band red", "NDVI". */
 export function titleOf(measurement) {
   if (measurement.index) return measurement.index.name.toUpperCase();
