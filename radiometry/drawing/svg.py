@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from html import escape
 
 _STEPS = (1.0, 2.0, 5.0, 10.0)
+_LEAST_TICKS, _MOST_TICKS = 3, 8
 _STYLE = (
     "text{font:12px system-ui,sans-serif;fill:#222}.title{font-weight:600}.mid{text-anchor:middle}"
     ".end{text-anchor:end}.box{fill:none;stroke:#555}.tick{stroke:#ddd}.fit{fill:none;stroke:#b03a2e;stroke-width:1.5}"
@@ -41,11 +42,20 @@ class Scale:
         return self.start_px + (self.end_px - self.start_px) * (at - low) / (high - low)
 
     def ticks(self) -> list[float]:
-        """Round figures: 1, 2 and 5 in each power of ten on a logarithmic scale, else even steps."""
+        """Round figures: 1, 2 and 5 in each power of ten on a logarithmic scale, else even steps.
+
+        Many powers of ten have 1 alone, or some of them; a part of one has even steps.
+        """
         if self.logarithmic:
             powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
-            figures = [step * 10.0**power for power in powers for step in _STEPS[:3]]
-            return [figure for figure in figures if self.low <= figure <= self.high]
+            figures: list[float] = []
+            for steps in (_STEPS[:3], _STEPS[:1]):
+                found = [step * 10.0**power for power in powers for step in steps]
+                figures = [figure for figure in found if self.low <= figure <= self.high]
+                if len(figures) <= _MOST_TICKS:
+                    break
+            if len(figures) >= _LEAST_TICKS:
+                return figures[:: math.ceil(len(figures) / _MOST_TICKS)]
         rough = (self.high - self.low) / 6
         power = 10.0 ** math.floor(math.log10(rough))
         step = next(s * power for s in _STEPS if s * power >= rough * 0.999)

@@ -1,14 +1,19 @@
 """A result drawn: what is computed is where it belongs on the sheet, for every method."""
 
+import itertools
 import re
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from bokeh.models.axes import LogAxis
 
 from radiometry import methods
 from radiometry.frame.packing import pack
 from radiometry.methods import get_method
+from radiometry.tools.motion import MotionCase
+from service.tool_plots import draw_motion
+from service.web.plots.calibration import draw_residuals, draw_signal
 from store.codec import drop_absent, encode
 
 GRAPH = "{http://www.w3.org/2000/svg}"
@@ -140,7 +145,30 @@ def noise():
     return {"channel_fits": [fit, {**fit, "channel": "R", "transfer": None}], "points": []}
 
 
+def luminance():
+    def point(iso, rhs, residual):
+        return {
+            "iso": iso,
+            "rhs": rhs,
+            "adjusted_signal_dn": 2.0 * rhs,
+            "residual_rel": residual,
+            "used": residual is not None,
+            "left_out": "" if residual is not None else "saturated",
+            "frame": f"{rhs:g}",
+            "frame_id": f"frm_{rhs:g}",
+            "scene": "level-1",
+            "exposure_time_s": 0.01,
+            "f_number": 4.0,
+            "luminance_cd_m2": rhs,
+        }
+
+    coefficient = {"iso": 100.0, "model": "proportional", "parameters": [2.0]}
+    points = [point(100.0, rhs, residual) for rhs, residual in ((20.0, 0.01), (50.0, -0.02), (300.0, 0.0), (8e3, None))]
+    return {"iso_fits": [{"coefficient": coefficient}], "points": points, "tolerance_rel": 0.04}
+
+
 RESULTS = {
+    "luminance": luminance,
     "reflectance": reflectance,
     "vignetting": vignetting,
     "sharpness": sharpness,
@@ -172,7 +200,64 @@ def told(picture):
 
 
 def test_every_method_is_drawn():
-    assert set(RESULTS) | {"luminance"} == {spec.name for spec in methods.METHODS}
+    assert set(RESULTS) == {spec.name for spec in methods.METHODS}
+
+
+def axes_of(picture):
+    """Of each panel's axes: the label, and each tick's place [px] with the text beside it."""
+    found = []
+    for each, after in itertools.pairwise([*picture, None]):
+        if each.get("class") == "box":
+            found += [("", []), ("", [])]
+            labels = iter((2, 1))
+            continue
+        if each.get("class") == "tick":
+            x, y, across = re.fullmatch(r"M([\d.]+) ([\d.]+)([HV]).*", each.get("d")).groups()
+            found[-2 if across == "V" else -1][1].append((float(x if across == "V" else y), after.text))
+        elif each.tag == f"{GRAPH}text" and each.get("class") == "mid" and not found[-2][1]:
+            at = next(labels, None)
+            if at:
+                found[-at] = (each.text, found[-at][1])
+    return found
+
+
+def pictures():
+    case = MotionCase(pixel_pitch_um=4.65, focal_length_mm=9.0, exposure_time_s=1 / 400, ground_speed_m_s=15.0, distance_m=100.0)
+    return {
+        **{method: ET.fromstring(get_method(method).draw(result())) for method, result in RESULTS.items()},
+        "vignetting of one": ET.fromstring(draw_one_f_number()),
+        "motion": ET.fromstring(draw_motion([("a", case)])),
+    }
+
+
+def draw_one_f_number():
+    result = vignetting()
+    return get_method("vignetting").draw(result | {"channel_fits": result["channel_fits"][2:]})
+
+
+def test_every_tick_reads_the_value_at_its_place():
+    """A logarithmic axis has three texts or more, each as far along as its logarithm, none over another."""
+    logarithmic = 0
+    for name, picture in pictures().items():
+        for label, ticks in axes_of(picture):
+            places, values = (np.array(each, float) for each in zip(*ticks, strict=True))
+            if "logarithmic" in label:
+                logarithmic += 1
+                assert len(ticks) >= 3, (name, label)
+                widths = [7 * len(text) for _, text in ticks]
+                assert all(np.abs(np.diff(places)) > np.minimum(widths[1:], widths[:-1])), (name, label, ticks)
+                values = np.log(values)
+            slope, start = np.polyfit(values, places, 1)
+            assert places == pytest.approx(start + slope * values, abs=0.2), (name, label, ticks)
+    # two of luminance, two of noise's four axes twice, f-numbers twice, motion's four
+    assert logarithmic == 2 + 4 + 2 + 4
+    for drawn in (draw_residuals(luminance(), theme="light"), *(draw_signal(luminance(), axes=axes, theme="light") for axes in ("log", "linear"))):
+        for axis in drawn.axis:
+            if not isinstance(axis, LogAxis):
+                continue
+            read = {tick: float(axis.major_label_overrides[tick]) for tick in axis.ticker.ticks}
+            assert all(float(text) == tick for tick, text in read.items())
+            assert {10.0, 20.0, 50.0, 100.0} <= read.keys()
 
 
 @pytest.mark.parametrize("method", RESULTS)

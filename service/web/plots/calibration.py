@@ -20,7 +20,7 @@ Row = dict[str, Any]
 
 _SYMBOLS: Final = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex")
 _ALONG: Final = 80
-_DECADES: Final = [digit * 10.0**power for power in range(-6, 7) for digit in (1, 2, 5)]
+_DECADES: Final = [float(f"{digit}e{power}") for power in range(-6, 7) for digit in (1, 2, 5)]
 _HOLLOW: Final = "rgba(0, 0, 0, 0)"
 _X: Final = "X = t S L / f²  [cd·s/m²]"
 # what stands for @name is escaped by Bokeh, also the name of a file
@@ -174,5 +174,7 @@ def _finish(drawn: figure, theme: Theme) -> None:
     drawn.legend.click_policy = "hide"
     for axis in drawn.axis:
         if isinstance(axis, LogAxis):
-            # by itself it ticks two decades like one: 20, 40, 60, and nothing below
-            axis.update(ticker=FixedTicker(ticks=_DECADES))
+            # by itself it ticks two decades like one: 20, 40, 60, and nothing below; and its labels are powers
+            # of ten whose exponents it rounds: 20 and 50 would both read 10 to the first or second
+            labels = {tick: f"{tick:g}" for tick in _DECADES}
+            axis.update(ticker=FixedTicker(ticks=_DECADES), major_label_overrides=labels)
