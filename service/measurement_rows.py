@@ -36,7 +36,7 @@ def _name_of_band(answer: MeasurementAnswer, figure: str) -> str:
 
 COLUMNS = [
     *_PLAIN,
-    *("calibration_id", "calibration_version", "calibration_state", "region_origin", "pixels"),
+    *("calibration_id", "calibration_version", "calibration_state", "region_origin", "pixels", "frames"),
     *(f"{_name(figure)}{suffix}" for figure in _FIGURES for suffix in ("", "_standard_uncertainty")),
     *(f"p{percent}_cd_m2" for percent in PERCENTS),
     *(f"{figure}_reflectance{suffix}" for figure in _PIXELS for suffix in ("", "_standard_uncertainty")),
@@ -63,6 +63,7 @@ def flatten(answer: MeasurementAnswer) -> dict[str, Any]:
         "calibration_state": answer.calibration.state,
         "region_origin": answer.region_origin,
         "pixels": answer.pixels,
+        "frames": len(answer.frame_ids or [answer.frame_id]),
     }
     surface = isinstance(get_method(answer.method).application, SurfaceApplication)
     for figure in _FIGURES:

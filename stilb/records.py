@@ -260,10 +260,11 @@ class Calibration(Record):
 
 @dataclass(frozen=True, kw_only=True)
 class Measurement(Record):
-    """One frame measured with one version. ``raw`` holds grid, percentiles, budget and flags too."""
+    """A frame or an average, measured. ``raw`` also contains grid, percentiles, budget and flags."""
 
     id: str
     frame_id: str
+    frame_ids: tuple[str, ...] = ()  # of an average
     filename: str
     camera_id: str
     region_origin: str = ""  # of mean, min, max and median: request | grid | frame | campaign | whole_frame

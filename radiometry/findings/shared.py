@@ -270,6 +270,13 @@ CAPTURE_INCOMPLETE = error(
     "An index needs two bands of one capture; the campaign lacks one of them, or it has not been read yet.",
     "Upload the capture's other files to the same campaign.",
 )
+FRAMES_DIFFER = error(
+    "frames_differ",
+    "The frames to be averaged are not repeats of one scene: they differ in exposure, size, region, scene, "
+    "campaign or calibration version, or one is named twice.",
+    "Average frames of one campaign that were taken one after another with the same settings, and send the "
+    "region with the request.",
+)
 OPTION_NOT_OF_METHOD = error(
     "option_not_of_method",
     "The measurement asks for something that its method does not have, such as a grid of a reflectance or an "

@@ -71,6 +71,9 @@ class Signal:
         Largest saturated fraction of the rows that were used.
     black_level_dn, white_level_dn : float
         Black and white level [DN].
+    rounding_dn : float, default: 0.0
+        Part of the standard uncertainty that is the error of rounding [DN], which
+        repeated frames do not average out.
     """
 
     value_dn: float
@@ -78,6 +81,7 @@ class Signal:
     saturated_share: float
     black_level_dn: float
     white_level_dn: float
+    rounding_dn: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -179,12 +183,14 @@ def measure_signal(statistics: Sequence[ChannelStatistics], *, channel: str = "g
     rows = select_rows(statistics, channel=channel)
     count = len(rows)
     variance = sum(mean_variance(row.std_dn, row.n) for row in rows) / count**2
+    rounding = sum(rounding_variance(row.std_dn) for row in rows) / count**2
     return Signal(
         value_dn=sum(row.mean_dn for row in rows) / count,
         standard_uncertainty_dn=math.sqrt(variance),
         saturated_share=max(row.saturated_share for row in rows),
         black_level_dn=sum(row.black_level_dn for row in rows) / count,
         white_level_dn=min(row.white_level_dn for row in rows),
+        rounding_dn=math.sqrt(rounding),
     )
 
 
@@ -203,8 +209,24 @@ def mean_variance(std_dn: float, n: int) -> float:
     float
         Variance of the mean [DN^2].
     """
+    return std_dn**2 / n + rounding_variance(std_dn)
+
+
+def rounding_variance(std_dn: float) -> float:
+    """Compute the variance of the error of rounding that noise does not average out, as in `measure_signal`.
+
+    Parameters
+    ----------
+    std_dn : float
+        Standard deviation of the rounded values [DN].
+
+    Returns
+    -------
+    float
+        Variance [DN^2].
+    """
     noise_variance = max(0.0, std_dn**2 - 1 / 12)
-    return std_dn**2 / n + math.exp(-4 * math.pi**2 * noise_variance) / 12
+    return math.exp(-4 * math.pi**2 * noise_variance) / 12
 
 
 def _read_sites(frame: Frame, inside: NDArray[np.bool_]) -> list[tuple[str, _Site]]:

@@ -8,7 +8,7 @@ from radiometry.specification.application import SurfaceApplication
 APPLICATION: Final = SurfaceApplication(
     quantity="luminance",
     unit="cd/m2",
-    options=("grid", "reflectance"),
+    options=("grid", "reflectance", "frame_ids"),
     name_channels=lens.name_channels,
     choose_coefficient=application.choose_coefficient,
     request=measurement.Request,

@@ -131,6 +131,13 @@ OBSERVER_DIFFERS = flag(
     "use this result for the pattern and to compare nights.",
     "measurement",
 )
+FRAMES_DISAGREE = flag(
+    "frames_disagree",
+    "The averaged frames differ beyond their noise, and by 1 % or more: the light or the view changed.",
+    "Keep the camera still and the light steady, avoid times in which mains light flickers, and take "
+    "more frames; or measure them one by one.",
+    "measurement",
+)
 ISO_NOT_CALIBRATED = error(
     "iso_not_calibrated",
     "The frame was taken at an ISO value for which this calibration has no K; K is not interpolated.",

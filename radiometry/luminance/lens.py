@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon, Window, mask
-from radiometry.frame.statistics import GREY, Signal, mean_variance, name_site
+from radiometry.frame.statistics import GREY, Signal, mean_variance, name_site, rounding_variance
 from radiometry.vignetting.lens import Lens, LensShare
 
 _BAND_ROWS = 256
@@ -106,12 +106,14 @@ def correct_signal(
     count = len(gains)
     harmonic = 1.0 / (sum(float(gain.mean()) for gain in gains) / count)
     light = sum(float(found.mean()) for found in lights) / count
-    variance = sum(mean_variance(_spread(found) * harmonic, found.size) for found in lights) / count**2
+    spreads = [(_spread(found) * harmonic, found.size) for found in lights]
+    variance = sum(mean_variance(std_dn, n) for std_dn, n in spreads) / count**2
     share = lens.over(polygon, channels=name_channels(frame.cfa, channel=channel))
     corrected = replace(
         signal,
         value_dn=dark_signal_dn + light * harmonic,
         standard_uncertainty_dn=math.sqrt(variance),
+        rounding_dn=math.sqrt(sum(rounding_variance(std_dn) for std_dn, _ in spreads)) / count,
     )
     effects = tuple(effect * harmonic / share.value for effect in share.effects)
     return corrected, LensShare(value=harmonic, effects=effects)

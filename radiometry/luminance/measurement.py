@@ -2,8 +2,8 @@
 
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,14 +15,25 @@ from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon, Window, bounding_window
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes, method
-from radiometry.luminance.application import apply_to_signal, choose_coefficient
+from radiometry.luminance.application import NOISE, apply_to_signal, choose_coefficient
+from radiometry.luminance.averaging import (
+    SCATTER,
+    Values,
+    add_signal,
+    average_signals,
+    find_drift,
+    flag_scatter,
+)
 from radiometry.luminance.findings import find_flags, summarise_cells
 from radiometry.luminance.lens import correct_signal
+from radiometry.luminance.maps import sum_signal
 from radiometry.luminance.measured import Measured, Percentile, Share, Surface
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
 from radiometry.luminance.surface import Cells, Estimate, judge_uniformity, lay_grid
-from radiometry.vignetting.lens import Lens
+from radiometry.vignetting.lens import Lens, LensShare
+
+Read = tuple[Signal, LensShare | None]
 
 _GREENS = ("G1", "G2", "G")
 
@@ -105,6 +116,7 @@ def measure(
     calibrated: Sequence[Polygon],
     correction: Vignetting | None = None,
     rendered: bool = False,
+    repeats: Iterable[Frame] = (),
 ) -> Measured:
     """Measure the luminance of a frame.
 
@@ -124,12 +136,16 @@ def measure(
         Vignetting version, if vignetting is corrected.
     rendered : bool, default: False
         True if the frame is a converted image.
+    repeats : iterable of Frame, default: ()
+        The same window of further frames of the same scene at the same exposure,
+        with which the frame is averaged.
 
     Returns
     -------
     Measured
         Luminances and flags: those of `application.apply_coefficient`, and
-        `no_vignetting_correction`, `roi_elsewhere`, `observer_differs`, `rendered`.
+        `no_vignetting_correction`, `roi_elsewhere`, `observer_differs`, `rendered`,
+        `frames_disagree`.
 
     Raises
     ------
@@ -144,19 +160,33 @@ def measure(
     its statistics: measured as it was calibrated. E = pi L / rho holds for a
     diffuse surface; rho is taken as exact. With a correction every signal above
     dark is divided by V (see `lens.correct_signal`).
+
+    Repeated frames are averaged pixel by pixel. Their noise averages; every shared
+    error remains; what they scatter beyond noise is a source of its own (see
+    `averaging.evaluate_scatter`). In a grid the part that all cells have in common
+    is shared by them, the rest is each cell's own.
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     lens = correction.lens if correction else None
-    statistics = method.extract(frame, request.polygon)
     camera = _Camera(exposure, coefficient, lens)
-    region = camera.apply(frame, request.polygon, statistics)
+    cells = lay_grid(request.grid) if request.grid else ()
+    signals, of_cells, summed = [], [], None
+    # one frame at a time: a region may be most of it
+    for each in itertools.chain([frame], repeats):
+        signals.append(camera.read(each, request.polygon))
+        of_cells.append([[camera.read(each, cell, of_grid=True) for cell in line] for line in cells])
+        summed = add_signal(summed, sum_signal(each, channel=coefficient.channel))
+    region = camera.apply(signals)
+    disagreement = flag_scatter([signal for signal, _ in signals], dark_signal_dn=coefficient.dark_signal_dn)
+    scatter_rel = _part(region.effects, source=SCATTER) / (abs(region.luminance_cd_m2.value) or 1.0)
     pixels = order_pixels(
         frame,
         request.polygon,
         channel=coefficient.channel,
         correction=Correction(lens, coefficient.dark_signal_dn) if lens else None,
+        signal=summed,
     )
-    surface, cell_flags = _measure_surface(frame, request, camera)
+    surface, cell_flags = _measure_surface(of_cells, request, camera)
     measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
     own = find_flags(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
 
@@ -168,9 +198,11 @@ def measure(
             black_level_dn=0.0,
             white_level_dn=0.0,
         )
-        return apply_to_signal(
+        found = apply_to_signal(
             signal, exposure=exposure, coefficient=coefficient, share=pixel.share
         ).luminance_cd_m2
+        u = math.hypot(found.standard_uncertainty, found.value * scatter_rel)
+        return replace(found, standard_uncertainty=u)
 
     return Measured(
         pixels=pixels.pixels,
@@ -192,9 +224,9 @@ def measure(
         budget=_share_out(region),
         surface=surface,
         illuminance_lx=_illuminate(region.luminance_cd_m2, request.reflectance),
-        saturated_share=measure_signal(statistics, channel=coefficient.channel).saturated_share,
+        saturated_share=max(signal.saturated_share for signal, _ in signals),
         vignetting=correction.name if correction else "none",
-        flags=(*region.flags, *cell_flags, *own),
+        flags=(*region.flags, *cell_flags, *disagreement, *own),
         lens_share=region.lens_share,
     )
 
@@ -207,32 +239,63 @@ class _Camera:
     coefficient: Coefficient
     lens: Lens | None
 
-    def apply(
-        self, frame: Frame, polygon: Polygon, statistics: Sequence[ChannelStatistics]
-    ) -> AppliedLuminance:
-        signal, share = measure_signal(statistics, channel=self.coefficient.channel), None
-        if self.lens is not None:
-            signal, share = correct_signal(
-                frame,
-                polygon,
-                signal,
-                self.lens,
-                channel=self.coefficient.channel,
-                dark_signal_dn=self.coefficient.dark_signal_dn,
-            )
-        return apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
+    def read(self, frame: Frame, polygon: Polygon, *, of_grid: bool = False) -> Read:
+        """Return the signal of a region, and V if vignetting is corrected."""
+        statistics = method.extract(frame, polygon)
+        if of_grid:
+            _require_green(statistics, frame)
+        signal = measure_signal(statistics, channel=self.coefficient.channel)
+        if self.lens is None:
+            return signal, None
+        return correct_signal(
+            frame,
+            polygon,
+            signal,
+            self.lens,
+            channel=self.coefficient.channel,
+            dark_signal_dn=self.coefficient.dark_signal_dn,
+        )
+
+    def apply(self, read: Sequence[Read], *, drift: tuple[Values, float] | None = None) -> AppliedLuminance:
+        """Apply the coefficient to the mean of a region's signals.
+
+        ``drift`` is that of the whole grid (see `averaging.find_drift`): the shared part of the scatter.
+        """
+        signal, scatter_dn = average_signals(
+            [signal for signal, _ in read],
+            dark_signal_dn=self.coefficient.dark_signal_dn,
+            drift_rel=drift[0] if drift else None,
+        )
+        # V depends on the place alone
+        applied = apply_to_signal(
+            signal, exposure=self.exposure, coefficient=self.coefficient, share=read[0][1]
+        )
+        if len(read) == 1:
+            return applied
+        per_dn = _part(applied.effects, source=NOISE) / signal.standard_uncertainty_dn
+        own = Effect(source=SCATTER, shared=drift is None, effect_cd_m2=scatter_dn * per_dn)
+        more = [own]
+        if drift is not None:
+            shared = drift[1] * applied.luminance_cd_m2.value
+            more.append(Effect(source=SCATTER, shared=True, effect_cd_m2=shared))
+        effects = (*applied.effects, *more)
+        u = math.hypot(*(effect.effect_cd_m2 for effect in effects))
+        luminance = replace(applied.luminance_cd_m2, standard_uncertainty=u)
+        return replace(applied, luminance_cd_m2=luminance, effects=effects)
 
 
 def _measure_surface(
-    frame: Frame, request: Request, camera: _Camera
+    frames: Sequence[Sequence[Sequence[Read]]], request: Request, camera: _Camera
 ) -> tuple[Surface | None, tuple[Raised, ...]]:
-    """Apply the calibration to every cell, and judge them together."""
+    """Apply the calibration to every cell as it was read in each frame, and judge them together."""
     if request.grid is None:
         return None, ()
-    applied = [
-        [camera.apply(frame, cell, _require_green(method.extract(frame, cell), frame)) for cell in line]
-        for line in lay_grid(request.grid)
-    ]
+    cells = [list(zip(*lines, strict=True)) for lines in zip(*frames, strict=True)]
+    drift = None
+    if len(frames) > 1:
+        signals = [[signal for signal, _ in cell] for line in cells for cell in line]
+        drift = find_drift(signals, dark_signal_dn=camera.coefficient.dark_signal_dn)
+    applied = [[camera.apply(cell, drift=drift) for cell in line] for line in cells]
     uniformity = judge_uniformity(_gather(applied))
     average = _quantity(uniformity.average_cd_m2, "cd/m2")
     surface = Surface(
@@ -250,14 +313,13 @@ def _measure_surface(
     return surface, summarise_cells(applied)
 
 
-def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> tuple[ChannelStatistics, ...]:
+def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> None:
     """Refuse a cell without green pixels, which would be measured with another colour than was calibrated."""
     if "G" in frame.cfa and not any(row.channel in _GREENS for row in statistics):
         raise InputRejected(
             codes.GRID_INVALID,
             "A cell of the grid holds no green pixel: take fewer rows or columns, or fly lower.",
         )
-    return statistics
 
 
 def _gather(applied: Sequence[Sequence[AppliedLuminance]]) -> Cells:
@@ -270,8 +332,11 @@ def _gather(applied: Sequence[Sequence[AppliedLuminance]]) -> Cells:
     return Cells(values_cd_m2=values, noise_cd_m2=noise, shared_cd_m2=np.moveaxis(shared, -1, 0))
 
 
-def _part(effects: Sequence[Effect], *, shared: bool) -> float:
-    return math.hypot(*(effect.effect_cd_m2 for effect in effects if effect.shared is shared))
+def _part(effects: Sequence[Effect], *, shared: bool | None = None, source: str | None = None) -> float:
+    """Add up the effects that are shared or not, or of one source."""
+    return math.hypot(
+        *(e.effect_cd_m2 for e in effects if shared in {None, e.shared} and source in {None, e.source})
+    )
 
 
 def _share_out(applied: AppliedLuminance) -> tuple[Share, ...]:

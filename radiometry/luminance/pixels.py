@@ -116,7 +116,12 @@ class Correction:
 
 
 def order_pixels(
-    frame: Frame, polygon: Polygon, *, channel: str, correction: Correction | None = None
+    frame: Frame,
+    polygon: Polygon,
+    *,
+    channel: str,
+    correction: Correction | None = None,
+    signal: tuple[Sums, int] | None = None,
 ) -> PixelSignals:
     """Compute the extremes, the median and the percentiles of a region's pixels.
 
@@ -130,6 +135,9 @@ def order_pixels(
         "green" or "grey".
     correction : Correction or None, default: None
         Lens and dark signal, if vignetting is corrected.
+    signal : tuple[Sums, int] or None, default: None
+        Signal of each pixel as from `maps.sum_signal`, if it is not this frame's alone
+        but the sum over repeated frames.
 
     Returns
     -------
@@ -154,7 +162,7 @@ def order_pixels(
     .. [1] M. G. Kendall, A. Stuart, The Advanced Theory of Statistics 1, section
            10.11
     """
-    sums, parts = sum_signal(frame, channel=channel)
+    sums, parts = signal or sum_signal(frame, channel=channel)
     height, width = sums.shape
     inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
     inside &= find_measured(frame, channel=channel)

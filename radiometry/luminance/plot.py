@@ -31,7 +31,7 @@ def draw(result: dict[str, Any]) -> str:
 
 def _row(result: dict[str, Any], fit: dict[str, Any], top: float) -> Iterator[str]:
     coefficient = fit["coefficient"]
-    points = [p for p in result["points"] if p["iso"] == coefficient["iso"] and p["rhs"]]
+    points = [p for p in result["points"] if p["iso"] == coefficient["iso"] and p.get("rhs")]
     name = f"ISO {coefficient['iso']:g}"
     model = _model(coefficient)
     signals = [p["adjusted_signal_dn"] for p in points]
@@ -51,7 +51,7 @@ def _row(result: dict[str, Any], fit: dict[str, Any], top: float) -> Iterator[st
 
 
 def _residuals(name: str, points: list[dict[str, Any]], tolerance: float, top: float) -> Iterator[str]:
-    judged = [p for p in points if p["residual_rel"] is not None]
+    judged = [p for p in points if p.get("residual_rel") is not None]
     used = [100 * p["residual_rel"] for p in judged if p["used"]]
     limit = 100 * tolerance
     panel = Panel(

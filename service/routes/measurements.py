@@ -40,13 +40,14 @@ router = APIRouter(prefix="/v1", tags=["measurements"])
 def start_measurement(body: NewMeasurement, caller: Uploader, writing: Writes) -> Response:
     """Measure a frame with a calibrated camera. The job's result names the measurement.
 
-    Without `calibration_id` the version is taken that was in force when the frame was taken.
+    Without `calibration_id` the version is taken that was in force when the frame was taken. `frame_ids` in
+    place of `frame_id` averages repeats of one scene.
     """
 
     def change(session: Session) -> Reply:
-        frame = owned(session, FrameRow, body.frame_id, caller)
-        named = _named(session, body, caller)
-        job = _enqueue(session, frame, _read_asked(body), named, caller, Captures(session), lane="measure")
+        frame, *_ = (owned(session, FrameRow, each, caller) for each in body.list_frames())
+        asked, named = _read_asked(body), _named(session, body, caller)
+        job = _enqueue(session, frame, asked, named, caller, Captures(session), lane="measure")
         session.flush()
         location = {"Location": f"/v1/jobs/{job.id}"}
         return Reply(status=202, body=JobAnswer.of(job), headers=location, jobs=[job])
@@ -188,6 +189,7 @@ def _read_asked(body: MeasurementOptions) -> Asked:
         reflectance=body.reflectance,
         incidence_angle_deg=body.incidence_angle_deg,
         index=body.index,
+        frame_ids=tuple(body.list_frames()) if isinstance(body, NewMeasurement) and body.frame_ids else None,
         products=tuple(body.products or ()),
         allow=tuple(dict.fromkeys(body.allow or ())),
     )

@@ -29,6 +29,9 @@ from store.tables import Calibration, FrameRow, Measurement
 class MeasurementAnswer(Answer):
     id: str
     frame_id: str
+    frame_ids: list[str] | None = Field(
+        default=None, description="The frames that were averaged, `frame_id` first; absent of a single one."
+    )
     campaign_id: str
     camera_id: str
     filename: str
@@ -101,6 +104,7 @@ class MeasurementAnswer(Answer):
         of_vignetting: VersionStatus | None = None,
     ) -> "MeasurementAnswer":
         result, header = row.result, frame.header or {}
+        repeats = row.parameters.get("repeats", [])
         place: dict[str, Any] = {name: header.get(name) for name in _FROM_HEADER}
         flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]]
         flags += _flags_of(status) + _flags_of_vignetting(of_vignetting)
@@ -110,6 +114,7 @@ class MeasurementAnswer(Answer):
             **place,
             **_figures(row),
             camera_id=calibration.camera_id,
+            frame_ids=[row.frame_id, *(each["frame_id"] for each in repeats)] if repeats else None,
             filename=frame.filename,
             calibration=CalibrationUsed.restate(calibration, status, why=result["why"]),
             region=row.parameters["polygon"],

@@ -2,13 +2,15 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field, model_validator
 
 from radiometry.frame.grid import MAX_CELLS_A_SIDE
 from radiometry.frame.multispectral import Index
 from service.schemas.base import Answer, Form, Number, Text
 from service.schemas.campaigns import NewRoi, Point, Reflectance
 from service.schemas.jobs import JobAnswer
+
+MOST_AVERAGED = 32
 
 Side = Annotated[int, Field(ge=1, le=MAX_CELLS_A_SIDE, strict=True)]
 
@@ -62,7 +64,32 @@ class MeasurementOptions(Form):
 
 
 class NewMeasurement(MeasurementOptions):
-    frame_id: Text
+    """A frame, or several of one scene that are averaged."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": ["frame_id"]}, {"required": ["frame_ids"]}]}
+    )
+
+    frame_id: Text | None = None
+    frame_ids: Annotated[
+        list[Text] | None,
+        Field(
+            min_length=2,
+            max_length=MOST_AVERAGED,
+            description="Frames of one scene with the same settings, averaged pixel by pixel: their noise "
+            "averages, errors that they share do not.",
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "NewMeasurement":
+        if (self.frame_id is None) == (self.frame_ids is None):
+            raise ValueError("give either frame_id or frame_ids")
+        return self
+
+    def list_frames(self) -> list[str]:
+        """Return the ids in the order in which the same frames are always measured."""
+        return sorted(self.frame_ids) if self.frame_ids else [self.frame_id or ""]
 
 
 class NotMeasured(Answer):

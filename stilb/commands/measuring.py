@@ -24,7 +24,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         str | None, typer.Option(help="Default: in force at the time of the frame.")
     ] = None,
     region: Annotated[
-        str | None, typer.Option(help='Region "x,y x,y x,y ..."; default: --grid, the frame\'s own, its campaign\'s.'),
+        str | None,
+        typer.Option(help="Region \"x,y x,y x,y ...\"; default: --grid, the frame's own, its campaign's."),
     ] = None,
     grid: Annotated[
         str | None, typer.Option(help='A surface: "3x5 x,y x,y x,y x,y", rows x columns.')
@@ -40,10 +41,16 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     save_map: Annotated[
         Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame in this folder.")
     ] = None,
+    *,
+    average: Annotated[
+        bool, typer.Option("--average", help="Average the frames: repeats of one scene.")
+    ] = False,
 ) -> None:
     """Measure frames with a calibrated camera."""
     if bool(frames) == (campaign is not None):
         raise typer.BadParameter("give frames, or --campaign")
+    if average and len(frames or ()) < 2:
+        raise typer.BadParameter("--average needs two frames or more")
     details = _details(calibration, region, grid, reflectance)
     if index is not None:
         details["index"] = index
@@ -56,7 +63,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
             campaign_id = client.find_campaign(campaign).id
             found, refused = client.measure_campaign(campaign_id, with_map=with_map, **details)
         else:
-            found = [client.measure(frame, with_map=with_map, **details) for frame in frames or ()]
+            asked = [frames or []] if average else frames or []
+            found = [client.measure(each, with_map=with_map, **details) for each in asked]
         if save_map is not None:
             save_map.mkdir(parents=True, exist_ok=True)
             for one in found:
@@ -115,7 +123,7 @@ def _table(found: list[Measurement]) -> Any:  # noqa: ANN401
         [
             (
                 one.id,
-                one.filename,
+                one.filename + (f" and {len(one.frame_ids) - 1} more" if one.frame_ids else ""),
                 figure(one.mean) if one.mean else "",
                 one.region_origin.replace("_", " "),
                 f"{one.u_o.value:.3f}" if one.u_o else "",

@@ -1,6 +1,6 @@
 """Measurements with a calibrated camera."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -15,10 +15,14 @@ class Measurements(Jobs):
     """Frames of the field turned into physical units."""
 
     def measure(
-        self, frame_id: str, *, with_map: bool = False, **details: Unpack[MeasureDetails]
+        self, frame: str | Sequence[str], *, with_map: bool = False, **details: Unpack[MeasureDetails]
     ) -> Measurement:
-        """Measure one frame and wait. Without ``calibration_id``: what was in force when it was taken."""
-        body = {"frame_id": frame_id, **_options(details, with_map=with_map)}
+        """Measure one frame, or the average of several of one scene, and wait.
+
+        Without ``calibration_id``: what was in force when it was taken.
+        """
+        frames = {"frame_id": frame} if isinstance(frame, str) else {"frame_ids": list(frame)}
+        body = {**frames, **_options(details, with_map=with_map)}
         return self._measured(Job.of(self._post(address("measurements"), body)))
 
     def measure_campaign(

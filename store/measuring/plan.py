@@ -21,6 +21,9 @@ from store.measuring.version import choose_version
 from store.queries.frames import current_roi, whole_frame_of
 from store.tables import Calibration, Campaign, FrameRow
 
+# what frames must have in common to be averaged, beside their exposure
+_FORMAT = ("width_px", "height_px", "cfa", "white_level_dn", "rendered")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
@@ -31,6 +34,8 @@ class Asked:
     reflectance: float | None = None
     incidence_angle_deg: float | None = None
     index: Index | None = None
+    frame_ids: tuple[str, ...] | None = None
+    """Frames of one scene that are averaged, the measurement's own first."""
     products: tuple[str, ...] = field(default=())
     allow: tuple[str, ...] = field(default=())
     """Flags of a frame that forbid to measure it, unless they are named here."""
@@ -49,6 +54,18 @@ def plan_measurement(
     _refuse_foreign_options(campaign.method, asked)
     calibration, chosen, why = choose_version(session, frame, campaign, named)
     polygon, origin = _find_region(session, frame, campaign, asked)
+    repeats = [session.get_one(FrameRow, each) for each in (asked.frame_ids or ())[1:]]
+    for repeat in repeats:
+        _require_read(repeat, campaign.method)
+        require_whole(repeat, read_proof(repeat), asked.allow)
+        _require_repeat(repeat, frame)
+        if (
+            choose_version(session, repeat, campaign, named)[0] is not calibration
+            or _find_region(session, repeat, campaign, asked)[0] != polygon
+        ):
+            raise shared.FRAMES_DIFFER.refuse(
+                f"{repeat.filename} and {frame.filename} have different regions or calibration versions."
+            )
     plan = {
         "calibration_id": calibration.id,
         "calibration_chosen": chosen,
@@ -57,6 +74,7 @@ def plan_measurement(
         "region_origin": origin,
         "products": list(asked.products),
         **({"allow": list(asked.allow)} if asked.allow else {}),
+        **({"repeats": [{"frame_id": r.id, "sha256": r.sha256} for r in repeats]} if repeats else {}),
     }
     match get_method(campaign.method).application:
         case SurfaceApplication() as application:
@@ -82,6 +100,24 @@ def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Capt
     if not isinstance(application, BandApplication):
         raise TypeError(f"{method} takes an index without bands")
     return captures.find(frame, application.name_bands(asked.index)[0])
+
+
+def _require_repeat(repeat: FrameRow, frame: FrameRow) -> None:
+    """Refuse to average two frames that are not repeats of one scene, and name what differs."""
+    header, other = frame.header or {}, repeat.header or {}
+    compared = {
+        "campaign": (frame.campaign_id, repeat.campaign_id),
+        "scene": (frame.scene, repeat.scene),
+        "exposure": (frame.exposure, repeat.exposure),
+        **{name: (header.get(name), other.get(name)) for name in _FORMAT},
+    }
+    differing = [name.replace("_", " ") for name, (here, there) in compared.items() if here != there]
+    if frame.sha256 == repeat.sha256:
+        differing = ["nothing: they are one image"]
+    if differing:
+        raise shared.FRAMES_DIFFER.refuse(
+            f"{repeat.filename} cannot be averaged with {frame.filename}; different: {', '.join(differing)}."
+        )
 
 
 def _refuse_foreign_options(method: str, asked: Asked) -> None:

@@ -97,7 +97,9 @@ def test_other_outlines_are_compared_only_if_asked_for(house, version):
         assert (problem["code"], f"from the {origin}" in problem["detail"]) == ("regions_differ", True)
     found = house.get(address, old=drawn["id"], other_region="true")
     assert not found["same_region"]
-    assert found["said"].endswith("The two regions differ: the change may be one of the place and not of the light.")
+    assert found["said"].endswith(
+        "The two regions differ: the change may be one of the place and not of the light."
+    )
     # the verdict is of what the cells show
     cells = [cell["change"]["value"] for line in found["cells"] for cell in line]
     assert min(cells) < found["change"]["value"] < max(cells)

@@ -129,7 +129,10 @@ def test_the_headline_is_of_the_drawn_surface(house):
     house.http.put(f"/v1/frames/{frame['id']}/roi", json=left(30))
     house.work()
     own = measure(house, frame)
-    assert (own["region_origin"], own["region"]) == ("frame", [list(map(float, xy)) for xy in left(30)["polygon"]])
+    assert (own["region_origin"], own["region"]) == (
+        "frame",
+        [list(map(float, xy)) for xy in left(30)["polygon"]],
+    )
     assert measure(house, frame, grid=right)["region"] == right["corners"]
 
 
@@ -377,6 +380,45 @@ def test_a_whole_night_in_one_go(house):
         f"/v1/campaigns/{campaign['id']}/measurements.geojson", params={"calibration_id": "other"}
     )
     assert none.json() == {"type": "FeatureCollection", "features": []}
+
+
+@pytest.mark.usefixtures("version")
+def test_repeats_of_a_scene_are_one_measurement_with_less_noise(house):
+    campaign = field_campaign(house)
+    frames = [field_frame(house, campaign, name=f"{seed}.DNG", seed=seed, noise_dn=8.0) for seed in range(4)]
+    ids = sorted(frame["id"] for frame in frames)
+    alone = [measure(house, frame, products=["map"]) for frame in frames]
+    found = average(house, ids, products=["map"])
+    assert found["frame_ids"] == ids
+    assert found["frame_id"] == ids[0]
+    assert "frame_ids" not in alone[0]
+    assert found["mean"]["value"] == pytest.approx(np.mean([one["mean"]["value"] for one in alone]), rel=1e-9)
+    assert found["noise_u_cd_m2"] == pytest.approx(alone[0]["noise_u_cd_m2"] / 2, rel=0.1)
+    sources = [row["source"] for row in found["budget"]]
+    assert "scatter between repeats" in sources
+    plane, *planes = (read_map(house, one) for one in (found, *alone))
+    assert plane == pytest.approx(np.mean(planes, axis=0), rel=1e-6)
+    assert average(house, ids[::-1], products=["map"])["id"] == found["id"]
+    rows = house.http.get(f"/v1/campaigns/{campaign['id']}/measurements.csv").text
+    assert [row["frames"] for row in csv.DictReader(io.StringIO(rows))] == ["1"] * 4 + ["4"]
+    longer = field_frame(house, campaign, name="long.DNG", exposure_time_s=0.04)
+    for other, told in ((longer["id"], "different: exposure"), (ids[0], "one image")):
+        problem = house.post("/v1/measurements", {"frame_ids": [ids[0], other]}, status=422)
+        assert (problem["code"], told in problem["detail"]) == ("frames_differ", True)
+    for both in ({}, {"frame_id": ids[0], "frame_ids": ids}):
+        house.post("/v1/measurements", both, status=422)
+
+
+def average(house, ids, **asked):
+    job = house.post("/v1/measurements", {"frame_ids": ids} | asked, status=202)
+    house.work()
+    done = house.get(f"/v1/jobs/{job['id']}")
+    assert done["state"] == "succeeded", done
+    return house.get(f"/v1/measurements/{done['result']['measurement_id']}")
+
+
+def read_map(house, found):
+    return tifffile.imread(io.BytesIO(house.http.get(found["links"]["map_tif"]).content))
 
 
 @pytest.mark.usefixtures("version")

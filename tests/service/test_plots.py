@@ -163,7 +163,10 @@ def luminance():
         }
 
     coefficient = {"iso": 100.0, "model": "proportional", "parameters": [2.0]}
-    points = [point(100.0, rhs, residual) for rhs, residual in ((20.0, 0.01), (50.0, -0.02), (300.0, 0.0), (8e3, None))]
+    points = [
+        point(100.0, rhs, residual)
+        for rhs, residual in ((20.0, 0.01), (50.0, -0.02), (300.0, 0.0), (8e3, None))
+    ]
     return {"iso_fits": [{"coefficient": coefficient}], "points": points, "tolerance_rel": 0.04}
 
 
@@ -222,7 +225,13 @@ def axes_of(picture):
 
 
 def pictures():
-    case = MotionCase(pixel_pitch_um=4.65, focal_length_mm=9.0, exposure_time_s=1 / 400, ground_speed_m_s=15.0, distance_m=100.0)
+    case = MotionCase(
+        pixel_pitch_um=4.65,
+        focal_length_mm=9.0,
+        exposure_time_s=1 / 400,
+        ground_speed_m_s=15.0,
+        distance_m=100.0,
+    )
     return {
         **{method: ET.fromstring(get_method(method).draw(result())) for method, result in RESULTS.items()},
         "vignetting of one": ET.fromstring(draw_one_f_number()),
@@ -239,19 +248,24 @@ def test_every_tick_reads_the_value_at_its_place():
     """A logarithmic axis has three texts or more, each as far along as its logarithm, none over another."""
     logarithmic = 0
     for name, picture in pictures().items():
-        for label, ticks in axes_of(picture):
+        for x_axis, (label, ticks) in zip(itertools.cycle([True, False]), axes_of(picture), strict=False):
             places, values = (np.array(each, float) for each in zip(*ticks, strict=True))
             if "logarithmic" in label:
                 logarithmic += 1
                 assert len(ticks) >= 3, (name, label)
-                widths = [7 * len(text) for _, text in ticks]
-                assert all(np.abs(np.diff(places)) > np.minimum(widths[1:], widths[:-1])), (name, label, ticks)
+                # beside each other texts need their width, above each other their height
+                across = [7 * len(text) for _, text in ticks] if x_axis else [12] * len(ticks)
+                room = np.abs(np.diff(places)) - (np.array(across[1:]) + across[:-1]) / 2
+                assert all(room > 0), (name, label, ticks)
                 values = np.log(values)
             slope, start = np.polyfit(values, places, 1)
             assert places == pytest.approx(start + slope * values, abs=0.2), (name, label, ticks)
     # two of luminance, two of noise's four axes twice, f-numbers twice, motion's four
     assert logarithmic == 2 + 4 + 2 + 4
-    for drawn in (draw_residuals(luminance(), theme="light"), *(draw_signal(luminance(), axes=axes, theme="light") for axes in ("log", "linear"))):
+    for drawn in (
+        draw_residuals(luminance(), theme="light"),
+        *(draw_signal(luminance(), axes=axes, theme="light") for axes in ("log", "linear")),
+    ):
         for axis in drawn.axis:
             if not isinstance(axis, LogAxis):
                 continue

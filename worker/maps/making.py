@@ -1,11 +1,14 @@
 """A frame's map in one pass: read, computed, written and reduced band by band."""
 
+import itertools
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from radiometry.frame import Frame, FrameHeader
 from worker.decode.pool import DecoderPool, Readable
@@ -64,6 +67,25 @@ def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: 
     ):
         write_tiff(target, _make_tiles(reader, subject, reduction, threads), facts)
     return reduction
+
+
+def average_maps(decoders: DecoderPool, subject: Subject, repeats: Iterable[Subject]) -> Subject:
+    """Compute the mean of the maps of several frames, as one subject; unknown in one frame is unknown.
+
+    One frame is read at a time, so that the memory is that of one map however many they are.
+    """
+    header = subject.header
+    plane, count = np.zeros((header.height_px, header.width_px), np.float32), 0
+    for each in itertools.chain([subject], repeats):
+        count += 1
+        with decoders.hold(each.file), StripReader(decoders, each.file, header) as reader:
+            for top, bottom in cut_bands(header.height_px, TILE_PX):
+                frame = reader.rows(max(0, top - each.rim_px), min(header.height_px, bottom + each.rim_px))
+                plane[top:bottom] += each.compute(frame)[top - frame.row0 : bottom - frame.row0]
+    plane /= np.float32(count)
+    return replace(
+        subject, rim_px=0, compute=lambda frame: plane[frame.row0 : frame.row0 + len(frame.samples_dn)]
+    )
 
 
 def _make_tiles(

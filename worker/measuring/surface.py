@@ -14,7 +14,7 @@ from store.measuring.plan import read_request
 from store.measuring.record import Products, read_regions
 from store.software import read_version
 from worker.decode.pool import Readable
-from worker.maps.making import Subject, make_map
+from worker.maps.making import Subject, average_maps, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import LUMINANCE
 from worker.maps.tiff import MapFacts
@@ -45,12 +45,10 @@ def make_subject(
 def _measure(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN401  the method's own
     request, header = read_request(application, task.parameters), task.header
     window = application.find_window(request, height_px=header.height_px, width_px=header.width_px)
-    pixels = task.context.decoders.read_window(
-        task.file, (window.row0, window.col0, window.height, window.width)
-    )
+    decoders, part = task.context.decoders, (window.row0, window.col0, window.height, window.width)
     lens, falloff = read_lens(task.calibration, task.exposure), _find_correction(task)
     return application.measure(
-        pixels,
+        decoders.read_window(task.file, part),
         request,
         exposure=task.exposure,
         coefficients=read_applied(task.calibration),
@@ -59,6 +57,7 @@ def _measure(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN40
         if lens and falloff
         else None,
         rendered=header.rendered,
+        repeats=(decoders.read_window(file, part) for file in task.open_repeats()),
     )
 
 
@@ -84,15 +83,20 @@ def _map(task: Task, application: SurfaceApplication) -> Products:
         ),
         packet=write_packet(task.header.attitude),
     )
+    subject, more = make_subject(application, task.file, task.header, scale), ""
+    if "repeats" in task.parameters:
+        more = f" and {len(task.parameters['repeats'])} more"
+        repeats = (make_subject(application, file, task.header, scale) for file in task.open_repeats())
+        subject = average_maps(task.context.decoders, subject, repeats)
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"
         made = make_map(
             task.context.decoders,
-            make_subject(application, task.file, task.header, scale),
+            subject,
             facts,
             target,
             style=LUMINANCE,
-            caption=f"{task.frame.filename}, calibration version {task.calibration.version}",
+            caption=f"{task.frame.filename}{more}, calibration version {task.calibration.version}",
         )
         blobs = task.context.blobs
         return Products(tif=keep_file(blobs, target), png=keep(blobs, made.picture))

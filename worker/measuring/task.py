@@ -1,6 +1,6 @@
 """What every method's measuring is given, and the products that it leaves."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,12 @@ class Task:
     def wants_map(self) -> bool:
         return "map" in self.parameters["products"]
 
+    def open_repeats(self) -> Iterator[StoredFile]:
+        """Return the files of further frames with which the frame is averaged, one open at a time."""
+        for repeat in self.parameters.get("repeats", []):
+            with self.context.files.local(repeat["sha256"]) as file, self.context.decoders.hold(file):
+                yield file
+
     def describe(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401
         """What ImageDescription says, so that a map that has left its place still names what it is."""
         calibration, exposure = self.calibration, self.frame.exposure or {}
@@ -46,6 +52,7 @@ class Task:
                 "version": calibration.version,
                 "content_sha256": calibration.content_sha256,
             },
+            **{name: self.parameters[name] for name in ("repeats",) if name in self.parameters},
             "frame": {"id": self.frame.id, "sha256": self.frame.sha256, "filename": self.frame.filename},
             "exposure": {
                 name: exposure[name] for name in ("exposure_time_s", "f_number", "iso") if name in exposure

@@ -50,7 +50,7 @@ def measure(context: Context, claim: Claim) -> Outcome:
 
 
 def _find_doubts(context: Context, claim: Claim, frame: FrameRow, file: StoredFile) -> list[dict[str, Any]]:
-    """What is doubted in the frame, and in an index's other one, and was asked for all the same.
+    """What is doubted in the frame, and in those that are measured with it, and was asked for all the same.
 
     A frame that was read before there were proofs is read as a whole here.
 
@@ -60,9 +60,9 @@ def _find_doubts(context: Context, claim: Claim, frame: FrameRow, file: StoredFi
     proof = read_proof(frame) or context.decoders.inspect(file)[1]
     require_whole(frame, proof, allowed)
     proofs = [(frame, proof)]
-    if "other" in claim.parameters:
+    for named in [*claim.parameters.get("repeats", []), *filter(None, [claim.parameters.get("other")])]:
         with context.database.reading() as session:
-            other = session.get_one(FrameRow, claim.parameters["other"]["frame_id"])
+            other = session.get_one(FrameRow, named["frame_id"])
         with context.files.local(other.sha256) as there:
             proof = read_proof(other) or context.decoders.inspect(there)[1]
         require_whole(other, proof, allowed)

@@ -174,7 +174,7 @@ def _finish(drawn: figure, theme: Theme) -> None:
     drawn.legend.click_policy = "hide"
     for axis in drawn.axis:
         if isinstance(axis, LogAxis):
-            # by itself it ticks two decades like one: 20, 40, 60, and nothing below; and its labels are powers
-            # of ten whose exponents it rounds: 20 and 50 would both read 10 to the first or second
+            # by itself it ticks two decades like one, 20, 40, 60 and nothing below, and rounds the exponents
+            # of its labels: 20 would read 10 to the first, and 50 to the second power
             labels = {tick: f"{tick:g}" for tick in _DECADES}
             axis.update(ticker=FixedTicker(ticks=_DECADES), major_label_overrides=labels)

@@ -42,7 +42,14 @@ def noisy(signal_dn, *, noise_dn=4.0, seed=1, shape=(64, 96)):
 
 
 def measured(
-    frame, *, exposure=EXPOSURE, coefficient=COEFFICIENT, calibrated=(ROI,), rendered=False, **asked
+    frame,
+    *,
+    exposure=EXPOSURE,
+    coefficient=COEFFICIENT,
+    calibrated=(ROI,),
+    rendered=False,
+    repeats=(),
+    **asked,
 ):
     return measure(
         frame,
@@ -51,6 +58,7 @@ def measured(
         coefficients=(coefficient,),
         calibrated=calibrated,
         rendered=rendered,
+        repeats=repeats,
     )
 
 

@@ -20,6 +20,9 @@ const region = regionPart();
 const settings = h("div", { class: "fields" });
 const place = h("fieldset", { class: "card" }, h("legend", { class: "legend" }, "Region"), region.element);
 const chosen = {};
+const SAME = ["scene", "exposure_time_s", "f_number", "iso"];
+const averaged = h("select", { multiple: true, size: 4 });
+const averagedField = field("Average with", averaged, "Repeats of the same view with the same settings: their noise averages. Optional.");
 
 load(byId("form"), begin, (drawn) => drawn);
 form.addEventListener("submit", (event) => {
@@ -54,7 +57,7 @@ async function begin() {
   const rest = h("div", { class: "stack-wide" }, place, section("With", settings), h("div", { class: "actions" }, h("button", { type: "submit", class: "primary" }, "Measure"), h("span", { class: "muted", role: "status", id: "progress" })));
   const ready = offerFrames();
   await ready;
-  return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign), field("Frame", frame)), note), rest);
+  return h("div", { class: "stack-wide" }, section("Frame", h("div", { class: "fields" }, field("Campaign", campaign), field("Frame", frame), averagedField), note), rest);
 }
 
 const section = (title, ...content) => h("fieldset", { class: "card" }, h("legend", { class: "legend" }, title), content);
@@ -70,6 +73,9 @@ async function newestWithField(campaigns) {
 async function choose(id) {
   const frame = chosen.frames.find((each) => each.id === id);
   chosen.frame = frame;
+  const alike = chosen.frames.filter((each) => each.id !== id && SAME.every((name) => each[name] === frame[name]));
+  averaged.parentElement.hidden = !alike.length || !methodOf(chosen.campaign.method).measurement_options.includes("frame_ids");
+  fill(averaged, alike.map((each) => h("option", { value: each.id }, each.filename)));
   const roi = frame.roi_id ? await get(`/v1/frames/${id}/roi`) : chosen.roi;
   if (chosen.frame === frame) region.show(frame, roi?.polygon);
 }
@@ -99,8 +105,9 @@ async function measure() {
   const said = numberOf(chosen.number);
   const { measurement_options: options } = methodOf(chosen.campaign.method);
   const name = ["reflectance", "incidence_angle_deg"].find((each) => options.includes(each));
+  const repeats = [...averaged.selectedOptions].map((each) => each.value);
   const body = {
-    frame_id: chosen.frame.id,
+    ...(repeats.length ? { frame_ids: [chosen.frame.id, ...repeats] } : { frame_id: chosen.frame.id }),
     ...(place.hidden ? {} : region.read()),
     ...(said === undefined ? {} : { [name]: said }),
     ...(chosen.calibration.value ? { calibration_id: chosen.calibration.value } : {}),

@@ -100,7 +100,7 @@ function drawBudget({ budget, mean }) {
 function drawRecord(found) {
   const facts = [
     ["Quantity", titleOf(found)],
-    ["Frame", h("a", { href: `/campaigns/${found.campaign_id}` }, found.filename)],
+    ["Frame", [h("a", { href: `/campaigns/${found.campaign_id}` }, found.filename), found.frame_ids ? ` averaged with ${found.frame_ids.length - 1} more of the same scene` : null]],
     ["Taken", found.taken_at ? time(found.taken_at) : "not in the file"],
     ["Position", found.latitude_deg === undefined ? "not in the file" : `${number(found.latitude_deg, 9)}°, ${number(found.longitude_deg, 9)}°${found.altitude_m === undefined ? "" : `, ${number(found.altitude_m, 5)} m`}`],
     ["Region", `${found.region.length} corners: ${regionOf(found)}${found.pixels ? `; ${number(found.pixels, 9)} measured pixels` : ""}`],

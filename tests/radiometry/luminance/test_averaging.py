@@ -1,0 +1,95 @@
+"""Repeated frames as one: noise averages, shared errors do not, and what else differs is in the budget."""
+
+import math
+
+import numpy as np
+import pytest
+
+from radiometry.frame.grid import Grid
+from radiometry.frame.statistics import Signal
+from radiometry.luminance.averaging import SCATTER, average_signals
+from tests.radiometry.luminance.test_measurement import CORNERS, PER_DN, flags, make_frame, measured, noisy
+
+GRID = Grid(corners=CORNERS, rows=2, columns=2)
+
+
+def frames(lights, *, noise_dn=8.0):
+    return [make_frame(noisy(light, seed=seed, noise_dn=noise_dn)) for seed, light in enumerate(lights)]
+
+
+def budget(found):
+    return {share.source: share.standard_uncertainty_cd_m2 for share in found.budget}
+
+
+def test_noise_averages_and_shared_errors_do_not():
+    first, *repeats = frames([1000.0] * 16)
+    alone, together = measured(first), measured(first, repeats=repeats)
+    for found, noise_dn in ((alone, 8.0), (together, 2.0)):
+        assert found.noise_u_cd_m2 == pytest.approx(noise_dn / math.sqrt(80 * 48 / 2) * PER_DN, rel=0.05)
+        # a single pixel of the average has a quarter of the noise, and so little that its extremes are nearer
+        shared = found.shared_u_cd_m2 * found.smallest.value / found.mean.value
+        assert found.smallest.standard_uncertainty == pytest.approx(
+            math.hypot(shared, noise_dn * PER_DN), rel=0.1
+        )
+    assert together.mean.value == pytest.approx(1000.0 * PER_DN, rel=5e-4)
+    assert together.largest.value - together.smallest.value < 0.4 * (
+        alone.largest.value - alone.smallest.value
+    )
+    shared = {name: u for name, u in budget(together).items() if name not in {"pixel noise", SCATTER}}
+    assert shared == pytest.approx({name: budget(alone)[name] for name in shared}, rel=1e-3)
+    assert SCATTER not in budget(alone)
+    assert "frames_disagree" not in flags(together)
+
+
+def test_one_frame_is_what_it_was_without_averaging():
+    (frame,) = frames([1000.0])
+    assert measured(frame, grid=GRID) == measured(frame, grid=GRID, repeats=())
+
+
+def test_changing_light_is_in_the_budget_and_cancels_between_cells():
+    """A lamp that rises by 4 % a frame: the mean has the uncertainty of it, the uniformity has not."""
+    steady, rising = (
+        measured(first, repeats=repeats, grid=GRID)
+        for first, *repeats in (frames([1000.0] * 4), frames([940.0, 980.0, 1020.0, 1060.0]))
+    )
+    assert flags(rising) - flags(steady) == {"frames_disagree"}
+    # s / sqrt(4) with Student's t for three degrees of freedom
+    expected = 3.182 / 1.96 * np.std([940, 980, 1020, 1060], ddof=1) / 2 * PER_DN
+    assert budget(rising)[SCATTER] == pytest.approx(expected, rel=0.03)
+    for found in (rising.surface.l_av_cd_m2, rising.surface.cells[0][0], rising.median, rising.smallest):
+        assert found.standard_uncertainty > expected * 0.9
+    assert rising.surface.u_o.standard_uncertainty < 2 * steady.surface.u_o.standard_uncertainty
+
+
+def test_a_cell_that_changes_has_the_uncertainty_alone():
+    """Something passes through one cell of three frames: the others keep theirs."""
+    samples = [noisy(1000.0, seed=seed) for seed in range(3)]
+    samples[1][10:34, 10:50] *= 0.9
+    found = measured(make_frame(samples[0]), grid=GRID, repeats=[make_frame(each) for each in samples[1:]])
+    relative = np.array(
+        [[cell.standard_uncertainty / cell.value for cell in line] for line in found.surface.cells]
+    )
+    assert relative[0, 0] > 1.5 * max(relative[0, 1], relative[1, 0], relative[1, 1])
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.01])
+@pytest.mark.parametrize("count", [2, 4])
+def test_interval_of_an_average_contains_the_truth(count, scatter):
+    """Frames that scatter by five times their noise, or by noise alone (without the term 3 of 10 hold)."""
+    random, held, trials = np.random.default_rng(count), 0, 400
+    for _ in range(trials):
+        values = 1000.0 * random.normal(1.0, scatter, count) + random.normal(256.0, 2.0, count)
+        signals = [
+            Signal(
+                value_dn=value,
+                standard_uncertainty_dn=2.0,
+                saturated_share=0.0,
+                black_level_dn=256.0,
+                white_level_dn=4095.0,
+            )
+            for value in values.tolist()
+        ]
+        mean, scatter_dn = average_signals(signals, dark_signal_dn=256.0)
+        held += abs(mean.value_dn - 1256.0) <= 1.96 * math.hypot(mean.standard_uncertainty_dn, scatter_dn)
+    # two frames may agree by chance
+    assert held / trials >= (0.92 if count > 2 else 0.85)
