@@ -101,7 +101,8 @@ def write_version(
     session.add(calibration)
     session.flush()
     for position, figure in enumerate(methods.get_method(campaign.method).list_coefficients(fit)):
-        columns = encode(figure) | {"flags": list(figure.flags)}
+        kept = CoefficientRow.__table__.c
+        columns = {name: value for name, value in encode(figure).items() if name in kept}
         session.add(CoefficientRow(calibration_id=calibration.id, position=position, **columns))
     session.flush()
     return calibration

@@ -1,8 +1,10 @@
 """What a certificate states of a stored result, in one form for all methods: coefficients with U, budgets."""
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
+from radiometry.fitting.curve import coverage_factor
 from radiometry.methods import get_method
 from store.codec import decode, drop_absent, encode
 
@@ -11,18 +13,30 @@ Json = dict[str, Any]
 COVERAGE_FACTOR = 2.0
 """Of a figure whose method states none: about 95 % of a normal distribution."""
 
+_IDENTITY = ("name", "iso", "f_number", "band", "channel", "model")
+
 
 def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> list[Json]:
-    """The figures of a version, each with its expanded uncertainty and coverage factor.
+    """The figures of a version, each with its expanded uncertainty, coverage factor and degrees of freedom.
 
     ``figures`` : with the names of `radiometry.fitting.evidence.CoefficientValue`
     """
-    expanded = get_method(method).list_expanded(result)
+    spec = get_method(method)
+    listed = spec.list_coefficients(decode(spec.result, result))
+    known = {tuple(getattr(each, name) for name in _IDENTITY): each for each in listed}
     rows = []
     for figure in figures:
-        key = figure["name"], figure.get("iso"), figure.get("band")
-        value, factor = expanded.get(key, (COVERAGE_FACTOR * figure["standard_uncertainty"], COVERAGE_FACTOR))
-        rows.append(drop_absent({**figure, "expanded_uncertainty": value, "coverage_factor": factor}))
+        value = known.get(tuple(figure.get(name) for name in _IDENTITY))
+        dof = value.effective_dof if value else None
+        factor = value.coverage_factor if value else None
+        if factor is None:
+            factor = COVERAGE_FACTOR if dof is None else coverage_factor(dof)
+        stated = {
+            "expanded_uncertainty": factor * figure["standard_uncertainty"],
+            "coverage_factor": factor,
+            "effective_dof": dof if dof is None or math.isfinite(dof) else None,
+        }
+        rows.append(drop_absent({**figure, **stated}))
     return rows
 
 

@@ -13,6 +13,7 @@ _HEADLINES = {
     "luminance_k_standard_uncertainty": "u(K)",
     "expanded_uncertainty": "U(K)",
     "coverage_factor": "k",
+    "effective_dof": "dof",
     "dark_signal_dn": "D",
 }
 _HELD_FOR = ("iso", "f_number", "band", "channel")

@@ -10,6 +10,9 @@ from radiometry.frame.statistics import ChannelStatistics
 
 F = TypeVar("F")
 
+MOST_DOF = 1e6
+"""Effective degrees of freedom of an uncertainty that is not limited by them."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
@@ -156,6 +159,10 @@ class CoefficientValue:
         Band or channel that the value holds for; None if it holds for all.
     flags : tuple of str, default: ()
         Codes of the flags that apply to the value.
+    effective_dof : float or None, default: None
+        Effective degrees of freedom of the standard uncertainty; None if the fit does not state them.
+    coverage_factor : float or None, default: None
+        Coverage factor that the fit itself states; None if it follows from `effective_dof`.
     """
 
     name: str
@@ -168,3 +175,5 @@ class CoefficientValue:
     band: str | None = None
     channel: str | None = None
     flags: tuple[str, ...] = ()
+    effective_dof: float | None = None
+    coverage_factor: float | None = None

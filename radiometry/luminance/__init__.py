@@ -48,13 +48,6 @@ SPEC: Final = MethodSpec(
     certificate=CERTIFICATE,
     application=APPLICATION,
     applied="iso_fits",
-    list_expanded=lambda result: {
-        ("luminance_k", fit["coefficient"]["iso"], None): (
-            fit["coefficient"]["expanded_uncertainty"],
-            fit["coefficient"]["coverage_factor"],
-        )
-        for fit in result["iso_fits"]
-    },
     list_budgets=lambda fitted: tuple(
         Budget(holds_for={"iso": fit.coefficient.iso}, lines=explain_budget(fit)) for fit in fitted.iso_fits
     ),

@@ -259,6 +259,8 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
                 value=coefficient.luminance_k,
                 standard_uncertainty=coefficient.luminance_k_standard_uncertainty,
                 unit=coefficient.luminance_k_unit,
+                effective_dof=coefficient.effective_dof,
+                coverage_factor=coefficient.coverage_factor,
                 **held,
             )
         )

@@ -50,13 +50,6 @@ SPEC: Final = MethodSpec(
     application=APPLICATION,
     applied="band_fits",
     measure_light=method.measure_sunshine,
-    list_expanded=lambda result: {
-        ("reflectance_k", None, fit["coefficient"]["band"]): (
-            fit["coefficient"]["expanded_uncertainty"],
-            fit["coefficient"]["coverage_factor"],
-        )
-        for fit in result["band_fits"]
-    },
     list_budgets=list_budgets,
     configure=method.configure,
 )

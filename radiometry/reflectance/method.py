@@ -289,6 +289,7 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
             unit=coefficient.reflectance_k_unit,
             band=coefficient.band,
             model=coefficient.normalisation,
+            coverage_factor=coefficient.coverage_factor,
             flags=_flags_of(fitted, coefficient.band),
         )
         for coefficient in sorted(coefficients, key=lambda each: (each.wavelength_nm or 0.0, each.band))

@@ -4,9 +4,9 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.sharpness.candidates import MTF50, RESOLVING_POWER
-from radiometry.sharpness.results import Falloff, FalloffTable, PositionFit
+from radiometry.sharpness.results import Coefficient, Falloff, FalloffTable, PositionFit
 
 CENTRE_RADIUS_REL = 0.25
 CORNER_RADIUS_REL = 0.6
@@ -46,7 +46,7 @@ def compare_positions(positions: Sequence[PositionFit]) -> tuple[FalloffTable, .
 def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
     figure = MTF50 if positions[0].kind == "slanted_edge" else RESOLVING_POWER
     measured = [
-        (each, coefficient.quantity)
+        (each, coefficient)
         for each in sorted(positions, key=lambda one: (one.radius_rel, one.position))
         if (coefficient := each.find(figure)) is not None
     ]
@@ -55,13 +55,14 @@ def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
     corners = [pair for pair in others if pair[0].radius_rel >= CORNER_RADIUS_REL]
     if not centre or not others:
         return None
-    middle = _average([quantity for _, quantity in centre])
-    corner_falloff = None
+    middle = _average([coefficient.quantity for _, coefficient in centre])
+    corner_falloff = dof = None
     if corners:
-        ratio = _divide(_average([quantity for _, quantity in corners]), middle)
+        ratio = _divide(_average([coefficient.quantity for _, coefficient in corners]), middle)
         corner_falloff = Quantity(
             value=1.0 - ratio.value, standard_uncertainty=ratio.standard_uncertainty, unit="1"
         )
+        dof = _find_dof(centre, corners)
     return FalloffTable(
         kind=positions[0].kind,
         channel=positions[0].channel,
@@ -70,11 +71,28 @@ def _compare(positions: Sequence[PositionFit]) -> FalloffTable | None:
         centre=tuple(each.position for each, _ in centre),
         corners=tuple(each.position for each, _ in corners),
         rows=tuple(
-            Falloff(position=each.position, radius_rel=each.radius_rel, ratio=_divide(quantity, middle))
-            for each, quantity in others
+            Falloff(
+                position=each.position,
+                radius_rel=each.radius_rel,
+                ratio=_divide(coefficient.quantity, middle),
+            )
+            for each, coefficient in others
         ),
         corner_falloff=corner_falloff,
+        corner_falloff_dof=dof,
     )
+
+
+def _find_dof(*groups: Sequence[tuple[PositionFit, Coefficient]]) -> float:
+    """Compute the effective degrees of freedom of a ratio of means (Welch and Satterthwaite)."""
+    variance = restless = 0.0
+    for group in groups:
+        total = math.fsum(each.quantity.value for _, each in group)
+        for _, each in group:
+            part = (each.quantity.standard_uncertainty / total) ** 2
+            variance += part
+            restless += part**2 / (each.effective_dof or MOST_DOF)
+    return min(MOST_DOF, variance**2 / restless) if restless else MOST_DOF
 
 
 def _average(quantities: Sequence[Quantity]) -> Quantity:

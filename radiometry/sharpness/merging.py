@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.sharpness.candidates import MTF50, RESOLVING_POWER, Candidate
+from radiometry.sharpness.edges import JACKKNIFE_DOF
 from radiometry.sharpness.features import Contrasts, EdgeResponse, Estimate, StarResponse
 from radiometry.sharpness.resolution import convert_resolution, find_resolving_power, unresolved_diameter
 from radiometry.sharpness.results import Coefficient, Curve, Direction, PositionFit
@@ -58,49 +60,59 @@ def merge_position(candidates: Sequence[Candidate], params: Params) -> PositionF
     )
 
 
-def merge_estimates(estimates: Sequence[Estimate]) -> tuple[float, float, float | None]:
-    """Compute mean, its standard uncertainty, and the standard deviation s of one frame.
+def merge_estimates(
+    estimates: Sequence[Estimate], *, dof: float = math.inf
+) -> tuple[float, float, float | None, float]:
+    """Compute mean, its standard uncertainty, the standard deviation s of one frame, and degrees of freedom.
 
     Parameters
     ----------
     estimates : sequence of Estimate
         Estimate of each frame.
+    dof : float, default: inf
+        Degrees of freedom of the uncertainty of each.
 
     Returns
     -------
-    tuple of (float, float, float or None)
-        Mean, standard uncertainty and s; s is None for one frame.
+    tuple of (float, float, float or None, float)
+        Mean, standard uncertainty, s (None for one frame), and degrees of freedom of the uncertainty.
 
     Notes
     -----
-    u^2 = max(s^2, mean u_i^2) / n: the larger of the observed scatter and the one that noise predicts.
+    u^2 = max(s^2, mean u_i^2) / n: the larger of the observed scatter and the one that noise predicts. The
+    first has n - 1 degrees of freedom, the second n times those of one frame.
     """
     values = np.array([each.value for each in estimates])
     predicted = float(np.mean([each.standard_uncertainty**2 for each in estimates]))
     seen = float(values.var(ddof=1)) if values.size > 1 else 0.0
     u = math.sqrt(max(seen, predicted) / values.size)
-    return float(values.mean()), u, math.sqrt(seen) if values.size > 1 else None
+    freedom = values.size - 1 if seen > predicted else values.size * dof
+    return float(values.mean()), u, math.sqrt(seen) if values.size > 1 else None, freedom
 
 
-def _coefficient(name: str, unit: str, estimates: Sequence[Estimate | None]) -> list[Coefficient]:
+def _coefficient(
+    name: str, unit: str, estimates: Sequence[Estimate | None], *, dof: float = math.inf
+) -> list[Coefficient]:
     """Return the coefficient, or none where a frame lacks it."""
     present = [each for each in estimates if each is not None]
     if not present or len(present) < len(estimates):
         return []
-    value, u, repeatability = merge_estimates(present)
+    value, u, repeatability, freedom = merge_estimates(present, dof=dof)
     quantity = Quantity(value=value, standard_uncertainty=u, unit=unit)
-    return [Coefficient(name=name, quantity=quantity, repeatability=repeatability)]
+    dof = min(freedom, MOST_DOF)
+    return [Coefficient(name=name, quantity=quantity, repeatability=repeatability, effective_dof=dof)]
 
 
 def _merge_edges(edges: Sequence[EdgeResponse]) -> list[Coefficient]:
-    return [
-        *_coefficient(MTF50, _CYCLES_PER_PIXEL, [edge.mtf50 for edge in edges]),
-        *_coefficient("edge_rise_10_90_px", "px", [edge.rise_px for edge in edges]),
-        *_coefficient("lsf_fwhm_px", "px", [edge.lsf_fwhm_px for edge in edges]),
-        *_coefficient("mtf_nyquist", "1", [edge.mtf_nyquist for edge in edges]),
-        *_coefficient("overshoot", "1", [edge.overshoot for edge in edges]),
-        *_coefficient("undershoot", "1", [edge.undershoot for edge in edges]),
-    ]
+    parts = (
+        (MTF50, _CYCLES_PER_PIXEL, [edge.mtf50 for edge in edges]),
+        ("edge_rise_10_90_px", "px", [edge.rise_px for edge in edges]),
+        ("lsf_fwhm_px", "px", [edge.lsf_fwhm_px for edge in edges]),
+        ("mtf_nyquist", "1", [edge.mtf_nyquist for edge in edges]),
+        ("overshoot", "1", [edge.overshoot for edge in edges]),
+        ("undershoot", "1", [edge.undershoot for edge in edges]),
+    )
+    return [found for part in parts for found in _coefficient(*part, dof=JACKKNIFE_DOF)]
 
 
 def _merge_stars(stars: Sequence[StarResponse], params: Params) -> list[Coefficient]:
@@ -114,7 +126,7 @@ def _merge_stars(stars: Sequence[StarResponse], params: Params) -> list[Coeffici
         across_px = unresolved_diameter(power.quantity.value, cycles=stars[0].cycles)
         u = across_px * power.quantity.standard_uncertainty / power.quantity.value
         quantity = Quantity(value=across_px, standard_uncertainty=u, unit="px")
-        diameter.append(Coefficient(name="unresolved_diameter_px", quantity=quantity, repeatability=None))
+        diameter.append(replace(power, name="unresolved_diameter_px", quantity=quantity, repeatability=None))
     return [*found, *diameter, *_coefficient(MTF50, _CYCLES_PER_PIXEL, halves)]
 
 
@@ -141,7 +153,8 @@ def _convert(found: Sequence[Coefficient], picture_height_px: int, params: Param
 def _scale(coefficient: Coefficient, name: str, unit: str, factor: float) -> Coefficient:
     old = coefficient.quantity
     scatter = coefficient.repeatability
-    return Coefficient(
+    return replace(
+        coefficient,
         name=name,
         quantity=Quantity(
             value=old.value * factor, standard_uncertainty=old.standard_uncertainty * factor, unit=unit

@@ -167,6 +167,7 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
             f_number=each.f_number,
             channel=each.channel,
             flags=_flags_at(fitted, name_position(each)),
+            effective_dof=coefficient.effective_dof,
         )
         for each in fitted.positions
         for coefficient in each.coefficients
@@ -181,6 +182,7 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
             f_number=table.f_number,
             channel=table.channel,
             flags=_flags_at(fitted, ""),
+            effective_dof=table.corner_falloff_dof,
         )
         for table in fitted.falloff
         if table.corner_falloff is not None

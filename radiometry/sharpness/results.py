@@ -18,11 +18,15 @@ class Coefficient:
         Value with uncertainty.
     repeatability : float or None
         Standard deviation of single frames; None for one frame.
+    effective_dof : float or None, default: None
+        Effective degrees of freedom of the standard uncertainty, at most 1e6; None in versions from before
+        they were evaluated.
     """
 
     name: str
     quantity: Quantity
     repeatability: float | None
+    effective_dof: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +162,8 @@ class FalloffTable:
         Falloff of each position.
     corner_falloff : Quantity or None
         1 - (mean of the corners) / (mean of the middle); None without corners.
+    corner_falloff_dof : float or None, default: None
+        Its effective degrees of freedom, as of a coefficient.
     """
 
     kind: str
@@ -168,6 +174,7 @@ class FalloffTable:
     corners: tuple[str, ...]
     rows: tuple[Falloff, ...]
     corner_falloff: Quantity | None
+    corner_falloff_dof: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,12 +38,14 @@ def compute_mtfs(profiles: Sequence[Profile], *, frequency: Vector) -> Vector:
     -----
     After [1]_ and [2]_::
 
-        LSF_k = (e_{k+1} - e_{k-1}) / 2,   w_k = (1 + cos(2 pi k / n)) / 2 (Tukey, alpha 1, about the edge)
-        MTF(f) = D(f) |sum_k w_k LSF_k exp(-2 pi i f x_k)| / |sum_k w_k LSF_k|
+        LSF_k = (e_{k+1} - e_{k-1}) / 2,   v_k = (1 + cos(2 pi k / n)) / 2 (Tukey, alpha 1, about the edge)
+        MTF(f) = D(f) |sum_k w_k LSF_k exp(-2 pi i f x_k)| / |sum_k w_k LSF_k|,   w = 1 - (1 - v)^3
         D(f) = a / sin(a), a = 2 pi f h
 
-    D undoes the difference over two steps h. There is no factor for the bins' aperture: `form_profile` has
-    already removed it, which sfrmat5 does not.
+    The standard's window v averages the spectrum S over neighbouring frequencies, v * S. Two steps of the
+    iteration S <- S + (v * S_0 - v * S) undo this; they amount to the window w, which is flat to the sixth
+    order about the edge. D undoes the difference over two steps h. There is no factor for the bins' aperture:
+    `form_profile` has already removed it, which sfrmat5 does not.
 
     References
     ----------
@@ -55,7 +57,7 @@ def compute_mtfs(profiles: Sequence[Profile], *, frequency: Vector) -> Vector:
     spread = np.zeros_like(signals)
     spread[:, 1:-1] = (signals[:, 2:] - signals[:, :-2]) / 2.0
     length = first.distance_px.size * first.step_px
-    spread *= 0.5 * (1.0 + np.cos(2.0 * np.pi * first.distance_px / length))
+    spread *= 1.0 - np.sin(np.pi * first.distance_px / length) ** 6
     waves = np.exp(-2j * np.pi * np.outer(first.distance_px, frequency))
     modulus = np.abs(spread @ waves) / np.abs(spread.sum(axis=1))[:, None]
     return np.asarray(modulus / np.sinc(2.0 * frequency * first.step_px), np.float64)

@@ -14,8 +14,6 @@ from radiometry.specification.roles import Role
 
 Reference = Literal["meter", "panel"]
 ToleranceUnit = Literal["%", "px"]
-ExpandedKey = tuple[str, float | None, str | None]
-"""Name of a coefficient, its ISO value and its band."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,9 +175,6 @@ class MethodSpec:
         ``(stored result) -> str``, a plot as SVG. What does not exist may be None or missing.
     certificate : CertificateText
         What a certificate prints of the method.
-    list_expanded : callable
-        ``(stored result) -> mapping`` from `ExpandedKey` to the expanded uncertainty and coverage factor that
-        the fit states itself; empty if it states none.
     list_budgets : callable
         ``(fitted) -> tuple of Budget``, empty if the fit states none.
     application : Application or None
@@ -230,9 +225,6 @@ class MethodSpec:
     several_regions: bool = False
     tolerance_unit: ToleranceUnit = "%"
     manual_exposure: bool = True
-    list_expanded: Callable[[dict[str, Any]], Mapping[ExpandedKey, tuple[float, float]]] = field(
-        default=_empty
-    )
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
     check_frame: Callable[..., Sequence[Raised]] = field(default=_none)
     find_region: Callable[..., FoundRegion | None] = field(default=_nothing)

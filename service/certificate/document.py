@@ -108,7 +108,7 @@ def _regions(record: CalibrationRecord) -> list[Region]:
 def _coefficients(record: CalibrationRecord) -> list[CertifiedCoefficient]:
     version = record.calibration
     figures = [
-        {name: getattr(row, name) for name in CoefficientValue.__dataclass_fields__}
+        {name: getattr(row, name, None) for name in CoefficientValue.__dataclass_fields__}
         for row in record.coefficients
     ]
     stated = state_coefficients(version.method, version.result, figures)

@@ -1,5 +1,6 @@
 """Pages that all methods but luminance share: coefficients, budgets, panels, regions, frames, points."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 
@@ -9,7 +10,10 @@ from service.certificate.figures import in_print, in_step, optional, percent, pl
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, facts, figure, flow, section, table
 
-_LEGEND = "u: standard uncertainty. U = k u: expanded uncertainty. k: coverage factor (95 %)."
+_LEGEND = (
+    "u: standard uncertainty. U = k u: expanded uncertainty. k: coverage factor (95 %). dof: effective "
+    "degrees of freedom, printed up to 1000."
+)
 _EXACT = "fixed"
 
 
@@ -63,11 +67,12 @@ def _tabulate(rows: list[Node]) -> Node:
                 _EXACT if exact else u,
                 "-" if exact else expanded,
                 "-" if exact else f"{row['coverage_factor']:.2f}",
+                plain(row["effective_dof"], 3) if row.get("effective_dof", math.inf) <= 1000.0 else "",
                 in_print(row["unit"]),
             ]
         )
-    head = ["coefficient", "valid for", "value", "u", "U", "k", "unit"]
-    return table(head, printed, align="llrrrrl", widths=[2.6, 2.6, 1.4, 1, 1, 0.6, 1])
+    head = ["coefficient", "valid for", "value", "u", "U", "k", "dof", "unit"]
+    return table(head, printed, align="llrrrrrl", widths=[2.6, 2.6, 1.4, 1, 1, 0.6, 0.6, 1])
 
 
 def _holds_for(row: Node) -> str:

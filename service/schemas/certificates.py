@@ -114,13 +114,18 @@ class Region(Answer):
 
 
 class CertifiedCoefficient(Answer):
-    """A coefficient with its expanded uncertainty U = k u; what it does not depend on is absent."""
+    """A coefficient with its expanded uncertainty U = k u; what it does not depend on is absent.
+
+    `effective_dof`: degrees of freedom from which k follows by the t distribution; absent where the method
+    states none.
+    """
 
     name: str
     value: float
     standard_uncertainty: float
     expanded_uncertainty: float
     coverage_factor: float
+    effective_dof: float | None = None
     unit: str
     iso: float | None = None
     f_number: float | None = None

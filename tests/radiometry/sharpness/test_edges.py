@@ -132,6 +132,13 @@ def test_a_gaussian_blur_is_found(sigma_px, angle_deg):
     assert response.undershoot.value < 1e-3
 
 
+@pytest.mark.parametrize("width", [32, 48, 80])
+@pytest.mark.parametrize("sigma_px", [0.7, 1.5])
+def test_width_of_the_region_does_not_move_mtf50(width, sigma_px):
+    response = measure_only(edge(blur_px=sigma_px, width=width))
+    assert response.mtf50.value == pytest.approx(0.187390 / sigma_px, rel=0.001)
+
+
 @pytest.mark.parametrize("angle_deg", [3.0, 12.0])
 @pytest.mark.parametrize("width_px", [1.0, 1.6, 2.5])
 def test_a_box_blur_is_found(width_px, angle_deg):

@@ -5,10 +5,12 @@ import itertools
 import json
 import math
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
 from radiometry.findings import InputRejected, shared
+from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import Exclusion
 from radiometry.sharpness import method as sharpness
 from radiometry.sharpness.features import Estimate
@@ -97,10 +99,30 @@ def test_the_falloff_s_uncertainty_follows_from_its_parts(fitted):
 
 def test_repeats_are_averaged_with_the_larger_of_scatter_and_noise():
     close = [Estimate(value=v, standard_uncertainty=0.03) for v in (1.0, 1.01, 0.99)]
-    assert merge_estimates(close) == pytest.approx((1.0, 0.03 / math.sqrt(3), 0.01))
+    assert merge_estimates(close, dof=7) == pytest.approx((1.0, 0.03 / math.sqrt(3), 0.01, 21))
     apart = [Estimate(value=v, standard_uncertainty=0.03) for v in (0.9, 1.0, 1.1)]
-    assert merge_estimates(apart) == pytest.approx((1.0, 0.1 / math.sqrt(3), 0.1))
-    assert merge_estimates(close[:1]) == (1.0, 0.03, None)
+    assert merge_estimates(apart, dof=7) == pytest.approx((1.0, 0.1 / math.sqrt(3), 0.1, 2))
+    assert merge_estimates(close[:1], dof=7) == (1.0, 0.03, None, 7)
+
+
+def test_repeats_with_students_factor_cover_the_truth():
+    """Three frames, with and without a scatter beyond their noise; k = 2 would cover 85 % of the former."""
+    random = np.random.default_rng(11)
+    for scatter in (0.0, 0.06):
+        inside = 0
+        for _ in range(400):
+            u = 0.02 * np.sqrt(random.chisquare(7, 3) / 7)
+            values = 1.0 + math.hypot(0.02, scatter) * random.standard_normal(3)
+            frames = [Estimate(value=v, standard_uncertainty=e) for v, e in zip(values, u, strict=True)]
+            mean, error, _, dof = merge_estimates(frames, dof=7)
+            inside += abs(mean - 1.0) < coverage_factor(dof) * error
+        assert 0.91 < inside / 400 < 0.995
+
+
+def test_falloff_has_the_freedom_of_its_few_repeats(fitted):
+    dof = fitted.falloff[0].corner_falloff_dof
+    parts = [each.find("mtf50_cycles_per_pixel").effective_dof for each in fitted.positions]
+    assert min(parts) <= dof <= sum(parts)
 
 
 def test_the_order_of_the_frames_changes_nothing(rows, fitted):
