@@ -25,7 +25,7 @@ _STYLE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """What an axis shows, its limits drawn around ``values`` and ``include``."""
+    """An axis, with limits around ``values`` and ``include``."""
 
     values: Sequence[float]
     label: str
@@ -33,13 +33,29 @@ class Axis:
     include: tuple[float, ...] = ()
 
     def scale(self, start_px: float, end_px: float) -> Scale:
-        """Return the scale of the axis between two pixels."""
+        """Return the scale of the axis between two pixels.
+
+        Parameters
+        ----------
+        start_px, end_px : float
+            Ends of the axis.
+        """
         low, high = span(self.values, logarithmic=self.logarithmic, include=self.include)
         return Scale(low=low, high=high, start_px=start_px, end_px=end_px, logarithmic=self.logarithmic)
 
 
 def place(index: int, *, x: Axis, y: Axis, title: str) -> Panel:
-    """Give the panel that is ``index``-th on the sheet, row by row from the left."""
+    """Return a panel of the sheet.
+
+    Parameters
+    ----------
+    index : int
+        Position, row by row from the left.
+    x, y : Axis
+        Its axes.
+    title : str
+        Text above it.
+    """
     row, column = divmod(index, COLUMNS)
     left, top = _LEFT_PX + column * (_PANEL_PX + _GAP_PX), row * _ROW_PX
     return Panel(
@@ -52,30 +68,76 @@ def place(index: int, *, x: Axis, y: Axis, title: str) -> Panel:
 
 
 def finish(parts: Iterable[str], *, panels: int, label: str) -> str:
-    """Give the whole picture of so many panels."""
+    """Return the sheet as an SVG document.
+
+    Parameters
+    ----------
+    parts : iterable of str
+        Elements.
+    panels : int
+        Number of panels.
+    label : str
+        Text for screen readers.
+    """
     columns, rows = min(max(panels, 1), COLUMNS), max(1, -(-panels // COLUMNS))
     width = _LEFT_PX + columns * _PANEL_PX + (columns - 1) * _GAP_PX + _RIGHT_PX
     return document(parts, width_px=width, height_px=rows * _ROW_PX, label=label, style=_STYLE)
 
 
 def line(series: int) -> str:
-    """The class of a series' line."""
+    """Return the class of a series' line.
+
+    Parameters
+    ----------
+    series : int
+        Number of the series, which selects colour and dash.
+    """
     return f"l{series % len(_COLOURS)}"
 
 
 def dot(series: int, *, used: bool = True) -> str:
-    """The class of a series' points; hollow: left out."""
+    """Return the class of a series' points.
+
+    Parameters
+    ----------
+    series : int
+        Number of the series, which selects colour and dash.
+    used : bool, optional
+        False: hollow, for points that were left out.
+    """
     return f"{'d' if used else 'h'}{series % len(_COLOURS)}"
 
 
 def bar(panel: Panel, at: float, low: float, high: float, series: int) -> str:
-    """An error bar, cut at the panel's limits."""
+    """Return an error bar, cut at the panel's limits.
+
+    Parameters
+    ----------
+    panel : Panel
+        Where it is drawn.
+    at : float
+        x.
+    low, high : float
+        Ends in y.
+    series : int
+        Number of the series, which selects colour and dash.
+    """
     low, high = max(low, panel.y.low), min(high, panel.y.high)
     return panel.line([(at, low), (at, high)], f"{dot(series)} bar") if low <= high else ""
 
 
 def swath(panel: Panel, points: Sequence[tuple[float, float, float]], series: int) -> str:
-    """The area between the lows and highs at each x, cut at the panel's limits."""
+    """Return the area between two curves, cut at the panel's limits.
+
+    Parameters
+    ----------
+    panel : Panel
+        Where it is drawn.
+    points : sequence of (float, float, float)
+        x with the lower and upper y.
+    series : int
+        Number of the series, which selects colour and dash.
+    """
 
     def cut(value: float) -> float:
         return panel.y(min(max(value, panel.y.low), panel.y.high))
@@ -87,12 +149,34 @@ def swath(panel: Panel, points: Sequence[tuple[float, float, float]], series: in
 
 
 def write(panel: Panel, x: float, y: float, text: str, css: str = "mid note") -> str:
-    """A word at a point of a panel."""
+    """Return a text at a point of a panel.
+
+    Parameters
+    ----------
+    panel : Panel
+        Where it is drawn.
+    x, y : float
+        Position.
+    text : str
+        Text.
+    css : str, optional
+        Classes.
+    """
     return f'<text class="{css}" x="{panel.x(x):.1f}" y="{panel.y(y):.1f}">{escape(text)}</text>'
 
 
 def name_series(panel: Panel, names: Sequence[str], *, on_left: bool = False) -> Iterator[str]:
-    """The legend, inside at the top: a piece of each line and its name."""
+    """Return the legend, inside at the top: a piece of each line with its name.
+
+    Parameters
+    ----------
+    panel : Panel
+        Where it is drawn.
+    names : sequence of str
+        Names of the series.
+    on_left : bool, optional
+        True: at the left.
+    """
     top = panel.y.end_px + 14
     right = panel.x.start_px + 32 if on_left else panel.x.end_px - 8
     at, css = (right + 4, "note") if on_left else (right - 28, "end note")

@@ -16,7 +16,19 @@ _STYLE = (
 
 
 def document(parts: Iterable[str], *, width_px: int, height_px: int, label: str, style: str = "") -> str:
-    """The whole picture; ``style`` : of classes that only this one has."""
+    """Return an SVG document.
+
+    Parameters
+    ----------
+    parts : iterable of str
+        Elements.
+    width_px, height_px : int
+        Size.
+    label : str
+        Text for screen readers.
+    style : str, optional
+        CSS of classes that only this picture has.
+    """
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width_px} {height_px}" width="{width_px}" '
         f'height="{height_px}" role="img" aria-label="{escape(label)}"><style>{_STYLE}{style}</style>'
@@ -26,7 +38,7 @@ def document(parts: Iterable[str], *, width_px: int, height_px: int, label: str,
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """From a figure to a pixel along one axis."""
+    """Mapping of a value to a pixel along one axis."""
 
     low: float
     high: float
@@ -35,16 +47,16 @@ class Scale:
     logarithmic: bool = False
 
     def __call__(self, value: float) -> float:
-        """The pixel of a value; on a logarithmic scale it must be positive."""
+        """Return the pixel of a value, which on a logarithmic scale is positive."""
         low, high, at = self.low, self.high, value
         if self.logarithmic:
             low, high, at = math.log(low), math.log(high), math.log(value)
         return self.start_px + (self.end_px - self.start_px) * (at - low) / (high - low)
 
     def ticks(self) -> list[float]:
-        """Round figures: 1, 2 and 5 in each power of ten on a logarithmic scale, else even steps.
+        """Return round values: 1, 2 and 5 in each power of ten on a logarithmic scale, else even steps.
 
-        Many powers of ten have 1 alone, or some of them; a part of one has even steps.
+        Many powers of ten have 1 alone, or some of them; a part of one power has even steps.
         """
         if self.logarithmic:
             powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
@@ -66,7 +78,17 @@ class Scale:
 def span(
     values: Iterable[float], *, logarithmic: bool = False, include: Sequence[float] = ()
 ) -> tuple[float, float]:
-    """Limits with some air around the values."""
+    """Return limits with a margin around the values.
+
+    Parameters
+    ----------
+    values : iterable of float
+        Shown values.
+    logarithmic : bool, optional
+        True if only positive values are shown.
+    include : sequence of float, optional
+        Further values within the limits.
+    """
     known = [*values, *include]
     if logarithmic:
         known = [value for value in known if value > 0] or [1.0]
@@ -87,7 +109,7 @@ class Panel:
     y_label: str
 
     def frame(self) -> list[str]:
-        """The box, ticks and labels."""
+        """Return box, ticks and labels."""
         left, right = self.x.start_px, self.x.end_px
         bottom, top = self.y.start_px, self.y.end_px
         middle = (left + right) / 2
@@ -110,12 +132,30 @@ class Panel:
         return parts
 
     def line(self, points: Iterable[tuple[float, float]], css: str) -> str:
-        """A polyline through those points that lie within the limits."""
+        """Return a polyline through those points that lie within the limits.
+
+        Parameters
+        ----------
+        points : iterable of (float, float)
+            x and y.
+        css : str
+            Class.
+        """
         shown = [f"{self.x(x):.1f},{self.y(y):.1f}" for x, y in points if self._holds(x, y)]
         return f'<polyline class="{css}" points="{" ".join(shown)}"/>'
 
     def dot(self, x: float, y: float, css: str, told: str) -> str:
-        """A point, which tells its name when it is pointed at."""
+        """Return a point with a tooltip, or nothing if it lies outside the limits.
+
+        Parameters
+        ----------
+        x, y : float
+            Position.
+        css : str
+            Class.
+        told : str
+            Tooltip.
+        """
         if not self._holds(x, y):
             return ""
         return (

@@ -1,1 +1,1 @@
-"""Whether one set of coefficients serves several cameras of a model, and how one camera drifts."""
+"""Comparison of the cameras of a model, and the drift of one camera."""

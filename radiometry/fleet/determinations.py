@@ -1,4 +1,4 @@
-"""What a fleet is judged by: each camera's coefficients, determined anew in each campaign."""
+"""Coefficients of each camera of a fleet, as determined in each campaign."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,9 +7,12 @@ from datetime import datetime
 
 @dataclass(frozen=True, order=True, kw_only=True)
 class Key:
-    """What makes two coefficients the same parameter, so that their values may be compared.
+    """Identity of a parameter: values with equal keys may be compared.
 
-    ``iso``, ``f_number``, ``band``, ``channel`` : what it holds for, None where it holds for all
+    Attributes
+    ----------
+    iso, f_number, band, channel : float or str or None
+        What the parameter holds for; None where it holds for all.
     """
 
     name: str
@@ -21,7 +24,7 @@ class Key:
     channel: str | None = None
 
     def __str__(self) -> str:
-        """Name it as a sentence does: luminance_k at ISO 3200."""
+        """Return the name as used in a sentence: luminance_k at ISO 3200."""
         said = [
             f"ISO {self.iso:g}" if self.iso is not None else "",
             f"f/{self.f_number:g}" if self.f_number is not None else "",
@@ -34,11 +37,18 @@ class Key:
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """One calibration version: whose it is, and what it was made from.
+    """One calibration version, with its camera and campaign.
 
-    ``version`` : its id; ``camera`` : serial number of the body; ``lens`` : of the lens, None where unknown
-    ``campaign`` : versions of one campaign share their frames and readings, and with them their errors
-    ``at`` : when it was determined, with its time zone
+    Attributes
+    ----------
+    version : str
+        Its id.
+    camera, lens : str, str or None
+        Serial numbers of body and lens; None where the lens is unknown.
+    campaign : str
+        Versions of one campaign share their frames and readings, and with them their errors.
+    at : datetime
+        When it was determined, with its time zone.
     """
 
     version: str
@@ -60,21 +70,29 @@ class Determination:
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """A version that is not used, and why, as a sentence."""
+    """A version that is not used, with the reason as a sentence."""
 
     version: str
     why: str
 
 
 def keep_repeats(sources: Sequence[Source]) -> tuple[tuple[Source, ...], tuple[LeftOut, ...]]:
-    """Keep the last version of each campaign: only another campaign repeats a determination.
+    """Return the last version of each campaign: only another campaign repeats a determination.
 
-    Two versions of one campaign are two evaluations of the same frames and readings. What they agree in says
-    nothing about repeatability, and counted as two they would make it too small.
+    Two versions of one campaign are two evaluations of the same frames and readings. Their agreement is no
+    evidence of repeatability; counted as two they would make it too small.
 
-    Takes
-      sources : in any order; the last of a campaign is the last given
-    Returns the kept ones by camera and time, and the others with the reason
+    Parameters
+    ----------
+    sources : sequence of Source
+        In any order; the last of a campaign is the last given.
+
+    Returns
+    -------
+    kept : tuple of Source
+        By camera and time.
+    left_out : tuple of LeftOut
+        The others, with the reason.
     """
     last = {(source.camera, source.campaign): source for source in sources}
     kept = sorted(last.values(), key=lambda source: (source.camera, source.at, source.version))

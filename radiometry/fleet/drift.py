@@ -1,4 +1,4 @@
-"""How a coefficient of one camera changes from campaign to campaign, and until when it may be used."""
+"""Drift of one camera's coefficients between campaigns, and the date until which they may be used."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,20 +11,20 @@ from scipy.special import stdtr, stdtrit
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Determination, Key, LeftOut, Source, keep_repeats
-from radiometry.fleet.meaning import NOT_SHARED, give_meaning, is_clear_of_zero, main_unit
 from radiometry.fleet.results import Tolerance
+from radiometry.fleet.sensitivity import NOT_SHARED, find_sensitivity, is_clear_of_zero, main_unit
 
 CONFIDENCE = 0.95
 
 DAYS_PER_YEAR = 365.25
 
 HORIZON_DAYS = 10 * DAYS_PER_YEAR
-"""A straight line is not believed for longer."""
+"""Longest extrapolation of a straight line."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """y = value + slope (t - origin), t in days; ``covariance`` : of (value, slope); v = ``dof``."""
+    """Straight line, y = value + slope (t - origin), t in days, with the covariance of (value, slope)."""
 
     origin: datetime
     value: float
@@ -33,7 +33,13 @@ class Line:
     dof: int
 
     def at(self, days: float) -> tuple[float, float]:
-        """Give the line and its standard error so many days after its origin."""
+        """Return the line and its standard error.
+
+        Parameters
+        ----------
+        days : float
+            Time after the origin [d].
+        """
         (a, b), (_, c) = self.covariance
         return self.value + self.slope_per_day * days, math.sqrt(a + 2 * b * days + c * days * days)
 
@@ -77,13 +83,23 @@ class Drift:
 def judge_drift(
     determinations: Sequence[Determination], *, method: str, tolerance: float | None
 ) -> tuple[tuple[Drift, ...], tuple[LeftOut, ...]]:
-    """Fit each coefficient of one camera against time, over its campaigns with the lens that it has now.
+    """Fit each coefficient of one camera against time, over its campaigns with its present lens.
 
-    Takes
-      determinations : of one camera
-      tolerance : of parameters that are felt in the method's main unit, as in `verdict.judge_fleet`;
-        None: no date
-    Source: `fit_line`, `find_date`
+    Parameters
+    ----------
+    determinations : sequence of Determination
+        Of one camera.
+    method : str
+        Name of the method.
+    tolerance : float or None
+        For parameters whose effect is in the method's main unit, as in `verdict.judge_fleet`; None: no date.
+
+    Returns
+    -------
+    drifts : tuple of Drift
+        One for each coefficient, by `fit_line` and `find_date`.
+    left_out : tuple of LeftOut
+        Versions that were not used.
     """
     sources, left_out = keep_repeats(list(dict.fromkeys(row.source for row in determinations)))
     sources, others = _keep_lens(sources)
@@ -104,14 +120,29 @@ def judge_drift(
 def fit_line(rows: Sequence[Determination]) -> Line | None:
     """Fit a straight line by weighted least squares, with its uncertainty from the scatter about it.
 
+    Parameters
+    ----------
+    rows : sequence of Determination
+        Values of one coefficient of one camera.
+
+    Returns
+    -------
+    Line or None
+        None for fewer than three rows, or if all have the same time.
+
+    Notes
+    -----
+    As [1]_, with weights::
+
         w_i = 1 / u_i^2,   cov = s^2 (A' W A)^-1,   s^2 = sum w_i (y_i - line_i)^2 / (n - 2)
 
-    The stated uncertainties say how much each counts, the scatter how well all is known, in both directions:
-    an error that all campaigns share (the meter's) is in every u_i, moves no slope, and would hide a drift.
-    Where one is stated as 0 all count alike.
+    The stated uncertainties decide the weights; the scatter alone decides the uncertainty of the line. An
+    error that all campaigns share (the meter's) is part of every u_i, moves no slope, and would hide a drift.
+    If one u_i is 0, all weights are equal.
 
-    Returns None for fewer than three, or all of one time
-    Source: JCGM 100:2008, H.3, with weights
+    References
+    ----------
+    .. [1] JCGM 100:2008, H.3, doi:10.59161/JCGM100-2008E
     """
     origin = rows[-1].source.at
     days = np.array([(row.source.at - origin) / timedelta(days=1) for row in rows])
@@ -141,14 +172,28 @@ def fit_line(rows: Sequence[Determination]) -> Line | None:
 def find_date(line: Line, *, reference: float, limit: float) -> tuple[datetime | None, str | None]:
     """Find when the line may first have left reference +-limit, from its origin on.
 
+    Parameters
+    ----------
+    line : Line
+        Fitted line.
+    reference : float
+        Value in use [unit of the coefficient].
+    limit : float
+        Largest accepted difference [unit of the coefficient].
+
+    Returns
+    -------
+    datetime or None, str or None
+        The time, or the reason why there is none.
+
+    Notes
+    -----
+    The time t solves::
+
         |line(t) - reference| + t_{0.95,v} u(line(t)) = limit
 
-    At any time before, the true line is within the tolerance with 95 % on either side: this is the lower
-    limit of the time in which it leaves. It rests on the drift's going on as it did.
-
-    Takes
-      reference : the value in use; limit : largest accepted difference [both in the coefficient's unit]
-    Returns the time, or why there is none
+    At any time before, the true line is within the tolerance with 95 % on either side: t is the lower limit
+    of the time at which it leaves. This assumes that the drift continues unchanged.
     """
     quantile = float(stdtrit(line.dof, CONFIDENCE))
 
@@ -171,7 +216,7 @@ def find_date(line: Line, *, reference: float, limit: float) -> tuple[datetime |
 
 
 def _keep_lens(sources: Sequence[Source]) -> tuple[tuple[Source, ...], tuple[LeftOut, ...]]:
-    """Keep the versions with the lens of the last one: another lens is another camera, not a drift."""
+    """Return the versions with the lens of the last one: another lens is another camera, not a drift."""
     if not sources:
         return (), ()
     lens = sources[-1].lens
@@ -193,11 +238,11 @@ def _judge(
     latest: Mapping[str, float],
 ) -> Drift:
     reference = rows[-1]
-    meaning = give_meaning(method, key, latest, mean=reference.value)
-    felt = is_clear_of_zero(meaning, reference.value, reference.standard_uncertainty)
+    sensitivity = find_sensitivity(method, key, latest, mean=reference.value)
+    known = is_clear_of_zero(sensitivity, reference.value, reference.standard_uncertainty)
     limit = None
-    if tolerance is not None and meaning.unit == main_unit(method):
-        limit = Tolerance(limit=meaning.limit(tolerance), unit=meaning.unit, kind=meaning.kind, of=meaning.of)
+    if tolerance is not None and sensitivity.unit == main_unit(method):
+        limit = sensitivity.accept(tolerance)
     line = fit_line(rows)
     date, why = None, None
     if line is None:
@@ -205,11 +250,13 @@ def _judge(
         why = f"A trend needs three campaigns at different times; there {there}."
     elif limit is None:
         why = "No tolerance was given that holds for it."
-    elif not felt:
+    elif not known:
         why = "Its value is not clear of 0, so that a share of it means nothing."
     else:
-        date, why = find_date(line, reference=reference.value, limit=limit.limit / meaning.factor)
-    return _describe(key, rows, line, limit, meaning.factor if felt else None, meaning.unit, date, why)
+        date, why = find_date(line, reference=reference.value, limit=limit.limit / sensitivity.factor)
+    return _describe(
+        key, rows, line, limit, sensitivity.factor if known else None, sensitivity.unit, date, why
+    )
 
 
 def _describe(
@@ -218,11 +265,11 @@ def _describe(
     line: Line | None,
     limit: Tolerance | None,
     factor: float | None,
-    felt_unit: str,
+    unit: str,
     date: datetime | None,
     why: str | None,
 ) -> Drift:
-    slope = interval = p_value = felt = None
+    slope = interval = p_value = cost = None
     if line is not None:
         error = DAYS_PER_YEAR * math.sqrt(line.covariance[1][1])
         value = DAYS_PER_YEAR * line.slope_per_day
@@ -231,14 +278,14 @@ def _describe(
         interval = (value - half, value + half)
         p_value = 2.0 * float(stdtr(line.dof, -abs(value) / error)) if error > 0.0 else None
         if factor is not None:
-            felt = Quantity(value=factor * value, standard_uncertainty=factor * error, unit=f"{felt_unit}/a")
+            cost = Quantity(value=factor * value, standard_uncertainty=factor * error, unit=f"{unit}/a")
     return Drift(
         key=key,
         determinations=tuple(rows),
         slope=slope,
         slope_interval=interval,
         slope_p_value=p_value,
-        cost_per_year=felt,
+        cost_per_year=cost,
         scatter=_scatter(rows, line),
         tolerance=limit,
         recalibrate_by=date,
@@ -247,7 +294,7 @@ def _describe(
 
 
 def _scatter(rows: Sequence[Determination], line: Line | None) -> Quantity | None:
-    """Give the root mean square about the line over n - 2, not weighted; u(s) = s / sqrt(2 v)."""
+    """Return the root mean square about the line over n - 2, not weighted; u(s) = s / sqrt(2 v)."""
     if line is None:
         return None
     squares = [

@@ -1,4 +1,4 @@
-"""Levels of one or two factors by least squares: how far each lies off the mean, how well known."""
+"""Least-squares effects of one or two factors: each level's deviation from the mean, with its uncertainty."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,12 +16,20 @@ _ROUNDING = 1e-13
 
 @dataclass(frozen=True, kw_only=True)
 class Factor:
-    """One factor's levels and what they explain beyond the other factor.
+    """Levels of one factor and the variance that they explain beyond the other factor.
 
-    ``deviations`` : (k,) of each level from the unweighted mean of all levels [unit of the values]
-    ``contrasts`` : (k, p): deviations = contrasts @ parameters
-    ``dof`` : k - 1; ``f_statistic`` : None where there is no scatter to compare with
-    ``variance``, ``variance_u`` : variance component [unit squared], not below 0, and its uncertainty
+    Attributes
+    ----------
+    deviations : ndarray of float64, shape (k,)
+        Of each level from the unweighted mean of all levels [unit of the values].
+    contrasts : ndarray of float64, shape (k, p)
+        deviations = contrasts @ parameters.
+    dof : int
+        k - 1.
+    f_statistic : float or None
+        None where there is no scatter to compare with.
+    variance, variance_u : float
+        Variance component [unit squared], not below 0, and its uncertainty.
     """
 
     deviations: Vector
@@ -37,8 +45,12 @@ class Factor:
 class Effects:
     """A solved model.
 
-    ``unit_covariance`` : (p, p) of the parameters, per unit of ``within_variance``
-    ``f_statistic`` : of all factors together; None where there is no scatter to compare with
+    Attributes
+    ----------
+    unit_covariance : ndarray of float64, shape (p, p)
+        Of the parameters, per unit of ``within_variance``.
+    f_statistic : float or None
+        Of all factors together; None where there is no scatter to compare with.
     """
 
     mean: float
@@ -51,30 +63,60 @@ class Effects:
     f_p_value: float | None
 
     def standard_errors(self, contrasts: Matrix) -> Vector:
-        """Give the standard error of each row of contrasts."""
+        """Compute the standard error of each contrast.
+
+        Parameters
+        ----------
+        contrasts : ndarray of float64, shape (k, p)
+            One contrast of the parameters per row.
+        """
         squares = np.einsum("ip,pq,iq->i", contrasts, self.unit_covariance, contrasts)
         errors: Vector = np.sqrt(np.clip(squares, 0.0, None) * self.within_variance)
         return errors
 
 
 def are_separable(factors: Sequence[Index]) -> bool:
-    """Tell whether the levels of all factors can be told apart: those of two are linked by swaps."""
+    """Return True if the effects of all factors can be separated: the levels of two are linked by swaps.
+
+    Parameters
+    ----------
+    factors : sequence of ndarray of int
+        Labels of each factor, shape (N,).
+    """
     design = np.hstack([np.ones((len(factors[0]), 1)), *(_code(labels)[0] for labels in factors)])
     return bool(np.linalg.matrix_rank(design) == design.shape[1])
 
 
 def fit_effects(values: Vector, factors: Sequence[Index]) -> Effects:
-    """Solve y = m + a_i (+ b_j) + e, sum a = sum b = 0, var(e) = within variance; numbers may be unbalanced.
+    """Fit a model of one or two factors, with their variance components; numbers may be unbalanced.
 
-    F = (SS / (k - 1)) / MS_e, SS what a factor explains beyond the other; its variance component is
+    Parameters
+    ----------
+    values : ndarray of float64, shape (N,)
+        Observations y.
+    factors : sequence of ndarray of int
+        Labels 0..k-1 of each factor, shape (N,); every level present, and separable (`are_separable`).
 
-        s_a^2 = (SS - (k - 1) MS_e) / tr(Z' M Z),   M = 1 - X (X'X)^-1 X' of the model without it   [1]
+    Returns
+    -------
+    Effects
+        Means, deviations, variances and F tests.
 
-    which for one factor is the analysis of variance's (MS_a - MS_e) / n0, n0 = (N - sum n_i^2 / N) / (k - 1).
+    Notes
+    -----
+    The model is y = m + a_i (+ b_j) + e with sum a = sum b = 0 and var(e) = within variance. With SS, the sum
+    of squares that a factor explains beyond the other, F = (SS / (k - 1)) / MS_e, and its variance component
+    is [1]_::
 
-    Takes
-      values : (N,); factors : (N,) labels 0..k-1 each, every level present, separable (`are_separable`)
-    References [1] S. R. Searle, G. Casella, C. E. McCulloch, Variance Components, Wiley 1992, ch. 3 and 5
+        s_a^2 = (SS - (k - 1) MS_e) / tr(Z' M Z),   M = 1 - X (X'X)^-1 X' of the model without it
+
+    which for one factor is (MS_a - MS_e) / n0 of the analysis of variance, n0 = (N - sum n_i^2 / N) / (k -
+    1).
+
+    References
+    ----------
+    .. [1] S. R. Searle, G. Casella, C. E. McCulloch, Variance Components, Wiley 1992,
+           chapters 3 and 5, doi:10.1002/9780470316856
     """
     codes = [_code(labels) for labels in factors]
     ones = np.ones((values.size, 1))
@@ -145,7 +187,7 @@ def _explain(
 
 
 def _test(explained: float, levels: int, within: float, dof: int) -> tuple[float | None, float | None]:
-    """Give F and the probability of a larger one, of what so many degrees of freedom explain."""
+    """Return F and the probability of a larger one, for a sum of squares with so many degrees of freedom."""
     if within <= 0.0:
         return None, None
     statistic = max(0.0, explained) / levels / within
@@ -153,7 +195,7 @@ def _test(explained: float, levels: int, within: float, dof: int) -> tuple[float
 
 
 def _code(labels: Index) -> tuple[Matrix, Matrix]:
-    """Give the effect-coded columns (N, k - 1), and the levels' contrasts in them (k, k - 1)."""
+    """Return the effect-coded columns (N, k - 1), and the levels' contrasts in them (k, k - 1)."""
     levels = int(labels.max()) + 1
     contrasts = np.vstack([np.eye(levels - 1), -np.ones((1, levels - 1))])
     return contrasts[labels], contrasts

@@ -1,4 +1,4 @@
-"""What to know about the repeats that a verdict rests on."""
+"""Flags on the repeats that a verdict is based on."""
 
 from collections.abc import Sequence
 from datetime import timedelta
@@ -17,10 +17,22 @@ _ONE_DAY = timedelta(days=1)
 
 
 def find_flags(rows: Sequence[Determination], grouping: Grouping, effects: Effects) -> tuple[Raised, ...]:
-    """Flag what may make the repeatability another than it seems.
+    """Find reasons why the true repeatability may differ from the estimate.
 
-    Flags  repeats_exceed_uncertainty where dof MS_w > chi^2_dof,0.99 mean(u^2); repeats_of_one_day;
-      body_and_lens_confounded
+    Parameters
+    ----------
+    rows : sequence of Determination
+        Values of one parameter.
+    grouping : Grouping
+        Factors of the analysis.
+    effects : Effects
+        The solved model.
+
+    Returns
+    -------
+    tuple of Raised
+        repeats_exceed_uncertainty where dof MS_w > chi^2_dof,0.99 mean(u^2); repeats_of_one_day;
+        body_and_lens_confounded.
     """
     where = str(rows[0].key)
     found = []
@@ -35,12 +47,7 @@ def find_flags(rows: Sequence[Determination], grouping: Grouping, effects: Effec
                 )
             )
     if effects.dof > 0 and _are_of_one_day(rows):
-        found.append(
-            codes.REPEATS_OF_ONE_DAY.at(
-                where,
-                "All repeats of each camera lie within 24 hours.",
-            )
-        )
+        found.append(codes.REPEATS_OF_ONE_DAY.at(where, "All repeats of each camera lie within 24 hours."))
     if grouping.confounded:
         found.append(
             codes.BODY_AND_LENS_CONFOUNDED.at(

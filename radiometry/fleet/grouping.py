@@ -1,4 +1,4 @@
-"""Which determinations are of the same camera, and whether bodies and lenses can be told apart."""
+"""Grouping of determinations by camera, or by body and lens where swaps separate the two."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -15,11 +15,15 @@ FactorName = Literal["camera", "body", "lens"]
 
 @dataclass(frozen=True, kw_only=True)
 class Grouping:
-    """The factors of an analysis, each with its label per determination and its levels' names.
+    """Factors of an analysis, each with its label per determination and its levels' names.
 
-    ``units`` : (body, lens) positions in the levels of each factor, one row a camera that existed; of the one
-        factor "camera" the levels themselves
-    ``confounded`` : lenses are known and differ, and no swaps link them
+    Attributes
+    ----------
+    units : tuple of tuple of int
+        One row per camera that existed: positions of its body and lens in the levels of each factor; for the
+        one factor "camera" the position of the level.
+    confounded : bool
+        True if lenses are known and differ, and no swaps link them.
     """
 
     names: tuple[FactorName, ...]
@@ -31,11 +35,16 @@ class Grouping:
 
 
 def group_cameras(rows: Sequence[Determination]) -> Grouping:
-    """Take a body with a lens for one camera; tell the two apart where swaps link all of them.
+    """Group determinations by camera (a body with a lens), or by body and lens where swaps link all of them.
 
-    A body that was calibrated with two lenses is two cameras: taken for one, the difference of its lenses
-    would pass for a lack of repeatability. Where a body's lens is named once and at other times not, it is
-    taken for the one that is named.
+    A body that was calibrated with two lenses is two cameras: as one, the difference of its lenses would
+    appear as a lack of repeatability. Where a body's lens is named once and at other times not, the named one
+    is assumed.
+
+    Parameters
+    ----------
+    rows : sequence of Determination
+        Values of one parameter.
     """
     pairs = _pair(rows)
     named = _name(pairs)
@@ -84,7 +93,7 @@ def _pair(rows: Sequence[Determination]) -> list[tuple[str, str | None]]:
 
 
 def _name(pairs: Sequence[tuple[str, str | None]]) -> dict[tuple[str, str | None], str]:
-    """Name a camera by its body, and by its lens as well where the body had several."""
+    """Return the names of cameras: the body's, with the lens where the body had several."""
     several = Counter(body for body, _ in set(pairs))
     return {
         (body, lens): body if several[body] == 1 else f"{body} with lens {lens or 'unknown'}"

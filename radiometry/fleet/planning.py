@@ -1,4 +1,4 @@
-"""How many repeats of each camera it takes to show that a fleet is alike."""
+"""Number of repeats of each camera that show that a fleet is alike."""
 
 import math
 
@@ -8,7 +8,7 @@ from scipy.special import chdtri, ndtr, stdtrit
 from radiometry.fleet.verdicts import ALPHA, LEAST_DOF
 
 POWER = 0.9
-"""How surely equal cameras are to be found equal."""
+"""Required probability that equal cameras are found equal."""
 
 MOST_REPEATS = 100
 
@@ -16,16 +16,24 @@ _STEPS = 400
 
 
 def compute_power(*, cameras: int, repeats: int, tolerance_in_repeatabilities: float) -> float:
-    """Give a lower limit of the probability that equal cameras are found to be shared.
+    """Compute a lower limit of the probability that equal cameras are found to be shared.
 
+    Parameters
+    ----------
+    cameras : int
+        Number k of cameras.
+    repeats : int
+        Number n of repeats of each camera.
+    tolerance_in_repeatabilities : float
+        T, tolerance / repeatability.
+
+    Notes
+    -----
     A camera's deviation has the standard deviation c = sqrt((1 - 1 / k) / n) repeatabilities, v = k (n - 1),
-    and passes when |d| + t_{1-alpha,v} s c < T. With s^2 v ~ chi^2_v, per camera
+    and passes `verdicts.judge_deviations` when |d| + t_{1-alpha,v} s c < T. With s^2 v ~ chi^2_v, per
+    camera::
 
         p = E_s[2 Phi((T - t s c) / c) - 1]+,     power >= 1 - k (1 - p)         (Bonferroni)
-
-    Takes
-      repeats : n of each camera; tolerance_in_repeatabilities : T, tolerance / repeatability
-    Source: `judging.judge_deviations`
     """
     dof = cameras * (repeats - 1)
     if dof < LEAST_DOF:
@@ -40,9 +48,19 @@ def compute_power(*, cameras: int, repeats: int, tolerance_in_repeatabilities: f
 
 
 def count_repeats(*, cameras: int, tolerance_in_repeatabilities: float) -> int | None:
-    """Give the repeats of each camera with which equal cameras are found shared in `POWER` of the cases.
+    """Find the repeats of each camera with which equal cameras are found shared in `POWER` of the cases.
 
-    Returns None where `MOST_REPEATS` do not suffice
+    Parameters
+    ----------
+    cameras : int
+        Number of cameras.
+    tolerance_in_repeatabilities : float
+        Tolerance / repeatability.
+
+    Returns
+    -------
+    int or None
+        None where `MOST_REPEATS` do not suffice.
     """
     for repeats in range(2, MOST_REPEATS + 1):
         power = compute_power(

@@ -1,4 +1,4 @@
-"""What comes out of judging a fleet: plain numbers, ready for JSON; what does not exist is None."""
+"""Results of the comparison of cameras: plain numbers, ready for JSON; None where there is no value."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -48,11 +48,16 @@ class Deviation:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What the levels of one factor do.
+    """Effect of the levels of one factor.
 
-    ``factor`` : camera; body and lens, where swaps tell them apart
-    ``between_variance`` : variance component, not below 0
-    ``judgement`` : None where the tests could not be made
+    Attributes
+    ----------
+    factor : {"camera", "body", "lens"}
+        Body and lens where swaps separate the two.
+    between_variance : Quantity
+        Variance component, not below 0.
+    judgement : Judgement or None
+        None where the tests could not be made.
     """
 
     factor: Literal["camera", "body", "lens"]
@@ -66,7 +71,7 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterVerdict:
-    """Whether one value of a parameter serves all cameras that have it.
+    """Verdict on one parameter: does one value serve all cameras that have it.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Whether deviations stay within a tolerance, or leave it, or neither can be said."""
+"""Tests whether deviations stay within a tolerance or exceed it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,19 +11,23 @@ Vector = NDArray[np.float64]
 Outcome = Literal["shared", "per_camera", "cannot_tell"]
 
 ALPHA = 0.05
-"""Most often that shared is said of what leaves the tolerance, and per_camera of what stays within."""
+"""Largest error rate: "shared" of a fleet that exceeds the tolerance, "per_camera" of one within it."""
 
 LEAST_DOF = 3
-"""Of the repeatability. With fewer it is known to worse than 1 / sqrt(2 * 3) = 41 %, and on faith in a normal
-distribution that nobody could check: nothing is said then."""
+"""Fewest degrees of freedom of the repeatability. With fewer its relative uncertainty is above
+1 / sqrt(2 * 3) = 41 %, for a normal distribution that cannot be checked: there is no verdict then."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
     """An outcome and both tests behind it.
 
-    ``equivalence_p_value`` : small: all deviations lie within the tolerance
-    ``exceedance_p_value`` : small: at least one lies outside
+    Attributes
+    ----------
+    equivalence_p_value : float
+        Small: all deviations lie within the tolerance.
+    exceedance_p_value : float
+        Small: at least one lies outside.
     """
 
     outcome: Outcome
@@ -32,26 +36,37 @@ class Judgement:
 
 
 def judge_deviations(deviations: Vector, standard_errors: Vector, *, dof: int, limit: float) -> Judgement:
-    """Test each level's deviation d_i from the mean of all against +-limit, with both error rates held.
+    """Test each level's deviation d_i from the mean of all against +-limit, with both error rates limited.
 
-    The question is of these cameras, not of the population that they are drawn from: the cameras are counted
-    and known, and of a standard deviation between cameras five of them would say next to nothing (its upper
-    limit is 2.4 times its estimate). So the test is on each camera's deviation from the set they would share:
+    Parameters
+    ----------
+    deviations, standard_errors : ndarray of float64, shape (k,)
+        In the unit of the limit; the standard errors are above 0.
+    dof : int
+        Degrees of freedom v of the standard errors.
+    limit : float
+        Largest accepted deviation.
+
+    Notes
+    -----
+    The question is about these cameras, not the population that they are drawn from: the cameras are counted
+    and known, and five of them hardly determine a standard deviation between cameras (its upper limit is 2.4
+    times its estimate). So the test is on each camera's deviation from the set they would share::
 
         shared      max_i P(t_v < (|d_i| - limit) / u_i) < alpha        every |delta_i| < limit
         per_camera  2 k min_i P(t_v > (|d_i| - limit) / u_i) < alpha    some |delta_i| > limit
 
-    The first is two one-sided tests of each camera; all must pass, so that no correction for their number is
-    needed (intersection-union [1]): whatever the truth, shared is said of a fleet in which a camera leaves
-    the tolerance with at most alpha. The second is Bonferroni's over k cameras and two sides: per_camera is
-    said of a fleet within the tolerance with at most alpha. Neither passes: cannot_tell.
-    A difference that is certain and small does not make a fleet per_camera, as an F test alone would.
+    The first is two one-sided tests of each camera [2]_; all must pass, so that no correction for their
+    number is needed (intersection-union [1]_): for any fleet in which a camera exceeds the tolerance, the
+    probability of "shared" is at most alpha. The second is Bonferroni's over k cameras and two sides: for a
+    fleet within the tolerance, the probability of "per_camera" is at most alpha. If neither passes:
+    cannot_tell. A difference that is certain and small does not make a fleet per_camera, as an F test alone
+    would.
 
-    Takes
-      deviations, standard_errors : (k,) in the unit of limit; standard_errors > 0; dof : v of their variance
-    References [1] R. L. Berger, Multiparameter hypothesis testing and acceptance sampling,
-      Technometrics 24 (1982) 295-300, doi:10.2307/1267823; D. J. Schuirmann, J. Pharmacokin. Biopharm. 15
-      (1987) 657-680, doi:10.1007/BF01068419
+    References
+    ----------
+    .. [1] R. L. Berger, Technometrics 24, 295 (1982), doi:10.2307/1267823
+    .. [2] D. J. Schuirmann, J. Pharmacokin. Biopharm. 15, 657 (1987), doi:10.1007/BF01068419
     """
     distances = (np.abs(deviations) - limit) / standard_errors
     equivalence = float(np.max(stdtr(dof, distances)))

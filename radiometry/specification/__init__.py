@@ -1,1 +1,1 @@
-"""What a calibration method states about itself, and how its parameters are described."""
+"""Specification of a calibration method and description of its parameters."""

@@ -43,7 +43,7 @@ class Correction:
 
 @dataclass(frozen=True, kw_only=True)
 class Application:
-    """What a version of a method makes of a later frame.
+    """Application of a version of a method to a later frame.
 
     Attributes
     ----------

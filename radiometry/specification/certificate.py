@@ -1,4 +1,4 @@
-"""What a certificate prints of a method: procedure, equation, traceability and columns of its points."""
+"""Certificate text of a method: procedure, equation, traceability and columns of its points."""
 
 from dataclasses import dataclass
 from typing import Final, Literal

@@ -94,7 +94,12 @@ class Parameter:
                 return str(self.default)
 
     def holds(self, value: float) -> bool:
-        """Return True if a number lies within the range; NaN and infinity do not."""
+        """Return True if a number lies within the range; NaN and infinity do not.
+
+        Parameters
+        ----------
+        value : float
+        """
         if not math.isfinite(value):
             return False
         low, high = self.minimum, self.maximum
@@ -112,21 +117,40 @@ def parameter(
 ) -> Any:  # noqa: ANN401  a field of a dataclass takes its annotated type
     """Return a dataclass field that carries the description of its parameter.
 
-    ``later`` marks a field that older versions do not have (`stored.LATER`). ``labels`` maps each choice of
-    a field of a `Literal` type to its label; the other names are those of `Parameter`. The
-    type follows from the field's annotation.
+    Parameters
+    ----------
+    default : object
+        Default of the field.
+    label, description : str
+        As in `Parameter`.
+    later : bool, optional
+        True for a field that older versions do not have (`stored.LATER`).
+    **stated
+        Other attributes of `Parameter`; ``labels`` maps each choice of a field of a `Literal` type to its
+        label. The type follows from the field's annotation.
     """
     stated |= {"label": label, "description": description}
     return dataclasses.field(default=default, metadata={_KEY: stated, **(LATER if later else {})})
 
 
 def list_parameters(kind: type[Any]) -> tuple[Parameter, ...]:
-    """Return the parameters that a `Params` class states, in the order of its fields."""
+    """Return the parameters that a `Params` class states, in the order of its fields.
+
+    Parameters
+    ----------
+    kind : type
+        The class.
+    """
     return _list_once(kind)
 
 
 def check_parameters(params: Any) -> None:  # noqa: ANN401  of any method
     """Check every parameter against its choices and range.
+
+    Parameters
+    ----------
+    params : object
+        Instance of a `Params` class.
 
     Raises
     ------

@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True, kw_only=True)
 class Role:
-    """What a frame shows.
+    """Role of a frame.
 
     Attributes
     ----------

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Query, Response
 
 from radiometry.fleet.determinations import Determination
 from radiometry.fleet.drift import judge_drift
-from radiometry.fleet.meaning import PERCENT, give_meaning, main_unit
+from radiometry.fleet.sensitivity import PERCENT, find_sensitivity, main_unit
 from radiometry.fleet.verdict import judge_fleet
 from service.auth import Reader
 from service.context import UsesContext
@@ -99,7 +99,7 @@ def _refuse_tolerance(body: NewFleetVerdict, found: list[Determination]) -> None
         if name not in keys:
             known = ", ".join(sorted(keys)) or "none: nothing is published"
             raise _wrong(f"body.tolerance.{name}", f"there is no such parameter; there are {known}")
-        if give_meaning(body.method, keys[name], {}, mean=1.0).kind == "relative":
+        if find_sensitivity(body.method, keys[name], {}, mean=1.0).kind == "relative":
             _refuse_no_share(f"body.tolerance.{name}", tolerance)
 
 

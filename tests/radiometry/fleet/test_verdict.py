@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radiometry.fleet.determinations import Key
-from radiometry.fleet.meaning import give_meaning
 from radiometry.fleet.planning import compute_power, count_repeats
+from radiometry.fleet.sensitivity import find_sensitivity
 from radiometry.fleet.verdict import judge_fleet
 from radiometry.fleet.verdicts import judge_deviations
 from tests.radiometry.fleet.fleets import LUMINANCE_K, PRINCIPAL_POINT, determine, draw_fleet, fleet_of
@@ -105,7 +105,7 @@ def test_a_camera_without_a_version_leaves_the_fleet_open():
     assert "Z without a published version" in verdict.said
 
 
-def test_what_is_felt_in_another_unit_needs_its_own_tolerance():
+def test_effect_in_another_unit_needs_its_own_tolerance():
     dark = Key(name="dark_signal_dn", unit="DN", model="proportional", iso=3200.0)
     rows = fleet_of(ALIKE) + fleet_of([[64.0, 64.2, 64.1], [64.1, 64.0, 64.2]], key=dark)
     verdict = judge(rows)
@@ -215,7 +215,7 @@ CORNER = {"fx_px": 1000.0, "fy_px": 1000.0, "cx_px": 600.0, "cy_px": 450.0}
 
 
 @pytest.mark.parametrize(
-    ("method", "name", "unit", "kind", "felt", "factor"),
+    ("method", "name", "unit", "kind", "effect_unit", "factor"),
     [
         ("luminance", "luminance_k", "DN", "relative", "%", 100 / 50),
         ("luminance", "dark_signal_dn", "DN", "absolute", "DN", 1.0),
@@ -233,11 +233,11 @@ CORNER = {"fx_px": 1000.0, "fy_px": 1000.0, "cx_px": 600.0, "cy_px": 450.0}
         ("sharpness", "mtf50_cycles_per_pixel", "c/p", "relative", "%", 2.0),
     ],
 )
-def test_what_a_difference_is_felt_as(method, name, unit, kind, felt, factor):
-    found = give_meaning(method, Key(name=name, unit=unit, model="m"), CORNER, mean=50.0)
-    assert (found.kind, found.unit) == (kind, felt)
+def test_effect_of_a_difference(method, name, unit, kind, effect_unit, factor):
+    found = find_sensitivity(method, Key(name=name, unit=unit, model="m"), CORNER, mean=50.0)
+    assert (found.kind, found.unit) == (kind, effect_unit)
     assert found.factor == pytest.approx(factor)
-    assert found.limit(0.5) == (50.0 if kind == "relative" else 0.5)
+    assert found.accept(0.5).limit == (50.0 if kind == "relative" else 0.5)
 
 
 def test_a_distortion_without_its_scale_is_not_judged():
