@@ -53,6 +53,17 @@ COLUMNS = [
     ),
 ]
 
+_TEXTS = (
+    *("id", "frame_id", "filename", "taken_at", "calibration_id", "calibration_state", "region_origin"),
+    *("index", "vignetting", "signal", "flags", "created_at"),
+)
+KINDS: dict[str, type] = dict.fromkeys(_TEXTS, str) | {
+    "calibration_version": int,
+    "pixels": int,
+    "frames": int,
+}
+"""Types of the columns that are not numbers with a fraction."""
+
 
 def flatten(answer: MeasurementAnswer) -> dict[str, Any]:
     """One row; what the measurement does not have is left out."""

@@ -14,17 +14,17 @@ from service.measurements import OfCalibration, answer_measurements
 from service.routes import problems
 from service.schemas.base import Instant, Text
 from service.schemas.measured import MeasurementAnswer
-from service.schemas.series import MeasurementSeriesAnswer
+from service.schemas.series import FeaturesAnswer, MeasurementSeriesAnswer
 from service.tabular import write_csv
 from store.tables import Calibration, Camera, Campaign, Measurement
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
 
-_FEATURES = {
-    "type": "object",
-    "required": ["type", "features"],
-    "properties": {"type": {"const": "FeatureCollection"}, "features": {"type": "array"}},
-}
+
+class GeoJson(JSONResponse):
+    """A JSON answer with the media type of RFC 7946."""
+
+    media_type = "application/geo+json"
 
 
 @router.get(
@@ -42,8 +42,9 @@ def get_campaign_measurements_csv(
 
 @router.get(
     "/campaigns/{campaign_id}/measurements.geojson",
-    response_class=Response,
-    responses={200: {"content": {"application/geo+json": {"schema": _FEATURES}}}, **problems(404)},
+    response_model=FeaturesAnswer,
+    response_class=GeoJson,
+    responses=problems(404),
 )
 def get_campaign_measurements_geojson(
     campaign_id: Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
@@ -51,7 +52,7 @@ def get_campaign_measurements_geojson(
     """Every measurement of a campaign as a feature where its frame was taken, oldest first."""
     found = _of_campaign(context, campaign_id, caller, calibration_id)
     collection = {"type": "FeatureCollection", "features": [make_feature(answer) for answer in found]}
-    return JSONResponse(collection, media_type="application/geo+json")
+    return GeoJson(collection)
 
 
 @router.get(

@@ -1,7 +1,10 @@
 """Series: flat rows, all in one answer, for a dashboard's panel."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
+from pydantic import Field, create_model
+
+from service.measurement_rows import COLUMNS, KINDS
 from service.schemas.base import Answer, Instant
 
 
@@ -33,7 +36,41 @@ class SeriesAnswer(Answer):
     rows: list[SeriesRow]
 
 
+if TYPE_CHECKING:
+    MeasurementRow = dict[str, Any]
+else:
+    MeasurementRow = create_model(
+        "MeasurementRow",
+        __base__=Answer,
+        __doc__="One measurement, flat; what it does not have is left out.",
+        **{name: (KINDS.get(name, float) | None, None) for name in COLUMNS},
+    )
+
+
 class MeasurementSeriesAnswer(Answer):
     """One row a measurement; the columns are those of measurements.csv."""
 
-    rows: list[dict[str, Any]]
+    rows: list[MeasurementRow]
+
+
+class PointAnswer(Answer):
+    """A GeoJSON point: longitude, latitude and, where known, altitude [m]."""
+
+    type: Literal["Point"]
+    coordinates: list[float] = Field(min_length=2, max_length=3)
+
+
+class FeatureAnswer(Answer):
+    """A measurement as a GeoJSON feature; without geometry where the file names no place."""
+
+    type: Literal["Feature"]
+    id: str
+    geometry: PointAnswer | None = Field(json_schema_extra={"nullable_on_purpose": True})
+    properties: MeasurementRow
+
+
+class FeaturesAnswer(Answer):
+    """Measurements as a GeoJSON feature collection (RFC 7946)."""
+
+    type: Literal["FeatureCollection"]
+    features: list[FeatureAnswer]

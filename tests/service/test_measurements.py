@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 import tifffile
+from jsonschema import Draft202012Validator
 from PIL import Image
 
 from store.tables import FrameRow
@@ -376,6 +377,13 @@ def test_a_whole_night_in_one_go(house):
     assert first["geometry"] == {"type": "Point", "coordinates": [-70.25, -33.5, 512.5]}
     assert second["geometry"] is None
     assert second["properties"]["calibration_version"] == 1
+    document = house.get("/openapi.json")
+    media = document["paths"]["/v1/campaigns/{campaign_id}/measurements.geojson"]["get"]["responses"]["200"]
+    schema = media["content"]["application/geo+json"]["schema"] | {"components": document["components"]}
+    Draft202012Validator(schema).validate(answer.json())
+    row = document["components"]["schemas"]["MeasurementRow"]["properties"]
+    assert row["mean_cd_m2"]["type"] == "number"
+    assert {*first["properties"]} <= {*row}
     none = house.http.get(
         f"/v1/campaigns/{campaign['id']}/measurements.geojson", params={"calibration_id": "other"}
     )
