@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from radiometry.methods import get_method
 from radiometry.specification.certificate import Column
+from radiometry.specification.method import MethodSpec
 from service.certificate.figures import in_print, in_step, optional, percent, plain
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, facts, figure, flow, section, table
@@ -19,8 +20,9 @@ _EXACT = "fixed"
 
 def summarise(certificate: Node) -> Node:
     """Return the table of the first page: the headline coefficients."""
-    headlines = get_method(certificate["method"]).certificate.headlines
-    return _tabulate([row for row in certificate["coefficients"] if row["name"] in headlines])
+    spec = get_method(certificate["method"])
+    rows = [row for row in certificate["coefficients"] if row["name"] in spec.certificate.headlines]
+    return _tabulate(spec, rows)
 
 
 def list_notes(certificate: Node) -> list[str]:
@@ -34,11 +36,11 @@ def list_notes(certificate: Node) -> list[str]:
 
 def list_sections(certificate: Node, preview: str) -> list[Node]:
     """Return the sections from the result to the points of the fit."""
-    headlines = get_method(certificate["method"]).certificate.headlines
-    others = [row for row in certificate["coefficients"] if row["name"] not in headlines]
+    spec = get_method(certificate["method"])
+    others = [row for row in certificate["coefficients"] if row["name"] not in spec.certificate.headlines]
     return [
         section("Result", [_drawn(certificate), facts(_conditions(certificate))]),
-        *([section("Further coefficients", [_tabulate(others)])] if others else []),
+        *([section("Further coefficients", [_tabulate(spec, others)])] if others else []),
         *(section(f"Uncertainty, {budget['band']}", [_budget(budget)]) for budget in certificate["budgets"]),
         *([section("Panel", list(_panels(certificate)))] if certificate["panels"] else []),
         section("Region", region_blocks(certificate, preview)),
@@ -52,7 +54,7 @@ def _drawn(certificate: Node) -> Node:
     return figure(plot, "Bars and bands: expanded uncertainty. Hollow: excluded or rejected.", width=1.0)
 
 
-def _tabulate(rows: list[Node]) -> Node:
+def _tabulate(spec: MethodSpec, rows: list[Node]) -> Node:
     """Return a table of coefficients and what each is valid for, in the version's order."""
     printed = []
     for row in rows:
@@ -61,7 +63,7 @@ def _tabulate(rows: list[Node]) -> Node:
         exact = row["standard_uncertainty"] == 0.0
         printed.append(
             [
-                row["name"],
+                spec.label_coefficient(row["name"]),
                 _holds_for(row),
                 value,
                 _EXACT if exact else u,

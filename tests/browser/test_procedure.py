@@ -175,7 +175,7 @@ def find_k_on_the_cameras_page(page: Page) -> None:
     page.get_by_role("navigation", name="Breadcrumbs").get_by_role("link", name="FC6520").click()
     settle(page)
     expect(page.get_by_role("heading", level=1)).to_contain_text("0K1XE8")
-    rows = page.locator("#in-force").get_by_role("row").filter(has_text="luminance_k")
+    rows = page.locator("#in-force").get_by_role("row").filter(has_text="Luminance K")
     expect(rows).to_have_count(len(ISOS))
     for iso in ISOS:
         # K_TRUE, as closely as the apertures scatter

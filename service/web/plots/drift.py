@@ -20,16 +20,18 @@ _LEAST_MS = 90 * 86_400_000.0
 _ROOM = 1.15
 
 
-def draw_drift(found: Sequence[Determination], versions: Mapping[str, int], *, theme: Theme) -> figure:
+def draw_drift(
+    found: Sequence[Determination], versions: Mapping[str, int], *, quantity: str, theme: Theme
+) -> figure:
     """Each ISO, f-number, band and channel in a colour and a symbol; bars are one standard uncertainty.
 
-    ``found`` : of one coefficient's name; ``versions`` : the number of each version
+    ``found`` : of one coefficient, named ``quantity``; ``versions`` : the number of each version
     """
     key = found[0].key
     drawn = new_figure(
         theme,
         x_label="determined",
-        y_label=f"{key.name} [{in_print(key.unit)}]",
+        y_label=f"{quantity} [{in_print(key.unit)}]",
         x_axis_type="datetime",
         x_range=_time_range(found),
         y_range=span([row.value + sign * row.standard_uncertainty for row in found for sign in (-1, 1)]),

@@ -1,8 +1,8 @@
 // Coefficients as the pages show them: what they hold for, and which of a series are in force.
 
-import { filename, h } from "./dom.js";
+import { h } from "./dom.js";
 import { number, words } from "./format.js";
-import { headlineOf } from "./methods.js";
+import { coefficientLabel, headlineOf } from "./methods.js";
 
 /** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
 export function holdsFor(row) {
@@ -18,10 +18,8 @@ export function holdsFor(row) {
     .join(", ");
 }
 
-/** A coefficient by its name and what it holds for. */
-export function named(row) {
-  return h("span", {}, h("code", {}, filename(row.name)), h("span", { class: "muted" }, ` ${holdsFor(row)}`));
-}
+/** A coefficient by its label and what it holds for. */
+export const named = (row, method = row.method) => h("span", { title: row.name }, coefficientLabel(method, row.name), h("span", { class: "muted" }, ` ${holdsFor(row)}`));
 
 /** The versions of a series (/v1/series/coefficients) that are in force at a time, each with its rows. */
 export function inForce(rows, at = new Date()) {

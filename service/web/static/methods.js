@@ -1,11 +1,15 @@
 // The calibration methods, as their specifications state them.
 
+import { words } from "./format.js";
 import { METHODS } from "./specification.js";
 
 export { METHODS };
 
 export const methodOf = (name) => METHODS.find((each) => each.name === name);
 export const labelOf = (name) => methodOf(name).label;
+
+/** The label of a method's coefficient. */
+export const coefficientLabel = (method, name) => methodOf(method).coefficients.find((each) => each.name === name)?.label ?? words(name);
 
 /** The name of the coefficient that is looked for first; how well a camera is known is how well this is. */
 export const headlineOf = (name) => methodOf(name).coefficients[0].name;

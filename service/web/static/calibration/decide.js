@@ -25,7 +25,7 @@ async function publish(button, calibration, decided) {
   const impact = h("div", { class: "impact", "aria-live": "polite" });
   const show = () => {
     const at = instant(document.getElementById("ask-valid_from").value);
-    if (at) load(impact, () => get(`/v1/calibrations/${calibration.id}/impact?at=${encodeURIComponent(at)}`), drawImpact);
+    if (at) load(impact, () => get(`/v1/calibrations/${calibration.id}/impact?at=${encodeURIComponent(at)}`), (found) => drawImpact(found, calibration.method));
   };
   const asked = ask({
     title: `Publish version ${calibration.version}`,

@@ -1,26 +1,26 @@
 // The impact of publishing or revoking a version.
 
 import { h, table } from "../dom.js";
-import { fixed, number, quantity, tag, withUncertainty, words } from "../format.js";
-import { holdsFor } from "../coefficients.js";
+import { fixed, number, quantity, tag, withUncertainty } from "../format.js";
+import { named } from "../coefficients.js";
 
 const METERS = {
   common: "Both depend on the same meter certificates, whose error cancels here.",
   unknown: "A reading has no certificate, so that no error is treated as common.",
 };
 
-export function drawImpact(impact) {
+export function drawImpact(impact, method) {
   return [
     h("p", { class: "note" }, h("strong", {}, impact.said), impact.meter_calibration && METERS[impact.meter_calibration] ? ` ${METERS[impact.meter_calibration]}` : null),
-    impact.against?.calibration_id !== impact.calibration_id && impact.coefficients.length ? coefficients(impact.coefficients) : null,
+    impact.against?.calibration_id !== impact.calibration_id && impact.coefficients.length ? coefficients(impact.coefficients, method) : null,
     gains(impact),
     impact.measurements.length ? [h("h3", {}, `${impact.measurements.length} ${impact.measurements.length === 1 ? "measurement was" : "measurements were"} made with the version in force`), drawTouched(impact.measurements)] : null,
   ];
 }
 
-function coefficients(rows) {
+function coefficients(rows, method) {
   const columns = [
-    { head: "Coefficient", header: true, cell: (row) => [words(row.name), h("span", { class: "muted" }, ` ${holdsFor(row)}`)] },
+    { head: "Coefficient", header: true, cell: (row) => named(row, method) },
     { head: "In force", class: "number", cell: (row) => quantity({ ...row.old, unit: "1" }) },
     { head: "This version", class: "number", cell: (row) => quantity({ ...row.new, unit: "1" }) },
     { head: "Change", class: "number", cell: (row) => changeOf(row.change) },

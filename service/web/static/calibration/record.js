@@ -2,6 +2,7 @@
 
 import { filename, h, table } from "../dom.js";
 import { counted, day, number, quantity, tag, time, words } from "../format.js";
+import { coefficientLabel } from "../methods.js";
 import { empty } from "../states.js";
 
 export function drawHistory(items) {
@@ -28,7 +29,7 @@ export function drawSiblings(own, versions) {
     { head: "Version", header: true, cell: (row) => (row.id === own.id ? h("strong", { "aria-current": "true" }, `${row.version}, this one`) : h("a", { href: `/calibrations/${row.id}` }, `Version ${row.version}`)) },
     { head: "State", cell: (row) => tag(row.state) },
     { head: "Settings", cell: howOf },
-    { head: words(own.coefficients[0]?.name ?? "coefficient"), class: "number", cell: (row) => (row.coefficients[0] ? quantity({ ...row.coefficients[0], unit: "1" }) : "–") },
+    { head: own.coefficients[0] ? coefficientLabel(own.method, own.coefficients[0].name) : "Coefficient", class: "number", cell: (row) => (row.coefficients[0] ? quantity({ ...row.coefficients[0], unit: "1" }) : "–") },
   ];
   return table(columns, versions, { caption: "Versions of this campaign" });
 }

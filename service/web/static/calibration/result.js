@@ -52,9 +52,9 @@ function curves({ diagnostics, coefficients: rows }) {
   return [note, table(columns, fits, { caption: "K of each ISO value" })];
 }
 
-function coefficients({ coefficients: rows }) {
+function coefficients({ coefficients: rows, method }) {
   const columns = [
-    { head: "Coefficient", header: true, cell: named },
+    { head: "Coefficient", header: true, cell: (row) => named(row, method) },
     { head: "Value", class: "number", cell: quantity },
     { head: "u", class: "number wide-only", cell: (row) => relative(row.value, row.standard_uncertainty) },
     { head: "Model", class: "nowrap wide-only", cell: (row) => words(row.model.split(":")[0]) },

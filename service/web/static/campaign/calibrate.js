@@ -2,8 +2,9 @@
 
 import { all, post } from "../api.js";
 import { fill, h, may, table } from "../dom.js";
-import { ago, number, quantity, tag, words } from "../format.js";
+import { ago, number, quantity, tag } from "../format.js";
 import { followJob } from "../live.js";
+import { coefficientLabel } from "../methods.js";
 import { act, empty, load } from "../states.js";
 import { sentence } from "./overview.js";
 import { parametersFold } from "./parameters.js";
@@ -64,7 +65,7 @@ function list(found) {
     const [coefficient, ...more] = version.coefficients;
     if (!coefficient) return "–";
     const of = [coefficient.iso && `ISO ${number(coefficient.iso, 6)}`, coefficient.f_number && `f/${number(coefficient.f_number, 3)}`, coefficient.band, coefficient.channel].filter(Boolean);
-    return [quantity(coefficient), h("span", { class: "sub" }, [words(coefficient.name), ...of, more.length ? `and ${more.length} more` : ""].filter(Boolean).join(" · "))];
+    return [quantity(coefficient), h("span", { class: "sub" }, [coefficientLabel(version.method, coefficient.name), ...of, more.length ? `and ${more.length} more` : ""].filter(Boolean).join(" · "))];
   };
   return table(
     [

@@ -2,7 +2,7 @@ import { get } from "../api.js";
 import { byId, fill, h, table } from "../dom.js";
 import { ago, day, quantity, relative, tag, time } from "../format.js";
 import { holdsFor, inForce, named } from "../coefficients.js";
-import { headlineOf, labelOf, methodOf, readTolerance } from "../methods.js";
+import { coefficientLabel, headlineOf, labelOf, methodOf, readTolerance } from "../methods.js";
 import { empty, load } from "../states.js";
 import { plot } from "../plots.js";
 import { shorten } from "../shorten.js";
@@ -37,7 +37,7 @@ load(byId("drift"), () => series, ({ rows }) => {
     byId("drift-choice").hidden = true;
     return empty("No drift yet", "The plot appears with the second published version.");
   }
-  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}`, selected: row.name === headlineOf(row.method) }, `${row.name} (${labelOf(row.method)})`)));
+  fill(choice, names.map((row) => h("option", { value: `${row.method}/${row.name}`, selected: row.name === headlineOf(row.method) }, `${coefficientLabel(row.method, row.name)}${row.unit === "1" ? "" : ` [${row.unit}]`} (${labelOf(row.method)})`)));
   choice.disabled = false;
   choice.addEventListener("change", drawDrift);
   tolerance.addEventListener("change", () => tolerance.reportValidity() && drawDrift());

@@ -83,7 +83,7 @@ const judge = (form, button, method, tolerance) =>
 function shown(answer) {
   const [word, kind] = VERDICTS[answer.verdict];
   const columns = [
-    { head: "Coefficient", header: true, cell: (row) => named(row) },
+    { head: "Coefficient", header: true, cell: (row) => named(row, answer.method) },
     { head: "Verdict", cell: (row) => tag(...VERDICTS[row.verdict]) },
     { head: "Shared value", class: "number", cell: (row) => quantity(row.mean) },
     { head: "Cost of sharing", class: "number", cell: (row) => quantity(row.cost) },
