@@ -11,6 +11,7 @@ from sqlalchemy.exc import InterfaceError, OperationalError, ProgrammingError, S
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 from starlette.concurrency import run_in_threadpool
 
+from radiometry.findings import interface
 from service import problems
 from service.addresses import Addresses
 from service.context import Context
@@ -18,7 +19,7 @@ from service.digests import ContentDigests
 from service.document import build_document
 from service.hosts import KnownHosts
 from service.limits import BodyLimit
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.renamed import RenamedAddresses
 from service.routes import include_routes
 from service.stopping import CarriesTraffic
@@ -112,17 +113,15 @@ def _install_database_problem(app: FastAPI) -> None:
         log.warning("the database cannot be used: %s", summarise(error))
         if is_full(error):
             detail = "The service has no space left to store this. Try again later."
-            return problems.answer(
-                Problem(507, HttpCode.STORAGE_FULL, detail, retryable=True, headers={"Retry-After": "10"})
-            )
+            return problems.answer(Problem(interface.STORAGE_FULL, detail, headers={"Retry-After": "10"}))
         if isinstance(error, SchemaDiffers):
             code, detail = (
-                HttpCode.SCHEMA_MISMATCH,
+                interface.SCHEMA_MISMATCH,
                 "The database has the schema of another version. Try again later.",
             )
         else:
-            code, detail = HttpCode.DATABASE_UNAVAILABLE, "The database does not answer. Try again."
-        return problems.answer(Problem(503, code, detail, retryable=True, headers={"Retry-After": "1"}))
+            code, detail = interface.DATABASE_UNAVAILABLE, "The database does not answer. Try again."
+        return problems.answer(Problem(code, detail, headers={"Retry-After": "1"}))
 
 
 def _find_other_schema(database: Database) -> SchemaDiffers | None:

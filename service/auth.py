@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from radiometry.findings import interface
 from service.context import Context, get_context
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.schemas.base import rfc3339
 from service.sessions import COOKIE, CSRF_HEADER
 from store.queries.keys import find_ended_key, find_key, find_session_key
@@ -90,14 +91,14 @@ def require_csrf_token(request: Request, context: Context, given: str) -> None:
     """Refuse a change that a browser sends along with its cookie, unless our own page had it sent."""
     if not context.sessions.is_csrf_token(request.cookies.get(COOKIE, ""), given):
         detail = f"A change with a session's cookie needs the page's token in {CSRF_HEADER}. Reload the page."
-        raise Problem(403, HttpCode.CSRF_TOKEN_WRONG, detail)
+        raise Problem(interface.CSRF_TOKEN_WRONG, detail)
 
 
 def require(caller: Caller, scope: Scope) -> None:
     """Refuse who lacks a scope."""
     if scope not in caller.scopes:
         detail = f"This needs a key with the scope {scope!r}, which your key does not have."
-        raise Problem(403, HttpCode.SCOPE_MISSING, detail)
+        raise Problem(interface.SCOPE_MISSING, detail)
 
 
 def _require(scope: Scope) -> Callable[[Caller], Caller]:
@@ -116,7 +117,7 @@ def describe_refusal(ended: ApiKey | None) -> str:
 
 
 def _unauthenticated(detail: str) -> Problem:
-    return Problem(401, HttpCode.UNAUTHENTICATED, detail, headers={"WWW-Authenticate": "Bearer"})
+    return Problem(interface.UNAUTHENTICATED, detail, headers={"WWW-Authenticate": "Bearer"})
 
 
 Reader = Annotated[Caller, Depends(_require("read"))]

@@ -8,7 +8,8 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from service.problems import HttpCode, problem_body
+from radiometry.findings import interface, shared
+from service.problems import problem_body
 from service.routes import problems
 from service.schemas.fits import NewCalibration, describe_requests
 from service.schemas.methods import describe_versions
@@ -17,18 +18,21 @@ from service.tabular import write_csv
 _EXAMPLES = Path(__file__).with_name("examples.json")
 """What `make examples` recorded, by the name of the schema."""
 
-_EXAMPLE_CODES = {
-    400: HttpCode.BAD_REQUEST,
-    401: HttpCode.UNAUTHENTICATED,
-    403: HttpCode.SCOPE_MISSING,
-    404: HttpCode.NOT_FOUND,
-    409: HttpCode.CALIBRATION_REVOKED,
-    413: HttpCode.UPLOAD_TOO_LARGE,
-    422: HttpCode.VALIDATION_FAILED,
-    500: HttpCode.STORED_FILE_DAMAGED,
-    429: HttpCode.TOO_MANY_REQUESTS,
-    503: HttpCode.DATABASE_UNAVAILABLE,
-    507: HttpCode.STORAGE_FULL,
+_EXAMPLES_OF = {
+    code.status: code
+    for code in (
+        interface.BAD_REQUEST,
+        interface.UNAUTHENTICATED,
+        interface.SCOPE_MISSING,
+        interface.NOT_FOUND,
+        shared.CALIBRATION_REVOKED,
+        interface.UPLOAD_TOO_LARGE,
+        interface.VALIDATION_FAILED,
+        interface.STORED_FILE_DAMAGED,
+        interface.TOO_MANY_REQUESTS,
+        interface.DATABASE_UNAVAILABLE,
+        interface.STORAGE_FULL,
+    )
 }
 _PROBLEM = "application/problem+json"
 
@@ -95,10 +99,8 @@ def _show_problems(operation: Node) -> None:
     """A problem is problem+json and nothing else, and its example is one of its status."""
     for status, answer in operation["responses"].items():
         if _PROBLEM in answer.get("content", {}):
-            code = _EXAMPLE_CODES[int(status)]
-            example = problem_body(
-                int(status), code, answer["description"], retryable=int(status) == 429 or int(status) > 500
-            )
+            code = _EXAMPLES_OF[int(status)]
+            example = problem_body(int(status), code, answer["description"], retryable=code.retryable)
             schema = {"$ref": "#/components/schemas/ProblemAnswer"}
             answer["content"] = {_PROBLEM: {"schema": schema, "example": example}}
 

@@ -10,7 +10,8 @@ from typing import Any
 from sqlalchemy import delete
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.problems import HttpCode
+from radiometry.findings import Finding as Entry
+from radiometry.findings import interface
 from store.blobs import Blobs, StorageFull, StorageUnavailable
 from store.database import Database
 from store.files import count_damaged
@@ -32,7 +33,7 @@ class Finding:
     """What one check found, or that it has not come back."""
 
     name: str
-    code: HttpCode | None = None
+    code: Entry | None = None
     detail: str = ""
     slow_s: float = 0.0
     """How long the present look has taken, where that is longer than it should."""
@@ -75,7 +76,7 @@ class _Check:
     def __init__(
         self,
         name: str,
-        code: HttpCode,
+        code: Entry,
         detail: str,
         look: Callable[[], Any],
         *,
@@ -122,7 +123,7 @@ class _Check:
         found = self._under_way.result()
         if isinstance(found, SchemaDiffers):
             detail = f"{str(found).capitalize()}."
-            self._finding = Finding(name=self.name, code=HttpCode.SCHEMA_MISMATCH, detail=detail)
+            self._finding = Finding(name=self.name, code=interface.SCHEMA_MISMATCH, detail=detail)
         elif isinstance(found, Exception):
             self._finding = Finding(name=self.name, code=self._code, detail=self._detail)
         else:
@@ -137,7 +138,7 @@ class Health:
 
     def __init__(self, database: Database, blobs: Blobs) -> None:
         self._database = database
-        no_database, no_files = HttpCode.DATABASE_UNAVAILABLE, HttpCode.STORAGE_UNAVAILABLE
+        no_database, no_files = interface.DATABASE_UNAVAILABLE, interface.STORAGE_UNAVAILABLE
         self._read = _Check(
             "database",
             no_database,

@@ -10,7 +10,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.problems import HttpCode, Problem, answer
+from radiometry.findings import interface
+from service.problems import Problem, answer
 from store.settings import Settings
 
 _HOST: Final = re.compile(r"([a-z0-9._-]+|\[[0-9a-f:.]+\])(:\d{1,5})?", re.ASCII | re.IGNORECASE)
@@ -106,4 +107,4 @@ def _refuse() -> Problem:
         "This service does not answer under this host name. The operator lists its names in "
         "STILB_ALLOWED_HOSTS."
     )
-    return Problem(421, HttpCode.HOST_NOT_ALLOWED, detail)
+    return Problem(interface.HOST_NOT_ALLOWED, detail)

@@ -5,7 +5,8 @@ from typing import Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.problems import HttpCode, Problem, RefusedBody
+from radiometry.findings import interface
+from service.problems import Problem, RefusedBody
 
 MAX_BODY_BYTES: Final = 4 << 20
 _UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames")
@@ -44,4 +45,4 @@ class BodyLimit:
 
 def _too_large() -> RefusedBody:
     detail = f"The body may have at most {MAX_BODY_BYTES} bytes here. Send it in parts."
-    return RefusedBody(Problem(413, HttpCode.UPLOAD_TOO_LARGE, detail))
+    return RefusedBody(Problem(interface.UPLOAD_TOO_LARGE, detail))

@@ -1,7 +1,6 @@
 """Problems: every refusal of the service, as application/problem+json with a stable code (docs/errors.md)."""
 
 from collections.abc import Iterable, Mapping
-from enum import StrEnum
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -10,71 +9,32 @@ from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
-from radiometry.findings import InputRejected
+from radiometry.findings import Finding, InputRejected, interface
 from service.wording import describe
 from store.blobs import BlobDamaged, StorageUnavailable
 from store.errors import Conflict
-from store.files import STORED_FILE_DAMAGED, describe_damage
+from store.files import describe_damage
 from store.usage import QuotaExceeded
 
 
-class HttpCode(StrEnum):
-    """Codes of the HTTP interface only. Codes of the science and of the decoder are passed through."""
-
-    UNAUTHENTICATED = "unauthenticated"
-    SCOPE_MISSING = "scope_missing"
-    CSRF_TOKEN_WRONG = "csrf_token_wrong"  # noqa: S105  a code
-    NOT_FOUND = "not_found"
-    METHOD_NOT_ALLOWED = "method_not_allowed"
-    VALIDATION_FAILED = "validation_failed"
-    BAD_REQUEST = "bad_request"
-    CONFLICT = "conflict"
-    IDEMPOTENCY_KEY_REUSED = "idempotency_key_reused"
-    UPLOAD_TOO_LARGE = "upload_too_large"
-    UPLOAD_INCOMPLETE = "upload_incomplete"
-    DIGEST_MISMATCH = "digest_mismatch"
-    STORAGE_FULL = "storage_full"
-    STORAGE_UNAVAILABLE = "storage_unavailable"
-    STORED_FILE_DAMAGED = STORED_FILE_DAMAGED
-    DATABASE_UNAVAILABLE = "database_unavailable"
-    SCHEMA_MISMATCH = "schema_mismatch"
-    SERVICE_STOPPING = "service_stopping"
-    CAMPAIGN_INCOMPLETE = "campaign_incomplete"
-    PANEL_DIFFERS = "panel_differs"
-    CALIBRATION_REVOKED = "calibration_revoked"
-    CERTIFICATE_INCOMPLETE = "certificate_incomplete"
-    CHECKLIST_SIGNED = "checklist_signed"
-    NO_CHECKLIST = "no_checklist"
-    RECALL_OUTDATED = "recall_outdated"
-    PURGE_OUTDATED = "purge_outdated"  # recall_outdated under the old address
-    NO_CALIBRATION_IN_FORCE = "no_calibration_in_force"
-    PREVIEW_NOT_READY = "preview_not_ready"
-    METHOD_MISMATCH = "method_mismatch"
-    QUOTA_EXCEEDED = "quota_exceeded"
-    TOO_MANY_REQUESTS = "too_many_requests"
-    TOO_MANY_ATTEMPTS = "too_many_attempts"
-    HOST_NOT_ALLOWED = "host_not_allowed"
-    INTERNAL_ERROR = "internal_error"
-
-
 class Problem(Exception):  # noqa: N818  RFC 9457's own word
-    """An answer that is not the one asked for."""
+    """A refusal; its status and whether to retry are those of its finding, unless given."""
 
     def __init__(
         self,
-        status: int,
-        code: str,
+        code: Finding,
         detail: str,
         *,
-        retryable: bool = False,
+        status: int | None = None,
+        retryable: bool | None = None,
         headers: Mapping[str, str] | None = None,
         **extra: Any,  # noqa: ANN401
     ) -> None:
         super().__init__(detail)
-        self.status = status
+        self.status = status or code.status or 500
         self.code = code
         self.detail = detail
-        self.retryable = retryable
+        self.retryable = code.retryable if retryable is None else retryable
         self.headers = dict(headers or {})
         self.extra = extra
 
@@ -109,16 +69,13 @@ def problem_body(
 
 def not_found(what: str) -> Problem:
     return Problem(
-        404,
-        HttpCode.NOT_FOUND,
+        interface.NOT_FOUND,
         f"There is no such {what}. Check the id, and that your key is of the organisation that owns it.",
     )
 
 
 def storage_unavailable() -> Problem:
-    return Problem(
-        503, HttpCode.STORAGE_UNAVAILABLE, "The file store does not answer. Try again.", retryable=True
-    )
+    return Problem(interface.STORAGE_UNAVAILABLE, "The file store does not answer. Try again.")
 
 
 def install(app: FastAPI) -> None:
@@ -139,7 +96,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(BlobDamaged)
     async def damaged(_request: Request, error: BlobDamaged) -> JSONResponse:
-        return _answer(problem_body(500, HttpCode.STORED_FILE_DAMAGED, describe_damage(error)))
+        return answer(Problem(interface.STORED_FILE_DAMAGED, describe_damage(error)))
 
     @app.exception_handler(StorageUnavailable)
     async def unavailable(_request: Request, _error: StorageUnavailable) -> JSONResponse:
@@ -160,7 +117,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Exception)
     async def unexpected(_request: Request, _error: Exception) -> JSONResponse:
         detail = "Internal error. It has been logged. Try again, and tell the operator if it persists."
-        return _answer(problem_body(500, HttpCode.INTERNAL_ERROR, detail, retryable=True))
+        return answer(Problem(interface.INTERNAL_ERROR, detail))
 
 
 def _of_the_framework(request: Request, error: HTTPException) -> Problem:
@@ -169,17 +126,17 @@ def _of_the_framework(request: Request, error: HTTPException) -> Problem:
     match error.status_code:
         case 404:
             detail = "This address does not exist; /docs lists all addresses."
-            return Problem(404, HttpCode.NOT_FOUND, detail)
+            return Problem(interface.NOT_FOUND, detail)
         case 405:
             allowed = ", ".join(request.app.state.addresses.methods_of(request.scope["path"]))
             detail = f"This address does not accept {request.method}; it accepts {allowed}."
-            return Problem(405, HttpCode.METHOD_NOT_ALLOWED, detail, headers={"Allow": allowed})
+            return Problem(interface.METHOD_NOT_ALLOWED, detail, headers={"Allow": allowed})
         case _:
             detail = (
                 "The body cannot be read: send JSON in UTF-8, without excessive nesting or excessively "
                 "long numbers."
             )
-            return Problem(error.status_code, HttpCode.BAD_REQUEST, detail, headers=headers)
+            return Problem(interface.BAD_REQUEST, detail, status=error.status_code, headers=headers)
 
 
 def over_quota(error: QuotaExceeded) -> Problem:
@@ -188,11 +145,10 @@ def over_quota(error: QuotaExceeded) -> Problem:
     what = error.quota.replace("_", " ")
     advice = "Wait until some are done." if passes else "Ask the operator of the service for more space."
     return Problem(
-        429 if passes else 507,
-        HttpCode.QUOTA_EXCEEDED,
+        interface.QUOTA_EXCEEDED,
         f"Your organisation may have {error.limit} {what} and has {error.used}; this request exceeds it. "
         f"{advice}",
-        retryable=True,
+        status=429 if passes else 507,
         headers={"Retry-After": "10" if passes else "60"},
         quota=error.quota,
         limit=error.limit,
@@ -205,11 +161,11 @@ def invalid(errors: Iterable[Mapping[str, Any]]) -> Problem:
     errors = list(errors)
     for error in errors:
         if error["type"] == "json_invalid":
-            return Problem(400, HttpCode.BAD_REQUEST, f"The body is not JSON: {_locate_in_json(error)}.")
+            return Problem(interface.BAD_REQUEST, f"The body is not JSON: {_locate_in_json(error)}.")
     named = [member for error in errors for member in describe(error)]
     detail = "; ".join(f"{member['field']}: {member['message']}" for member in named[:5])
     more = f"; and {len(named) - 5} more" if len(named) > 5 else ""
-    return Problem(422, HttpCode.VALIDATION_FAILED, f"{detail}{more}", errors=named)
+    return Problem(interface.VALIDATION_FAILED, f"{detail}{more}", errors=named)
 
 
 def _locate_in_json(error: Mapping[str, Any]) -> str:

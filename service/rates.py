@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Final
 
-from service.problems import HttpCode, Problem
+from radiometry.findings import interface
+from service.problems import Problem
 
 _MINUTE_S: Final = 60.0
 
@@ -41,11 +42,9 @@ class Rates:
                 return
             wait_s = max(1, math.ceil(self._wait_s(counts, share)))
         raise Problem(
-            429,
-            HttpCode.TOO_MANY_REQUESTS,
+            interface.TOO_MANY_REQUESTS,
             f"You may send {self._per_minute} requests a minute, and have sent {math.ceil(used)}: "
             f"send this one again in {wait_s} s.",
-            retryable=True,
             headers={"Retry-After": str(wait_s)},
             quota="requests_per_minute",
             limit=self._per_minute,

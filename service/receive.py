@@ -12,7 +12,8 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
-from service.problems import HttpCode, Problem, storage_unavailable
+from radiometry.findings import Finding, interface
+from service.problems import Problem, storage_unavailable
 from store.blobs import Blobs, BlobWriter, StorageFull, StorageUnavailable, StoredBlob
 
 _FLUSH_BYTES = 1 << 20
@@ -47,26 +48,20 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
             filename = await _copy(request, writer, max_bytes)
             if expected is not None and writer.sha256 != expected:
                 raise Problem(
-                    422,
-                    HttpCode.DIGEST_MISMATCH,
+                    interface.DIGEST_MISMATCH,
                     f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
                     "Send it again.",
-                    retryable=True,
                 )
             await run_in_threadpool(admit, writer.sha256, writer.size_bytes)
             return Received(blob=await run_in_threadpool(writer.commit), filename=filename)
     except StorageFull as error:
-        raise Problem(
-            507, HttpCode.STORAGE_FULL, "The service has no space left for this file.", retryable=True
-        ) from error
+        raise Problem(interface.STORAGE_FULL, "The service has no space left for this file.") from error
     except StorageUnavailable as error:
         raise storage_unavailable() from error
     except ClientDisconnect as error:
         raise Problem(
-            400,
-            HttpCode.UPLOAD_INCOMPLETE,
+            interface.UPLOAD_INCOMPLETE,
             "The connection was lost before the end of the file.",
-            retryable=True,
         ) from error
 
 
@@ -131,7 +126,7 @@ class _FilePart:
     def finish(self) -> str | None:
         """The file's name as sent; a form without its end or without the part is refused."""
         if not self._ended:
-            raise _bad_form("it ends too early", retryable=True)
+            raise _bad_form("it ends too early", interface.UPLOAD_INCOMPLETE)
         if self._found != 1:
             raise _bad_form(f"it has {self._found} parts named 'file' where one is needed")
         return self._filename or None
@@ -184,18 +179,16 @@ def _announced_sha256(request: Request) -> str | None:
 
 def _bad_digest() -> Problem:
     return Problem(
-        400,
-        HttpCode.BAD_REQUEST,
+        interface.BAD_REQUEST,
         "The announced hash is not a SHA-256: X-Content-SHA256 takes 64 hex digits, Repr-Digest sha-256.",
     )
 
 
-def _bad_form(why: str, *, retryable: bool = False) -> Problem:
-    code = HttpCode.UPLOAD_INCOMPLETE if retryable else HttpCode.BAD_REQUEST
-    return Problem(400, code, f"The multipart form cannot be used: {why}.", retryable=retryable)
+def _bad_form(why: str, code: Finding = interface.BAD_REQUEST) -> Problem:
+    return Problem(code, f"The multipart form cannot be used: {why}.")
 
 
 def _too_large(max_bytes: int) -> Problem:
     return Problem(
-        413, HttpCode.UPLOAD_TOO_LARGE, f"A file may have at most {max_bytes} bytes (STILB_MAX_UPLOAD_BYTES)."
+        interface.UPLOAD_TOO_LARGE, f"A file may have at most {max_bytes} bytes (STILB_MAX_UPLOAD_BYTES)."
     )

@@ -6,6 +6,8 @@ from typing import Final
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from radiometry.findings import interface
+
 _DEPRECATED_SINCE: Final = "@1795305600"
 """2026-11-22, as a date of RFC 9745."""
 
@@ -14,7 +16,7 @@ _RENAMED: Final = (
     (re.compile(r"(/v1/measurements/[^/]+)/contrast"), r"\1/comparison"),
     (re.compile(r"/measurements/contrast"), "/measurements/comparison"),
 )
-_OLD_CODES: Final = {"recall_outdated": "purge_outdated"}
+_OLD_CODES: Final = {interface.RECALL_OUTDATED: interface.PURGE_OUTDATED}
 
 
 class RenamedAddresses:

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 from fastapi import Request
 from pydantic import ValidationError
 
-from service.problems import HttpCode, Problem, invalid, located
+from radiometry.findings import interface
+from service.problems import Problem, invalid, located
 from service.schemas.base import Form
 from service.strictness import NUMBER
 
@@ -50,9 +51,9 @@ def read_sheet(
         reader.fieldnames = name_fields(columns)
         return _read_rows(reader, separator, form, kind)
     except UnicodeDecodeError as error:
-        raise Problem(400, HttpCode.BAD_REQUEST, "The CSV is not UTF-8. Save it as CSV UTF-8.") from error
+        raise Problem(interface.BAD_REQUEST, "The CSV is not UTF-8. Save it as CSV UTF-8.") from error
     except csv.Error as error:
-        raise Problem(400, HttpCode.BAD_REQUEST, f"The CSV cannot be read: {error}.") from error
+        raise Problem(interface.BAD_REQUEST, f"The CSV cannot be read: {error}.") from error
 
 
 def is_table(request: Request) -> bool:

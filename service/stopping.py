@@ -10,8 +10,9 @@ import uvicorn
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from radiometry.findings import interface
 from service import problems
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.waiting import JobWatch
 
 COME_BACK_S = 2
@@ -21,10 +22,8 @@ _LINGER_S = 1.0
 def stopping() -> Problem:
     """The problem of whoever comes while the service stops."""
     return Problem(
-        503,
-        HttpCode.SERVICE_STOPPING,
+        interface.SERVICE_STOPPING,
         "The service is being stopped or restarted. Try again.",
-        retryable=True,
         headers={"Retry-After": str(COME_BACK_S), "Connection": "close"},
     )
 

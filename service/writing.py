@@ -13,9 +13,10 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from service.auth import Caller
 from service.context import Context, get_context
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.schemas.base import Answer, Text
 from store.tables import IdempotentAnswer, Job
 from store.usage import refuse_long_queue
@@ -86,8 +87,7 @@ class Writing:
         earlier = session.get(IdempotentAnswer, (caller.organisation_id, self._key))
         if earlier is not None and earlier.fingerprint != self._digest():
             raise Problem(
-                422,
-                HttpCode.IDEMPOTENCY_KEY_REUSED,
+                interface.IDEMPOTENCY_KEY_REUSED,
                 "This Idempotency-Key was used for another request. Use a new one for each new request.",
             )
         return earlier

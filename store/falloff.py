@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import InputRejected, interface, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
@@ -60,7 +60,8 @@ def choose_falloff(
         )
     if chosen.method != corrector:
         raise Conflict(
-            "method_mismatch", f"Calibration {chosen.id} is of {chosen.method}: name one of {corrector}."
+            interface.METHOD_MISMATCH,
+            f"Calibration {chosen.id} is of {chosen.method}: name one of {corrector}.",
         )
     _refuse_revoked(session, chosen)
     for light in lights:
@@ -168,7 +169,7 @@ def _find(session: Session, camera_id: str, method: str, content_sha256: str) ->
 def _refuse_revoked(session: Session, version: Calibration) -> None:
     if session.get(Revocation, version.id):
         raise Conflict(
-            "calibration_revoked",
+            shared.CALIBRATION_REVOKED,
             f"Version {version.version} of {version.method} was revoked: fit with one that stands, and "
             "measure with that fit.",
         )
@@ -206,7 +207,7 @@ def _find_in_force(session: Session, campaign: Campaign, corrector: str, lights:
     if len(held) != 1:
         reason = "several, for different lenses, are" if held else "no one version is"
         raise Conflict(
-            "no_calibration_in_force",
+            interface.NO_CALIBRATION_IN_FORCE,
             f"Of this camera's {corrector} {reason} in force for all times at which the light frames may "
             f"have been taken. Publish a version for that time, or name one with {corrector}_id.",
         )

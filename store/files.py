@@ -14,6 +14,7 @@ from typing import Final
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from store import jobs
 from store.audit import record_act
 from store.blobs import (
@@ -31,7 +32,6 @@ from store.tables import Blob, Job
 
 log = logging.getLogger(__name__)
 
-STORED_FILE_DAMAGED: Final = "stored_file_damaged"
 _ACTOR: Final = "files"
 
 
@@ -175,5 +175,5 @@ def _change_damage(session: Session, row: Blob, damage: Damage | None) -> None:
 
 def _retry_jobs(session: Session, sha256: str) -> None:
     """Queue what failed because of this file; a job names the file that it lacked in its error."""
-    for_its_damage = Job.error["code"].as_string() == STORED_FILE_DAMAGED
+    for_its_damage = Job.error["code"].as_string() == interface.STORED_FILE_DAMAGED
     jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == sha256))

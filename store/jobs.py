@@ -1,6 +1,7 @@
 """The life of a job: queued, claimed with a lease and a fence, finished once, or taken back and tried again.
 
 Every step is one conditional UPDATE: two workers that choose the same job, or a worker that comes back
+from radiometry.findings import interface
 from the dead, find no row to change.
 """
 
@@ -14,6 +15,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, CursorResult, select, update
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
+from radiometry.findings import interface
 from store.columns import new_id, utc_now
 from store.tables import Job
 
@@ -211,7 +213,7 @@ def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None
     """
     now = utc_now()
     since = held.faulty_since or now
-    error = {"code": "temporarily_unavailable", "retryable": True, "waits_for": str(waits_for)}
+    error = {"code": str(interface.TEMPORARILY_UNAVAILABLE), "retryable": True, "waits_for": str(waits_for)}
     if now - since >= RETRIED_FOR:
         detail = f"{waits_for.label} did not serve for a day. Nothing is lost: try the job again later."
         fail(session, held, error | {"detail": detail})
@@ -259,7 +261,7 @@ def sweep(session: Session) -> int:
     now = utc_now()
     expired = (Job.state == "running") & (Job.lease_until < now)
     lost_error = {
-        "code": "worker_lost",
+        "code": str(interface.WORKER_LOST),
         "detail": f"Its worker was lost {QUARANTINE_AFTER} times while it ran; it is set aside for a look.",
         "retryable": False,
     }

@@ -11,6 +11,7 @@ from datetime import datetime, timedelta
 from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import shared
 from store.columns import utc_now
 from store.errors import Conflict
 from store.tables import Calibration, Publication, Revocation, Slot
@@ -52,7 +53,9 @@ def publish(
     slot = _lock_slot(session, calibration)
     # under the lock only: whoever held it before may have revoked this version
     if session.get(Revocation, calibration.id):
-        raise Conflict("calibration_revoked", "This version was revoked; a revoked version stays revoked.")
+        raise Conflict(
+            shared.CALIBRATION_REVOKED, "This version was revoked; a revoked version stays revoked."
+        )
     now = _next_instant(session, slot)
     row = Publication(
         slot_id=slot.id,

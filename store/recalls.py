@@ -11,6 +11,7 @@ from typing import Any
 from sqlalchemy import Select, or_, select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from store.columns import utc_now
 from store.errors import Conflict
 from store.impact import Touched, list_touched
@@ -70,7 +71,7 @@ def confirm(session: Session, recall: Recall, *, by: str) -> None:
     if found != recall.calibration_ids:
         more, fewer = set(found) - set(recall.calibration_ids), set(recall.calibration_ids) - set(found)
         raise Conflict(
-            "recall_outdated",
+            interface.RECALL_OUTDATED,
             f"The cause now finds other versions than at the review: {len(more)} more, {len(fewer)} fewer. "
             "Propose the recall again and review it.",
         )

@@ -10,10 +10,10 @@ from typing import Any
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected, files
+from radiometry.findings import InputRejected, files, interface
 from store import jobs
 from store.blobs import BlobDamaged
-from store.files import STORED_FILE_DAMAGED, describe_damage
+from store.files import describe_damage
 from store.jobs import Claim, Dependency, LeaseLost, Turn
 from store.schema import SchemaDiffers
 from worker.context import Context
@@ -80,7 +80,7 @@ def _work(context: Context, claim: Claim) -> Ending:
     except BlobDamaged as damage:
         context.needs.fail(None, damage)
         log.warning("%s waits for an upload: %s", claim.job_id, damage)
-        found = problem(STORED_FILE_DAMAGED, describe_damage(damage)) | {"sha256": damage.sha256}
+        found = problem(interface.STORED_FILE_DAMAGED, describe_damage(damage)) | {"sha256": damage.sha256}
         return lambda session: jobs.fail(session, claim, found)
     except DecoderKilled as killed:
         context.needs.fail(None, killed)
@@ -120,7 +120,7 @@ def _after_kill(claim: Claim, killed: DecoderKilled) -> Ending:
 
 def _fail_as_ours(claim: Claim, trace: str) -> Ending:
     detail = "This is our fault; the operator finds the reason with the job. The upload is safe."
-    return lambda session: jobs.fail(session, claim, problem("internal_error", detail), trace)
+    return lambda session: jobs.fail(session, claim, problem(interface.INTERNAL_ERROR, detail), trace)
 
 
 def _end(context: Context, claim: Claim, ending: Ending) -> None:

@@ -1,4 +1,4 @@
-"""What can be found in a frame, a fit or a measurement: the form of an entry, and of each occurrence."""
+"""Findings in frames, fits, measurements and requests: the form of an entry, and of each occurrence."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,9 @@ from typing import Literal, Self
 
 Outcome = Literal["pass", "warn", "fail", "pending"]
 Severity = Literal["warn", "pending", "fail", "error"]
-Place = Literal["frame", "verdict", "calibration", "measurement", "fleet", "file", "request"]
+Place = Literal[
+    "frame", "verdict", "calibration", "certificate", "measurement", "fleet", "file", "request", "job"
+]
 
 
 @dataclass(frozen=True, eq=False, repr=False, slots=True)
@@ -21,11 +23,16 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
         The gravest that an occurrence can have. "error": there is no result.
     where : tuple of str
         Where it occurs: as a warning of a stored "frame", a reason in a frame's "verdict", a flag of a
-        "calibration", "measurement" or "fleet" comparison, or the refusal of a "file" or a "request".
+        "calibration", "measurement" or "fleet" comparison, a missing item of a "certificate", the refusal of
+        a "file" or a "request", or the error of a "job".
     sentence : str
         What was found.
     remedy : str
         What to do about it.
+    status : int or None
+        HTTP status of the refusal of a request; None if it refuses none.
+    retryable : bool
+        True if the same request may succeed later.
 
     """
 
@@ -34,6 +41,8 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
     where: tuple[Place, ...]
     sentence: str
     remedy: str
+    status: int | None = None
+    retryable: bool = False
 
     def __new__(cls, code: str, *_: object) -> Self:
         """Make the code the value of the string."""
@@ -44,38 +53,90 @@ class Finding(str):  # noqa: SLOT000  the decorator makes them
         return str.__hash__(self)
 
     def at(self, where: str, detail: str) -> "Raised":
-        """Return the flag as raised at a place."""
+        """Return the flag as raised at a place.
+
+        Parameters
+        ----------
+        where, detail : str
+            As in `Raised`.
+        """
         return Raised(flag=self.code, where=where, detail=detail)
 
     def reason(self, detail: str, outcome: Outcome | None = None) -> "Reason":
-        """Return the reason of a verdict, as grave as the entry unless ``outcome`` is given."""
+        """Return the reason of a verdict.
+
+        Parameters
+        ----------
+        detail : str
+            As in `Reason`.
+        outcome : str, optional
+            Default: as grave as the entry.
+        """
         found: Outcome = outcome or ("fail" if self.severity == "error" else self.severity)
         return Reason(code=self, outcome=found, detail=detail)
 
     def refuse(self, what_is_wrong: str) -> "InputRejected":
-        """Return the refusal with the remedy; the caller raises it."""
+        """Return the refusal with the remedy; the caller raises it.
+
+        Parameters
+        ----------
+        what_is_wrong : str
+            A sentence with the numbers.
+        """
         return InputRejected(self, f"{what_is_wrong} {self.remedy}")
 
 
 def flag(code: str, sentence: str, remedy: str, where: Place = "calibration", *more: Place) -> Finding:
-    """Declare something to know about a result that can be used."""
+    """Declare a flag of a result that can be used.
+
+    Parameters
+    ----------
+    code, sentence, remedy : str
+        As in `Finding`.
+    where, *more : str
+        Places.
+    """
     return Finding(code, "warn", (where, *more), sentence, remedy)
 
 
 def reason(
     code: str, severity: Literal["warn", "pending", "fail"], sentence: str, remedy: str, *more: Place
 ) -> Finding:
-    """Declare a reason why a frame does not simply pass."""
+    """Declare a reason why a frame does not simply pass.
+
+    Parameters
+    ----------
+    code, sentence, remedy : str
+        As in `Finding`.
+    severity : {"warn", "pending", "fail"}
+        The gravest of an occurrence.
+    *more : str
+        Places other than a verdict.
+    """
     return Finding(code, severity, ("verdict", *more), sentence, remedy)
 
 
 def error(code: str, sentence: str, remedy: str, where: Place = "request", *more: Place) -> Finding:
-    """Declare a reason why an input gives no result."""
-    return Finding(code, "error", (where, *more), sentence, remedy)
+    """Declare a reason why an input gives no result.
+
+    Parameters
+    ----------
+    code, sentence, remedy : str
+        As in `Finding`.
+    where, *more : str
+        Places.
+    """
+    return Finding(code, "error", (where, *more), sentence, remedy, 422)
 
 
 def declared(names: Mapping[str, object]) -> tuple[Finding, ...]:
-    """Return the entries that a module has declared, in their order."""
+    """Return the entries that a module has declared, in their order.
+
+    Parameters
+    ----------
+    names : mapping
+        Globals of the module.
+    """
     return tuple(each for each in names.values() if isinstance(each, Finding))
 
 

@@ -1,4 +1,4 @@
-"""What would make a measurement better: the remedy of each finding, and of the largest uncertainty."""
+"""Suggestions for a better measurement: the remedies of its findings and of its largest uncertainty."""
 
 from collections.abc import Iterable, Sequence
 

@@ -243,12 +243,14 @@ CALIBRATION_SUPERSEDED = flag(
     "Measure the frame again: another version is in force now.",
     "measurement",
 )
-CALIBRATION_REVOKED = flag(
+CALIBRATION_REVOKED = Finding(
     "calibration_revoked",
+    "warn",
+    ("measurement", "request"),
     "The calibration version, or the vignetting version behind it, has been revoked.",
     "Do not use the result: measure again with a version that is not revoked. A revoked version is not "
     "published again.",
-    *("measurement", "request"),
+    409,
 )
 REGION_MISSING = error(
     "region_missing",

@@ -59,6 +59,7 @@ METER_CERTIFICATE_MISSING = flag(
     "meter_certificate_missing",
     "A reading names no meter, or its meter has no certificate: u(K) lacks the meter's calibration.",
     "Register the meter with its certificate, and fit again.",
+    *("calibration", "certificate"),
 )
 APEX_MISSING = flag(
     "apex_missing",

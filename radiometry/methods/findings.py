@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from radiometry.findings import Finding, files, shared
+from radiometry.findings import Finding, files, gaps, interface, shared
 from radiometry.fleet import codes as fleet
 from radiometry.methods import METHODS
 
@@ -26,5 +26,10 @@ def collect_findings(*declared: tuple[Finding, ...]) -> Mapping[str, Finding]:
 
 
 FINDINGS = collect_findings(
-    shared.FINDINGS, files.FINDINGS, fleet.FINDINGS, *(spec.findings for spec in METHODS)
+    shared.FINDINGS,
+    files.FINDINGS,
+    interface.FINDINGS,
+    gaps.FINDINGS,
+    fleet.FINDINGS,
+    *(spec.findings for spec in METHODS),
 )

@@ -74,6 +74,7 @@ PANEL_UNCERTAINTY_MISSING = flag(
     "panel_uncertainty_missing",
     "The uncertainty of the panel's reflectance is not given: u(K) lacks what is mostly its largest part.",
     "Send the panel's bands with `standard_uncertainty`, and fit again.",
+    *("calibration", "certificate"),
 )
 PANEL_FROM_FILE = flag(
     "panel_from_file",
@@ -118,9 +119,10 @@ PANEL_WEAK = reason(
 PANEL_UNKNOWN = reason(
     "panel_unknown",
     "warn",
-    "Neither the campaign's panel nor the file states the panel's reflectance in this band: the fit leaves "
-    "it out.",
+    "The campaign's panel is not registered with a reflectance in this band. The fit takes the one that the "
+    "file states, which the certificate then names as missing; without it the fit leaves the band out.",
     "Register the panel with this band and name it in the campaign.",
+    "certificate",
 )
 SUNSHINE_UNUSABLE = reason(
     "sunshine_unusable",

@@ -87,7 +87,13 @@ def _none(_: Any, **__: Any) -> tuple[Any, ...]:  # noqa: ANN401  any fit, or an
 
 
 def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function of a method that is not measured against anything, with readings as an argument."""
+    """Return the function of a method without a reference, with readings as an ignored argument.
+
+    Parameters
+    ----------
+    call : callable
+        ``(rows, params, ...)``.
+    """
 
     def without(rows: Any, readings: Any, params: Any, **named: Any) -> Any:  # noqa: ANN401  the method's own
         del readings
@@ -97,7 +103,13 @@ def drop_readings(call: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def drop_target(call: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the `extract` of a method that needs no target, with the target as an argument."""
+    """Return the `extract` of a method without a target, with the target as an ignored argument.
+
+    Parameters
+    ----------
+    call : callable
+        ``(frame, regions, ...)``.
+    """
 
     def without(frame: Any, regions: Any, *, target: Any = None, **named: Any) -> Any:  # noqa: ANN401
         del target
@@ -235,6 +247,16 @@ class MethodSpec:
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters of a fit, in the order in which a form shows them."""
         return list_parameters(self.params)
+
+    def label_coefficient(self, name: str) -> str:
+        """Return the label of a coefficient, its name if the method does not state it.
+
+        Parameters
+        ----------
+        name : str
+            Name of the coefficient.
+        """
+        return next((each.label for each in self.coefficients if each.name == name), name)
 
     @property
     def measurement_options(self) -> tuple[str, ...]:

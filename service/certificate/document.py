@@ -82,7 +82,7 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         validity=_validity(record),
         statements=list_statements(spec, vignetting),
     )
-    gaps = [Gap(code=found.code.value, message=found.message) for found in list_gaps(certificate)]
+    gaps = [Gap(code=found.code, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})
 
 

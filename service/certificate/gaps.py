@@ -2,39 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 
+from radiometry.findings import Finding, gaps
 from radiometry.methods import get_method
+from radiometry.methods.findings import FINDINGS
 from service.schemas.certificates import CertificateAnswer, UsedMeter
 
 _MOST_NAMED = 3
-
-
-class GapCode(StrEnum):
-    """Stable codes of missing items, matched by clients; each has a heading in docs/certificate.md."""
-
-    LABORATORY_ADDRESS_MISSING = "laboratory_address_missing"
-    CUSTOMER_MISSING = "customer_missing"
-    PLACE_MISSING = "place_missing"
-    CONDITIONS_MISSING = "conditions_missing"
-    DATE_MISSING = "date_missing"
-    RECORDER_MISSING = "recorder_missing"
-    LENS_MISSING = "lens_missing"
-    METER_UNKNOWN = "meter_unknown"
-    METER_CERTIFICATE_MISSING = "meter_certificate_missing"
-    METER_CERTIFICATE_EXPIRED = "meter_certificate_expired"
-    METER_CERTIFICATE_NOT_YET_ISSUED = "meter_certificate_not_yet_issued"
-    PANEL_UNKNOWN = "panel_unknown"
-    PANEL_UNCERTAINTY_MISSING = "panel_uncertainty_missing"
-    CHECKLIST_INCOMPLETE = "checklist_incomplete"
-    CHECKLIST_UNSIGNED = "checklist_unsigned"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
     """A missing item: its code, and a message that says what is missing and how to add it."""
 
-    code: GapCode
+    code: Finding
     message: str
 
 
@@ -60,33 +41,33 @@ def _unnamed(certificate: CertificateAnswer) -> Iterator[Found]:
     for value, code, message in (
         (
             certificate.laboratory.address,
-            GapCode.LABORATORY_ADDRESS_MISSING,
+            gaps.LABORATORY_ADDRESS_MISSING,
             "The laboratory's address is missing. An administrator can set it with PATCH /v1/organisation.",
         ),
-        (work.customer, GapCode.CUSTOMER_MISSING, "The customer is missing. Enter it on the campaign."),
+        (work.customer, gaps.CUSTOMER_MISSING, "The customer is missing. Enter it on the campaign."),
         (
             work.place,
-            GapCode.PLACE_MISSING,
+            gaps.PLACE_MISSING,
             "The place of the measurements is missing. Enter it on the campaign.",
         ),
         (
             work.conditions,
-            GapCode.CONDITIONS_MISSING,
+            gaps.CONDITIONS_MISSING,
             "The conditions (temperature, lamp, daylight) are missing. Describe them on the campaign.",
         ),
         (
             work.first_day,
-            GapCode.DATE_MISSING,
+            gaps.DATE_MISSING,
             "The day of the measurements is missing. Enter the start of the campaign.",
         ),
         (
             work.recorder,
-            GapCode.RECORDER_MISSING,
+            gaps.RECORDER_MISSING,
             "The recorder of the measurements is missing. Enter the name on the campaign.",
         ),
         (
             lens,
-            GapCode.LENS_MISSING,
+            gaps.LENS_MISSING,
             "The lens is missing, and the result is valid for one lens only. Register it with the camera.",
         ),
     ):
@@ -100,19 +81,19 @@ def _of_meter(meter: UsedMeter) -> Iterator[Found]:
     certificate = meter.certificate
     if certificate is None:
         yield Found(
-            code=GapCode.METER_CERTIFICATE_MISSING,
+            code=FINDINGS["meter_certificate_missing"],
             message=f"{name} has no certificate. Register the meter with its certificate, then refit.",
         )
         return
     if meter.last_day and certificate.due_on < meter.last_day:
         yield Found(
-            code=GapCode.METER_CERTIFICATE_EXPIRED,
+            code=gaps.METER_CERTIFICATE_EXPIRED,
             message=f"{name} was read on {meter.last_day}, after its certificate {certificate.number} "
             f"was due on {certificate.due_on}.",
         )
     if meter.first_day and meter.first_day < certificate.issued_on:
         yield Found(
-            code=GapCode.METER_CERTIFICATE_NOT_YET_ISSUED,
+            code=gaps.METER_CERTIFICATE_NOT_YET_ISSUED,
             message=f"{name} was read on {meter.first_day}, before its certificate {certificate.number} "
             f"was issued on {certificate.issued_on}.",
         )
@@ -122,7 +103,7 @@ def _of_readings(certificate: CertificateAnswer) -> Iterator[Found]:
     unknown = [reading for reading in certificate.readings if reading.meter is None]
     if unknown:
         yield Found(
-            code=GapCode.METER_UNKNOWN,
+            code=gaps.METER_UNKNOWN,
             message=f"{len(unknown)} of {len(certificate.readings)} readings have no meter. "
             "Send readings with their meter_id.",
         )
@@ -134,7 +115,7 @@ def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
         return
     if not certificate.panels:
         yield Found(
-            code=GapCode.PANEL_UNKNOWN,
+            code=FINDINGS["panel_unknown"],
             message="The panel is not registered, and its reflectance was taken from the files. Register "
             "it with POST /v1/panels, then refit.",
         )
@@ -143,7 +124,7 @@ def _of_panels(certificate: CertificateAnswer) -> Iterator[Found]:
         bands = [each.band for each in panel.bands if each.band in fitted and not each.standard_uncertainty]
         if bands:
             yield Found(
-                code=GapCode.PANEL_UNCERTAINTY_MISSING,
+                code=FINDINGS["panel_uncertainty_missing"],
                 message=f"The reflectance of panel {panel.serial} has no standard uncertainty in "
                 f"{', '.join(bands)}. Send the panel as measured, with its standard_uncertainty, then refit.",
             )
@@ -159,11 +140,11 @@ def _of_checklist(certificate: CertificateAnswer) -> Iterator[Found]:
         named = "; ".join(waiting[:_MOST_NAMED])
         more = f"; and {len(waiting) - _MOST_NAMED} more" if len(waiting) > _MOST_NAMED else ""
         yield Found(
-            code=GapCode.CHECKLIST_INCOMPLETE,
+            code=gaps.CHECKLIST_INCOMPLETE,
             message=f"{len(waiting)} of {len(items)} items of the procedure's checklist are not ticked: "
             f"{named}{more}.",
         )
     if certificate.checklist.signature is None:
         yield Found(
-            code=GapCode.CHECKLIST_UNSIGNED, message="The operator has not signed the procedure's checklist."
+            code=gaps.CHECKLIST_UNSIGNED, message="The operator has not signed the procedure's checklist."
         )

@@ -2,8 +2,9 @@
 
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from service.certificate.document import build_certificate
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.schemas.calibrations import Gap
 from store.queries.calibration_record import read_calibration_record
 from store.tables import Calibration, Organisation
@@ -15,8 +16,7 @@ def warn_of_gaps(session: Session, calibration: Calibration) -> list[Gap]:
     organisation = session.get_one(Organisation, calibration.organisation_id)
     if gaps and organisation.refuses_incomplete_certificates:
         raise Problem(
-            409,
-            HttpCode.CERTIFICATE_INCOMPLETE,
+            interface.CERTIFICATE_INCOMPLETE,
             "Your organisation refuses to publish a version whose certificate lacks items of ISO/IEC 17025. "
             f"Add them, then publish again: {' '.join(gap.message for gap in gaps)}",
             gaps=[gap.dump() for gap in gaps],

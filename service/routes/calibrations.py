@@ -9,6 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from radiometry.findings import interface
 from radiometry.fitting.evidence import Exclusion
 from service.auth import Calibrator, Caller, Publisher, Reader
 from service.certificate import warn_of_gaps
@@ -16,7 +17,7 @@ from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.problems import HttpCode, Problem, invalid, located
+from service.problems import Problem, invalid, located
 from service.routes import problems, sends_file
 from service.schemas.calibrations import (
     IN_FORCE,
@@ -66,7 +67,7 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
         if missing:
             detail = "; ".join(missing[:5]) + (f"; and {len(missing) - 5} more" if len(missing) > 5 else "")
             passing = bool(count_being_read(session, campaign))
-            raise Problem(422, HttpCode.CAMPAIGN_INCOMPLETE, detail, retryable=passing, missing=missing)
+            raise Problem(interface.CAMPAIGN_INCOMPLETE, detail, retryable=passing, missing=missing)
         job = jobs.enqueue(
             session,
             kind="fit",
@@ -228,8 +229,7 @@ def _read_params(
     for index, exclusion in enumerate(request.exclude or []):
         if exclusion.frame_id not in evidence.names:
             raise Problem(
-                422,
-                HttpCode.VALIDATION_FAILED,
+                interface.VALIDATION_FAILED,
                 f"exclude.{index}.frame_id: this campaign has no such frame in use.",
             )
         name = evidence.names[exclusion.frame_id]

@@ -8,13 +8,14 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
+from radiometry.findings import interface
 from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon, parse_imagej
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.problems import HttpCode, Problem, invalid, located
+from service.problems import Problem, invalid, located
 from service.routes import problems
 from service.schemas.campaigns import CampaignAnswer, CampaignChange, NewCampaign, NewRoi, RoiAnswer
 from service.writing import Reply, Writes
@@ -110,7 +111,7 @@ def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> R
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
         if campaign.roi_id is None:
-            raise Problem(404, HttpCode.NOT_FOUND, "This campaign has no region yet: PUT one here.")
+            raise Problem(interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
         return RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
 
 

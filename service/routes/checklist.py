@@ -3,10 +3,11 @@
 from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.problems import HttpCode, Problem, invalid
+from service.problems import Problem, invalid
 from service.routes import problems
 from service.schemas.checklist import ChecklistAnswer, ChecklistChange, explain_missing_checklist
 from service.writing import Reply, Writes
@@ -33,12 +34,11 @@ def change_checklist(campaign_id: Id, body: ChecklistChange, caller: Calibrator,
     def change(session: Session) -> Reply:
         campaign = owned(session, Campaign, campaign_id, caller)
         if not has_checklist(campaign):
-            raise Problem(409, HttpCode.NO_CHECKLIST, explain_missing_checklist(campaign.method))
+            raise Problem(interface.NO_CHECKLIST, explain_missing_checklist(campaign.method))
         signature = read_signature(session, campaign)
         if signature is not None and body.signature is None:
             raise Problem(
-                409,
-                HttpCode.CHECKLIST_SIGNED,
+                interface.CHECKLIST_SIGNED,
                 f"{signature.name} has signed this checklist. Send a signature with the change: "
                 "it then stands for the list as changed.",
             )

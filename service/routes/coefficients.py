@@ -7,10 +7,11 @@ from fastapi import APIRouter, Query, Response
 from fastapi.responses import JSONResponse
 from sqlalchemy import RowMapping
 
+from radiometry.findings import interface
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import BandName, Form, Instant, Method, PositiveText, Text, rfc3339
 from service.schemas.calibrations import (
@@ -59,7 +60,7 @@ def get_coefficients(
         _in_force(row, held) for held in found for row in rows[held.calibration.id] if wanted.matches(row)
     ]
     if not items:
-        raise Problem(404, HttpCode.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, found, rows))
+        raise Problem(interface.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, found, rows))
     return CoefficientsAnswer(items=items).respond()
 
 

@@ -8,13 +8,14 @@ import tifffile
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field, create_model
 
+from radiometry.findings import interface
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.exports import Export, ExportOption, ExportSubject, Picture
 from service.auth import Reader
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_file
 from service.schemas.base import Form, PositiveText, Text
 from service.schemas.exports import CameraFile, DngVignetteAnswer
@@ -84,14 +85,12 @@ def _require(calibration: Calibration, camera: Camera, method: str, export: Expo
     if calibration.method != method:
         known = ", ".join(each.filename for each in get_method(calibration.method).exports)
         which = f"its exports are {known}" if known else "it has none"
-        raise Problem(
-            404, HttpCode.NOT_FOUND, f"A version of {calibration.method} has no such export: {which}."
-        )
+        raise Problem(interface.NOT_FOUND, f"A version of {calibration.method} has no such export: {which}.")
     if export.needs_pixel_pitch and camera.pixel_pitch_um is None:
         detail = (
             f"{export.label} needs the sensor's size: register the camera again, with its pixel_pitch_um."
         )
-        raise Problem(422, HttpCode.VALIDATION_FAILED, detail)
+        raise Problem(interface.VALIDATION_FAILED, detail)
 
 
 def _without_ids(calibration: Calibration) -> dict[str, object]:

@@ -11,6 +11,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from radiometry.findings import interface
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
 from service.context import Context, UsesContext
@@ -18,7 +19,7 @@ from service.immutable import send_blob
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page
 from service.paging import page as page_of
-from service.problems import HttpCode, Problem, invalid, located
+from service.problems import Problem, invalid, located
 from service.receive import receive
 from service.routes import problems, sends_stored_file
 from service.routes.campaigns import read_roi
@@ -194,7 +195,7 @@ def get_frame_roi(frame_id: Id, caller: Reader, context: UsesContext) -> Respons
         frame = owned(session, FrameRow, frame_id, caller)
         roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
         if roi is None:
-            raise Problem(404, HttpCode.NOT_FOUND, "This frame has no region yet: PUT one here.")
+            raise Problem(interface.NOT_FOUND, "This frame has no region yet: PUT one here.")
         return RoiAnswer.of(roi).respond()
 
 
@@ -223,8 +224,7 @@ def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: U
         frame = owned(session, FrameRow, frame_id, caller)
     if frame.preview_sha256 is None:
         raise Problem(
-            404,
-            HttpCode.PREVIEW_NOT_READY,
+            interface.PREVIEW_NOT_READY,
             "This frame has no preview: it has not been read yet, or it was refused.",
             retryable=frame.state == "received",
         )

@@ -8,11 +8,12 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from radiometry.findings import interface
 from service.auth import Caller, Reader, Scope, require
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.jobs import JobAnswer, Kind, QueueAnswer, RetriedAnswer, RetriedJobs, State
@@ -123,7 +124,7 @@ def retry_job(job_id: Id, caller: Reader, writing: Writes) -> Response:
         before = {"state": job.state, "error": job.error}
         if not jobs.retry(session, Job.id == job.id):
             detail = f"This job is {job.state}. Only one that failed or was quarantined can be tried again."
-            raise Problem(409, HttpCode.CONFLICT, detail)
+            raise Problem(interface.CONFLICT, detail)
         record_act(session, "retry", job, before, {"state": "queued"})
         session.refresh(job)
         (answer,) = _answers(session, [job])

@@ -6,11 +6,12 @@ from fastapi import APIRouter, Depends, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from service.auth import SCOPES, Admin, Caller, get_caller
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.problems import HttpCode, Problem, invalid
+from service.problems import Problem, invalid
 from service.routes import problems
 from service.schemas.keys import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
 from service.writing import Reply, Writes
@@ -26,12 +27,12 @@ def create_organisation(body: NewOrganisation, caller: Admin, writing: Writes) -
     """Found an organisation; its first key is shown once. Only the operator's admins may."""
     if not caller.operator:
         raise Problem(
-            403, HttpCode.SCOPE_MISSING, "Only an administrator of the operator can create organisations."
+            interface.SCOPE_MISSING, "Only an administrator of the operator can create organisations."
         )
 
     def change(session: Session) -> Reply:
         if session.scalar(select(Organisation).where(Organisation.name == body.name)):
-            raise Problem(409, HttpCode.CONFLICT, f"The organisation {body.name!r} exists already.")
+            raise Problem(interface.CONFLICT, f"The organisation {body.name!r} exists already.")
         organisation = Organisation(name=body.name)
         session.add(organisation)
         session.flush()

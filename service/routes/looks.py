@@ -35,9 +35,9 @@ def look_at_region(frame_id: Id, body: NewLook, caller: Calibrator, writing: Wri
         frame = owned(session, FrameRow, frame_id, caller)
         if frame.header is None or frame.state == "refused":
             raise Problem(
-                409,
                 shared.FRAME_NOT_READ,
                 f"{frame.filename} has not been read, or cannot be. Look at another frame, or wait for it.",
+                status=409,
                 retryable=frame.state == "received",
             )
         bounding_window(polygon, height_px=frame.header["height_px"], width_px=frame.header["width_px"])

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
+from radiometry.findings import interface
 from radiometry.methods import get_method
 from radiometry.specification.application import PictureApplication
 from service.auth import Reader
@@ -11,7 +12,7 @@ from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
 from service.map_values import MOST_VALUES, Layout, Window, read_layout, read_values
-from service.problems import HttpCode, Problem, invalid
+from service.problems import Problem, invalid
 from service.routes import UNCHANGED, problems
 from service.schemas.maps import MapValuesAnswer, MapWindow
 from store.blobs import prove_file
@@ -37,10 +38,10 @@ def get_measurement_map_values(
         row = owned(session, Measurement, measurement_id, caller)
     if row.map_tif_sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
-        raise Problem(404, HttpCode.NOT_FOUND, detail)
+        raise Problem(interface.NOT_FOUND, detail)
     if isinstance(get_method(row.method).application, PictureApplication):
         detail = "An undistorted image is not a map of values: use its map.tif."
-        raise Problem(404, HttpCode.NOT_FOUND, detail)
+        raise Problem(interface.NOT_FOUND, detail)
     tag = f"{row.map_tif_sha256}-{row.content_sha256[:16]}-{asked.tag}"
     unchanged = not_modified(request, tag)
     if unchanged is not None:

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected
+from radiometry.findings import InputRejected, interface
 from radiometry.frame.grid import Grid
 from service.auth import Caller, Reader, Uploader
 from service.context import Context, UsesContext
@@ -14,7 +14,7 @@ from service.immutable import not_modified, send_blob
 from service.lookup import Id, owned
 from service.measurements import OfCalibration, answer_measurements
 from service.paging import Cursor, Limit, Page, page
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_stored_file
 from service.routes.campaigns import read_roi
 from service.schemas.base import Text
@@ -226,7 +226,7 @@ def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:
     found = list(session.scalars(rows.order_by(FrameRow.id)))
     if not found:
         detail = "This campaign has no field frame: upload frames with role=field first."
-        raise Problem(422, HttpCode.CAMPAIGN_INCOMPLETE, detail)
+        raise Problem(interface.CAMPAIGN_INCOMPLETE, detail)
     return found
 
 
@@ -238,6 +238,6 @@ def _owned(context: Context, measurement_id: str, caller: Caller) -> Measurement
 def _blob(request: Request, context: Context, sha256: str | None, media_type: str, filename: str) -> Response:
     if sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
-        raise Problem(404, HttpCode.NOT_FOUND, detail)
+        raise Problem(interface.NOT_FOUND, detail)
     headers = {"Content-Disposition": f'inline; filename="{filename}"'}
     return send_blob(request, context.files, sha256, media_type, headers)

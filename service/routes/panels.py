@@ -4,11 +4,12 @@ from fastapi import APIRouter, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import interface
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.routes import problems
 from service.schemas.panels import NewPanel, PanelAnswer
 from service.writing import Reply, Writes
@@ -35,8 +36,7 @@ def create_panel(body: NewPanel, caller: Calibrator, writing: Writes) -> Respons
         panel, new = find_or_add_panel(session, caller.organisation_id, values)
         if panel.bands != values["bands"]:
             raise Problem(
-                409,
-                HttpCode.PANEL_DIFFERS,
+                interface.PANEL_DIFFERS,
                 f"Panel {panel.serial} as measured on {panel.measured_on} is registered with other values: "
                 "a measurement does not change. Send the day of the new measurement with the new figures.",
             )

@@ -69,7 +69,7 @@ async def get_readyz(context: UsesContext) -> Response:
     if (unfit := report.unfit) is not None and unfit.code is not None:
         found = {finding.name: finding.detail or "ok" for finding in report.findings}
         detail = f"Not ready ({unfit.name}): {unfit.detail}"
-        raise Problem(503, unfit.code, detail, retryable=True, headers={"Retry-After": "2"}, checks=found)
+        raise Problem(unfit.code, detail, headers={"Retry-After": "2"}, checks=found)
     parts = [PartAnswer.of(part) for part in report.parts]
     status: Literal["ok", "degraded"] = "degraded" if report.warnings else "ok"
     return Readiness(

@@ -17,6 +17,8 @@ class FindingAnswer(Answer):
     where: list[Place] = Field(description="Where it can occur.")
     sentence: str
     remedy: str
+    status: int | None = Field(default=None, description="HTTP status where a request is refused.")
+    retryable: bool = Field(description="True if the same request may succeed later.")
 
 
 class FindingsAnswer(Answer):

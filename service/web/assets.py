@@ -16,8 +16,9 @@ from typing import Final
 
 from fastapi import APIRouter, Request, Response
 
+from radiometry.findings import interface
 from service.immutable import not_modified
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.schemas.methods import describe_methods
 
 _OWN: Final = Path(__file__).parent / "static"
@@ -85,9 +86,7 @@ def get_asset(request: Request, release: str, name: str) -> Response:
     assets: Assets = request.app.state.assets
     content = assets.find(release, name)
     if content is None:
-        raise Problem(
-            404, HttpCode.NOT_FOUND, "There is no such file here. Reload the page that asks for it."
-        )
+        raise Problem(interface.NOT_FOUND, "There is no such file here. Reload the page that asks for it.")
     headers = {"ETag": f'"{release}-{name}"', "Cache-Control": _PUBLIC, "Vary": "Accept-Encoding"}
     unchanged = not_modified(request, f"{release}-{name}", headers)
     if unchanged is not None:

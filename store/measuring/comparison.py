@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
+from radiometry.findings import interface
 from radiometry.fitting.comparison import Comparison
 from radiometry.fitting.shared_errors import Budgeted, compare_measured, scale_effects, sign_effects
 from radiometry.frame.exposure import Exposure
@@ -71,7 +72,7 @@ def compare_measurements(old: Side, new: Side, *, other_region: bool = False) ->
     same_region = _outline(old) == _outline(new)
     if not (same_region or other_region):
         raise Conflict(
-            "regions_differ",
+            interface.REGIONS_DIFFER,
             f"{_format_region(old)}; {_format_region(new)}: the two outlines differ, so that a change may be "
             "one of the place and not of the light. Measure both with one roi or one grid. To compare them "
             "nevertheless, ask with other_region=true.",

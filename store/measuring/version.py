@@ -5,7 +5,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import InputRejected, interface, shared
 from store.errors import Conflict
 from store.publications import InForce, in_force
 from store.queries.frames import read_time
@@ -27,11 +27,11 @@ def choose_version(
         )
     if named.method != campaign.method:
         raise Conflict(
-            "method_mismatch",
+            interface.METHOD_MISMATCH,
             f"Calibration {named.id} is of {named.method}; measuring this frame needs {campaign.method}.",
         )
     if session.get(Revocation, named.id):
-        raise Conflict("calibration_revoked", "This version was revoked: measure with one that stands.")
+        raise Conflict(shared.CALIBRATION_REVOKED, "This version was revoked: measure with one that stands.")
     return named, "named", f"version {named.version} was named in the request"
 
 
@@ -48,7 +48,7 @@ def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tup
         elif found or earliest != latest:
             reason = "none is in force at every time that this may be, since the file names no time zone"
         raise Conflict(
-            "no_calibration_in_force",
+            interface.NO_CALIBRATION_IN_FORCE,
             f"Frame {frame.filename} was taken at {taken}, and {reason}. Publish a version for that time, or "
             "name one with calibration_id.",
         )

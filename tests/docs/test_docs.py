@@ -10,7 +10,6 @@ from pydantic import SecretStr
 from docs import findings
 from radiometry.methods.findings import FINDINGS
 from service.launch.refusal import Exit
-from service.problems import HttpCode
 from store.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,10 +22,8 @@ PAGES = [
     ),
     *(page for page in sorted(DOCS.rglob("*.md")) if page != DOCS / "index.md"),
 ]
-# Codes that are written where they are raised, and in no enumeration: jobs, conflicts, the client.
+# Codes that are written where they are raised, and not in the registry: those of the client.
 WRITTEN = {
-    "worker": re.compile(r'\bproblem\(\s*"(\w+)"'),
-    "store": re.compile(r'(?:"code": |\bConflict\(\s*)"(\w+)"'),
     "stilb": re.compile(r'\bcode="(\w+)"(?: if \w+ else "(\w+)")?'),
 }
 
@@ -70,7 +67,7 @@ def found_at(*places: str) -> set[str]:
 
 
 def test_every_error_code_has_its_heading_and_every_heading_its_code():
-    codes = {*found_at("file", "request"), *map(str, HttpCode), *written_codes()}
+    codes = {*found_at("file", "request", "job"), *written_codes()}
     named = headings(prose(DOCS / "errors.md"), 2)
     assert sorted(named) == sorted(codes)
 
@@ -99,6 +96,12 @@ def test_every_flag_has_its_heading_and_every_heading_its_flag():
 
 def test_every_reason_has_its_heading_and_every_heading_its_reason():
     assert sorted(headings(prose(DOCS / "on-site.md"), 3)) == sorted(found_at("verdict"))
+
+
+def test_every_missing_item_of_a_certificate_has_its_heading():
+    assert sorted(re.findall(r"^## (\w+)$", prose(DOCS / "certificate.md"), re.MULTILINE)) == sorted(
+        found_at("certificate")
+    )
 
 
 def test_every_setting_has_its_heading_and_every_heading_its_setting():
@@ -204,5 +207,5 @@ def test_the_readme_is_the_package_s_own():
 @pytest.mark.parametrize("page", findings.PAGES, ids=lambda page: page.name)
 def test_the_entries_of_a_page_are_those_of_the_registry(page):
     text = read(page)
-    assert findings.fill_entries(text, on_site=page.stem == "on-site") == text
+    assert findings.fill_entries(text, page=page.stem) == text
     assert text.count("<!-- finding -->") == len(found_at(*findings.PLACES[page.stem]))

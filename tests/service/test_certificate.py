@@ -4,7 +4,9 @@ import copy
 
 import pytest
 
-from service.certificate.gaps import GapCode, list_gaps
+from radiometry.findings import gaps
+from radiometry.methods.findings import FINDINGS
+from service.certificate.gaps import list_gaps
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
 from tests.support.certificates import METER, WORK, certificate_of, complete_version
@@ -262,21 +264,23 @@ def test_every_gap_is_found_by_its_rule_and_filled_alone(house, version):
     complete = certificate_of(house, version)
     assert list_gaps(CertificateAnswer.model_validate(complete)) == []
     removals = {
-        GapCode.LABORATORY_ADDRESS_MISSING: ("laboratory", "address"),
-        GapCode.CUSTOMER_MISSING: ("work", "customer"),
-        GapCode.PLACE_MISSING: ("work", "place"),
-        GapCode.CONDITIONS_MISSING: ("work", "conditions"),
-        GapCode.DATE_MISSING: ("work", "first_day"),
-        GapCode.RECORDER_MISSING: ("work", "recorder"),
-        GapCode.LENS_MISSING: ("item", "lens"),
-        GapCode.METER_UNKNOWN: ("readings", 0, "meter"),
-        GapCode.METER_CERTIFICATE_MISSING: ("meters", 0, "certificate"),
-        GapCode.CHECKLIST_INCOMPLETE: ("checklist", "items", 5, "done_by"),
-        GapCode.CHECKLIST_UNSIGNED: ("checklist", "signature"),
+        gaps.LABORATORY_ADDRESS_MISSING: ("laboratory", "address"),
+        gaps.CUSTOMER_MISSING: ("work", "customer"),
+        gaps.PLACE_MISSING: ("work", "place"),
+        gaps.CONDITIONS_MISSING: ("work", "conditions"),
+        gaps.DATE_MISSING: ("work", "first_day"),
+        gaps.RECORDER_MISSING: ("work", "recorder"),
+        gaps.LENS_MISSING: ("item", "lens"),
+        gaps.METER_UNKNOWN: ("readings", 0, "meter"),
+        "meter_certificate_missing": ("meters", 0, "certificate"),
+        gaps.CHECKLIST_INCOMPLETE: ("checklist", "items", 5, "done_by"),
+        gaps.CHECKLIST_UNSIGNED: ("checklist", "signature"),
     }
-    dates = {GapCode.METER_CERTIFICATE_EXPIRED, GapCode.METER_CERTIFICATE_NOT_YET_ISSUED}
-    of_panels = {GapCode.PANEL_UNKNOWN, GapCode.PANEL_UNCERTAINTY_MISSING}
-    assert set(GapCode) == removals.keys() | dates | of_panels, "dates and panels have tests of their own"
+    dates = {gaps.METER_CERTIFICATE_EXPIRED, gaps.METER_CERTIFICATE_NOT_YET_ISSUED}
+    of_panels = {"panel_unknown", "panel_uncertainty_missing"}
+    assert {
+        code for code, finding in FINDINGS.items() if "certificate" in finding.where
+    } == removals.keys() | dates | of_panels, "dates and panels have tests of their own"
     for code, place in removals.items():
         (found,) = list_gaps(certificate_without(complete, place))
         assert found.code == code

@@ -12,7 +12,10 @@ def test_every_finding_is_listed_with_sentence_and_remedy(house):
         "where": ["verdict", "calibration"],
         "sentence": FINDINGS["lamp_drift"].sentence,
         "remedy": FINDINGS["lamp_drift"].remedy,
+        "retryable": False,
     }
+    assert (items["not_found"]["status"], items["storage_full"]["retryable"]) == (404, True)
+    assert items["place_missing"]["where"] == ["certificate"]
 
 
 def test_an_unchanged_registry_is_not_sent_again(house):

@@ -4,11 +4,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
+from radiometry.findings import interface
 from radiometry.methods import get_method
 from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.web.plots.calibration import Axes, draw_residuals, draw_signal
 from service.web.plots.figures import Theme, send_plot
 from service.web.rendering import SignedInPage
@@ -59,5 +60,5 @@ def _curve(context: Context, calibration_id: str, caller: Caller) -> Calibration
         found = owned(session, Calibration, calibration_id, caller)
     if get_method(found.method).certificate.layout != "curve":
         detail = f"This version is of {found.method}: its plot is /v1/calibrations/{found.id}/plot.svg."
-        raise Problem(404, HttpCode.NOT_FOUND, detail)
+        raise Problem(interface.NOT_FOUND, detail)
     return found

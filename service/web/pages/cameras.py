@@ -5,10 +5,12 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Response
 from sqlalchemy import select
 
+from radiometry.findings import interface
+from radiometry.methods import get_method
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.schemas.base import Method, Text
 from service.web.plots.drift import draw_drift
 from service.web.plots.figures import Theme, send_plot
@@ -55,5 +57,7 @@ def plot_drift(
         versions = {row[0]: row[1] for row in numbers}
     named = [row for row in found if row.key.name == name]
     if not named:
-        raise Problem(404, HttpCode.NOT_FOUND, f"No published version of this camera has {name}.")
-    return send_plot(draw_drift(named, versions, theme=theme))
+        raise Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
+    return send_plot(
+        draw_drift(named, versions, quantity=get_method(method).label_coefficient(name), theme=theme)
+    )

@@ -5,9 +5,10 @@ from pathlib import Path
 from fastapi import APIRouter, Request, Response
 from markupsafe import Markup
 
+from radiometry.findings import interface
 from service.auth import find_session
 from service.context import UsesContext
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.web.markdown import render_markdown
 from service.web.reference import render_reference
 from service.web.rendering import render
@@ -26,7 +27,7 @@ def get_reference(request: Request, context: UsesContext) -> Response:
 def get_errors_page(request: Request, context: UsesContext) -> Response:
     """The page to which the `type` of every problem points."""
     if not _ERRORS.is_file():
-        raise Problem(404, HttpCode.NOT_FOUND, "This installation came without its page of errors.")
+        raise Problem(interface.NOT_FOUND, "This installation came without its page of errors.")
     return _page(request, context, "Errors", render_markdown(_ERRORS.read_text(encoding="utf-8")))
 
 

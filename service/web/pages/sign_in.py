@@ -8,10 +8,11 @@ from urllib.parse import urlsplit
 from fastapi import APIRouter, Form, Request, Response
 from fastapi.responses import RedirectResponse
 
+from radiometry.findings import interface
 from service.attempts import FREE, name_address
 from service.auth import describe_refusal, find_session, require_csrf_token
 from service.context import Context, UsesContext
-from service.problems import HttpCode, Problem
+from service.problems import Problem
 from service.sessions import COOKIE, SESSION_S
 from service.web.rendering import render
 from store.columns import utc_now
@@ -114,7 +115,7 @@ def _too_many(request: Request, next_address: str, wait_s: float) -> Response:
     detail = f"More than {FREE} attempts to sign in failed. Try again in {seconds} s."
     headers = {"Retry-After": str(seconds)}
     if "text/html" not in request.headers.get("accept", ""):
-        raise Problem(429, HttpCode.TOO_MANY_ATTEMPTS, detail, retryable=True, headers=headers)
+        raise Problem(interface.TOO_MANY_ATTEMPTS, detail, headers=headers)
     answer = _form(request, next_address, detail, status=429)
     answer.headers.update(headers)
     return answer
@@ -152,4 +153,4 @@ def _refuse_other_sites(request: Request) -> None:
     origin = request.headers.get("origin")
     own = origin is None or urlsplit(origin).netloc == request.headers.get("host")
     if site not in {"same-origin", "none"} if site else not own:
-        raise Problem(403, HttpCode.CSRF_TOKEN_WRONG, "Sign in on the page of this service itself.")
+        raise Problem(interface.CSRF_TOKEN_WRONG, "Sign in on the page of this service itself.")

@@ -13,7 +13,7 @@ from radiometry.findings.shared import RENDERED, ROI_EMPTY
 from radiometry.methods.findings import FINDINGS, collect_findings
 
 ROOT = Path(__file__).parents[3]
-DECLARED = re.compile(r"radiometry/(findings/(shared|files)|\w+/codes)\.py")
+DECLARED = re.compile(r"radiometry/(findings/\w+|\w+/codes)\.py")
 
 
 def read_code() -> dict[str, ast.Module]:
@@ -61,7 +61,7 @@ def _declares(path: str, call: ast.Call) -> bool:
     """Return True if a call makes an entry; outside the registry there is to be none."""
     name = getattr(call.func, "id", "")
     return name == "Finding" or (
-        name in {"flag", "reason", "error", "_refusal"} and path.startswith("radiometry")
+        name in {"flag", "reason", "error", "_refusal", "_failure", "_gap"} and path.startswith("radiometry")
     )
 
 

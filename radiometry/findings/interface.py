@@ -1,0 +1,272 @@
+"""Findings of the HTTP interface and of jobs, which no method and no file raises."""
+
+from radiometry.findings import Finding, declared
+
+
+def _refusal(status: int, code: str, sentence: str, remedy: str, *, retryable: bool = False) -> Finding:
+    return Finding(code, "error", ("request",), sentence, remedy, status, retryable)
+
+
+def _failure(code: str, sentence: str, remedy: str, *, retryable: bool = False) -> Finding:
+    return Finding(code, "error", ("job",), sentence, remedy, None, retryable)
+
+
+# of any request
+UNAUTHENTICATED = _refusal(
+    401,
+    "unauthenticated",
+    "No key was sent, or the key is unknown, revoked or expired, as `detail` states; or the session has "
+    "ended.",
+    "Send `Authorization: Bearer <key>`.",
+)
+SCOPE_MISSING = _refusal(
+    403,
+    "scope_missing",
+    "The key is known but may not do this.",
+    "Use one with the scope that `detail` names, or ask an admin for it.",
+)
+CSRF_TOKEN_WRONG = _refusal(
+    403,
+    "csrf_token_wrong",
+    "A change came with the cookie of a browser's session and without the token of the page that asks for "
+    "it.",
+    "Reload the page and try again. Programs send a key instead: `Authorization: Bearer <key>` needs no such "
+    "token.",
+)
+NOT_FOUND = _refusal(
+    404,
+    "not_found",
+    "There is no such thing for this key's organisation.",
+    "Check the id; what belongs to other organisations answers the same.",
+)
+METHOD_NOT_ALLOWED = _refusal(
+    405,
+    "method_not_allowed",
+    "The address exists, but not with this HTTP method.",
+    "Use one of the methods that the header `Allow` names.",
+)
+VALIDATION_FAILED = _refusal(
+    422,
+    "validation_failed",
+    "A field is missing, unknown, given twice, of the wrong kind or out of range.",
+    "Correct it: `errors` names each field and what is wrong. In tables and addresses a number is written "
+    "with the digits 0 to 9, a sign, a point and an exponent, and nothing else.",
+)
+BAD_REQUEST = _refusal(
+    400,
+    "bad_request",
+    "The request cannot be read: its form, its encoding, or the hash that it announces.",
+    "Correct what `detail` names.",
+)
+TOO_MANY_REQUESTS = _refusal(
+    429,
+    "too_many_requests",
+    "Your organisation sends more requests than `STILB_QUOTA_REQUESTS_PER_MINUTE`, which `limit` states.",
+    "Wait for `Retry-After` seconds; the client does so automatically. Ask less often, or have the limit "
+    "raised.",
+    retryable=True,
+)
+QUOTA_EXCEEDED = _refusal(
+    507,
+    "quota_exceeded",
+    "Your organisation would use more than it may: `quota` names what (`stored_bytes`, `frames`, or, with "
+    "the status 429, `jobs_waiting`), `limit` how much it may, `used` how much it uses. Nothing was kept.",
+    "Wait for `Retry-After` seconds while waiting jobs get fewer; for files ask the operator for more space "
+    "(`STILB_QUOTA_BYTES`, `STILB_QUOTA_FRAMES`).",
+    retryable=True,
+)
+TOO_MANY_ATTEMPTS = _refusal(
+    429,
+    "too_many_attempts",
+    "Too many attempts to sign in failed, from this address or with a key that was revoked, expired or may "
+    "not read. A key that was used lately is not delayed by others' failures.",
+    "Try again after `Retry-After`; the wait doubles up to five minutes.",
+    retryable=True,
+)
+HOST_NOT_ALLOWED = _refusal(
+    421,
+    "host_not_allowed",
+    "The service does not answer under the name of this address.",
+    "Ask its operator for the right one; the operator lists the names in `STILB_ALLOWED_HOSTS`.",
+)
+CONFLICT = _refusal(
+    409,
+    "conflict",
+    "It contradicts what is recorded, such as a name that is taken.",
+    "Change what `detail` names.",
+)
+IDEMPOTENCY_KEY_REUSED = _refusal(
+    422,
+    "idempotency_key_reused",
+    "This `Idempotency-Key` came with another request before.",
+    "Make a new key for each new request.",
+)
+INTERNAL_ERROR = Finding(
+    "internal_error",
+    "error",
+    ("request", "job"),
+    "Our fault: the log, or the job's record, contains the reason. The upload is safe.",
+    "Tell the operator if it persists. A failed job with this code is not worth a retry.",
+    500,
+    True,
+)
+
+# while files are sent
+UPLOAD_TOO_LARGE = _refusal(
+    413,
+    "upload_too_large",
+    "The file is larger than `STILB_MAX_UPLOAD_BYTES`, or the readings larger than 4 MiB.",
+    "Send less, or have the limit raised.",
+)
+UPLOAD_INCOMPLETE = _refusal(
+    400,
+    "upload_incomplete",
+    "The connection was lost, or the form ended early. Nothing was stored.",
+    "Send it again.",
+    retryable=True,
+)
+DIGEST_MISMATCH = _refusal(
+    422,
+    "digest_mismatch",
+    "The bytes that arrived are not those that `Content-Digest`, `Repr-Digest` or `X-Content-SHA256` "
+    "announced. Nothing was kept.",
+    "Send it again; if it persists, the disk or memory of the sender is at fault.",
+    retryable=True,
+)
+STORAGE_FULL = _refusal(
+    507,
+    "storage_full",
+    "No space is left for the file. Nothing was kept.",
+    "Ask the operator to free space.",
+    retryable=True,
+)
+STORAGE_UNAVAILABLE = _refusal(
+    503, "storage_unavailable", "The file store does not answer.", "Try again.", retryable=True
+)
+STORED_FILE_DAMAGED = Finding(
+    "stored_file_damaged",
+    "error",
+    ("request", "job"),
+    "The disk of the service has changed or lost a stored file. Nothing of it is handed out and nothing is "
+    "computed from it; the frame itself is not at fault.",
+    "Upload the same file again: it replaces the damaged one, and every job that failed for it is queued "
+    "again automatically. `/frames/known` does not name such a file, so `stilb push` sends it. Repeat the "
+    "measurement of a lost map, and the reading of a frame without its preview.",
+    500,
+)
+DATABASE_UNAVAILABLE = _refusal(
+    503,
+    "database_unavailable",
+    "The database does not answer.",
+    "Try again after `Retry-After`.",
+    retryable=True,
+)
+SCHEMA_MISMATCH = _refusal(
+    503,
+    "schema_mismatch",
+    "The database has the schema of another version of the service: it is being upgraded, or an older "
+    "service was left running. Nothing is written.",
+    "Try again later; the operator finishes the upgrade or starts the version that fits.",
+    retryable=True,
+)
+SERVICE_STOPPING = _refusal(
+    503,
+    "service_stopping",
+    "The service is being stopped or restarted; what it could not finish in time was not kept.",
+    "Try again after `Retry-After`: the same `Idempotency-Key` makes it safe.",
+    retryable=True,
+)
+PREVIEW_NOT_READY = _refusal(
+    404,
+    "preview_not_ready",
+    "The frame has no preview: it has not been read yet, or it was refused.",
+    "Wait for its job. Retry only while the frame is `received`.",
+    retryable=True,
+)
+
+# of campaigns and versions
+CAMPAIGN_INCOMPLETE = _refusal(
+    422,
+    "campaign_incomplete",
+    "A fit cannot start yet. `missing` names each thing: frames that are not read, scenes without a reading, "
+    "too few scenes.",
+    "Wait for the frames' jobs, or add what is missing.",
+)
+PANEL_DIFFERS = _refusal(
+    409,
+    "panel_differs",
+    "A panel of this serial number and day of measurement is registered with other reflectances: a "
+    "measurement does not change.",
+    "Send the new values with the day on which they were measured; or compare the numbers with the panel's "
+    "certificate.",
+)
+METHOD_MISMATCH = _refusal(
+    409,
+    "method_mismatch",
+    "It belongs to another method than the one asked for.",
+    "Name one of the same method.",
+)
+CHECKLIST_SIGNED = _refusal(
+    409,
+    "checklist_signed",
+    "The campaign's checklist has been signed.",
+    "Send a new signature with the change; it then holds for the list as changed.",
+)
+NO_CHECKLIST = _refusal(
+    409,
+    "no_checklist",
+    "The printed checklist is that of the luminance procedure: a campaign of another method has none.",
+    "Leave it out.",
+)
+RECALL_OUTDATED = _refusal(
+    409,
+    "recall_outdated",
+    "The cause of a recall now finds other versions than when it was reviewed. Nothing was revoked.",
+    "Propose the recall again and review it.",
+)
+PURGE_OUTDATED = _refusal(
+    409,
+    "purge_outdated",
+    "The former name of `recall_outdated`, answered only under the deprecated address `/v1/purges`.",
+    "Propose the recall again and review it.",
+)
+NO_CALIBRATION_IN_FORCE = _refusal(
+    404,
+    "no_calibration_in_force",
+    "No published version holds at that time for that camera, method and configuration; `detail` states what "
+    "there is. When a frame is measured, the status is 409.",
+    "Publish one, or ask for another time.",
+)
+CERTIFICATE_INCOMPLETE = _refusal(
+    409,
+    "certificate_incomplete",
+    "Your organisation publishes no version whose certificate lacks what ISO/IEC 17025 asks for. `gaps` "
+    "lists what is absent, each with its code and what to do.",
+    "Fill it in and publish again, or let an admin change `refuses_incomplete_certificates`.",
+)
+REGIONS_DIFFER = _refusal(
+    409,
+    "regions_differ",
+    "Two measurements are compared whose outlines in the image differ; `detail` names both with their "
+    "sources.",
+    "Measure both with the same `roi` or `grid`, or ask with `other_region=true`: the answer then states "
+    "that the regions differ.",
+)
+
+# of jobs
+TEMPORARILY_UNAVAILABLE = _failure(
+    "temporarily_unavailable",
+    "Something that the job needs did not serve: `waits_for` is `blobs` (the file store), `database` or "
+    "`decoder`. While the job is `queued` it is tried again automatically, next at its `next_attempt_at` or "
+    "sooner. After a day it is `failed`.",
+    "Retry a failed job (`stilb retry --state failed --code temporarily_unavailable`) when the cause is "
+    "gone.",
+    retryable=True,
+)
+WORKER_LOST = _failure(
+    "worker_lost",
+    "Three workers were lost while they ran this job, so it is `quarantined`. Usually one file is at fault.",
+    "Examine the file with care; a corrected frame (`PATCH /v1/frames/{id}`) is read again.",
+)
+
+FINDINGS = declared(globals())
