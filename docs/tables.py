@@ -57,6 +57,8 @@ def _format_row(parameter: Parameter, *, within: str) -> str:
     allowed = ", ".join(f"`{choice.value}`" for choice in parameter.choices) or parameter.range_text
     if parameter.none_allowed:
         allowed += ", or `none`"
+    if names := parameter.suggest():
+        allowed = f"{', '.join(f'`{name}`' for name in names)}, or a table"
     default = parameter.default_text or f"`{parameter.default_shown}`"
     unit = parameter.unit if parameter.kind in ("number", "interval") else ""
     stated = " Stated by the campaign." if parameter.given_by == "campaign" else ""

@@ -47,6 +47,13 @@ class CampaignDetails(TypedDict, total=False):
     started_at: Moment
     comments: str
     surface_reflectance: float
+    lamp: str  # a name of the library, or a table: wavelength in nm and value
+    camera_response: str  # likewise, with R, G and B
+    focus_distance_m: float
+    focal_length_mm: float
+    mains_frequency_hz: float
+    lamp_modulation: float
+    acceptance: str  # simple | guarded | shared_risk
     panel_id: str  # of a reflectance campaign
     target: dict[str, Any]  # what is photographed, as its method's page says
 
@@ -87,6 +94,12 @@ class MeasureDetails(TypedDict, total=False):
     reflectance: float
     incidence_angle_deg: float
     index: str  # of reflectance: ndvi | ndre | gndvi
+    light_source: str  # a name of the library, or a table: wavelength in nm and value
+    spectral_mismatch_u_rel: float
+    distance_m: float
+    mains_frequency_hz: float
+    flicker_modulation: float
+    glare_share: float
     allow: list[str]  # flags of a frame that else forbid to measure it: image_part_empty
 
 

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.specification.parameters import list_parameters
+from radiometry.spectral.curves import find_response
 from store.codec import decode, encode
 from store.columns import new_id
 from store.queries.calibrations import next_version
@@ -26,10 +27,14 @@ def make_params(session: Session, campaign: Campaign, **said: Any) -> Any:  # no
     """A fit's parameters: what somebody says, what campaign and camera say, and the method's defaults."""
     kind = methods.get_method(campaign.method).params
     stated = {each.field: each for each in list_parameters(kind)}
-    if "panel_rho" in stated:
-        said["panel_rho"] = campaign.surface_reflectance
+    camera = session.get_one(Camera, campaign.camera_id)
+    said |= {
+        each.field: getattr(campaign, each.name) for each in stated.values() if each.given_by == "campaign"
+    }
     if "pixel_pitch_um" in stated:
-        said.setdefault("pixel_pitch_um", session.get_one(Camera, campaign.camera_id).pixel_pitch_um)
+        said.setdefault("pixel_pitch_um", camera.pixel_pitch_um)
+    if "camera_response" in stated and said["camera_response"] is None:
+        said["camera_response"] = find_response(camera.make, camera.model)
     return decode(kind, said)
 
 

@@ -16,6 +16,15 @@ _BY_SOURCE = {
     "ISO setting": "Calibrate at this very ISO setting: it is the largest source.",
     "vignetting": "Take more and brighter flat fields at this f-number: the correction of vignetting is the "
     "largest source.",
+    "spectral mismatch": "State the lamp and the camera's response with the campaign and the light source "
+    "with the measurement, or calibrate under a lamp of this kind: the spectral mismatch is the largest "
+    "source.",
+    "flicker": "Expose for a whole number of half periods of the mains, such as 1/50 s of 50 Hz, or measure "
+    "the light's modulation: flicker is the largest source.",
+    "focus distance": "State the distances of calibration and measurement and the focal length: the focus "
+    "is the largest source.",
+    "stray light": "Keep bright lamps out of the frame, and shade the lens: stray light is the largest "
+    "source.",
     "K": "Take the panel again, before and after the flight, in even light, and state its uncertainty: K is "
     "the largest source.",
     "sunshine readings": "Fly under a steady sky, or take the mean of more readings: the scatter of the "

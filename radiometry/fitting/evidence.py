@@ -118,6 +118,34 @@ class Quantity:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FieldCorrection:
+    """Correction of one error of the field: L = factor * L_shown - offset.
+
+    Attributes
+    ----------
+    source : str
+        Name of the source, as in the budget.
+    factor : float, default: 1.0
+        Factor of the shown luminance.
+    offset_cd_m2 : float, default: 0.0
+        Luminance that is subtracted [cd/m2].
+    u_rel : float, default: 0.0
+        What is left, relative to the luminance: the same error in the whole frame.
+    u_cd_m2 : float, default: 0.0
+        What is left of the offset [cd/m2].
+    basis : str, default: ""
+        What the correction, or the uncertainty in its place, is based on.
+    """
+
+    source: str
+    factor: float = 1.0
+    offset_cd_m2: float = 0.0
+    u_rel: float = 0.0
+    u_cd_m2: float = 0.0
+    basis: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class BudgetEntry:
     """Contribution of one source to the uncertainty of a coefficient.
 

@@ -9,7 +9,10 @@ from radiometry.fitting.evidence import Quantity
 
 DARK = "dark signal"
 NOISE = "pixel noise"
-_OF_VALUE_ALONE = frozenset({DARK, NOISE})
+STRAY = "stray light"
+FOCUS = "focus distance"
+_SUBTRACTED = frozenset({DARK, STRAY})
+_OF_VALUE_ALONE = frozenset({*_SUBTRACTED, NOISE})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,10 +51,13 @@ def sign_effects(value: float, uncertainties: Mapping[str, float]) -> dict[str, 
 
     Notes
     -----
-    All sources scale the value except dark, which is subtracted. From L = (N - D)
-    f^2 / (K t S): dL/dD < 0 for any L, the others have the sign of L.
+    All sources scale the value except dark and stray light, which are subtracted.
+    From L = (N - D) f^2 / (K t S): dL/dD < 0 for any L, the others have the sign of L.
     """
-    return {source: -u if source == DARK else math.copysign(u, value) for source, u in uncertainties.items()}
+    return {
+        source: -u if source in _SUBTRACTED else math.copysign(u, value)
+        for source, u in uncertainties.items()
+    }
 
 
 def scale_effects(mean: Budgeted, value: float, standard_uncertainty: float) -> Budgeted:
@@ -67,7 +73,7 @@ def scale_effects(mean: Budgeted, value: float, standard_uncertainty: float) -> 
     Returns
     -------
     Budgeted
-        The effects scaled with the value, that of dark unchanged. The remaining
+        The effects scaled with the value, those of dark and stray light unchanged. The remaining
         uncertainty of the cell is its own noise.
     """
     factor = value / mean.value if mean.value else 0.0

@@ -3,12 +3,14 @@
 from typing import Final
 
 from radiometry.luminance import application, change, lens, maps, measurement, surface
+from radiometry.luminance.conditions import FieldConditions
 from radiometry.specification.application import SurfaceApplication
 
 APPLICATION: Final = SurfaceApplication(
     quantity="luminance",
     unit="cd/m2",
     options=("grid", "reflectance", "frame_ids"),
+    conditions=FieldConditions,
     name_channels=lens.name_channels,
     choose_coefficient=application.choose_coefficient,
     request=measurement.Request,

@@ -1,6 +1,7 @@
 """Findings of the luminance method."""
 
 from radiometry.findings import declared, error, flag, reason
+from radiometry.spectral.codes import SPECTRAL_MISMATCH_UNKNOWN, SPECTRUM_INVALID
 
 # of a fit
 DARK_FROM_FEW_FRAMES = flag(
@@ -47,8 +48,8 @@ GAIN_MAPS_DIFFER = flag(
 )
 TOLERANCE_EXCEEDED = flag(
     "tolerance_exceeded",
-    "A point is further from the meter than the tolerance.",
-    "Find it in `points`; do not exclude it without a reason.",
+    "A point is further from the meter than the tolerance, or than the campaign's decision rule accepts.",
+    "Find it in `points`; do not exclude it without a reason. A guard band may need a smaller u(K).",
 )
 METER_REPEATABILITY_ESTIMATED = flag(
     "meter_repeatability_estimated",
@@ -139,6 +140,20 @@ FRAMES_DISAGREE = flag(
     "more frames; or measure them one by one.",
     "measurement",
 )
+FLICKER_UNKNOWN = flag(
+    "flicker_unknown",
+    "The exposure is short against the period of mains light, and the mains frequency is not stated: an "
+    "error by flicker is not in the budget.",
+    "State `mains_frequency_hz`, or expose for a whole number of half periods of the mains, such as 1/50 s.",
+    "measurement",
+)
+STRAY_LIGHT_UNKNOWN = flag(
+    "stray_light_unknown",
+    "The glare of the lens is not known: minimum and U_o may be too large, dark parts the most.",
+    "Photograph a black trap in a bright scene and state its luminance over that of the whole frame as "
+    "`glare_share`.",
+    "measurement",
+)
 ISO_NOT_CALIBRATED = error(
     "iso_not_calibrated",
     "The frame was taken at an ISO value for which this calibration has no K; K is not interpolated.",
@@ -150,5 +165,7 @@ GRID_INVALID = error(
     "Send four corners in order around it, no three on one line, and a number of rows and columns within "
     "bounds.",
 )
+
+__all__ = ["SPECTRAL_MISMATCH_UNKNOWN", "SPECTRUM_INVALID"]
 
 FINDINGS = declared(globals())

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -13,6 +14,8 @@ from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.fitting.gls import Vector
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
+from radiometry.luminance.conditions import CalibrationConditions
+from radiometry.luminance.decision import compute_risk, decide
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Coefficient, IsoFit, ModelFit, Point
 from radiometry.luminance.rows import Model, Params
@@ -50,6 +53,9 @@ def fit_series(
     others = [fit_curve(curve, model=model) if model != params.model else chosen for model in get_args(Model)]
     points = _points(series, chosen)
     largest = max(abs(point.residual_rel) for point in points if point.residual_rel is not None)
+    scale = abs(coefficient.luminance_k)
+    against: dict[str, float] = {"error_rel": largest, "tolerance_rel": params.tolerance_rel}
+    expanded_u_rel = coefficient.expanded_uncertainty / scale
     return IsoFit(
         coefficient=coefficient,
         models=tuple(_report(fit, curve) for fit in others if fit is not None),
@@ -60,7 +66,13 @@ def fit_series(
             black_level_dn=coefficient.black_level_dn, white_level_dn=coefficient.white_level_dn
         ),
         largest_residual_rel=largest,
-        passed=largest <= params.tolerance_rel,
+        passed=decide(params.acceptance, expanded_u_rel=expanded_u_rel, **against),
+        expanded_u_rel=expanded_u_rel if params.acceptance else None,
+        beyond_tolerance_risk=compute_risk(
+            u_rel=coefficient.luminance_k_standard_uncertainty / scale, **against
+        )
+        if params.acceptance
+        else None,
     ), points
 
 
@@ -239,7 +251,25 @@ def _coefficient(series: IsoSeries, params: Params, fit: CurveFit, calibration_u
         signal_range_dn=_range(adjusted),
         rhs_range=_range(rhs),
         vignetting=params.vignetting,
+        conditions=_find_conditions(used, params),
     )
+
+
+def _find_conditions(used: Sequence[Candidate], params: Params) -> CalibrationConditions | None:
+    """Return what the campaign states of lamp and distance, with the colour of its frames."""
+    stated = CalibrationConditions(
+        lamp=params.lamp,
+        camera_response=params.camera_response,
+        focus_distance_m=params.focus_distance_m,
+        focal_length_mm=params.focal_length_mm,
+    )
+    if stated == CalibrationConditions():
+        return None
+    colours = [c.colour for c in used if c.colour]
+    if not colours or len(colours) < len(used):
+        return stated
+    red, blue = np.median(colours, axis=0)
+    return replace(stated, colour=(float(red), float(blue)))
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:

@@ -1,11 +1,13 @@
 """Per-pixel luminance of a window of a frame, for maps that are made block by block."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import GREY
@@ -21,11 +23,12 @@ RIM_PX = 1
 """How far beyond its own pixels a block must be read for its values to be those of the whole frame."""
 
 _MOST_IN_16_BITS = (1 << 16) - 1
+_BAND_ROWS = 256
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapScale:
-    """Conversion of a frame's raw values to luminance: L = (N - dark) slope.
+    """Conversion of a frame's raw values to luminance: L = (N - dark) slope - offset.
 
     Attributes
     ----------
@@ -38,16 +41,23 @@ class MapScale:
     lens : Lens or None, default: None
         Relative illumination, for a K that was fitted with vignetting: L = (N - D)
         slope / V, pixel by pixel.
+    offset_cd_m2 : float, default: 0.0
+        Stray light [cd/m2].
     """
 
     slope_cd_m2_per_dn: float
     dark_signal_dn: float
     channel: str
     lens: Lens | None = None
+    offset_cd_m2: float = 0.0
 
 
 def find_map_scale(
-    coefficients: tuple[Coefficient, ...], exposure: Exposure, *, lens: Lens | None = None
+    coefficients: tuple[Coefficient, ...],
+    exposure: Exposure,
+    *,
+    lens: Lens | None = None,
+    corrections: Sequence[FieldCorrection] = (),
 ) -> MapScale:
     """Return the scale of a frame's map.
 
@@ -59,6 +69,8 @@ def find_map_scale(
         Exposure of the frame.
     lens : Lens or None, default: None
         Relative illumination, if vignetting is corrected.
+    corrections : sequence of FieldCorrection, default: ()
+        Corrections of the frame.
 
     Returns
     -------
@@ -75,10 +87,12 @@ def find_map_scale(
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     require_alike(coefficient, corrected=lens is not None)
     return MapScale(
-        slope_cd_m2_per_dn=luminance_per_dn(coefficient, exposure),
+        slope_cd_m2_per_dn=luminance_per_dn(coefficient, exposure)
+        * math.prod(each.factor for each in corrections),
         dark_signal_dn=coefficient.dark_signal_dn,
         channel=coefficient.channel,
         lens=lens,
+        offset_cd_m2=sum(each.offset_cd_m2 for each in corrections),
     )
 
 
@@ -162,10 +176,35 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
     luminance: Plane = table.take(sums, mode="clip")
     if scale.lens is not None:
         luminance /= compute_shares(frame, scale.lens, channel=scale.channel)
+    if scale.offset_cd_m2:
+        luminance -= np.float32(scale.offset_cd_m2)
     saturated = find_saturated(frame, channel=scale.channel)
     if saturated is not None:
         luminance[saturated] = np.nan
     return luminance
+
+
+def average_map(frame: Frame, scale: MapScale) -> float:
+    """Compute the mean luminance of a window, band by band; saturated pixels count as saturation.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    scale : MapScale
+        Scale of the map.
+
+    Returns
+    -------
+    float
+        Mean [cd/m2]; with saturated pixels a lower bound.
+    """
+    total = 0.0
+    for row in range(0, frame.samples_dn.shape[0], _BAND_ROWS):
+        band = replace(frame, samples_dn=frame.samples_dn[row : row + _BAND_ROWS], row0=frame.row0 + row)
+        bright = (max(frame.white_level_dn) - scale.dark_signal_dn) * scale.slope_cd_m2_per_dn
+        total += float(np.nan_to_num(compute_map(band, scale), nan=bright).sum(dtype=np.float64))
+    return total / math.prod(frame.samples_dn.shape[:2])
 
 
 def find_saturated(frame: Frame, *, channel: str) -> NDArray[np.bool_] | None:

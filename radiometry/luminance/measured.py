@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from radiometry.findings import Raised
-from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.evidence import FieldCorrection, Quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +102,8 @@ class Measured:
     lens_share : Quantity or None, default: None
         Relative illumination V of the region, if corrected: mean = (signal - dark)
         / V f^2 / (K t S).
+    corrections : tuple of FieldCorrection, default: ()
+        Corrections of the field that all luminances contain, maps included.
     """
 
     pixels: int
@@ -124,3 +126,4 @@ class Measured:
     vignetting: str
     flags: tuple[Raised, ...]
     lens_share: Quantity | None = None
+    corrections: tuple[FieldCorrection, ...] = ()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radiometry.findings import InputRejected, Raised
-from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import Grid
@@ -24,9 +24,17 @@ from radiometry.luminance.averaging import (
     find_drift,
     flag_scatter,
 )
+from radiometry.luminance.conditions import FieldConditions, measure_colour
+from radiometry.luminance.corrections import (
+    apply_corrections,
+    correct_flicker,
+    correct_focus,
+    correct_spectrum,
+    correct_stray_light,
+)
 from radiometry.luminance.findings import find_flags, summarise_cells
 from radiometry.luminance.lens import correct_signal
-from radiometry.luminance.maps import sum_signal
+from radiometry.luminance.maps import average_map, find_map_scale, sum_signal
 from radiometry.luminance.measured import Measured, Percentile, Share, Surface
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
 from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
@@ -50,11 +58,14 @@ class Request:
         Grid of cells to measure, if any.
     reflectance : float or None, default: None
         Reflectance rho of the surface, (0, 1]; None if no illuminance is requested.
+    conditions : FieldConditions or None, default: None
+        Light and surroundings; None for those of the calibration, as in a laboratory.
     """
 
     polygon: Polygon
     grid: Grid | None = None
     reflectance: float | None = None
+    conditions: FieldConditions | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +85,7 @@ class Vignetting:
 
 
 def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
-    """Return the window that contains the region and the grid.
+    """Return the window that contains the region and the grid, or the whole frame to correct glare.
 
     Parameters
     ----------
@@ -98,6 +109,8 @@ def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
         bounding_window(polygon, height_px=height_px, width_px=width_px)
         for polygon in (request.polygon, *cells)
     ]
+    if request.conditions and request.conditions.glare_share is not None:
+        return Window(row0=0, col0=0, height=height_px, width=width_px)
     row0, col0 = min(w.row0 for w in windows), min(w.col0 for w in windows)
     return Window(
         row0=row0,
@@ -143,9 +156,10 @@ def measure(
     Returns
     -------
     Measured
-        Luminances and flags: those of `application.apply_coefficient`, and
+        Luminances and flags: those of `application.apply_coefficient`,
         `no_vignetting_correction`, `roi_elsewhere`, `observer_differs`, `rendered`,
-        `frames_disagree`.
+        `frames_disagree`, and of the conditions `spectral_mismatch_unknown`,
+        `flicker_unknown`, `stray_light_unknown`.
 
     Raises
     ------
@@ -159,7 +173,8 @@ def measure(
     The mean of the region and of each cell is `application.apply_coefficient` of
     its statistics: measured as it was calibrated. E = pi L / rho holds for a
     diffuse surface; rho is taken as exact. With a correction every signal above
-    dark is divided by V (see `lens.correct_signal`).
+    dark is divided by V (see `lens.correct_signal`). All luminances take the same
+    corrections of the field (see `corrections`), found in the first frame.
 
     Repeated frames are averaged pixel by pixel. Their noise averages; every shared
     error remains; what they scatter beyond noise is a source of its own (see
@@ -168,7 +183,7 @@ def measure(
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     lens = correction.lens if correction else None
-    camera = _Camera(exposure, coefficient, lens)
+    camera = _Camera(exposure, coefficient, lens, ())
     cells = lay_grid(request.grid) if request.grid else ()
     signals, of_cells, summed = [], [], None
     # one frame at a time: a region may be most of it
@@ -176,6 +191,8 @@ def measure(
         signals.append(camera.read(each, request.polygon))
         of_cells.append([[camera.read(each, cell, of_grid=True) for cell in line] for line in cells])
         summed = add_signal(summed, sum_signal(each, channel=coefficient.channel))
+    corrections, raised = _find_corrections(frame, request, camera, frames=len(signals))
+    camera = replace(camera, corrections=corrections)
     region = camera.apply(signals)
     disagreement = flag_scatter([signal for signal, _ in signals], dark_signal_dn=coefficient.dark_signal_dn)
     scatter_rel = _part(region.effects, source=SCATTER) / (abs(region.luminance_cd_m2.value) or 1.0)
@@ -198,9 +215,7 @@ def measure(
             black_level_dn=0.0,
             white_level_dn=0.0,
         )
-        found = apply_to_signal(
-            signal, exposure=exposure, coefficient=coefficient, share=pixel.share
-        ).luminance_cd_m2
+        found = camera.convert(signal, pixel.share).luminance_cd_m2
         u = math.hypot(found.standard_uncertainty, found.value * scatter_rel)
         return replace(found, standard_uncertainty=u)
 
@@ -226,18 +241,24 @@ def measure(
         illuminance_lx=_illuminate(region.luminance_cd_m2, request.reflectance),
         saturated_share=max(signal.saturated_share for signal, _ in signals),
         vignetting=correction.name if correction else "none",
-        flags=(*region.flags, *cell_flags, *disagreement, *own),
+        flags=(*region.flags, *raised, *cell_flags, *disagreement, *own),
         lens_share=region.lens_share,
+        corrections=corrections,
     )
 
 
 @dataclass(frozen=True)
 class _Camera:
-    """Exposure, coefficient and lens with which every region of a frame is measured."""
+    """Exposure, coefficient, lens and corrections with which every region of a frame is measured."""
 
     exposure: Exposure
     coefficient: Coefficient
     lens: Lens | None
+    corrections: tuple[FieldCorrection, ...]
+
+    def convert(self, signal: Signal, share: LensShare | None) -> AppliedLuminance:
+        applied = apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
+        return apply_corrections(applied, self.corrections)
 
     def read(self, frame: Frame, polygon: Polygon, *, of_grid: bool = False) -> Read:
         """Return the signal of a region, and V if vignetting is corrected."""
@@ -267,9 +288,7 @@ class _Camera:
             drift_rel=drift[0] if drift else None,
         )
         # V depends on the place alone
-        applied = apply_to_signal(
-            signal, exposure=self.exposure, coefficient=self.coefficient, share=read[0][1]
-        )
+        applied = self.convert(signal, read[0][1])
         if len(read) == 1:
             return applied
         per_dn = _part(applied.effects, source=NOISE) / signal.standard_uncertainty_dn
@@ -282,6 +301,30 @@ class _Camera:
         u = math.hypot(*(effect.effect_cd_m2 for effect in effects))
         luminance = replace(applied.luminance_cd_m2, standard_uncertainty=u)
         return replace(applied, luminance_cd_m2=luminance, effects=effects)
+
+
+def _find_corrections(
+    frame: Frame, request: Request, camera: _Camera, *, frames: int
+) -> tuple[tuple[FieldCorrection, ...], tuple[Raised, ...]]:
+    """Find the corrections of the field; none without conditions."""
+    field, coefficient = request.conditions, camera.coefficient
+    if field is None:
+        return (), ()
+    colour = measure_colour(
+        method.extract(frame, request.polygon),
+        dark_above_black_dn=coefficient.dark_signal_dn - coefficient.black_level_dn,
+    )
+    mean_cd_m2 = None
+    if field.glare_share is not None:
+        mean_cd_m2 = average_map(frame, find_map_scale((coefficient,), camera.exposure, lens=camera.lens))
+    pairs = (
+        correct_spectrum(field, coefficient, colour),
+        correct_flicker(field, camera.exposure.on_basis(coefficient.exposure_basis), frames=frames),
+        (correct_focus(field, coefficient), ()),
+        correct_stray_light(field, mean_cd_m2),
+    )
+    made = tuple(each for each, _ in pairs if each != FieldCorrection(source=each.source))
+    return made, tuple(itertools.chain.from_iterable(flags for _, flags in pairs))
 
 
 def _measure_surface(

@@ -44,10 +44,13 @@ from radiometry.luminance.results import (
     ModelFit,
     Point,
     SceneSummary,
+    SpectralQuality,
 )
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes
 from radiometry.luminance.verdicts import judge
+from radiometry.spectral.curves import describe_curve, list_lamps, list_responses
+from radiometry.spectral.mismatch import compute_f1_prime
 
 __all__ = [
     "AppliedLuminance",
@@ -225,6 +228,18 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         flags=tuple(flags),
         tolerance_rel=params.tolerance_rel,
         passed=all(iso_fit.passed for iso_fit in iso_fits),
+        spectral=_judge_spectrum(params),
+    )
+
+
+def _judge_spectrum(params: Params) -> SpectralQuality | None:
+    lamp, response = params.lamp, params.camera_response
+    if lamp is None and response is None:
+        return None
+    return SpectralQuality(
+        lamp=describe_curve(lamp, list_lamps()),
+        camera_response=describe_curve(response, list_responses()),
+        f1_prime=compute_f1_prime(response, channel=params.channel) if response is not None else None,
     )
 
 
@@ -322,8 +337,10 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
         estimate = by_model[params.model].meter_repeatability_rel or 0.0
         flags.append(codes.METER_REPEATABILITY_ESTIMATED.at(where, f"Estimated: {estimate:.2%}."))
     if not iso_fit.passed:
+        width = f", U {iso_fit.expanded_u_rel:.1%}" if iso_fit.expanded_u_rel is not None else ""
         detail = (
-            f"Largest error in L {iso_fit.largest_residual_rel:.1%}, tolerance {params.tolerance_rel:.1%}."
+            f"Largest error in L {iso_fit.largest_residual_rel:.1%}{width}, tolerance "
+            f"{params.tolerance_rel:.1%}."
         )
         flags.append(codes.TOLERANCE_EXCEEDED.at(where, detail))
     return flags

@@ -8,6 +8,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Settings, compute_rhs
 from radiometry.frame.statistics import Signal, measure_signal
+from radiometry.luminance.conditions import Colour, measure_colour
 from radiometry.luminance.dark import Dark, estimate_dark
 from radiometry.luminance.results import SceneSummary
 from radiometry.luminance.rows import FrameRow, Params, Reading
@@ -45,6 +46,8 @@ class Candidate:
         "" if it counts, else the reason.
     lens_share : Quantity or None, default: None
         Relative illumination V of its region, if vignetting is corrected.
+    colour : tuple[float, float] or None, default: None
+        R/G and B/G of its region; None without colours.
     """
 
     frame: str
@@ -56,6 +59,7 @@ class Candidate:
     rhs: float | None
     left_out: str
     lens_share: Quantity | None = None
+    colour: Colour | None = None
 
     def adjust_dn(self, dark_dn: float) -> float:
         """Return the signal above dark, divided by V if vignetting is corrected.
@@ -172,6 +176,9 @@ def _candidate(
         rhs=compute_rhs(settings, luminance_cd_m2=luminance) if luminance is not None else None,
         left_out=_why_left_out(row, signal, dark, scene, params),
         lens_share=row.lens_share,
+        colour=measure_colour(
+            row.statistics or (), dark_above_black_dn=dark.signal_dn - signal.black_level_dn
+        ),
     )
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
+from radiometry.luminance.conditions import CalibrationConditions
 from radiometry.specification.stored import LATER
 
 K_UNIT = "DN*m2/(cd*s)"
@@ -59,6 +60,8 @@ class Coefficient:
         Lowest and highest X of the points used.
     vignetting : str or None
         Content hash of the vignetting version that K holds with; None without any.
+    conditions : CalibrationConditions or None
+        Lamp, response, colour and distance; None if the campaign states none of them.
     """
 
     iso: float
@@ -86,6 +89,7 @@ class Coefficient:
     signal_range_dn: tuple[float, float]
     rhs_range: tuple[float, float]
     vignetting: str | None = field(default=None, metadata=LATER)
+    conditions: CalibrationConditions | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,7 +263,10 @@ class IsoFit:
     largest_residual_rel : float
         Largest absolute relative residual of the points used.
     passed : bool
-        True if it is within the tolerance.
+        True if it passes by the campaign's decision rule.
+    expanded_u_rel, beyond_tolerance_risk : float or None
+        U of K, relative, and the probability that the largest error is really
+        beyond the tolerance; None if the campaign states no decision rule.
     """
 
     coefficient: Coefficient
@@ -270,6 +277,25 @@ class IsoFit:
     expected_k: float
     largest_residual_rel: float
     passed: bool
+    expanded_u_rel: float | None = field(default=None, metadata=LATER)
+    beyond_tolerance_risk: float | None = field(default=None, metadata=LATER)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpectralQuality:
+    """How near the camera's response is to V, and the lamp that K holds for.
+
+    Attributes
+    ----------
+    lamp, camera_response : str
+        Names of the library, "own table" or "not recorded".
+    f1_prime : float or None
+        General spectral mismatch index as a fraction; None without a response.
+    """
+
+    lamp: str
+    camera_response: str
+    f1_prime: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -290,6 +316,8 @@ class Fit:
         Tolerance of the verdict.
     passed : bool
         True if every ISO value passed.
+    spectral : SpectralQuality or None
+        None if neither lamp nor response is known.
     """
 
     iso_fits: tuple[IsoFit, ...]
@@ -298,6 +326,7 @@ class Fit:
     flags: tuple[Raised, ...]
     tolerance_rel: float
     passed: bool
+    spectral: SpectralQuality | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,10 +7,12 @@ from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.specification.parameters import check_parameters, parameter
+from radiometry.spectral.curves import list_lamps, list_responses, read_lamp, read_response
 
 Model = Literal["proportional", "affine", "power", "semilog"]
 Signal = Literal["green", "grey"]
 Basis = Literal["nominal", "apex"]
+Acceptance = Literal["simple", "guarded", "shared_risk"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +83,7 @@ class Params:
     )
     panel_rho: float | None = parameter(
         None,
+        name="surface_reflectance",
         label="Luminance factor of the target",
         description="rho of the taped surface, for the cross-check L = rho E / pi.",
         default_text="no cross-check",
@@ -103,9 +106,100 @@ class Params:
         version_of="vignetting",
     )
 
+    lamp: str | None = parameter(
+        None,
+        later=True,
+        kind="text",
+        suggest=list_lamps,
+        label="Lamp",
+        description="Spectrum of the calibration's lamp: a lamp of the library, or a table of wavelength in "
+        "nm and value.",
+        default_text="unknown",
+        example="A",
+        given_by="campaign",
+    )
+    camera_response: str | None = parameter(
+        None,
+        later=True,
+        kind="text",
+        suggest=list_responses,
+        label="Camera response",
+        description="Spectral response of the camera: a model of the library, or a table of wavelength in "
+        "nm, R, G and B.",
+        default_text="the library's, if it has the camera's model",
+        example="Hasselblad L2D-20c",
+        given_by="campaign",
+    )
+    focus_distance_m: float | None = parameter(
+        None,
+        later=True,
+        label="Focus distance",
+        description="From the lens to the calibrated surface, to which the lens is focused.",
+        default_text="unknown",
+        example=1.5,
+        given_by="campaign",
+        unit="m",
+        minimum=0.1,
+        maximum=1e5,
+    )
+    focal_length_mm: float | None = parameter(
+        None,
+        later=True,
+        label="Focal length",
+        description="Of the lens itself, not its 35 mm equivalent.",
+        default_text="unknown",
+        example=12.3,
+        given_by="campaign",
+        unit="mm",
+        minimum=0.5,
+        maximum=5000.0,
+    )
+    mains_frequency_hz: float | None = parameter(
+        None,
+        later=True,
+        label="Mains frequency",
+        description="Of the supply of the lamp, and of the lights in this campaign's field frames.",
+        default_text="unknown",
+        example=50.0,
+        given_by="campaign",
+        unit="Hz",
+        minimum=10.0,
+        maximum=500.0,
+    )
+    lamp_modulation: float | None = parameter(
+        None,
+        later=True,
+        label="Modulation depth of the lamp",
+        description="(L_max - L_min) / (L_max + L_min) of the lamp over a period of its flicker.",
+        default_text="unknown",
+        example=0.05,
+        given_by="campaign",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    acceptance: Acceptance | None = parameter(
+        None,
+        later=True,
+        label="Decision rule",
+        description="How the verdict takes the expanded uncertainty U of K into account, as ILAC-G8 asks to "
+        "agree beforehand.",
+        labels={
+            "simple": "Simple: the error passes, U is ignored",
+            "guarded": "Guard band: error + U passes",
+            "shared_risk": "Shared risk: the error passes and U is within the tolerance",
+        },
+        default_text="`simple`",
+        example="guarded",
+        given_by="campaign",
+    )
+
     def __post_init__(self) -> None:
-        """Check every parameter against its range and choices."""
+        """Check every parameter against its range and choices, and that the curves can be read."""
         check_parameters(self)
+        if self.lamp is not None:
+            read_lamp(self.lamp)
+        if self.camera_response is not None:
+            read_response(self.camera_response)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,6 +51,8 @@ class Application:
         Quantity of the map that is made of a frame, and its unit.
     options : tuple of str
         Options of a measurement that this method takes, beside region and products.
+    conditions : type or None
+        Frozen dataclass of what a measurement states of light and surroundings, each field a parameter.
     needs_exposure : bool
         True if a frame without exposure cannot be measured.
     """
@@ -58,6 +60,7 @@ class Application:
     quantity: str
     unit: str
     options: tuple[str, ...] = ()
+    conditions: type[Any] | None = None
     needs_exposure: bool = True
 
 

@@ -1,7 +1,8 @@
 """Certificate text of a method: procedure, equation, traceability and columns of its points."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 Form = Literal["text", "number", "percent"]
 
@@ -27,6 +28,7 @@ class CertificateText:
     ``states_coverage`` : the fit states an expanded uncertainty and a coverage factor of each coefficient
     ``holds_for_lens`` : the result is valid for one lens; a certificate without a lens then has a gap
     ``statements`` : statements that only this method makes
+    ``state`` : ``(parameters, result) -> tuple of str``, those that depend on the version
     """
 
     procedure: str
@@ -39,6 +41,7 @@ class CertificateText:
     states_coverage: bool = False
     holds_for_lens: bool = True
     statements: tuple[str, ...] = ()
+    state: Callable[[Mapping[str, Any], Mapping[str, Any]], tuple[str, ...]] = lambda *_: ()
 
 
 FRAME: Final = Column(name="frame", head="frame", form="text", share=2.4)

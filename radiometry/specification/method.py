@@ -259,9 +259,16 @@ class MethodSpec:
         return next((each.label for each in self.coefficients if each.name == name), name)
 
     @property
+    def conditions(self) -> tuple[Parameter, ...]:
+        """What a measurement may state of light and surroundings."""
+        stated = self.application.conditions if self.application else None
+        return list_parameters(stated) if stated else ()
+
+    @property
     def measurement_options(self) -> tuple[str, ...]:
         """Options of a measurement with a version, beside region and products."""
-        return self.application.options if self.application else ()
+        options = self.application.options if self.application else ()
+        return (*options, *(each.name for each in self.conditions))
 
     @property
     def applied_type(self) -> Any:  # noqa: ANN401  a type, or a form of one

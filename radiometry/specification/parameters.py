@@ -10,7 +10,7 @@ from typing import Any, Final, Literal, Union, get_args, get_origin, get_type_hi
 
 from radiometry.specification.stored import LATER
 
-Kind = Literal["number", "integer", "boolean", "choice", "interval", "group", "version"]
+Kind = Literal["number", "integer", "boolean", "choice", "interval", "group", "version", "text"]
 
 _KEY: Final = "parameter"
 
@@ -33,9 +33,9 @@ class Parameter:
         Its name in `Params`, in stored versions and in certificates.
     name : str
         Its name in requests, the same as ``field`` but for two older names.
-    kind : {"number", "integer", "boolean", "choice", "interval", "group", "version"}
+    kind : {"number", "integer", "boolean", "choice", "interval", "group", "version", "text"}
         "interval" is a pair, the lower bound first; "group" holds ``members``; "version" names the
-        calibration version of another method.
+        calibration version of another method; "text" is a name, or a table of several lines.
     unit : str
         "1" for a fraction.
     minimum, maximum : float or None
@@ -49,6 +49,8 @@ class Parameter:
         True if the text "none" switches the parameter off.
     version_of : str
         Name of the method whose version a "version" names, otherwise empty.
+    suggest : callable
+        ``() -> tuple of str``, names that a "text" may have.
     """
 
     field: str
@@ -68,6 +70,7 @@ class Parameter:
     given_by: Literal["request", "campaign"] = "request"
     none_allowed: bool = False
     version_of: str = ""
+    suggest: Callable[[], tuple[str, ...]] = tuple
     members: tuple["Parameter", ...] = ()
 
     @property

@@ -80,7 +80,7 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         created_at=row.created_at,
         published=_published(record),
         validity=_validity(record),
-        statements=list_statements(spec, vignetting),
+        statements=list_statements(spec, vignetting, row.parameters, result),
     )
     gaps = [Gap(code=found.code, message=found.message) for found in list_gaps(certificate)]
     return certificate.model_copy(update={"gaps": gaps})

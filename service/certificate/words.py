@@ -1,6 +1,7 @@
 """Sentences of a certificate: statements, traceability and vignetting correction."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from radiometry.specification.method import MethodSpec
 from service.schemas.certificates import UsedMeter, UsedPanel
@@ -31,13 +32,16 @@ _SUFFICE = (
 _WHOLE = "This certificate may be reproduced only in full."
 
 
-def list_statements(spec: MethodSpec, vignetting: str) -> list[str]:
+def list_statements(
+    spec: MethodSpec, vignetting: str, parameters: Mapping[str, Any], result: Mapping[str, Any]
+) -> list[str]:
     """Return the statements that the laboratory makes with every certificate of a method."""
     corrected = f"The signals were corrected for vignetting with {vignetting}."
     return [
         _RELATES,
         _EXPANDED if spec.certificate.states_coverage else _EXPANDED_PLAINLY,
         *spec.certificate.statements,
+        *spec.certificate.state(parameters, result),
         *([_UNCORRECTED if vignetting == "none" else corrected] if spec.corrected_by else []),
         _SUFFICE,
         _WHOLE,

@@ -17,9 +17,17 @@ from service.lookup import Id, owned
 from service.paging import Cursor, Limit, Page, page
 from service.problems import Problem, invalid, located
 from service.routes import problems
-from service.schemas.campaigns import CampaignAnswer, CampaignChange, NewCampaign, NewRoi, RoiAnswer
+from service.schemas.campaigns import (
+    STATED,
+    CampaignAnswer,
+    CampaignChange,
+    CampaignDetails,
+    NewCampaign,
+    NewRoi,
+    RoiAnswer,
+)
 from service.writing import Reply, Writes
-from store.codec import read_strictly
+from store.codec import decode, read_strictly
 from store.judging import assess_readiness
 from store.queries.campaigns import Drawing, count, find_or_add_roi, renew_extractions, set_roi
 from store.tables import Camera, Campaign, Panel, Roi
@@ -35,6 +43,7 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
         owned(session, Camera, body.camera_id, caller)
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
+        _check_stated(body.method, body)
         values = body.model_dump() | {"target": _read_target(body.method, body.target)}
         campaign = Campaign(organisation_id=caller.organisation_id, **values)
         session.add(campaign)
@@ -78,6 +87,7 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
         campaign = owned(session, Campaign, campaign_id, caller)
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
+        _check_stated(campaign.method, body)
         values = body.model_dump(exclude_unset=True)
         jobs = []
         if body.target is not None:
@@ -125,6 +135,21 @@ def read_roi(body: NewRoi) -> Drawing:
         return Drawing(polygon=Polygon.from_points(body.polygon), corners=body.polygon)
     polygon = parse_imagej(body.imagej or "")
     return Drawing(polygon=polygon, corners=polygon.points)
+
+
+def _check_stated(method: str, body: CampaignDetails) -> None:
+    """Refuse what belongs to the fit of another method, and a lamp or response that cannot be read."""
+    spec = methods.get_method(method)
+    stated = body.model_dump(include=set(STATED), exclude_unset=True)
+    fields = {each.name: each.field for each in spec.parameters if each.given_by == "campaign"}
+    foreign = [
+        {"type": "parameter", "loc": ("body", name), "msg": f"is not a part of a {method} campaign"}
+        for name in stated.keys() - fields.keys()
+    ]
+    if foreign:
+        raise invalid(foreign)
+    if stated:
+        decode(spec.params, {fields[name]: value for name, value in stated.items()})
 
 
 def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | None:

@@ -30,6 +30,7 @@ def contrast_measurements(
     old: Annotated[Text, Query(description="The measurement that it is compared with.")],
     *,
     other_region: Annotated[bool, Query(description="Compare them even if their outlines differ.")] = False,
+    same_light: Annotated[bool, Query(description="You know that the same lamps lit both.")] = False,
 ) -> Response:
     """Compute the difference of two measurements and its significance. Errors that both share cancel.
 
@@ -40,7 +41,7 @@ def contrast_measurements(
         if before.quantity != after.quantity:
             message = f"is of {before.quantity}, the other of {after.quantity}: compare like with like"
             raise invalid([{"type": "quantity", "loc": ("query", "old"), "msg": message}])
-        found = compare_measurements(before, after, other_region=other_region)
+        found = compare_measurements(before, after, other_region=other_region, same_light=same_light)
         return ContrastAnswer.between(before, after, found).respond()
 
 

@@ -21,6 +21,7 @@ from service.schemas.base import Text
 from service.schemas.jobs import JobAnswer
 from service.schemas.measured import MeasurementAnswer
 from service.schemas.measurements import (
+    CONDITIONS,
     CampaignMeasurementsAnswer,
     MeasurementOptions,
     NewMeasurement,
@@ -190,6 +191,7 @@ def _read_asked(body: MeasurementOptions) -> Asked:
         incidence_angle_deg=body.incidence_angle_deg,
         index=body.index,
         frame_ids=tuple(body.list_frames()) if isinstance(body, NewMeasurement) and body.frame_ids else None,
+        conditions=body.model_dump(include=set(CONDITIONS), exclude_unset=True),
         products=tuple(body.products or ()),
         allow=tuple(dict.fromkeys(body.allow or ())),
     )

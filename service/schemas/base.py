@@ -34,6 +34,10 @@ Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"
 LongText = Annotated[
     str, StringConstraints(min_length=1, max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]+$")
 ]
+CurveText = Annotated[
+    str, StringConstraints(min_length=1, max_length=50_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]+$")
+]
+"""A name, or a table of several lines, each ending in a line feed."""
 # as a camera, a data sheet or a person writes it
 BandName = Annotated[Text, AfterValidator(name_band)]
 Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]

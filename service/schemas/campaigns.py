@@ -2,9 +2,11 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, create_model, model_validator
 
+from radiometry.methods import METHODS
 from service.schemas.base import Answer, Form, FrameRole, Instant, LongText, Method, Number, Text
+from service.schemas.fits import make_fields
 from store.queries.campaigns import Counts
 from store.tables import Campaign, Reading, Roi
 
@@ -14,7 +16,11 @@ Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Reflectance = Annotated[Number, Field(gt=0, le=1)]
 
 
-class CampaignDetails(Form):
+STATED = {each.name: each for spec in METHODS for each in spec.parameters if each.given_by == "campaign"}
+"""What a campaign states for the fit of its method."""
+
+
+class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED.values()))):  # type: ignore[misc]
     """What may be said when a campaign begins, and corrected later."""
 
     project_number: Text | None = None
@@ -26,10 +32,6 @@ class CampaignDetails(Form):
     ] = None
     started_at: Instant | None = None
     comments: LongText | None = None
-    surface_reflectance: Annotated[
-        Reflectance | None,
-        Field(description="rho of the taped surface: checks luminance against illuminance."),
-    ] = None
     panel_id: Annotated[
         Text | None,
         Field(
@@ -64,7 +66,7 @@ class CampaignAnswer(
     Answer,
     restates=Campaign,
     fields="id camera_id method project_number recorder customer place conditions started_at comments "
-    "surface_reflectance panel_id target roi_id created_at",
+    f"{' '.join(STATED)} panel_id target roi_id created_at",
 ):
     method: Method
     frames: FrameCounts | None = None

@@ -4,9 +4,8 @@ from pydantic import Field
 
 from radiometry.fitting.comparison import Comparison
 from service.schemas.base import Answer, Quantity
-from store.measuring.comparison import MeasurementComparison, Side
+from store.measuring.comparison import SURE, MeasurementComparison, Side
 
-_SURE = 2.0
 _OTHER_REGION = " The two regions differ: the change may be one of the place and not of the light."
 
 
@@ -30,7 +29,14 @@ class Measured(Answer):
 class ContrastAnswer(Compared):
     old: Measured
     new: Measured
-    significant: bool = Field(description="At least two standard uncertainties of the difference.")
+    significant: bool = Field(
+        description="At least two standard uncertainties of the difference, and more than `confusion_rel`."
+    )
+    confusion_rel: float | None = Field(
+        default=None,
+        description="What two types of lamp could show as a change without any, where the light is neither "
+        "known nor the same in both.",
+    )
     said: str
     common: list[str] = Field(description="Sources whose error is the same in both, so that it cancels.")
     same_region: bool = Field(
@@ -44,20 +50,21 @@ class ContrastAnswer(Compared):
     @classmethod
     def between(cls, old: Side, new: Side, found: MeasurementComparison) -> "ContrastAnswer":
         mean = found.mean
-        sigmas = mean.in_standard_uncertainties
         return cls.restate(
             mean,
             old=Measured.of(old),
             new=Measured.of(new),
-            significant=sigmas is not None and sigmas >= _SURE,
-            said=_format_verdict(mean) + ("" if found.same_region else _OTHER_REGION),
+            significant=found.is_significant,
+            confusion_rel=found.confusion_rel,
+            said=_format_verdict(found) + ("" if found.same_region else _OTHER_REGION),
             common=found.common,
             same_region=found.same_region,
             cells=found.cells or None,
         )
 
 
-def _format_verdict(mean: Comparison) -> str:
+def _format_verdict(found: MeasurementComparison) -> str:
+    mean = found.mean
     if mean.in_standard_uncertainties is None:
         return "Both are exactly equal." if mean.difference.value == 0.0 else "Neither has an uncertainty."
     by = f"{abs(mean.difference.value):.3g}"
@@ -65,6 +72,10 @@ def _format_verdict(mean: Comparison) -> str:
         by = f"{abs(mean.change.value):.3g} %"
     moved = "rose" if mean.difference.value > 0.0 else "fell"
     times = f"{mean.in_standard_uncertainties:.2g} times the uncertainty of the difference"
-    if mean.in_standard_uncertainties < _SURE:
-        return f"The mean {moved} by {by}, {times}: not a significant change."
-    return f"The mean {moved} by {by}, {times}: a significant change."
+    verdict = "a significant change" if found.is_significant else "not a significant change"
+    if found.confusion_rel is not None and mean.in_standard_uncertainties >= SURE:
+        verdict += (
+            f". Lamps of another type can show up to {found.confusion_rel:.0%} without any: state the "
+            "light of both, or that it is the same"
+        )
+    return f"The mean {moved} by {by}, {times}: {verdict}."

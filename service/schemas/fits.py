@@ -1,5 +1,6 @@
 """Requests to fit a campaign: one form per method, derived from the method's parameters."""
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -19,7 +20,7 @@ from radiometry import methods
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import Parameter
 from service.problems import invalid, located
-from service.schemas.base import Form, LongText, Text
+from service.schemas.base import CurveText, Form, LongText, Text
 from service.wording import AS_NUMBER, BY_NAME
 
 NONE = "none"
@@ -85,7 +86,7 @@ def _make_form(spec: MethodSpec) -> type[FitRequest]:
             Text | None,
             Field(default=None, description="The campaign's panel from now on."),
         )
-    extra |= {each.name: _make_field(each) for each in spec.parameters if each.given_by == "request"}
+    extra |= make_fields(each for each in spec.parameters if each.given_by == "request")
     return create_model(
         f"New{spec.name.capitalize()}Calibration",
         __base__=FitRequest,
@@ -101,9 +102,12 @@ def describe_parameter(parameter: Parameter) -> str:
     return f"{parameter.description}{unit} Default: {default}."
 
 
-def _make_field(parameter: Parameter) -> tuple[Any, Any]:
-    described = Field(default=None, description=describe_parameter(parameter))
-    return read_kind(parameter) | None, described
+def make_fields(parameters: Iterable[Parameter]) -> dict[str, tuple[Any, Any]]:
+    """Return the fields of a form by the parameters' names; each may be left out."""
+    return {
+        each.name: (read_kind(each) | None, Field(default=None, description=describe_parameter(each)))
+        for each in parameters
+    }
 
 
 def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form of one
@@ -116,7 +120,7 @@ def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form o
     elif parameter.kind == "boolean":
         kind = _annotate(bool, Strict())
     elif parameter.kind == "group":
-        members: dict[str, Any] = {each.name: _make_field(each) for each in parameter.members}
+        members: dict[str, Any] = make_fields(parameter.members)
         name = "".join(word.capitalize() for word in parameter.label.split())
         kind = create_model(name, __base__=Form, __doc__=parameter.description, **members)
     elif parameter.kind == "interval":
@@ -128,6 +132,8 @@ def read_kind(parameter: Parameter) -> Any:  # noqa: ANN401  a type, or a form o
         )
     elif parameter.kind in ("number", "integer"):
         kind = _bound(parameter)
+    elif parameter.kind == "text":
+        kind = CurveText
     return kind
 
 

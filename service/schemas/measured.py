@@ -14,6 +14,7 @@ from service.schemas.measured_parts import (
     BandAnswer,
     BudgetRow,
     CalibrationUsed,
+    CorrectionAnswer,
     FlagAnswer,
     GridAnswer,
     IndexAnswer,
@@ -63,6 +64,9 @@ class MeasurementAnswer(Answer):
     median: Quantity | None = None
     percentiles: list[PercentileAnswer] = Field(description="Of single pixels, with a single pixel's noise.")
     budget: list[BudgetRow]
+    corrections: list[CorrectionAnswer] = Field(
+        description="Of a luminance: errors of light, distance and surroundings, corrected as far as known."
+    )
     reflected: ReflectedAnswer | None = Field(default=None, description="Of a band's reflectance.")
     index: IndexAnswer | None = None
     undistorted: UndistortedAnswer | None = Field(default=None, description="Of a geometry campaign's frame.")
@@ -120,6 +124,7 @@ class MeasurementAnswer(Answer):
             region=row.parameters["polygon"],
             region_origin=row.parameters["region_origin"],
             budget=result.get("budget", []),
+            corrections=result.get("corrections", []),
             percentiles=result.get("percentiles", []),
             map=result.get("map"),
             flags=flags,

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from radiometry.fitting.evidence import FieldCorrection
 from radiometry.frame.multispectral import Index
 from service.schemas.base import Answer, Quantity
 
@@ -31,6 +32,10 @@ class BudgetRow(Answer):
     standard_uncertainty_cd_m2: float | None = Field(default=None, description="Of a luminance.")
     standard_uncertainty: float | None = Field(default=None, description="Of a reflectance.")
     variance_share: float
+
+
+class CorrectionAnswer(Answer, restates=FieldCorrection):
+    """An error of the field: L = factor * L_shown - offset, and what is left of it in the budget."""
 
 
 class ReflectedAnswer(Answer):

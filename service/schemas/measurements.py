@@ -2,12 +2,14 @@
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, create_model, model_validator
 
 from radiometry.frame.grid import MAX_CELLS_A_SIDE
 from radiometry.frame.multispectral import Index
+from radiometry.methods import METHODS
 from service.schemas.base import Answer, Form, Number, Text
 from service.schemas.campaigns import NewRoi, Point, Reflectance
+from service.schemas.fits import make_fields
 from service.schemas.jobs import JobAnswer
 
 MOST_AVERAGED = 32
@@ -31,7 +33,11 @@ class NewGrid(Form):
     columns: Side
 
 
-class MeasurementOptions(Form):
+CONDITIONS = {each.name: each for spec in METHODS for each in spec.conditions}
+"""Light and surroundings of a measurement."""
+
+
+class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields(CONDITIONS.values()))):  # type: ignore[misc]
     """How to measure; what is left out is taken from the frame, its campaign and what is in force."""
 
     calibration_id: Annotated[

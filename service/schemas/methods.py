@@ -42,12 +42,15 @@ class ParameterAnswer(Answer):
     given_by: Literal["request", "campaign"]
     none_allowed: bool = Field(description='Whether "none" switches it off.')
     version_of: str = Field(description="Of a version: the method that it is a version of.")
+    suggestions: list[str] = Field(description="Of a text: names that it may have.")
     members: list["ParameterAnswer"] = Field(description="Of a group: its parameters.")
 
     @classmethod
     def of(cls, parameter: Parameter) -> "ParameterAnswer":
         members = [cls.of(each) for each in parameter.members]
-        return cls.model_validate({**asdict(parameter), "type": parameter.kind, "members": members})
+        return cls.restate(
+            parameter, type=parameter.kind, members=members, suggestions=list(parameter.suggest())
+        )
 
 
 class RoleAnswer(Answer):
@@ -92,6 +95,9 @@ class MethodAnswer(Answer):
         default=None, description="What a version measures in a region of a later frame."
     )
     measurement_options: list[str] = Field(description="Options of a measurement beside region and products.")
+    conditions: list[ParameterAnswer] = Field(
+        description="Of these options the light and surroundings of a measurement."
+    )
     parameters: list[ParameterAnswer]
     coefficients: list[CoefficientKindAnswer]
 
@@ -114,7 +120,8 @@ class MethodAnswer(Answer):
             several_regions=spec.several_regions,
             tolerance_unit=spec.tolerance_unit,
             measured_quantity=measured.quantity if measured else None,
-            measurement_options=list(measured.options) if measured else [],
+            measurement_options=list(spec.measurement_options) if measured else [],
+            conditions=[ParameterAnswer.of(each) for each in spec.conditions],
             parameters=[ParameterAnswer.of(each) for each in spec.parameters],
             coefficients=[CoefficientKindAnswer.model_validate(each) for each in spec.coefficients],
         )

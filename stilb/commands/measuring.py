@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -10,6 +10,7 @@ from stilb.commands.calibration import read_polygon
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
 from stilb.commands.tables import figure, table
+from stilb.field.plan import read_spreadsheet
 from stilb.records import Grid, MeasureDetails, Measurement
 
 _GRID = re.compile(r"(\d+)x(\d+)")
@@ -33,6 +34,19 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     reflectance: Annotated[
         float | None, typer.Option(help="Reflectance of the surface, for its illuminance.")
     ] = None,
+    light: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE.csv", help="Light source: a lamp of the library, or its spectrum."),
+    ] = None,
+    distance: Annotated[float | None, typer.Option(help="To the surface, in m.")] = None,
+    mains: Annotated[
+        float | None, typer.Option(help="Mains frequency in Hz; default: the campaign's.")
+    ] = None,
+    modulation: Annotated[float | None, typer.Option(help="Modulation depth of the light, 0 to 1.")] = None,
+    glare: Annotated[float | None, typer.Option(help="Glare of a black trap over the frame's mean.")] = None,
+    mismatch: Annotated[
+        float | None, typer.Option(help="Standard uncertainty of L from the spectrum; default: estimated.")
+    ] = None,
     index: Annotated[str | None, typer.Option(help="For a near infrared frame: ndvi, ndre or gndvi.")] = None,
     allow: Annotated[
         list[str] | None,
@@ -51,11 +65,23 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         raise typer.BadParameter("give frames, or --campaign")
     if average and len(frames or ()) < 2:
         raise typer.BadParameter("--average needs two frames or more")
-    details = _details(calibration, region, grid, reflectance)
-    if index is not None:
-        details["index"] = index
-    if allow:
-        details["allow"] = list(allow)
+    if light is not None and light.lower().endswith(".csv"):
+        light = read_spreadsheet(Path(light))
+    given = {
+        "calibration_id": calibration,
+        "polygon": None if region is None else read_polygon(region),
+        "grid": None if grid is None else _read_grid(grid),
+        "reflectance": reflectance,
+        "light_source": light,
+        "distance_m": distance,
+        "mains_frequency_hz": mains,
+        "flicker_modulation": modulation,
+        "glare_share": glare,
+        "spectral_mismatch_u_rel": mismatch,
+        "index": index,
+        "allow": allow or None,
+    }
+    details = cast("MeasureDetails", {name: value for name, value in given.items() if value is not None})
     refused: list[dict[str, Any]] = []
     with output.client() as client:
         with_map = save_map is not None
@@ -86,27 +112,15 @@ def compare(
     other_region: Annotated[
         bool, typer.Option("--other-region", help="Compare even if their outlines in the image differ.")
     ] = False,
+    same_light: Annotated[
+        bool, typer.Option("--same-light", help="The same lamps lit both: their spectral mismatch cancels.")
+    ] = False,
 ) -> None:
     """Compare two measurements of the same outline."""
     with output.client() as client:
-        found = client.compare(old, new, other_region=other_region)
+        found = client.compare(old, new, other_region=other_region, same_light=same_light)
     change = f" ({figure(found.change)})" if found.change else ""
     output.answer(found.raw, found.said, f"new - old: {figure(found.difference)}{change}")
-
-
-def _details(
-    calibration: str | None, region: str | None, grid: str | None, reflectance: float | None
-) -> MeasureDetails:
-    details = MeasureDetails()
-    if calibration is not None:
-        details["calibration_id"] = calibration
-    if region is not None:
-        details["polygon"] = read_polygon(region)
-    if grid is not None:
-        details["grid"] = _read_grid(grid)
-    if reflectance is not None:
-        details["reflectance"] = reflectance
-    return details
 
 
 def _read_grid(text: str) -> Grid:

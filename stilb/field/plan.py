@@ -20,6 +20,8 @@ _CERTIFICATE = {
     *("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor"),
 }
 _EXPOSURE = {"exposure_time_s", "f_number", "iso"}
+# A name of the service's library, or a file.
+_CURVES = frozenset({"lamp", "camera_response"})
 # Of each table what it may hold, and of that what must not be left empty.
 _TABLES: dict[str, tuple[set[str], set[str]]] = {
     "camera": (
@@ -95,6 +97,9 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
     camera, campaign = said["camera"], said["campaign"]
     if "target" in said:
         campaign["target"] = said["target"]
+    for name in _CURVES & set(campaign):
+        if str(campaign[name]).lower().endswith(".csv"):
+            campaign[name] = read_spreadsheet(folder / campaign[name])
     csv = said.get("readings", {}).get("file")
     frames = said.get("frames")
     return Plan(
@@ -182,7 +187,9 @@ def read_spreadsheet(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise Unclear(f"{path} is not UTF-8. Save it as CSV UTF-8.") from error
     except FileNotFoundError:
-        raise Unclear(f"{path} does not exist: put the readings there, or remove [readings]") from None
+        raise Unclear(
+            f"{path} does not exist: put the file there, or remove the line that names it"
+        ) from None
 
 
 def read_macro(path: Path) -> str:

@@ -26,6 +26,7 @@ project_number = {project_number}  # the same number again is the same campaign
 # recorder = "A. Meier"
 # place = "hangar 2"
 # started_at = 2026-05-01T20:30:00Z
+{stated}
 {reference}
 {target}
 # What the files are; the first that fits decides. Names may also be given as a range, without a pattern:
@@ -40,8 +41,6 @@ project_number = {project_number}  # the same number again is the same campaign
 """
 
 _METER = """\
-# surface_reflectance = 0.18  # of the taped surface, where it is known
-
 # The meter, with its certificate where it has one; one table a meter.
 # [[meter]]
 # kind = "luminance"
@@ -90,7 +89,8 @@ def write_template(said: Mapping[str, str], *, folder: str, has_readings: bool) 
         target=_format_target(method),
         frames="\n".join(_list_rules(method)),
         region=_PARTS if method.get("several_regions") else _ONE,
-        fit="\n".join(line for each in method["parameters"] for line in _list_parameter(each)),
+        stated="\n".join(_list_parameters(method, "campaign")),
+        fit="\n".join(_list_parameters(method, "request")),
         # A JSON text is a TOML text too.
         **{name: json.dumps(value, ensure_ascii=False) for name, value in said.items()},
     )
@@ -113,9 +113,13 @@ def _list_rules(method: Mapping[str, Any]) -> Iterator[str]:
         yield f'[[frames]]  # {role["description"]}\npattern = "{folder}/*"\nrole = "{role["name"]}"\n'
 
 
+def _list_parameters(method: Mapping[str, Any], given_by: str) -> Iterator[str]:
+    for each in method["parameters"]:
+        if each["given_by"] == given_by:
+            yield from _list_parameter(each)
+
+
 def _list_parameter(parameter: Mapping[str, Any]) -> Iterator[str]:
-    if parameter["given_by"] != "request":
-        return
     choices = ", ".join(json.dumps(choice["value"]) for choice in parameter["choices"])
     off = ' "none" switches it off.' if parameter["none_allowed"] else ""
     allowed = f" One of {choices}." if choices else ""

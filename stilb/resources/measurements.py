@@ -47,9 +47,15 @@ class Measurements(Jobs):
         query = {"camera_id": camera_id, "campaign_id": campaign_id, "calibration_id": calibration_id}
         return map(Measurement.of, self._transport.items(address("measurements"), query))
 
-    def compare(self, old: str, new: str, *, other_region: bool = False) -> Comparison:
-        """Compute the difference of two measurements; different outlines only with ``other_region``."""
-        query = {"old": old, **({"other_region": "true"} if other_region else {})}
+    def compare(
+        self, old: str, new: str, *, other_region: bool = False, same_light: bool = False
+    ) -> Comparison:
+        """Compute the difference of two measurements; different outlines only with ``other_region``.
+
+        ``same_light`` : the same lamps lit both, so that their spectral mismatch cancels
+        """
+        given = {"other_region": other_region, "same_light": same_light}
+        query = {"old": old, **{name: "true" for name, value in given.items() if value}}
         return Comparison.of(self._get(address("measurements", new, "comparison"), query))
 
     def save_map(self, measurement_id: str, path: PathLike) -> Path:

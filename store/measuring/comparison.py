@@ -1,20 +1,27 @@
 """Two stored measurements as the science compares them: budgets, and which errors are the same in both."""
 
+import math
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, Final
 
 from radiometry.findings import interface
 from radiometry.fitting.comparison import Comparison
-from radiometry.fitting.shared_errors import Budgeted, compare_measured, scale_effects, sign_effects
+from radiometry.fitting.shared_errors import FOCUS, Budgeted, compare_measured, scale_effects, sign_effects
 from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
-from radiometry.specification.application import BandApplication
+from radiometry.specification.application import BandApplication, SurfaceApplication
+from radiometry.spectral.codes import SPECTRAL_MISMATCH_UNKNOWN
+from radiometry.spectral.mismatch import SOURCE as SPECTRUM
+from radiometry.spectral.mismatch import find_confusion
 from store.applied import read_applied
 from store.codec import decode_exposure
 from store.errors import Conflict
 from store.measuring.meters import compare_meters
 from store.tables import Calibration, FrameRow, Measurement
+
+SURE: Final = 2.0
+"""Standard uncertainties of a difference from which on it is significant."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,16 +63,40 @@ class Side:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasurementComparison:
-    """``common`` : sources whose error is the same in both; ``cells`` : of grids with as many each."""
+    """A comparison of two measurements.
+
+    Attributes
+    ----------
+    common : tuple of str
+        Sources whose error is the same in both.
+    cells : tuple or None
+        Of grids with as many rows and columns each.
+    confusion_rel : float or None
+        Largest change that two types of lamp could show without any; None where the light is known, or the
+        same in both.
+    """
 
     mean: Comparison
     common: tuple[str, ...]
     same_region: bool
     cells: tuple[tuple[Comparison, ...], ...] | None
+    confusion_rel: float | None = None
+
+    @property
+    def is_significant(self) -> bool:
+        """True for two standard uncertainties of the difference, and more than the lamps can confuse."""
+        sigmas, change = self.mean.in_standard_uncertainties, self.mean.change
+        if sigmas is None or sigmas < SURE:
+            return False
+        return self.confusion_rel is None or change is None or abs(change.value) > 100.0 * self.confusion_rel
 
 
-def compare_measurements(old: Side, new: Side, *, other_region: bool = False) -> MeasurementComparison:
+def compare_measurements(
+    old: Side, new: Side, *, other_region: bool = False, same_light: bool = False
+) -> MeasurementComparison:
     """Compare the means of two measurements of the same quantity, and their cells one by one.
+
+    ``same_light`` : a person vouches that both were lit by the same lamps
 
     Raises Conflict(regions_differ) unless both have the same outlines, or ``other_region`` asks for it.
     """
@@ -77,13 +108,15 @@ def compare_measurements(old: Side, new: Side, *, other_region: bool = False) ->
             "one of the place and not of the light. Measure both with one roi or one grid. To compare them "
             "nevertheless, ask with other_region=true.",
         )
-    common = find_common(old, new)
+    common = find_common(old, new) | _find_common_conditions(old, new, same_light=same_light)
     before, after = _budget(old), _budget(new)
+    fell = after.value < before.value
     return MeasurementComparison(
         mean=compare_measured(before, after, common=common),
         common=tuple(sorted(common)),
         same_region=same_region,
         cells=_compare_cells(old, new, before, after, common),
+        confusion_rel=_find_confusion(old, new, fell=fell) if SPECTRUM not in common else None,
     )
 
 
@@ -98,6 +131,35 @@ def _format_region(side: Side) -> str:
     xs, ys = zip(*side.region, strict=True)
     box = f"x {min(xs):g} to {max(xs):g}, y {min(ys):g} to {max(ys):g} px"
     return f"{side.frame.filename}: {box}, from the {side.region_origin.replace('_', ' ')}"
+
+
+def _is_lit(side: Side) -> bool:
+    return isinstance(get_method(side.measurement.method).application, SurfaceApplication)
+
+
+def _find_common_conditions(old: Side, new: Side, *, same_light: bool) -> set[str]:
+    """Errors of spectrum and distance that are the same in both, as far as K is."""
+    if not _is_lit(old) or old.calibration.id != new.calibration.id:
+        return set()
+    before, after = (side.measurement.parameters.get("conditions", {}) for side in (old, new))
+    light = before.get("light_source")
+    same = same_light or (light is not None and light == after.get("light_source"))
+    common = {SPECTRUM} if same else set()
+    # an unknown distance of the calibration is the larger part, and the same in both
+    return common | ({FOCUS} if before.get("distance_m") == after.get("distance_m") else set())
+
+
+def _find_confusion(old: Side, new: Side, *, fell: bool) -> float | None:
+    """Return what two types of lamp could show, unless the spectrum of both is known."""
+    if not _is_lit(old):
+        return None
+    assumed = [
+        "conditions" not in side.measurement.parameters
+        or any(raised["flag"] == SPECTRAL_MISMATCH_UNKNOWN for raised in side.result["flags"])
+        for side in (old, new)
+    ]
+    confusion = find_confusion(old.result["channel"])
+    return abs(math.expm1(-confusion if fell else confusion)) if any(assumed) else None
 
 
 def find_common(old: Side, new: Side) -> set[str]:

@@ -1,6 +1,6 @@
 """From a frame and a request to a plan for the worker."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +13,7 @@ from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.application import BandApplication, PictureApplication, SurfaceApplication
+from radiometry.specification.parameters import list_parameters
 from store.applied import read_applied
 from store.codec import decode, decode_exposure, decode_header, encode
 from store.falloff import find_falloff, read_lens
@@ -36,6 +37,8 @@ class Asked:
     index: Index | None = None
     frame_ids: tuple[str, ...] | None = None
     """Frames of one scene that are averaged, the measurement's own first."""
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+    """Light and surroundings, as the method's application names them."""
     products: tuple[str, ...] = field(default=())
     allow: tuple[str, ...] = field(default=())
     """Flags of a frame that forbid to measure it, unless they are named here."""
@@ -133,7 +136,8 @@ def _refuse_foreign_options(method: str, asked: Asked) -> None:
         name
         for spec in METHODS
         for name in spec.measurement_options
-        if name not in get_method(method).measurement_options and getattr(asked, name) is not None
+        if name not in get_method(method).measurement_options
+        and (name in asked.conditions or getattr(asked, name, None) is not None)
     ]
     if foreign:
         raise InputRejected(
@@ -158,13 +162,24 @@ def _plan_surface(
         lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
     if "map" in asked.products:
         application.find_map_scale(coefficients, exposure, lens=lens)
-    request = application.request(polygon=polygon, grid=asked.grid, reflectance=asked.reflectance)
-    application.find_window(request, height_px=header["height_px"], width_px=header["width_px"])
-    return {
+    plan = {
         **({"grid": encode(asked.grid)} if asked.grid else {}),
         **({"reflectance": asked.reflectance} if asked.reflectance is not None else {}),
+        **_find_conditions(session.get_one(Campaign, frame.campaign_id), application, asked),
         **({falloff.method: _name_version(falloff)} if falloff else {}),
     }
+    request = read_request(application, {"polygon": _list_points(polygon), **plan})
+    application.find_window(request, height_px=header["height_px"], width_px=header["width_px"])
+    return plan
+
+
+def _find_conditions(campaign: Campaign, application: SurfaceApplication, asked: Asked) -> dict[str, Any]:
+    """Return what the request states of light and surroundings; what is left out, as the frame's campaign."""
+    if application.conditions is None:
+        return {}
+    names = (each.name for each in list_parameters(application.conditions))
+    stated = {name: asked.conditions.get(name, getattr(campaign, name, None)) for name in names}
+    return {"conditions": {name: value for name, value in stated.items() if value is not None}}
 
 
 def _name_version(version: Calibration) -> dict[str, Any]:
@@ -226,10 +241,17 @@ def _list_points(polygon: Polygon) -> list[list[float]]:
 def read_request(application: SurfaceApplication, parameters: dict[str, Any]) -> Any:  # noqa: ANN401
     """Return the request of a plan, as the method takes it."""
     grid = parameters.get("grid")
+    # measurements made before conditions could be stated have none
+    stated = (
+        {"conditions": decode(application.conditions, parameters["conditions"])}
+        if "conditions" in parameters
+        else {}
+    )
     return application.request(
         polygon=Polygon.from_points(parameters["polygon"]),
         grid=decode(Grid, grid) if grid else None,
         reflectance=parameters.get("reflectance"),
+        **stated,
     )
 
 

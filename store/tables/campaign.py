@@ -39,6 +39,15 @@ class Campaign(Audited, Base):
     comments: Mapped[str | None]
     surface_reflectance: Mapped[float | None]
     """rho of the taped rectangle, where known: lets illuminance readings check luminance readings."""
+    lamp: Mapped[str | None]
+    """Spectrum of the calibration's lamp: a name of the library, or a table."""
+    camera_response: Mapped[str | None]
+    focus_distance_m: Mapped[float | None]
+    focal_length_mm: Mapped[float | None]
+    mains_frequency_hz: Mapped[float | None]
+    lamp_modulation: Mapped[float | None]
+    acceptance: Mapped[str | None]
+    """Decision rule of the verdict; None is the simple one."""
     roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))
     panel_id: Mapped[str | None] = mapped_column(ForeignKey("panel.id"))
     """Of a reflectance campaign; None leaves the choice to what the files and the records say."""

@@ -29,7 +29,7 @@ def test_a_specification_is_complete(spec):
         assert each.label
         assert each.description.endswith((".", "%."))
         assert each.default is not None or (each.default_text and (each.members or each.example is not None))
-        assert not each.choices or each.default in {choice.value for choice in each.choices}
+        assert not each.choices or each.default in {None, *(choice.value for choice in each.choices)}
     assert len({each.name for each in spec.coefficients}) == len(spec.coefficients)
 
 

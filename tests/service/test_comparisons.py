@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from radiometry.spectral.mismatch import compute_mismatch
 from tests.support.campaigns import K_TRUE, ROI, calibrate, published_campaign
 from tests.support.frames import write_frame
 
@@ -40,9 +41,10 @@ def measure(house, version, luminance, name, *, signal=None, **asked):
 def test_two_nights_with_one_version_are_compared_better_than_either_is_known(house, version):
     """K, meter, time and f-number cancel in the ratio: noise and dark signal remain."""
     old, new = measure(house, version, 20.0, "a.dng"), measure(house, version, 19.0, "bb.dng")
-    found = house.get(f"/v1/measurements/{new['id']}/comparison", old=old["id"])
+    address = f"/v1/measurements/{new['id']}/comparison"
+    found = house.get(address, old=old["id"], same_light="true")
     assert found["common"] == ["ISO setting", "dark signal", "exposure time", "f-number", "fit of K",
-                               "meter calibration"]  # fmt: skip
+                               "focus distance", "meter calibration", "spectral mismatch"]  # fmt: skip
     assert found["difference"]["value"] == pytest.approx(new["mean"]["value"] - old["mean"]["value"])
     change = found["change"]
     assert abs(change["value"] + 5.0) <= 3 * change["standard_uncertainty"]
@@ -52,11 +54,16 @@ def test_two_nights_with_one_version_are_compared_better_than_either_is_known(ho
     assert "fell by 5" in found["said"]
     assert found["same_region"]
     assert "cells" not in found
+    # as far as the service knows, the lamps may be of two types
+    unknown = house.get(address, old=old["id"])
+    assert not unknown["significant"]
+    assert unknown["confusion_rel"] == pytest.approx(0.46, abs=0.01)
+    assert unknown["change"]["standard_uncertainty"] == pytest.approx(13.4, abs=0.3)
 
 
 def test_the_same_light_is_no_change(house, version):
     old, new = measure(house, version, 20.0, "ccc.dng"), measure(house, version, 20.0, "dddd.dng")
-    found = house.get(f"/v1/measurements/{new['id']}/comparison", old=old["id"])
+    found = house.get(f"/v1/measurements/{new['id']}/comparison", old=old["id"], same_light="true")
     assert found["in_standard_uncertainties"] < 4
     assert found["significant"] is (found["in_standard_uncertainties"] >= 2)
 
@@ -77,10 +84,12 @@ def test_cells_are_compared_one_by_one(house, version):
     darker[:32, :48] *= 0.8
     old = measure(house, version, 20.0, "g.dng", signal=half, grid=GRID)
     new = measure(house, version, 20.0, "hh.dng", signal=darker, grid=GRID)
-    cells = house.get(f"/v1/measurements/{new['id']}/comparison", old=old["id"])["cells"]
+    asked = {"old": old["id"], "same_light": "true"}
+    cells = house.get(f"/v1/measurements/{new['id']}/comparison", **asked)["cells"]
     changes = np.array([[cell["change"]["value"] for cell in line] for line in cells])
     assert changes == pytest.approx(np.array([[-20.0, 0.0], [0.0, 0.0]]), abs=0.3)
-    assert cells[0][0]["in_standard_uncertainties"] > 10
+    # an unknown spectrum scales the difference by 10 %, so that none exceeds ten of its uncertainties
+    assert 8 < cells[0][0]["in_standard_uncertainties"] < 10
 
 
 def test_other_outlines_are_compared_only_if_asked_for(house, version):
@@ -112,3 +121,33 @@ def test_what_is_not_there_or_not_alike_is_refused(house, version):
         house.get(f"/v1/measurements/{one['id']}/comparison", status=422)["errors"][0]["field"] == "query.old"
     )
     house.get(f"/v1/measurements/{one['id']}/comparison", status=404, old="msr_none")
+
+
+def test_sodium_replaced_by_led_does_not_cancel_its_mismatch(house, version):
+    """With no spectrum known both lines count; with both spectra known the change of colour is corrected."""
+    campaign = {"id": version["campaign_id"]}
+    stated = {"lamp": "A", "camera_response": "Nikon D5100", "focus_distance_m": 1.5, "acceptance": "guarded"}
+    assert house.http.patch(f"/v1/campaigns/{campaign['id']}", json=stated).status_code == 200
+    named = calibrate(house, campaign)
+    certificate = house.get(f"/v1/calibrations/{named['id']}/certificate.json")
+    assert certificate["result"]["spectral"] == {
+        "lamp": "A", "camera_response": "Nikon D5100", "f1_prime": pytest.approx(0.65, abs=0.006)
+    }  # fmt: skip
+    assert any("f1' = 65%" in each for each in certificate["statements"])
+    assert any("guard band" in each for each in certificate["statements"])
+    sodium, led = (
+        measure(house, named, 20.0, f"{light}.dng", light_source=light) for light in ("HP1", "LED-B3")
+    )
+    shown = {light: 100 / compute_mismatch("Nikon D5100", channel="green", calibrated="A", measured=light)
+             for light in ("HP1", "LED-B3")}  # fmt: skip
+    assert sodium["mean"]["value"] / led["mean"]["value"] == pytest.approx(
+        shown["LED-B3"] / shown["HP1"], rel=2e-3
+    )
+    assert {each["source"] for each in sodium["corrections"]} == {"spectral mismatch", "focus distance"}
+    assert "spectral_mismatch_unknown" not in {each["flag"] for each in sodium["flags"]}
+    found = house.get(f"/v1/measurements/{led['id']}/comparison", old=sodium["id"])
+    assert "confusion_rel" not in found
+    assert "spectral mismatch" not in found["common"]
+    by_colour = [row["standard_uncertainty_cd_m2"] for side in (sodium, led) for row in side["budget"]
+                 if row["source"] == "spectral mismatch"]  # fmt: skip
+    assert found["difference"]["standard_uncertainty"] >= np.hypot(*by_colour)

@@ -30,10 +30,11 @@ NUMBERS_WITHOUT_UNIT = {
     *("saturated_share", "zero_share", "variance_share", "reflectance"),
     *("f_statistic", "f_p_value", "equivalence_p_value", "exceedance_p_value", "slope_p_value"),
     *("u_constant", "u_pixel"),  # of a map, whose unit stands beside them
+    *("lamp_modulation", "flicker_modulation", "glare_share", "factor"),
     "limit",  # of a tolerance, whose unit stands beside it
     *("u_o", "average_to_min", "max_to_min", "index_value", "effective_dof"),
 }
-UNIT = re.compile(r"_(s|km_h|um|mm|px|dn|rel|deg|m|cd_m2|bytes|lx|reflectance)$")
+UNIT = re.compile(r"_(s|hz|km_h|um|mm|px|dn|rel|deg|m|cd_m2|bytes|lx|reflectance)$")
 
 
 @pytest.fixture(scope="module")

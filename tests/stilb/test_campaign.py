@@ -186,7 +186,7 @@ def test_a_method_that_is_not_known_is_named(signed_in, tmp_path):
             '[panel]\nserial = "P"\nmeasured_on = 2026-03-14\n[fit]',
             "bands in panel is not filled in",
         ),
-        ('file = "readings.csv"', 'file = "no.csv"', "put the readings there"),
+        ('file = "readings.csv"', 'file = "no.csv"', "put the file there"),
     ],
 )
 def test_a_plan_that_is_wrong_says_where(handful, old, new, message):

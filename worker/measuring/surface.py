@@ -22,9 +22,9 @@ from worker.measuring.task import Task, keep, keep_file
 
 
 def measure(task: Task, application: SurfaceApplication) -> tuple[dict[str, Any], Products | None]:
-    measured: dict[str, Any] = encode(_measure(task, application))
+    measured = _measure(task, application)
     task.report(0.2)
-    return measured, _map(task, application) if task.wants_map else None
+    return encode(measured), _map(task, application, measured) if task.wants_map else None
 
 
 def make_subject(
@@ -67,9 +67,11 @@ def _find_correction(task: Task) -> Any:  # noqa: ANN401  as the plan names it
     return task.parameters.get(corrector) if corrector else None
 
 
-def _map(task: Task, application: SurfaceApplication) -> Products:
+def _map(task: Task, application: SurfaceApplication, measured: Any) -> Products:  # noqa: ANN401
     lens = read_lens(task.calibration, task.exposure)
-    scale = application.find_map_scale(read_applied(task.calibration), task.exposure, lens=lens)
+    scale = application.find_map_scale(
+        read_applied(task.calibration), task.exposure, lens=lens, corrections=measured.corrections
+    )
     facts = MapFacts(
         header=task.header,
         exposure=task.exposure,
@@ -80,6 +82,7 @@ def _map(task: Task, application: SurfaceApplication) -> Products:
             saturated="NaN",
             signal=scale.channel,
             vignetting=_find_correction(task) or "none",
+            corrections=[encode(each) for each in measured.corrections],
         ),
         packet=write_packet(task.header.attitude),
     )

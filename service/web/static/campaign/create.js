@@ -6,6 +6,7 @@ import { METHODS, methodOf } from "../methods.js";
 import { act, load } from "../states.js";
 import { choices, field, filled, select } from "./forms.js";
 import { numberOf } from "./numbers.js";
+import { statedPart } from "./parameters.js";
 import { panelPart } from "./panel.js";
 import { targetPart } from "./target.js";
 
@@ -13,6 +14,7 @@ const NEW = "new";
 const form = byId("new-campaign");
 let method = null;
 let target = null;
+let stated = null;
 let camera = { read: () => ({}) };
 let panel = { read: () => undefined };
 
@@ -34,7 +36,10 @@ function choose(name) {
   target = method?.needs_target ? targetPart(method) : null;
   byId("target-section").hidden = target === null;
   byId("panel-section").hidden = method?.reference !== "panel";
-  byId("surface_reflectance").closest(".field").hidden = method?.reference !== "meter";
+  const given = method?.parameters.filter((each) => each.given_by === "campaign") ?? [];
+  stated = statedPart(given);
+  byId("stated-section").hidden = !given.length;
+  fill(byId("stated"), stated.element);
   fill(byId("target"), target?.element);
   offerPanel();
 }
@@ -49,7 +54,7 @@ async function create() {
   const names = ["project_number", "recorder", "customer", "place", "conditions", "comments"];
   const body = { method: method.name, ...Object.fromEntries(names.filter((name) => said[name]).map((name) => [name, said[name]])) };
   if (said.started_at) body.started_at = new Date(said.started_at).toISOString();
-  if (method.reference === "meter") body.surface_reflectance = numberOf(byId("surface_reflectance"));
+  Object.assign(body, stated.read());
   if (target) body.target = target.read(); // left out where there is no form
   if (method.reference === "panel") body.panel_id = await panel.read();
   body.camera_id = await camera.read();

@@ -33,6 +33,12 @@ async function readVersions(parameters, cameraId) {
   return Object.fromEntries(methods.map((method, place) => [method, found[place]]));
 }
 
+/** {element, read()}: what a campaign states, or a measurement of its light and surroundings. */
+export function statedPart(parameters, former) {
+  const { elements, read } = parametersPart(parameters, {}, former);
+  return { element: h("div", { class: "fields" }, elements), read };
+}
+
 /** {elements, read()}: read() leaves out what is at its default. `former`: the parameters of a version, as it stores them. */
 function parametersPart(parameters, versions, former) {
   const parts = parameters.map((each) => ({ name: each.name, ...partOf(each, versions, former) }));
@@ -53,6 +59,8 @@ function partOf(parameter, versions, former) {
       return intervalPart(parameter, value);
     case "group":
       return groupPart(parameter, versions, value);
+    case "text":
+      return textPart(parameter, value);
     case "version":
       return versionPart(parameter, versions[parameter.version_of], value);
     default:
@@ -94,13 +102,30 @@ function withNone(parameter, { element, control, read }, off) {
 }
 
 function choicePart(parameter, value) {
-  const { choices } = parameter;
+  const choices = parameter.default === undefined ? [{ value: "", label: `Default: ${parameter.default_text.replaceAll("`", "")}` }, ...parameter.choices] : parameter.choices;
   const control = select(choices.map((each) => [each.value, each.label]), {}, value);
   const read = () => {
     const chosen = choices[control.selectedIndex].value;
-    return chosen === parameter.default ? undefined : chosen;
+    return chosen === parameter.default || chosen === "" ? undefined : chosen;
   };
   return { element: field(parameter.label, control, sentenceOf(parameter)), read };
+}
+
+/** A name of a library, or a table from a file, which takes the name's place. */
+function textPart(parameter, value = "") {
+  const list = h("datalist", { id: `names-${(count += 1)}` }, parameter.suggestions.map((name) => h("option", { value: name })));
+  const known = !value.includes("\n");
+  let table = known ? undefined : value;
+  const control = h("input", { autocomplete: "off", list: list.id, value: known ? value : "", placeholder: known ? null : "Own table" });
+  control.addEventListener("input", () => (table = undefined));
+  const file = h("input", { type: "file", accept: ".csv,text/csv,text/plain", "aria-label": `${parameter.label}, from a file` });
+  file.addEventListener("change", async () => {
+    table = await file.files[0]?.text();
+    if (table) [control.value, control.placeholder] = ["", file.files[0].name];
+  });
+  const element = field(parameter.label, control, [sentenceOf(parameter), " Choose a name, or a CSV file.", parameter.default_text ? ` Empty: ${parameter.default_text}.` : ""]);
+  control.after(list, file);
+  return { element, read: () => control.value.trim() || table || undefined };
 }
 
 function booleanPart(parameter, value) {

@@ -11,7 +11,8 @@ import { loadMap } from "./values.js";
 import { regionOf } from "./words.js";
 
 const { old, new: newer } = document.querySelector("main").dataset;
-const asked = new URL(location.href).searchParams.get("other_region") === "true" ? "&other_region=true" : "";
+const given = new URL(location.href).searchParams;
+const asked = ["other_region", "same_light"].map((name) => (given.get(name) === "true" ? `&${name}=true` : "")).join("");
 const both = Promise.all([get(`/v1/measurements/${old}`), get(`/v1/measurements/${newer}`)]);
 const views = {};
 
@@ -21,6 +22,7 @@ load(byId("verdict"), compared, (found) => {
   if (found.cells) fill(byId("cells"), cellTable(found.cells, changeOf, { caption: "Change of each cell in %" }));
   return [
     h("p", { class: `note ${found.significant ? "warn" : ""}` }, h("strong", {}, found.said)),
+    found.confusion_rel === undefined ? null : h("p", { class: "note" }, `Two types of lamp could show a change of up to ${Math.round(100 * found.confusion_rel)} % without any. `, h("a", { href: `${location.pathname}?${new URLSearchParams([...new URL(location.href).searchParams, ["same_light", "true"]])}` }, "The same lamps lit both")),
     h(
       "dl",
       { class: "figures" },

@@ -8,6 +8,7 @@ import { labelOf, methodOf } from "../methods.js";
 import { act, empty, failed, load } from "../states.js";
 import { decimal, field, select } from "../campaign/forms.js";
 import { numberOf } from "../campaign/numbers.js";
+import { statedPart } from "../campaign/parameters.js";
 import { titleOf } from "../campaign/named.js";
 import { isRead } from "../campaign/state.js";
 import { regionPart } from "./region.js";
@@ -90,6 +91,7 @@ function offerSettings(versions) {
   place.hidden = !options.length;
   chosen.number = decimal();
   chosen.index = select([["", "Reflectance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
+  chosen.conditions = statedPart(methodOf(chosen.campaign.method).conditions);
   fill(
     settings,
     field("Calibration", chosen.calibration),
@@ -97,6 +99,7 @@ function offerSettings(versions) {
     options.includes("index") ? field("Quantity", chosen.index) : null,
     options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: 0.") : null,
     h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
+    methodOf(chosen.campaign.method).conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, "Light and surroundings"), chosen.conditions.element) : null,
   );
 }
 
@@ -109,6 +112,7 @@ async function measure() {
   const body = {
     ...(repeats.length ? { frame_ids: [chosen.frame.id, ...repeats] } : { frame_id: chosen.frame.id }),
     ...(place.hidden ? {} : region.read()),
+    ...chosen.conditions.read(),
     ...(said === undefined ? {} : { [name]: said }),
     ...(chosen.calibration.value ? { calibration_id: chosen.calibration.value } : {}),
     ...(options.includes("index") && chosen.index.value ? { index: chosen.index.value } : {}),

@@ -73,15 +73,21 @@ async function withFalloff() {
   return [found, corrected ? await get(`/v1/calibrations/${found.vignetting}`) : undefined];
 }
 
-function drawCalibration([{ calibration, signal, vignetting, method }, falloff]) {
+function drawCalibration([{ calibration, signal, vignetting, method, corrections }, falloff]) {
   const lens = falloff ? h("a", { href: `/calibrations/${falloff.id}` }, `vignetting version ${falloff.version}`) : { none: "nothing", file: "the correction stated in the file" }[vignetting];
   return h(
     "div",
     { class: "card" },
     h("p", {}, h("a", { href: `/calibrations/${calibration.id}` }, `${labelOf(method)} version ${calibration.version}`), " ", tag(calibration.state)),
     h("p", { class: "small muted" }, sayTimes(calibration.why)),
-    h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting correction"), h("dd", {}, lens)),
+    h("dl", { class: "facts small" }, h("dt", {}, "Signal"), h("dd", {}, words(signal)), h("dt", {}, "Vignetting correction"), h("dd", {}, lens), corrections.map(drawCorrection)),
   );
+}
+
+/** An error of the field: its factor or what was subtracted, and why. */
+function drawCorrection({ source, factor, offset_cd_m2: offset, basis }) {
+  const made = factor === 1 && !offset ? "" : `${[factor === 1 ? "" : `× ${number(factor, 4)}`, offset ? `− ${number(offset, 3)} cd/m²` : ""].filter(Boolean).join(" ")}: `;
+  return [h("dt", {}, words(source)), h("dd", {}, `${made}${basis}`)];
 }
 
 function drawBudget({ budget, mean }) {

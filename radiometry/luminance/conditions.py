@@ -1,0 +1,128 @@
+"""Light, distance and surroundings that K was calibrated under, and those of a measurement."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from radiometry.frame.statistics import ChannelStatistics
+from radiometry.specification.parameters import check_parameters, parameter
+from radiometry.spectral.curves import list_lamps, read_lamp
+
+Colour = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationConditions:
+    """Lamp and distance of a calibration, as its campaign states them; None for what is not known.
+
+    Attributes
+    ----------
+    lamp, camera_response : str or None, default: None
+        Spectrum and response, each a name of the library or a table.
+    colour : tuple[float, float] or None, default: None
+        R/G and B/G of the light frames, dark signal subtracted; the median over the frames.
+    focus_distance_m, focal_length_mm : float or None, default: None
+        Distance from the lens to the calibrated surface [m], and focal length [mm].
+    """
+
+    lamp: str | None = None
+    camera_response: str | None = None
+    colour: Colour | None = None
+    focus_distance_m: float | None = None
+    focal_length_mm: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldConditions:
+    """Light and surroundings of a measurement, as it states them; None for what is not known."""
+
+    light_source: str | None = parameter(
+        None,
+        kind="text",
+        suggest=list_lamps,
+        label="Light source",
+        description="Spectrum of the light on the surface: a lamp of the library, or a table of wavelength "
+        "in nm and value.",
+        default_text="unknown",
+        example="LED-B3",
+    )
+    spectral_mismatch_u_rel: float | None = parameter(
+        None,
+        label="Uncertainty of the spectral mismatch",
+        description="Relative standard uncertainty of L from the spectrum, in place of the one that is "
+        "estimated.",
+        default_text="estimated, or 10 % where a spectrum is unknown",
+        example=0.05,
+        minimum=0.0,
+        maximum=1.0,
+        below_maximum=True,
+    )
+    distance_m: float | None = parameter(
+        None,
+        label="Distance",
+        description="From the lens to the measured surface, to which the lens is focused.",
+        default_text="unknown",
+        unit="m",
+        example=30.0,
+        minimum=0.1,
+        maximum=1e5,
+    )
+    mains_frequency_hz: float | None = parameter(
+        None,
+        label="Mains frequency",
+        description="Of the supply of the measured light, which flickers at twice this frequency.",
+        default_text="the campaign's",
+        unit="Hz",
+        example=50.0,
+        minimum=10.0,
+        maximum=500.0,
+    )
+    flicker_modulation: float | None = parameter(
+        None,
+        label="Modulation depth",
+        description="(L_max - L_min) / (L_max + L_min) of the measured light over a period of its flicker.",
+        default_text="anything from 0 to 1",
+        example=0.3,
+        minimum=0.0,
+        maximum=1.0,
+    )
+    glare_share: float | None = parameter(
+        None,
+        label="Glare",
+        description="Luminance of a black trap in such a scene, as the camera shows it, over the mean of the "
+        "whole frame.",
+        default_text="unknown",
+        example=0.02,
+        minimum=0.0,
+        maximum=0.5,
+    )
+
+    def __post_init__(self) -> None:
+        """Check every value against its range, and that the light is known or can be read."""
+        check_parameters(self)
+        if self.light_source is not None:
+            read_lamp(self.light_source)
+
+
+def measure_colour(statistics: Sequence[ChannelStatistics], *, dark_above_black_dn: float) -> Colour | None:
+    """Compute the raw colour of a region.
+
+    Parameters
+    ----------
+    statistics : sequence of ChannelStatistics
+        Statistics of the region, one row per channel.
+    dark_above_black_dn : float
+        Dark signal above the black level, the same in all channels [DN].
+
+    Returns
+    -------
+    tuple[float, float] or None
+        R/G and B/G; None if a channel is missing or not above dark.
+    """
+    means: dict[str, list[float]] = {"R": [], "G": [], "B": []}
+    for row in statistics:
+        if row.channel[0] in means:
+            means[row.channel[0]].append(row.mean_dn - row.black_level_dn - dark_above_black_dn)
+    if not all(values and min(values) > 0.0 for values in means.values()):
+        return None
+    red, green, blue = (sum(values) / len(values) for values in means.values())
+    return red / green, blue / green

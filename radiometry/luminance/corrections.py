@@ -1,0 +1,306 @@
+"""Errors of the field that the calibration does not contain: spectrum, flicker, focus and stray light."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from radiometry.findings import Raised
+from radiometry.fitting.evidence import FieldCorrection, Quantity
+from radiometry.fitting.shared_errors import FOCUS, STRAY
+from radiometry.frame.exposure import Settings
+from radiometry.luminance import codes
+from radiometry.luminance.conditions import CalibrationConditions, Colour, FieldConditions
+from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
+from radiometry.spectral.curves import is_table, list_lamps, list_responses, name_curve
+from radiometry.spectral.mismatch import (
+    DEFAULT_U_REL,
+    LEAST_U_REL,
+    SOURCE,
+    compute_mismatch,
+    estimate_u_rel,
+    fit_colour_remedy,
+)
+
+FLICKER = "flicker"
+
+NEAREST_M = 1.0
+"""Distance that a surface of unknown distance is at least away: nearer, a wide lens sees little but it."""
+
+_USUAL_FOCAL_LENGTH_MM = 15.0
+_MAINS_HZ = (50.0, 60.0)
+_NAMED_FLICKER = 0.01
+# rms of a modulation that may be anything from 0 to 1
+_UNKNOWN_MODULATION = 1.0 / math.sqrt(3.0)
+# A pupil magnified by 0.7 to 1.5 instead of 1 changes 2 m by so much; rectangular.
+_PUPIL_REL = 0.25
+# Glare at a place of the frame is between half of what the trap showed and one and a half; rectangular.
+_GLARE_REL = 0.5 / math.sqrt(3.0)
+
+
+def correct_spectrum(
+    field: FieldConditions, coefficient: Coefficient, colour: Colour | None
+) -> tuple[FieldCorrection, tuple[Raised, ...]]:
+    """Correct the spectral mismatch as far as lamp, response and light are known.
+
+    Parameters
+    ----------
+    field : FieldConditions
+        Conditions of the measurement.
+    coefficient : Coefficient
+        Coefficient with the conditions of its calibration.
+    colour : tuple[float, float] or None
+        R/G and B/G of the measured region.
+
+    Returns
+    -------
+    tuple[FieldCorrection, tuple of Raised]
+        Correction, and `spectral_mismatch_unknown` where the uncertainty is only assumed.
+    """
+    known = coefficient.conditions or CalibrationConditions()
+    lamp, response, light = known.lamp, known.camera_response, field.light_source
+    stated = field.spectral_mismatch_u_rel
+    factor, u_rel, basis = 1.0, DEFAULT_U_REL, ""
+    if lamp is not None and light is not None and is_same(lamp, light):
+        u_rel = 0.0 if is_table(light) else LEAST_U_REL
+        basis = f"light and lamp of the calibration are both {_name(light)}"
+    elif lamp is not None and response is not None and light is not None:
+        pair = {"channel": coefficient.channel, "calibrated": lamp, "measured": light}
+        factor, u_rel = compute_mismatch(response, **pair), estimate_u_rel(response, **pair)
+        camera = name_curve(response, list_responses())
+        basis = f"computed for {_name(light)} and a calibration under {_name(lamp)}, response {camera}"
+    elif lamp is not None and response is not None and colour is not None and known.colour is not None:
+        remedy = fit_colour_remedy(response, channel=coefficient.channel, calibrated=lamp)
+        red, blue = (here / there for here, there in zip(colour, known.colour, strict=True))
+        predicted = remedy.predict(red, blue)
+        if predicted is not None:
+            factor, u_rel = predicted, remedy.u_rel
+            basis = f"from the region's own raw colour, R/G {red:.3g} and B/G {blue:.3g} of the calibration's"
+    if basis or stated is not None:
+        basis = basis or "as stated with the request"
+        return FieldCorrection(
+            source=SOURCE, factor=factor, u_rel=u_rel if stated is None else stated, basis=basis
+        ), ()
+    lacking = [
+        text
+        for text, given in (
+            ("the calibration's lamp", lamp),
+            ("the camera's response", response),
+            ("the measured light", light),
+        )
+        if given is None
+    ]
+    basis = f"assumed: {', '.join(lacking)} not known"
+    flag = codes.SPECTRAL_MISMATCH_UNKNOWN.at("", f"{basis.capitalize()}; {u_rel:.0%} of L assumed.")
+    return FieldCorrection(source=SOURCE, u_rel=u_rel, basis=basis), (flag,)
+
+
+def correct_flicker(
+    field: FieldConditions, settings: Settings, *, frames: int
+) -> tuple[FieldCorrection, tuple[Raised, ...]]:
+    """Estimate the error of an exposure that is no whole number of flicker periods.
+
+    Parameters
+    ----------
+    field : FieldConditions
+        Conditions of the measurement.
+    settings : Settings
+        Exposure of the frame.
+    frames : int
+        Number of frames that are averaged.
+
+    Returns
+    -------
+    tuple[FieldCorrection, tuple of Raised]
+        Correction without a factor, and `flicker_unknown` where the mains frequency is not known and the
+        error can exceed 1 %.
+
+    Notes
+    -----
+    See `compute_flicker`; the phase at which an exposure begins is random, so that the rms over it counts,
+    and averages over frames.
+    """
+    time_s = settings.exposure_time_s
+    if field.mains_frequency_hz is None:
+        worst = max(compute_flicker(time_s, mains_frequency_hz=mains) for mains in _MAINS_HZ)
+        if worst <= _NAMED_FLICKER or field.flicker_modulation == 0.0:
+            return FieldCorrection(source=FLICKER), ()
+        detail = f"At {time_s:g} s, fully modulated light of 50 or 60 Hz mains errs by up to {worst:.1%}."
+        return FieldCorrection(source=FLICKER), (codes.FLICKER_UNKNOWN.at("", detail),)
+    depth = field.flicker_modulation
+    largest = compute_flicker(time_s, mains_frequency_hz=field.mains_frequency_hz)
+    u_rel = (_UNKNOWN_MODULATION if depth is None else depth) * largest / math.sqrt(2.0 * frames)
+    basis = (
+        f"{field.mains_frequency_hz:g} Hz mains, modulation {'unknown' if depth is None else f'{depth:g}'}"
+    )
+    return FieldCorrection(source=FLICKER, u_rel=u_rel, basis=basis), ()
+
+
+def compute_flicker(exposure_time_s: float, *, mains_frequency_hz: float) -> float:
+    """Compute the largest relative error of an exposure under fully modulated light.
+
+    Parameters
+    ----------
+    exposure_time_s : float
+        Exposure time [s].
+    mains_frequency_hz : float
+        Frequency of the mains [Hz].
+
+    Returns
+    -------
+    float
+        Largest relative error, over all phases.
+
+    Notes
+    -----
+    Light 1 + m sin(2 pi f t + phase), f twice the mains frequency, averaged over the exposure time t::
+
+        largest error = m |sin(pi f t)| / (pi f t)
+
+    It is 0 for t = n / f. A rolling shutter turns it into bands, which a region averages in part.
+    """
+    turns = 2.0 * mains_frequency_hz * exposure_time_s
+    return abs(math.sin(math.pi * turns)) / (math.pi * turns)
+
+
+def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorrection:
+    """Correct the light that a lens loses when it is focused nearer.
+
+    Parameters
+    ----------
+    field : FieldConditions
+        Conditions of the measurement.
+    coefficient : Coefficient
+        Coefficient with the conditions of its calibration.
+
+    Returns
+    -------
+    FieldCorrection
+        Correction, or only its uncertainty if a distance or the focal length is not known.
+
+    Notes
+    -----
+    The illuminance on the sensor falls with (1 + m)^2, m = c / (d - c) for the focal length c and the
+    distance d [1]_::
+
+        L = L_shown (1 + m)^2 / (1 + m_cal)^2
+
+    A quarter of the correction is its standard uncertainty: the pupil's magnification is not known. An
+    unknown distance may be anything from 1 m on, an unknown focal length is taken as 15 mm; the largest
+    effect over sqrt(3) is then the uncertainty, and nothing is corrected.
+
+    References
+    ----------
+    .. [1] S. F. Ray, Applied Photographic Optics, 3rd edition, Focal Press 2002, chapter 7
+    """
+    known = coefficient.conditions or CalibrationConditions()
+    here, there, focal_mm = field.distance_m, known.focus_distance_m, known.focal_length_mm
+    if here is not None and there is not None and focal_mm is not None:
+        factor = (_lose(here, focal_mm)) / _lose(there, focal_mm)
+        basis = f"{here:g} m, calibrated at {there:g} m, focal length {focal_mm:g} mm"
+        return FieldCorrection(source=FOCUS, factor=factor, u_rel=_PUPIL_REL * abs(factor - 1.0), basis=basis)
+    focal = _USUAL_FOCAL_LENGTH_MM if focal_mm is None else focal_mm
+    ends = [[_lose(at, focal)] if at is not None else [1.0, _lose(NEAREST_M, focal)] for at in (here, there)]
+    worst = max(abs(measured / calibrated - 1.0) for measured in ends[0] for calibrated in ends[1])
+    lacking = [
+        text
+        for text, given in (("distance", here), ("calibration's distance", there), ("focal length", focal_mm))
+        if given is None
+    ]
+    basis = f"not corrected: {', '.join(lacking)} not known"
+    return FieldCorrection(source=FOCUS, u_rel=worst / math.sqrt(3.0), basis=basis)
+
+
+def _lose(distance_m: float, focal_length_mm: float) -> float:
+    """Compute (1 + m)^2; a distance within two focal lengths counts as 1:1."""
+    focal_m = focal_length_mm / 1e3
+    return (1.0 + focal_m / max(distance_m - focal_m, focal_m)) ** 2
+
+
+def correct_stray_light(
+    field: FieldConditions, mean_cd_m2: float | None
+) -> tuple[FieldCorrection, tuple[Raised, ...]]:
+    """Subtract the light that the lens scatters over the frame.
+
+    Parameters
+    ----------
+    field : FieldConditions
+        Conditions of the measurement.
+    mean_cd_m2 : float or None
+        Mean luminance of the whole frame [cd/m2]; None if the glare is not known.
+
+    Returns
+    -------
+    tuple[FieldCorrection, tuple of Raised]
+        Correction, or `stray_light_unknown`.
+
+    Notes
+    -----
+    With the glare g that a black trap shows::
+
+        L = L_shown - g L_mean
+
+    Its standard uncertainty is 29 % of it: at another place of the frame glare is taken to be within a half
+    of that at the trap.
+    """
+    if field.glare_share is None or mean_cd_m2 is None:
+        detail = "Each percent of glare raises every part of the frame by 1 % of the frame's mean luminance."
+        return FieldCorrection(source=STRAY), (codes.STRAY_LIGHT_UNKNOWN.at("min", detail),)
+    offset = field.glare_share * mean_cd_m2
+    basis = f"{field.glare_share:.2%} of the frame's mean of {mean_cd_m2:.4g} cd/m2"
+    return FieldCorrection(source=STRAY, offset_cd_m2=offset, u_cd_m2=_GLARE_REL * offset, basis=basis), ()
+
+
+def apply_corrections(applied: AppliedLuminance, corrections: Sequence[FieldCorrection]) -> AppliedLuminance:
+    """Correct a luminance, and add what is left of each error to its effects.
+
+    Parameters
+    ----------
+    applied : AppliedLuminance
+        Luminance by the calibration alone.
+    corrections : sequence of FieldCorrection
+        Corrections of the frame.
+
+    Returns
+    -------
+    AppliedLuminance
+        Corrected luminance, with one more shared effect per correction.
+    """
+    if not corrections:
+        return applied
+    factor = math.prod(each.factor for each in corrections)
+    scaled = factor * applied.luminance_cd_m2.value
+    effects = [replace(each, effect_cd_m2=factor * each.effect_cd_m2) for each in applied.effects]
+    for each in corrections:
+        effect = scaled * each.u_rel - each.u_cd_m2
+        effects.append(Effect(source=each.source, shared=True, effect_cd_m2=effect))
+    return replace(
+        applied,
+        effects=tuple(effects),
+        luminance_cd_m2=Quantity(
+            value=scaled - sum(each.offset_cd_m2 for each in corrections),
+            standard_uncertainty=math.hypot(*(each.effect_cd_m2 for each in effects)),
+            unit=applied.luminance_cd_m2.unit,
+        ),
+    )
+
+
+def _name(lamp: str) -> str:
+    return name_curve(lamp, list_lamps())
+
+
+def is_same(lamp: str, light: str) -> bool:
+    """Return True if two lamps are the same table, or of the same name.
+
+    Parameters
+    ----------
+    lamp, light : str
+        Names or tables.
+
+    Returns
+    -------
+    bool
+        True if both have the same spectrum.
+    """
+    if is_table(lamp) or is_table(light):
+        return lamp.strip() == light.strip()
+    return _name(lamp) == _name(light)

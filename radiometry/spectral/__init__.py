@@ -1,0 +1,1 @@
+"""Spectral mismatch: lamps, camera responses, and the factor between shown and true luminance."""
