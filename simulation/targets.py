@@ -115,6 +115,31 @@ class Edge:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Spot:
+    """A bright disc in the middle of a square box, with a halo about it that falls with 1 / r^2."""
+
+    name: str
+    row0: int
+    col0: int
+    size: int = 96
+    radius_px: float = 5.0
+    blur_px: float = 0.8
+    halo_share: float = 0.002
+
+    @property
+    def region(self) -> Region:
+        """The box as a region."""
+        return _box(self.name, self.row0, self.col0, self.size, self.size)
+
+    def fill(self) -> Plane:
+        """Return the shares in the box, 1 in the middle of the disc."""
+        row, col = np.mgrid[: self.size, : self.size] - (self.size - 1) / 2.0
+        away = np.hypot(row, col)
+        halo = self.halo_share / (1.0 + (away / self.radius_px) ** 2)
+        return np.asarray(ndtr((self.radius_px - away) / self.blur_px) * (1.0 - halo) + halo, np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Star:
     """A Siemens star of sines or ``bars`` in a square box, blurred by a Gaussian; its centre in indices."""
 
@@ -159,7 +184,7 @@ def true_mtf(frequency: Plane, *, blur: str, blur_px: float) -> Plane:
 class Chart:
     """Edges and stars in their boxes, half bright beside them."""
 
-    parts: Sequence[Edge | Star]
+    parts: Sequence[Edge | Star | Spot]
 
     def draw(self, camera: Camera, window: Window) -> Plane:
         """Return the shares of the window's pixels."""

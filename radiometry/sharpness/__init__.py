@@ -20,7 +20,8 @@ _FREQUENCIES = (
 SPEC: Final = MethodSpec(
     name="sharpness",
     label="Sharpness",
-    description="The MTF from slanted edges or Siemens stars, in the centre and towards the corners.",
+    description="The MTF from slanted edges or Siemens stars, in the centre and towards the corners; "
+    "blooming from a saturated spot.",
     schema_version=1,
     roles=(CHART,),
     params=method.Params,
@@ -49,6 +50,7 @@ SPEC: Final = MethodSpec(
         CoefficientKind(
             name="unresolved_diameter_px", label="Diameter of the unresolved disc", units=("px",)
         ),
+        CoefficientKind(name="blooming_px", label="Blooming, as a length of saturated pixels", units=("px",)),
         CoefficientKind(
             name="corner_falloff",
             label="Loss towards the corners",

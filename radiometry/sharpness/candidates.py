@@ -3,11 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from radiometry.frame.exposure import Exposure
 from radiometry.sharpness.features import EdgeResponse, Estimate, Features, RegionResponse, StarResponse
 from radiometry.sharpness.resolution import find_resolving_power
 from radiometry.sharpness.rows import FrameRow, Params
+from radiometry.sharpness.spots import SpotResponse
 
 MTF50 = "mtf50_cycles_per_pixel"
+BLOOMING = "blooming_px"
 RESOLVING_POWER = "resolving_power_cycles_per_pixel"
 
 _MOST_NAMES = 3
@@ -31,7 +34,7 @@ class Candidate:
         Name of the channel.
     f_number : float or None
         F-number.
-    response : EdgeResponse or StarResponse or None
+    response : EdgeResponse, StarResponse, SpotResponse or None
         Response of the channel; None if the channel was refused.
     left_out : str
         "" if it counts, else the reason.
@@ -42,8 +45,9 @@ class Candidate:
     region: RegionResponse
     channel: str
     f_number: float | None
-    response: EdgeResponse | StarResponse | None
+    response: EdgeResponse | StarResponse | SpotResponse | None
     left_out: str
+    exposure: Exposure | None = None
 
     @property
     def kind(self) -> str:
@@ -58,6 +62,8 @@ class Candidate:
     @property
     def figure(self) -> str:
         """Name of the coefficient that is compared between frames and positions."""
+        if self.kind == "saturated_spot":
+            return BLOOMING
         return MTF50 if self.kind == "slanted_edge" else RESOLVING_POWER
 
     def measure(self, params: Params) -> Estimate | None:
@@ -80,7 +86,7 @@ class Candidate:
                 return find_resolving_power(
                     self.response.frequency, self.response.whole, contrast=params.star_contrast
                 )
-            case None:
+            case _:
                 return None
 
 
@@ -108,7 +114,11 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
         left_out = f"excluded by {exclusion.by}: {exclusion.reason}" if exclusion else ""
         f_number = row.exposure.f_number if row.exposure is not None else None
         for region in row.features.regions:
-            responses = (*region.edges, *region.stars)  # type: tuple[EdgeResponse | StarResponse, ...]
+            responses: tuple[EdgeResponse | StarResponse | SpotResponse, ...] = (
+                *region.edges,
+                *region.stars,
+                *(region.spots or ()),
+            )
             outcomes = [
                 *((each.channel, each, left_out) for each in responses),
                 *((each.channel, None, left_out or each.message) for each in region.refused),
@@ -122,6 +132,7 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
                     f_number=f_number,
                     response=response,
                     left_out=reason,
+                    exposure=row.exposure,
                 )
                 for channel, response, reason in outcomes
             ]
@@ -149,7 +160,7 @@ def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[s
     wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
     found = []
     if not wanted and not unread:
-        found.append("no chart frame that can be used: photograph edges or stars in role chart")
+        found.append("no chart frame that can be used: photograph edges, stars or spots in role chart")
     if unread:
         found.append(f"frames that are not read yet: {_list(unread)}")
     undrawn = [row.frame for row in wanted if row.features is None and not row.has_region]

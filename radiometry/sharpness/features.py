@@ -1,6 +1,9 @@
 """Edges and stars of one frame: plain numbers, ready for JSON."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from radiometry.sharpness.spots import SpotResponse
+from radiometry.specification.stored import LATER
 
 CURVE_STEP_CYCLES_PER_PIXEL = 0.01
 """Of every stored response, which runs from 0 to 1 cycles per pixel: one grid for all edges of all frames."""
@@ -145,6 +148,8 @@ class RegionResponse:
         Responses by channel.
     refused : tuple of Refusal
         Channels without a response.
+    spots : tuple of SpotResponse or None
+        Spots by channel; None if the target is not a spot.
     """
 
     name: str
@@ -153,6 +158,7 @@ class RegionResponse:
     edges: tuple[EdgeResponse, ...]
     stars: tuple[StarResponse, ...]
     refused: tuple[Refusal, ...]
+    spots: tuple[SpotResponse, ...] | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,10 +8,12 @@ from radiometry.sharpness.candidates import Candidate
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL
 from radiometry.sharpness.results import FalloffTable, PositionFit
 from radiometry.sharpness.rows import Params
+from radiometry.sharpness.spots import Blooming
 
 LARGEST_OVERSHOOT = 0.05
 LARGEST_DEPARTURE_PX = 0.25
 SCATTER_RATIO = 4.0
+LEAST_BLOOMING_PX = 1.0
 _OVERSHOOT_ERRORS = 3.0
 
 
@@ -131,3 +133,28 @@ def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTabl
         return []
     detail = f"No position lies within {CENTRE_RADIUS_REL:g} of the half diagonal."
     return [codes.SHARPNESS_CENTRE_MISSING.at("", detail)]
+
+
+def check_blooming(blooming: Sequence[Blooming]) -> list[Raised]:
+    """Check what saturated spots add to their neighbours.
+
+    Parameters
+    ----------
+    blooming : sequence of Blooming
+        Results of all spots.
+
+    Returns
+    -------
+    list of Raised
+        Flags: blooming_found.
+    """
+    return [
+        codes.BLOOMING_FOUND.at(
+            each.direction,
+            f"Channel {each.channel}{f', position {each.position}' if each.position else ''}: "
+            f"{each.blooming.value:.2g} px of saturation (u {each.blooming.standard_uncertainty:.1g} px), as "
+            f"far as {each.reach_px:.0f} px, at {each.overexposure:.1f} times the light that saturates.",
+        )
+        for each in blooming
+        if each.blooming.value > max(LEAST_BLOOMING_PX, 2.0 * each.blooming.standard_uncertainty)
+    ]

@@ -24,6 +24,8 @@ def draw(result: Node) -> str:
     str
         SVG document.
     """
+    if result.get("blooming"):
+        return _draw_blooming(result["blooming"])
     channels = list(dict.fromkeys(each["channel"] for each in result["positions"]))
     parts: list[str] = []
     for index, channel in enumerate(channels):
@@ -83,3 +85,26 @@ def _name(position: Node) -> str:
     f_number = position.get("f_number")
     name = str(position["position"] or position["kind"])
     return f"{name}, f/{f_number:g}" if f_number else name
+
+
+def _draw_blooming(rows: list[Node]) -> str:
+    """Return what is added against the distance, one panel per direction."""
+    directions = list(dict.fromkeys(each["direction"] for each in rows))
+    parts: list[str] = []
+    for index, direction in enumerate(directions):
+        mine = [each for each in rows if each["direction"] == direction]
+        points = [point for each in mine for point in each["added"]]
+        panel = place(
+            index,
+            x=Axis(values=[p["distance_px"] for p in points], include=(0.0,), label="distance [px]"),
+            y=Axis(values=[p["added_rel"] for p in points], include=(0.0,), label="added, of saturation"),
+            title=f"Blooming {direction}",
+        )
+        parts += panel.frame()
+        for series, each in enumerate(mine):
+            for p in each["added"]:
+                value, u = p["added_rel"], 2.0 * p["standard_uncertainty_rel"]
+                parts += [bar(panel, p["distance_px"], value - u, value + u, series)]
+            parts += [panel.line([(p["distance_px"], p["added_rel"]) for p in each["added"]], line(series))]
+        parts += name_series(panel, [f"{each['channel']}, {each['exposure_time_s']:g} s" for each in mine])
+    return finish(parts, panels=len(directions), label="Blooming of a saturated spot")

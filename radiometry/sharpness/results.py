@@ -1,9 +1,11 @@
 """Results of a sharpness fit: plain numbers, ready for JSON; what does not exist is None."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
+from radiometry.sharpness.spots import Blooming
+from radiometry.specification.stored import LATER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,3 +223,4 @@ class Fit:
     falloff: tuple[FalloffTable, ...]
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
+    blooming: tuple[Blooming, ...] | None = field(default=None, metadata=LATER)
