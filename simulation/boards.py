@@ -12,7 +12,7 @@ from radiometry.geometry.camera import CameraModel, find_directions, project
 from radiometry.geometry.solving import Pose
 from radiometry.geometry.target import Target as Board
 from radiometry.geometry.target import locate_corners_mm, make_charuco_board
-from simulation.camera import Camera
+from simulation.camera import Camera, change
 from simulation.parts import Lens, Plane, Sensor
 from simulation.targets import Picture, Studio
 
@@ -61,6 +61,10 @@ class View:
         lens = camera.lens.projection
         if lens is None:
             raise ValueError("a view of a board needs a lens with a projection")
+        if camera.lens.projections and camera.sensor.cfa != "grey":
+            own = [camera.lens.projections.get(colour, lens) for colour in "RGB"]
+            cameras = [change(camera, projection=each, projections={}) for each in own]
+            return np.stack([self.draw(each, window) for each in cameras], axis=-1)
         directions = _find_rays(lens)
         turned, _ = cv2.Rodrigues(self.pose.rotation)
         # the board is z = 0: the ray through (x, y, 1) meets it where turned^T (s ray - shift) has no z

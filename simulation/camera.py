@@ -124,7 +124,10 @@ class Target(Protocol):
     """Anything that can be photographed."""
 
     def draw(self, camera: Camera, window: Window) -> Plane:
-        """Return the share of the lamp's luminance that each pixel sees, (row, col) or one for all."""
+        """Return the share of the lamp's luminance that each pixel sees, (row, col) or one for all.
+
+        A lens whose colours differ gives (row, col, colour), red first.
+        """
 
 
 def expose(
@@ -167,12 +170,19 @@ def expose(
 
     """
     sensor, window = camera.sensor, window or camera.window
-    shape = (window.height, window.width)
     centre_e = camera.collect(settings, luminance_cd_m2=lamp.shine(after_s))
-    light = np.broadcast_to(target.draw(camera, window), shape)
-    light = centre_e * camera.lens.scatter(light) * camera.share(settings.f_number, window)
+    light = np.asarray(target.draw(camera, window))
+    light = np.broadcast_to(light, (window.height, window.width, *light.shape[2:]))
+    share = camera.share(settings.f_number, window)
+    light = centre_e * camera.lens.scatter(light) * (share[:, :, None] if light.ndim == 3 else share)
+    if light.ndim == 3 and sensor.cfa != "rgb":
+        light = sensor.pick(light, window)
     colour = sensor.filter_light(window, temperature_k=lamp.temperature_k)
-    mean_e = (light[:, :, None] if sensor.cfa == "rgb" else light) * colour * sensor.pattern(window)
+    mean_e = (
+        (light[:, :, None] if sensor.cfa == "rgb" and light.ndim == 2 else light)
+        * colour
+        * sensor.pattern(window)
+    )
     dark_e = sensor.dark_current_e_s * camera.set_truly(settings).exposure_time_s
     samples = sensor.read_out(mean_e + dark_e, random, window=window, dark_e=dark_e, iso=settings.iso)
     return Frame(

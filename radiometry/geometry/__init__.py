@@ -52,6 +52,9 @@ SPEC: Final = MethodSpec(
             for name, unit in UNITS.items()
         ),
         CoefficientKind(name="rms_px", label="Root mean square residual", units=("px",)),
+        CoefficientKind(
+            name="lateral_colour_px", label="Lateral colour against green, in the corner", units=("px",)
+        ),
     ),
     findings=codes.FINDINGS,
     extract=method.extract,

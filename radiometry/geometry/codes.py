@@ -7,6 +7,11 @@ VIEW_OUTLIER = flag(
     "A view fits more than three times worse than the median view, and worse than 0.3 px; it was used.",
     "Check its image for blur, a bent board or a corner in glare; leave it out, or set `reject_above_px`.",
 )
+VIEW_MIRRORED = flag(
+    "view_mirrored",
+    "A picture is mirrored or turned by 180 degrees against the others; it was left out.",
+    "Use the pictures as the camera wrote them: a viewer or a phone may have turned or mirrored a copy.",
+)
 CORNER_WINDOW_WIDE = flag(
     "corner_window_wide",
     "Squares are so small that the fixed window reaches the edges of the next corner, which displace this "
@@ -38,6 +43,12 @@ DISTORTION_FOLDS = flag(
     "distortion_folds",
     "The radial polynomial turns back inside the frame, which no lens does.",
     "Bring the board into the corners, or free fewer `radial_terms`.",
+)
+LATERAL_COLOUR_LARGE = flag(
+    "lateral_colour_large",
+    "Red or blue lies more than 1 px, and two standard uncertainties, from green within the corners seen.",
+    "Measure colour ratios of small or sharp features away from the corners, or correct each channel by its "
+    "curve.",
 )
 BOARD_NOT_FOUND = reason(
     "board_not_found",

@@ -22,7 +22,7 @@ _LONGEST_SIDE_PX: Final = 1600
 _SMALLEST_SIDE_PX: Final = 2 * FIXED_WINDOW_PX + 5
 # OpenCV's sample: thirty steps, or until a corner moves by less than a tenth of a pixel.
 _SAMPLE_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.1)
-_FITTED_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-3)
+FITTED_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-3)
 
 
 @dataclass(frozen=True)
@@ -90,11 +90,12 @@ def find_corners(grey: Grey, target: Target) -> Found:
         return _nothing("the region is too small to hold a board")
     scale = -(-max(height, width) // _LONGEST_SIDE_PX)
     small = grey.coarse if scale == 1 else _shrink(grey.coarse, scale)
-    if target.kind == "charuco":
-        indices, rough = _find_charuco(small, target)
-    else:
-        indices, rough = _find_checkerboard(small, target)
+    coded = target.kind == "charuco"
+    indices, rough = (_find_charuco if coded else _find_checkerboard)(small, target)
     if len(indices) < FEWEST_CORNERS:
+        # markers cannot be read in a mirror, while squares look the same
+        if coded and len(_find_charuco(np.ascontiguousarray(small[:, ::-1]), target)[0]) >= FEWEST_CORNERS:
+            return _nothing(f"the picture is mirrored: the {target.name} was found in its mirror image alone")
         seen = f": {len(indices)} of its {target.corners} corners were seen" if len(indices) else ""
         return _nothing(f"the {target.name} was not found{seen}")
     rough = (rough + 0.5) * scale - 0.5
@@ -144,8 +145,8 @@ def _place(grey: Grey, target: Target, indices: NDArray[np.int64], rough: NDArra
     spacing = measure_spacing_px(target, indices, rough)
     window = _choose_window_px(target, spacing)
     fixed_window = window if target.kind == "charuco" else FIXED_WINDOW_PX
-    fixed = _refine(grey.fine, rough, fixed_window, _SAMPLE_STOP)
-    fitted = _refine(grey.fine, rough, window, _FITTED_STOP)
+    fixed = refine(grey.fine, rough, fixed_window, _SAMPLE_STOP)
+    fitted = refine(grey.fine, rough, window, FITTED_STOP)
     return Found(
         indices=indices,
         fixed=fixed[:, ::-1],
@@ -169,12 +170,30 @@ def _lie_apart(points: NDArray[np.float64]) -> bool:
     return bool(spread[1] > 1.0)
 
 
-def _refine(
+def refine(
     fine: NDArray[np.uint8] | NDArray[np.float32],
     rough: NDArray[np.float64],
     window_px: int,
     stop: tuple[int, int, float],
 ) -> NDArray[np.float64]:
+    """Place corners where the edges around them point.
+
+    Parameters
+    ----------
+    fine : ndarray of uint8 or ndarray of float32
+        Picture in which corners are placed, (row, col).
+    rough : ndarray of float64
+        First places [px], (corner, 2), col before row.
+    window_px : int
+        Half side of the window [px].
+    stop : tuple
+        OpenCV's criterion.
+
+    Returns
+    -------
+    ndarray of float64
+        Places [px], (corner, 2), col before row.
+    """
     start = rough.astype(np.float32).reshape(-1, 1, 2)
     placed = cv2.cornerSubPix(fine, start, (window_px, window_px), (-1, -1), stop)
     return np.asarray(placed, np.float64).reshape(-1, 2)

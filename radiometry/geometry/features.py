@@ -1,7 +1,7 @@
 """Corners of a board in one picture."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -10,9 +10,11 @@ from radiometry.fitting.evidence import Extracted, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
+from radiometry.geometry.colour import ColourCorners, find_colours
 from radiometry.geometry.detecting import Found, find_corners
 from radiometry.geometry.grey import make_grey
 from radiometry.geometry.target import Target
+from radiometry.specification.stored import LATER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,8 @@ class Features:
         whole.
     board_share : float, default: 0.0
         Fraction of the frame that the corners span.
+    colours : tuple of ColourCorners or None, default: None
+        Displacement of red's and blue's corners from those of green; None without colours.
     """
 
     target: Target
@@ -54,6 +58,7 @@ class Features:
     spacing_px: float = 0.0
     edge_rise_px: float | None = None
     board_share: float = 0.0
+    colours: tuple[ColourCorners, ...] | None = field(default=None, metadata=LATER)
 
 
 def extract_features(
@@ -107,4 +112,5 @@ def _describe(frame: Frame, found: Found, target: Target) -> Features:
         spacing_px=found.spacing_px,
         edge_rise_px=found.edge_rise_px,
         board_share=float(cv2.contourArea(hull)) / (frame.height_px * frame.width_px),
+        colours=find_colours(frame, found),
     )

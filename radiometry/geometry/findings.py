@@ -7,13 +7,14 @@ from typing import Final
 from radiometry.findings import Raised, shared
 from radiometry.geometry import codes
 from radiometry.geometry.camera import CameraModel
+from radiometry.geometry.colour import LateralColour
 from radiometry.geometry.coverage import TILTED_DEG, measure_one_sidedness, measure_tilt_deg
 from radiometry.geometry.curve import find_farthest_radius_px, find_turning_radius_px
 from radiometry.geometry.detecting import FIXED_WINDOW_PX
 from radiometry.geometry.results import Coverage, Point
 from radiometry.geometry.rows import Params
 from radiometry.geometry.solving import Solution
-from radiometry.geometry.views import Candidate
+from radiometry.geometry.views import Settled
 
 GOOD_VIEWS: Final = 10
 OUTLIER_RATIO: Final = 3.0
@@ -22,17 +23,18 @@ GOOD_RADIUS_SHARE: Final = 0.8
 FEWEST_TILTED: Final = 3
 MOST_ONE_SIDED: Final = 0.9
 LARGEST_RMS_PX: Final = 1.0
+LARGEST_COLOUR_PX: Final = 1.0
 LARGEST_ASPECT_DIFFERENCE: Final = 0.01
 _OUTLIER_FLOOR_PX: Final = 0.3
 
 
-def check_views(used: Sequence[Candidate], points: Sequence[Point], params: Params) -> list[Raised]:
-    """Check the pictures that were used, one by one and together.
+def check_views(settled: Settled, points: Sequence[Point], params: Params) -> list[Raised]:
+    """Check the pictures, one by one and together.
 
     Parameters
     ----------
-    used : sequence of Candidate
-        Pictures that were used.
+    settled : Settled
+        Pictures that were used, and those that were rejected.
     points : sequence of Point
         Points of the fit.
     params : Params
@@ -43,6 +45,7 @@ def check_views(used: Sequence[Candidate], points: Sequence[Point], params: Para
     list of Raised
         Flags of the pictures.
     """
+    used = settled.used
     errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
     usual = statistics.median(errors.values())
     flags = [
@@ -52,6 +55,11 @@ def check_views(used: Sequence[Candidate], points: Sequence[Point], params: Para
         )
         for frame, error in sorted(errors.items())
         if error > max(OUTLIER_RATIO * usual, _OUTLIER_FLOOR_PX)
+    ]
+    flags += [
+        each.finding.at(f"frame {each.candidate.row.frame}", f"It was left out: {each.why}.")
+        for each in settled.rejected
+        if each.finding
     ]
     wide = [
         each.features
@@ -91,6 +99,32 @@ def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
     if solution.rms_px > LARGEST_RMS_PX:
         detail = f"Root mean square {solution.rms_px:.2f} px."
         flags.append(codes.REPROJECTION_LARGE.at("", detail))
+    return flags
+
+
+def check_colours(colours: Sequence[LateralColour]) -> list[Raised]:
+    """Check how far the colours lie apart where corners were seen.
+
+    Parameters
+    ----------
+    colours : sequence of LateralColour
+        Lateral colour of each pair of channels.
+
+    Returns
+    -------
+    list of Raised
+        Flags of the pairs.
+    """
+    flags = []
+    for each in colours:
+        seen = [point for point in each.curve if not point.extrapolated]
+        most = max(seen, key=lambda point: abs(point.displacement_px))
+        if abs(most.displacement_px) - 2.0 * most.standard_uncertainty_px > LARGEST_COLOUR_PX:
+            detail = (
+                f"{each.channels} is {most.displacement_px:+.2f} px at {most.radius_px:.0f} px from the "
+                f"principal point (u {most.standard_uncertainty_px:.2f} px)."
+            )
+            flags.append(codes.LATERAL_COLOUR_LARGE.at(each.channels, detail))
     return flags
 
 

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import CoefficientValue, Quantity
 from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, project
+from radiometry.geometry.colour import ColourView, LateralColour, fit_colour
 from radiometry.geometry.coverage import find_covered_radius_px, measure_coverage, measure_tilt_deg
 from radiometry.geometry.curve import compute_curve
 from radiometry.geometry.features import Features
-from radiometry.geometry.findings import check_solution, check_views
+from radiometry.geometry.findings import check_colours, check_solution, check_views
 from radiometry.geometry.results import Coefficient, Fit, Point
 from radiometry.geometry.rows import FrameRow, Params
 from radiometry.geometry.solving import Pose, Solution, choose_free_parameters, find_pose, require_determined
@@ -57,7 +58,7 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     exist is None.
 
     Flags of the whole fit: coverage_poor, tilt_poor, few_views, corner_window_wide, reprojection_large,
-    pixels_not_square, distortion_folds, rendered. Flag per frame: view_outlier.
+    pixels_not_square, distortion_folds, rendered. Flags per frame: view_outlier, view_mirrored.
     """
     lacking = list_missing(rows, params)
     if lacking:
@@ -87,15 +88,20 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
     tuple of CoefficientValue
         Coefficients with unit and uncertainty.
     """
+    listed: list[tuple[str, Coefficient | Quantity, str | None]] = [
+        (each.name, each, None) for each in fit.coefficients
+    ]
+    listed += [("lateral_colour_px", each.corner, each.channels) for each in fit.lateral_colour or ()]
     return tuple(
         CoefficientValue(
-            name=each.name,
+            name=name,
             value=each.value,
             standard_uncertainty=each.standard_uncertainty,
             unit=each.unit,
             model=fit.model,
+            channel=channel,
         )
-        for each in fit.coefficients
+        for name, each, channel in listed
     )
 
 
@@ -105,6 +111,7 @@ def _build(settled: Settled, points: tuple[Point, ...], params: Params) -> Fit:
     coverage = measure_coverage(camera, seen)
     errors = dict(zip(PARAMETERS, np.sqrt(np.diag(solution.covariance)).tolist(), strict=True))
     middle_row, middle_col = camera.centre_px
+    colours = _fit_colours(settled)
     offset_row = Quantity(
         value=camera.cy_px - middle_row, standard_uncertainty=errors["cy_px"], unit=UNITS["cy_px"]
     )
@@ -136,8 +143,24 @@ def _build(settled: Settled, points: tuple[Point, ...], params: Params) -> Fit:
         ),
         coverage=coverage,
         points=points,
-        flags=(*check_views(settled.used, points, params), *check_solution(solution, coverage)),
+        flags=(
+            *check_views(settled, points, params),
+            *check_solution(solution, coverage),
+            *check_colours(colours),
+        ),
+        lateral_colour=colours or None,
     )
+
+
+def _fit_colours(settled: Settled) -> tuple[LateralColour, ...]:
+    views: dict[str, list[ColourView]] = {}
+    for each in settled.used:
+        features = _features(each)
+        for colour in features.colours or ():
+            view = ColourView(np.array(features.fitted_px), np.array(colour.moved_px))
+            views.setdefault(colour.channel, []).append(view)
+    fits = (fit_colour(mine, settled.solution.camera, channel=name) for name, mine in sorted(views.items()))
+    return tuple(each for each in fits if each)
 
 
 def _board(settled: Settled) -> Target:
@@ -199,7 +222,7 @@ def _describe_points(candidates: Sequence[Candidate], settled: Settled, params: 
         candidate.row.frame: (pose, residual)
         for candidate, pose, residual in zip(settled.used, solution.poses, solution.residuals_px, strict=True)
     }
-    rejected = {candidate.row.frame: rms for candidate, rms in settled.rejected}
+    rejected = {each.candidate.row.frame: each.why for each in settled.rejected}
     points = []
     for each in candidates:
         name, features = each.row.frame, each.features
@@ -207,7 +230,7 @@ def _describe_points(candidates: Sequence[Candidate], settled: Settled, params: 
             view = make_view(features, params)
             pose = find_pose(solution.camera, view)
             residual = view.seen_px - project(solution.camera, view.points_mm, pose.rotation, pose.shift)
-            points.append(_describe(each, features, _say_rejected(rejected[name], params), pose, residual))
+            points.append(_describe(each, features, rejected[name], pose, residual))
         elif features is not None and name in used:
             points.append(_describe(each, features, "", *used[name]))
         else:
@@ -217,10 +240,6 @@ def _describe_points(candidates: Sequence[Candidate], settled: Settled, params: 
 
 def _count(features: Features | None) -> int:
     return len(features.indices) if features else 0
-
-
-def _say_rejected(rms_px: float, params: Params) -> str:
-    return f"it fits to {rms_px:.2f} px, worse than the limit of {params.reject_above_px:g} px"
 
 
 def _describe(

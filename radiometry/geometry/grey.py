@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radiometry.frame import Frame
 
-_BINOMIAL: Final = np.array([0.25, 0.5, 0.25])
+BINOMIAL: Final = np.array([0.25, 0.5, 0.25])
 _DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.5, 99.5
 _PERCENTILE_SAMPLES: Final = 1 << 20
 
@@ -72,7 +72,7 @@ def _make_fine(frame: Frame) -> NDArray[np.float32]:
         return frame.samples_dn.astype(np.float32)
     # the border mirrored about its outermost pixel keeps the pattern's phase
     smooth = cv2.sepFilter2D(
-        frame.samples_dn, cv2.CV_32F, _BINOMIAL, _BINOMIAL, borderType=cv2.BORDER_REFLECT_101
+        frame.samples_dn, cv2.CV_32F, BINOMIAL, BINOMIAL, borderType=cv2.BORDER_REFLECT_101
     )
     return np.asarray(smooth, np.float32)
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from radiometry.drawing.sheet import Axis, dot, finish, line, place, swath, write
+from radiometry.drawing.sheet import Axis, dot, finish, line, name_series, place, swath, write
 
 Node = dict[str, Any]
 
@@ -24,7 +24,9 @@ def draw(result: Node) -> str:
         SVG document.
     """
     parts = [*_draw_curve(result["curve"]), *_draw_coverage(result), *_draw_views(result)]
-    return finish(parts, panels=3, label="Geometry calibration")
+    colours = result.get("lateral_colour") or []
+    parts += _draw_colours(colours) if colours else ()
+    return finish(parts, panels=4 if colours else 3, label="Geometry calibration")
 
 
 def _draw_curve(curve: list[Node]) -> Iterator[str]:
@@ -80,3 +82,21 @@ def _draw_views(result: Node) -> Iterator[str]:
     for i, p in views:
         left_out = f", left out: {p['left_out']}" if p["left_out"] else ""
         yield panel.dot(float(i), p["rms_px"], dot(0, used=p["used"]), f"{p['frame']}{left_out}")
+
+
+def _draw_colours(colours: list[Node]) -> Iterator[str]:
+    points = [point for each in colours for point in each["curve"]]
+    panel = place(
+        3,
+        x=Axis(values=[p["radius_px"] for p in points], label="distance from the principal point [px]"),
+        y=Axis(values=[p["displacement_px"] for p in points], include=(0.0,), label="displacement [px]"),
+        title="Lateral colour",
+    )
+    yield from panel.frame()
+    for series, each in enumerate(colours):
+        shown = [
+            (p["radius_px"], p["displacement_px"], 2.0 * p["standard_uncertainty_px"]) for p in each["curve"]
+        ]
+        yield swath(panel, [(x, y - u, y + u) for x, y, u in shown], series)
+        yield panel.line([(x, y) for x, y, _ in shown], line(series))
+    yield from name_series(panel, [each["channels"] for each in colours])

@@ -1,12 +1,14 @@
 """Results of a geometry fit: plain numbers, ready for JSON; what does not exist is None."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.geometry.camera import CameraModel
+from radiometry.geometry.colour import LateralColour
 from radiometry.geometry.rows import Window
 from radiometry.geometry.target import Target
+from radiometry.specification.stored import LATER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +147,8 @@ class Fit:
         Points of the fit.
     flags : tuple of Raised
         Flags of the fit.
+    lateral_colour : tuple of LateralColour or None
+        Displacement of red and blue against green; None where the pictures have no colours.
     """
 
     model: str
@@ -167,3 +171,4 @@ class Fit:
     coverage: Coverage
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
+    lateral_colour: tuple[LateralColour, ...] | None = field(default=None, metadata=LATER)

@@ -6,7 +6,7 @@ OpenCV's own set the two agree to eleven digits, standard errors to eight.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import cv2
 import numpy as np
@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
 from radiometry.geometry.camera import PARAMETERS, CameraModel
+from radiometry.geometry.descent import SETTLED_REL, Linear, Minimum, minimise, reduce
 
-_MOST_STEPS: Final = 200
-_SETTLED_REL: Final = 1e-12
-_MOST_DAMPING: Final = 1e12
 # Beyond it a parameter is not found by these views, whatever the arithmetic still returns.
 _WORST_CONDITION: Final = 1e14
 # Of the frame's longer side: a fisheye lens has a third, the longest telephoto lens fifty times.
@@ -54,6 +52,11 @@ class Pose:
 
     rotation: NDArray[np.float64]
     shift: NDArray[np.float64]
+
+    @property
+    def vector(self) -> NDArray[np.float64]:
+        """Rodrigues vector and shift, (6,)."""
+        return np.concatenate((self.rotation, self.shift))
 
 
 @dataclass(frozen=True)
@@ -97,25 +100,6 @@ class Solution:
     degrees_of_freedom: int
 
 
-class _Block(NamedTuple):
-    """One view's sums: c of the camera's free parameters, p of the pose's six, e of the residuals."""
-
-    cc: NDArray[np.float64]
-    cp: NDArray[np.float64]
-    pp: NDArray[np.float64]
-    ce: NDArray[np.float64]
-    pe: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Normal:
-    """The normal equations of a state, view by view."""
-
-    cost: float
-    blocks: tuple[_Block, ...]
-    residuals: tuple[NDArray[np.float64], ...]
-
-
 def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangential: bool) -> FreeParameters:
     """Return which of the nine parameters are free.
 
@@ -141,7 +125,15 @@ def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangent
     return FreeParameters(np.column_stack(columns))
 
 
-def solve(views: Sequence[View], free: FreeParameters, *, height_px: int, width_px: int) -> Solution:
+def solve(
+    views: Sequence[View],
+    free: FreeParameters,
+    *,
+    height_px: int,
+    width_px: int,
+    start: tuple[CameraModel, Sequence[NDArray[np.float64]]] | None = None,
+    settled_rel: float = SETTLED_REL,
+) -> Solution:
     """Find the camera and the poses by least squares over all corners.
 
     Parameters
@@ -152,6 +144,10 @@ def solve(views: Sequence[View], free: FreeParameters, *, height_px: int, width_
         Free parameters of the camera.
     height_px, width_px : int
         Size of the picture [px].
+    start : tuple of (CameraModel, sequence of ndarray), optional
+        Camera and pose of each board, (6,), to start from.
+    settled_rel : float
+        Relative change at which the descent ends.
 
     Returns
     -------
@@ -178,11 +174,46 @@ def solve(views: Sequence[View], free: FreeParameters, *, height_px: int, width_
     .. [1] Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22(11),
        2000
     """
+    size = {"height_px": height_px, "width_px": width_px}
+
+    def linearise(block: int, values: NDArray[np.float64], pose: NDArray[np.float64]) -> Linear:
+        camera = CameraModel.from_parameters(free.directions @ values, **size)
+        return linearise_view(camera, views[block], pose, free)
+
     try:
-        camera, poses = _start(views, free, height_px=height_px, width_px=width_px)
-        return _descend(views, free, camera, poses)
+        camera, poses = start or _start(views, free, **size)
+        values = free.directions.T @ camera.parameters / free.directions.sum(axis=0)
+        found = minimise(linearise, values, np.array(poses), settled_rel=settled_rel)
+        return _conclude(found, views, free, **size)
     except (cv2.error, np.linalg.LinAlgError, FloatingPointError) as error:
         raise InputRejected(shared.FIT_FAILED, _ADVICE) from error
+
+
+def linearise_view(
+    camera: CameraModel, view: View, pose: NDArray[np.float64], free: FreeParameters
+) -> Linear:
+    """Return residuals and derivatives of one view.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Camera model.
+    view : View
+        Corners of the board in the picture.
+    pose : ndarray of float64
+        Rodrigues vector and shift of the board [mm], (6,).
+    free : FreeParameters
+        Free parameters of the camera.
+
+    Returns
+    -------
+    Linear
+        Residuals [px], col before row, and the derivatives by the camera's free parameters and by the pose.
+    """
+    seen, jacobian = cv2.projectPoints(view.points_mm, pose[:3], pose[3:], camera.matrix, camera.distortion)
+    residual = view.seen_px[:, ::-1] - np.asarray(seen).reshape(-1, 2)
+    slopes = np.asarray(jacobian, np.float64)
+    return Linear(residual.ravel(), slopes[:, _POSE:] @ free.directions, slopes[:, :_POSE])
 
 
 def require_determined(solution: Solution) -> None:
@@ -225,13 +256,14 @@ def find_pose(camera: CameraModel, view: View) -> Pose:
 
 def _start(
     views: Sequence[View], free: FreeParameters, *, height_px: int, width_px: int
-) -> tuple[CameraModel, list[Pose]]:
+) -> tuple[CameraModel, list[NDArray[np.float64]]]:
     points = [view.points_mm.astype(np.float32) for view in views]
     seen = [np.ascontiguousarray(view.seen_px[:, ::-1], np.float32) for view in views]
     square = free.directions[:2].any(axis=0).sum() == 1
     started = cv2.initCameraMatrix2D(points, seen, (width_px, height_px), 1.0 if square else 0.0)
     matrix = np.asarray(started, np.float64)
-    _require_finite(matrix)
+    if not np.isfinite(matrix).all():
+        raise FloatingPointError("the start is not finite")
     camera = CameraModel(
         height_px=height_px,
         width_px=width_px,
@@ -240,112 +272,34 @@ def _start(
         cx_px=float(matrix[0, 2]),
         cy_px=float(matrix[1, 2]),
     )
-    return camera, [find_pose(camera, view) for view in views]
-
-
-def _descend(views: Sequence[View], free: FreeParameters, camera: CameraModel, poses: list[Pose]) -> Solution:
-    normal = _linearise(views, free, camera, poses)
-    damping = 1e-3
-    for _ in range(_MOST_STEPS):
-        tried, moved, step = _try_step(normal, free, camera, poses, damping)
-        then = _linearise(views, free, tried, moved)
-        if np.isfinite(then.cost) and then.cost <= normal.cost:
-            gain = normal.cost - then.cost
-            camera, poses, normal = tried, moved, then
-            damping = max(damping / 10.0, 1e-12)
-            if gain <= _SETTLED_REL * normal.cost and step <= _SETTLED_REL:
-                break
-        elif damping >= _MOST_DAMPING or step <= _SETTLED_REL:
-            break
-        else:
-            damping *= 10.0
-    return _conclude(views, free, camera, poses, normal)
-
-
-def _linearise(
-    views: Sequence[View], free: FreeParameters, camera: CameraModel, poses: Sequence[Pose]
-) -> _Normal:
-    blocks, residuals, cost = [], [], 0.0
-    for view, pose in zip(views, poses, strict=True):
-        seen, jacobian = cv2.projectPoints(
-            view.points_mm, pose.rotation, pose.shift, camera.matrix, camera.distortion
-        )
-        residual = view.seen_px[:, ::-1] - np.asarray(seen).reshape(-1, 2)
-        of_pose = np.asarray(jacobian[:, :_POSE], np.float64)
-        of_camera = np.asarray(jacobian[:, _POSE:], np.float64) @ free.directions
-        error = residual.ravel()
-        blocks.append(
-            _Block(
-                cc=of_camera.T @ of_camera,
-                cp=of_camera.T @ of_pose,
-                pp=of_pose.T @ of_pose,
-                ce=of_camera.T @ error,
-                pe=of_pose.T @ error,
-            )
-        )
-        residuals.append(residual[:, ::-1])
-        cost += float(error @ error)
-    return _Normal(cost, tuple(blocks), tuple(residuals))
-
-
-def _try_step(
-    normal: _Normal, free: FreeParameters, camera: CameraModel, poses: Sequence[Pose], damping: float
-) -> tuple[CameraModel, list[Pose], float]:
-    """Return the next state, and the largest change of a parameter relative to itself."""
-    count = free.directions.shape[1]
-    total, right, ways = np.zeros((count, count)), np.zeros(count), []
-    for cc, cp, pp, ce, pe in normal.blocks:
-        way = np.linalg.solve(pp + np.diag(np.diag(pp)) * damping, np.column_stack((cp.T, pe)))
-        total += cc - cp @ way[:, :-1]
-        right += ce - cp @ way[:, -1]
-        ways.append(way)
-    total += np.diag(np.diag(total)) * damping
-    step = np.linalg.solve(total, right)
-    values = camera.parameters + free.directions @ step
-    _require_finite(values)
-    tried = CameraModel.from_parameters(values, height_px=camera.height_px, width_px=camera.width_px)
-    moved = []
-    for way, pose in zip(ways, poses, strict=True):
-        turn = way[:, -1] - way[:, :-1] @ step
-        moved.append(Pose(pose.rotation + turn[:3], pose.shift + turn[3:]))
-    change = np.abs(free.directions @ step) / np.maximum(np.abs(values), 1e-6)
-    return tried, moved, float(change.max())
+    return camera, [find_pose(camera, view).vector for view in views]
 
 
 def _conclude(
-    views: Sequence[View], free: FreeParameters, camera: CameraModel, poses: Sequence[Pose], normal: _Normal
+    found: Minimum, views: Sequence[View], free: FreeParameters, *, height_px: int, width_px: int
 ) -> Solution:
+    camera = CameraModel.from_parameters(
+        free.directions @ found.shared, height_px=height_px, width_px=width_px
+    )
     corners = sum(len(view.points_mm) for view in views)
-    count = free.directions.shape[1]
-    dof = 2 * corners - count - _POSE * len(views)
-    total = np.zeros((count, count))
-    for cc, cp, pp, _, _ in normal.blocks:
-        total += cc - cp @ np.linalg.solve(pp, cp.T)
-    _require_sense(camera, np.diag(total))
+    dof = 2 * corners - len(found.shared) - _POSE * len(views)
+    total = np.sum([reduce(block)[0] for block in found.linear], axis=0)
+    low, high = (factor * max(height_px, width_px) for factor in _PLAUSIBLE_FOCAL)
+    # where views do not hold a camera it runs away along with the boards' distances
+    plausible = all(low < focal < high for focal in (camera.fx_px, camera.fy_px))
+    if not plausible or not np.all(np.diag(total) > 0.0):
+        raise InputRejected(shared.FIT_FAILED, _ADVICE)
     scale = np.sqrt(np.diag(total))
     scaled = total / np.outer(scale, scale)
     if not np.linalg.cond(scaled) < _WORST_CONDITION:
         raise InputRejected(shared.FIT_FAILED, _ADVICE)
     inverse = np.linalg.inv(scaled) / np.outer(scale, scale)
-    covariance = free.directions @ inverse @ free.directions.T * normal.cost / dof
+    covariance = free.directions @ inverse @ free.directions.T * found.cost / dof
     return Solution(
         camera=camera,
-        poses=tuple(poses),
-        residuals_px=normal.residuals,
+        poses=tuple(Pose(pose[:3], pose[3:]) for pose in found.poses),
+        residuals_px=tuple(block.residuals.reshape(-1, 2)[:, ::-1] for block in found.linear),
         covariance=(covariance + covariance.T) / 2.0,
-        rms_px=float(np.sqrt(normal.cost / corners)),
+        rms_px=float(np.sqrt(found.cost / corners)),
         degrees_of_freedom=dof,
     )
-
-
-def _require_sense(camera: CameraModel, information: NDArray[np.float64]) -> None:
-    """Refuse a camera that has run away: where views do not hold it, it does so along with its distances."""
-    low, high = (factor * max(camera.height_px, camera.width_px) for factor in _PLAUSIBLE_FOCAL)
-    plausible = all(low < focal < high for focal in (camera.fx_px, camera.fy_px))
-    if not plausible or not np.all(information > 0.0):
-        raise InputRejected(shared.FIT_FAILED, _ADVICE)
-
-
-def _require_finite(values: NDArray[np.float64]) -> None:
-    if not np.isfinite(values).all():
-        raise InputRejected(shared.FIT_FAILED, _ADVICE)

@@ -9,7 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.findings import Finding
+from radiometry.geometry import codes
 from radiometry.geometry.features import Features
+from radiometry.geometry.mirror import find_turned
 from radiometry.geometry.rows import CHART, FrameRow, Params
 from radiometry.geometry.solving import FreeParameters, Solution, View, solve
 from radiometry.geometry.target import locate_corners_mm
@@ -28,22 +31,21 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Settled:
-    """Views that were used, with their solution.
+class Rejected:
+    """Picture that the fit rejected, with the reason, and the finding where it deserves a flag."""
 
-    Attributes
-    ----------
-    used : tuple of Candidate
-        Pictures that were used.
-    solution : Solution
-        Their solution.
-    rejected : tuple of tuple of (Candidate, float)
-        Pictures that fitted too badly, each with its rms [px].
-    """
+    candidate: Candidate
+    why: str
+    finding: Finding | None = None
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Views that were used, with their solution, and those that were rejected."""
 
     used: tuple[Candidate, ...]
     solution: Solution
-    rejected: tuple[tuple[Candidate, float], ...]
+    rejected: tuple[Rejected, ...]
 
 
 def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
@@ -152,7 +154,7 @@ def make_view(features: Features, params: Params) -> View:
 
 
 def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters) -> Settled:
-    """Fit, and leave out views that fit worse than the limit: the worst first, then all others are refitted.
+    """Fit, and leave out views that are turned or fit worse than the limit, one by one.
 
     Parameters
     ----------
@@ -170,18 +172,30 @@ def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters
 
     Notes
     -----
-    A rejected view never costs the fit: with three views left no more are rejected.
+    The clearest goes first, then all others are fitted again. A rejected view never costs the fit: with
+    three views left no more are rejected.
     """
     kept = [candidate for candidate in candidates if not candidate.left_out]
-    rejected: list[tuple[Candidate, float]] = []
+    rejected: list[Rejected] = []
+    limit = params.reject_above_px
     while True:
-        solution = _solve(kept, params, free)
+        views = [make_view(each.features, params) for each in kept if each.features]
+        first = kept[0].features
+        assert first is not None  # noqa: S101  a candidate that counts has features
+        solution = solve(views, free, height_px=first.height_px, width_px=first.width_px)
         errors = [measure_rms_px(residual) for residual in solution.residuals_px]
         worst = int(np.argmax(errors))
-        limit = params.reject_above_px
-        if limit is None or errors[worst] <= limit or len(kept) <= FEWEST_VIEWS:
+        if len(kept) <= FEWEST_VIEWS:
             return Settled(tuple(kept), solution, tuple(rejected))
-        rejected.append((kept.pop(worst), errors[worst]))
+        if turned := find_turned(views, solution):
+            number, words = turned
+            why = f"it is {words} against the other pictures"
+            rejected.append(Rejected(kept.pop(number), why, codes.VIEW_MIRRORED))
+        elif limit is not None and errors[worst] > limit:
+            why = f"it fits to {errors[worst]:.2f} px, worse than the limit of {limit:g} px"
+            rejected.append(Rejected(kept.pop(worst), why))
+        else:
+            return Settled(tuple(kept), solution, tuple(rejected))
 
 
 def measure_rms_px(residual_px: NDArray[np.float64]) -> float:
@@ -198,10 +212,3 @@ def measure_rms_px(residual_px: NDArray[np.float64]) -> float:
         Rms [px].
     """
     return math.sqrt(float((residual_px**2).sum()) / len(residual_px))
-
-
-def _solve(kept: Sequence[Candidate], params: Params, free: FreeParameters) -> Solution:
-    views = [make_view(each.features, params) for each in kept if each.features]
-    first = kept[0].features
-    assert first is not None  # noqa: S101  a candidate that counts has features
-    return solve(views, free, height_px=first.height_px, width_px=first.width_px)

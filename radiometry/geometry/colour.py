@@ -1,0 +1,231 @@
+"""Lateral chromatic aberration: how far a colour's picture lies from that of green."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.fitting.evidence import Quantity
+from radiometry.frame import Frame
+from radiometry.geometry.camera import CameraModel
+from radiometry.geometry.detecting import FITTED_STOP, Found, refine
+from radiometry.geometry.grey import BINOMIAL
+
+POINTS: Final = 11
+FEWEST_VIEWS: Final = 3
+_REFERENCE: Final = "G"
+_LETTERS: Final = "RGB"
+_TERMS: Final = 4
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColourCorners:
+    """Corners of a board in one colour.
+
+    Attributes
+    ----------
+    channel : str
+        Colour, R or B.
+    moved_px : tuple of tuple of float
+        (row, col) of each corner less its place in green [px].
+    """
+
+    channel: str
+    moved_px: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColourPoint:
+    """Lateral colour at one distance from the principal point; positive is outwards.
+
+    Attributes
+    ----------
+    radius_px : float
+        Distance [px].
+    displacement_px, standard_uncertainty_px : float
+        Radial displacement, and its standard uncertainty [px].
+    extrapolated : bool
+        True if further out than any corner that was used.
+    """
+
+    radius_px: float
+    displacement_px: float
+    standard_uncertainty_px: float
+    extrapolated: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class LateralColour:
+    """Lateral colour of one colour against green.
+
+    Attributes
+    ----------
+    channels : str
+        Pair of channels, such as "R-G".
+    corner : Quantity
+        Radial displacement half a diagonal of the frame from the principal point.
+    shift_row, shift_col : Quantity
+        Displacement at the principal point.
+    rms_px : float
+        Rms distance of the corners from the model [px].
+    views, corners : int
+        Number of views and of corners.
+    curve : tuple of ColourPoint
+        Displacement against the radius.
+    """
+
+    channels: str
+    corner: Quantity
+    shift_row: Quantity
+    shift_col: Quantity
+    rms_px: float
+    views: int
+    corners: int
+    curve: tuple[ColourPoint, ...]
+
+
+@dataclass(frozen=True)
+class ColourView:
+    """Corners of one picture, (corner, 2) row before col: places in the frame, and displacements [px]."""
+
+    seen_px: Matrix
+    moved_px: Matrix
+
+
+def find_colours(frame: Frame, found: Found) -> tuple[ColourCorners, ...] | None:
+    """Place the corners of a board in each colour of a frame.
+
+    Parameters
+    ----------
+    frame : Frame
+        Frame to measure.
+    found : Found
+        Corners in the grey picture.
+
+    Returns
+    -------
+    tuple of ColourCorners or None
+        None if the frame has no colours.
+
+    Notes
+    -----
+    The sites of a colour in a mosaic are weighted by 1/4 [1 2 1] along rows and columns and divided by the
+    same sum of weights: linear interpolation, which moves no edge.
+    """
+    if frame.cfa == "grey":
+        return None
+    placed = {
+        letter: refine(
+            _read_colour(frame, letter), found.fitted[:, ::-1], found.fitted_window_px, FITTED_STOP
+        )
+        for letter in _LETTERS
+    }
+    return tuple(
+        ColourCorners(
+            channel=letter,
+            moved_px=tuple((float(row), float(col)) for col, row in placed[letter] - placed[_REFERENCE]),
+        )
+        for letter in _LETTERS
+        if letter != _REFERENCE
+    )
+
+
+def fit_colour(views: Sequence[ColourView], camera: CameraModel, *, channel: str) -> LateralColour | None:
+    """Fit the displacement of one colour's corners.
+
+    Parameters
+    ----------
+    views : sequence of ColourView
+        Corners of each picture.
+    camera : CameraModel
+        Camera, whose principal point is the centre.
+    channel : str
+        Colour.
+
+    Returns
+    -------
+    LateralColour or None
+        None for fewer than three views.
+
+    Notes
+    -----
+    With q the vector from the principal point, half the frame's diagonal being 1::
+
+        moved = q (a + b |q|^2) + shift                                  least squares
+        C = (n - 1)/n sum over views (p without the view - mean)^2       jackknife
+
+    Corners of one picture share errors of the interpolation between a colour's sites, which depend on where
+    its edges lie: hence whole views are left out in turn, and corners are not taken as independent.
+    """
+    if len(views) < FEWEST_VIEWS:
+        return None
+    half_px = float(np.hypot(camera.height_px, camera.width_px)) / 2.0
+    principal = np.array([camera.cy_px, camera.cx_px])
+    normal, right, squares = [], [], 0.0
+    for view in views:
+        q = (view.seen_px - principal) / half_px
+        design = np.zeros((len(q), 2, _TERMS))
+        design[:, :, 0] = q
+        design[:, :, 1] = q * (q**2).sum(axis=1, keepdims=True)
+        design[:, 0, 2] = design[:, 1, 3] = 1.0
+        flat = design.reshape(-1, _TERMS)
+        normal.append(flat.T @ flat)
+        right.append(flat.T @ view.moved_px.ravel())
+        squares += float((view.moved_px**2).sum())
+    whole, sums = np.sum(normal, axis=0), np.sum(right, axis=0)
+    if np.linalg.cond(whole) > 1.0 / np.finfo(float).eps:
+        return None
+    values = np.linalg.solve(whole, sums)
+    without = np.array(
+        [np.linalg.solve(whole - one, sums - other) for one, other in zip(normal, right, strict=True)]
+    )
+    spread = without - without.mean(axis=0)
+    covariance = (len(views) - 1) / len(views) * spread.T @ spread
+    corners = sum(len(view.seen_px) for view in views)
+    reached = max(float(np.linalg.norm(view.seen_px - principal, axis=1).max()) for view in views)
+
+    def state(slopes: Matrix) -> Quantity:
+        return Quantity(
+            value=float(slopes @ values),
+            standard_uncertainty=float(np.sqrt(slopes @ covariance @ slopes)),
+            unit="px",
+        )
+
+    curve = [(radius, state(np.array([radius, radius**3, 0.0, 0.0]))) for radius in np.linspace(0, 1, POINTS)]
+    return LateralColour(
+        channels=f"{channel}-{_REFERENCE}",
+        corner=curve[-1][1],
+        shift_row=state(np.eye(_TERMS)[2]),
+        shift_col=state(np.eye(_TERMS)[3]),
+        rms_px=float(np.sqrt(max(0.0, squares - float(values @ sums)) / corners)),
+        views=len(views),
+        corners=corners,
+        curve=tuple(
+            ColourPoint(
+                radius_px=float(radius * half_px),
+                displacement_px=each.value,
+                standard_uncertainty_px=each.standard_uncertainty,
+                extrapolated=bool(radius * half_px > reached),
+            )
+            for radius, each in curve
+        ),
+    )
+
+
+def _read_colour(frame: Frame, letter: str) -> NDArray[np.float32]:
+    if frame.cfa == "rgb":
+        return np.ascontiguousarray(frame.samples_dn[:, :, _LETTERS.index(letter)], np.float32)
+    rows, cols = np.indices(frame.samples_dn.shape)
+    sites = 2 * ((rows + frame.row0) % 2) + (cols + frame.col0) % 2
+    mine = np.isin(sites, [place for place, one in enumerate(frame.cfa) if one == letter])
+
+    def smooth(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        smoothed = cv2.sepFilter2D(values, cv2.CV_32F, BINOMIAL, BINOMIAL, borderType=cv2.BORDER_REFLECT_101)
+        return np.asarray(smoothed, np.float32)
+
+    return smooth((frame.samples_dn * mine).astype(np.float32)) / smooth(mine.astype(np.float32))
