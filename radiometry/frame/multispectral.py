@@ -189,6 +189,9 @@ class RigGeometry:
     homography : tuple of float or None, default: None
         The nine numbers of a projective matrix, row by row, from this band's
         undistorted pixels to those of the rig's reference.
+    offset_px : tuple[float, float] or None, default: None
+        By how much (x, y) this band shows the same place moved against the rig's
+        reference band, as the camera states it for this capture [px].
     calibrated_on : str or None, default: None
         Day of the lens's calibration.
     """
@@ -203,6 +206,7 @@ class RigGeometry:
     pixels_per_mm: tuple[float, float] | None = None
     focal_length_y_px: float | None = field(default=None, metadata=LATER)
     homography: tuple[float, ...] | None = field(default=None, metadata=LATER)
+    offset_px: tuple[float, float] | None = field(default=None, metadata=LATER)
     calibrated_on: str | None = field(default=None, metadata=LATER)
 
 

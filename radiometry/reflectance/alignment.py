@@ -50,7 +50,9 @@ def align(
         d_of = R_of^T R_onto d_onto
 
     R = R_x(omega) R_y(phi) R_z(kappa) rotates a band's directions into the rig's
-    reference band's. Only the rotation is corrected. Lenses b [m] apart see a
+    reference band's. A DJI camera states for each capture by how many pixels a band
+    is moved instead, which is all that is corrected then: on a real capture 4 px or
+    less remain of 11. Otherwise only the rotation is corrected. Lenses b [m] apart see a
     surface h [m] away shifted by c b/h pixels, c = 1055 px in a Sequoia: half a
     pixel for 2 cm and 40 m, tens for a panel close by. No file states b. The sense
     of R was determined on a real Sequoia capture (see the tests).
@@ -132,6 +134,9 @@ def _find_positions(x: Grid, y: Grid, *, of: RigGeometry, onto: RigGeometry) -> 
     reads outside the memory: what is not finite, or behind the lens, is put beside
     the image.
     """
+    if of.offset_px is not None and onto.offset_px is not None:
+        (dx, dy), (x0, y0) = of.offset_px, onto.offset_px
+        return x + (dx - x0), y + (dy - y0)
     with np.errstate(all="ignore"):
         directions = find_directions(onto, x=x, y=y)
         turned = directions @ (_rotation(of).T @ _rotation(onto)).T
@@ -229,6 +234,8 @@ def _rotation(lens: RigGeometry) -> Grid:
 
 def _require(lens: RigGeometry | None) -> RigGeometry:
     """Refuse a band whose file does not state enough to align it."""
+    if lens is not None and lens.offset_px is not None:
+        return lens
     whole = lens is not None and lens.rotation_deg is not None
     if whole and lens is not None and lens.model == "fisheye":
         affine, terms = lens.fisheye_affine, lens.fisheye_polynomial
@@ -241,7 +248,7 @@ def _require(lens: RigGeometry | None) -> RigGeometry:
     if not whole or lens is None:
         raise InputRejected(
             codes.BANDS_NOT_ALIGNED,
-            "A file of this capture does not say how its band is turned against the others (RigRelatives): "
+            "A file of this capture does not say how its band lies against the others (RigRelatives): "
             "the bands do not lie on one another, and an index of them would compare different places. "
             "Align them with photogrammetry software and compute the index there.",
         )

@@ -201,3 +201,19 @@ def test_alignment_leaves_the_parallax_of_a_square_rig(real_files):
     assert abs(red_edge[0]) <= 2
     assert abs(abs(red[0]) - abs(red_edge[1])) <= 3
     assert np.abs(nir - red - red_edge).max() <= 2
+
+
+@pytest.mark.parametrize(("number", "most_px"), [(1, 4), (3, 3), (4, 3)])
+def test_stated_offsets_bring_the_bands_of_a_real_p4_multispectral_together(real_files, number, most_px):
+    """Raw, blue lies 9 to 11 rows above near infrared; parallax and rotation remain."""
+    part = np.s_[520:776, 670:926]
+    frames = {}
+    for each in (5, number):
+        path = real_files / "p4m" / f"DJI_001{each}.TIF"
+        samples = reading.read_window(path, 0, 0, 1300, 1600).samples_dn.astype(np.float32)
+        frames[each] = samples, reading.read_header(path).multispectral.geometry
+    (nir, onto), (other, of) = frames[5], frames[number]
+    aligned = align(other, of=of, onto=onto)
+    assert np.abs(_shift(_edges(nir)[part], _edges(aligned)[part])).max() <= most_px
+    if number == 1:
+        assert np.abs(_shift(_edges(nir)[part], _edges(other)[part])).max() >= 9

@@ -105,6 +105,7 @@ def _read_geometry(packet: Packet, x_px: float, y_px: float) -> RigGeometry | No
         lens = tuple(float(word) for word in rest.split(","))
     except ValueError:
         lens = ()
+    offset = [xmp.number(f"drone-dji:RelativeOpticalCenter{axis}") for axis in "XY"]
     matrix = xmp.numbers("drone-dji:DewarpHMatrix") or xmp.numbers("drone-dji:CalibratedHMatrix")
     if len(lens) != _DEWARP_NUMBERS or not all(map(math.isfinite, lens)):
         return read_geometry(packet, reference=False)
@@ -122,5 +123,6 @@ def _read_geometry(packet: Packet, x_px: float, y_px: float) -> RigGeometry | No
         distortion=(k1, k2, k3, p1, p2),
         pixels_per_mm=(per_mm, per_mm) if per_mm else None,
         homography=matrix if len(matrix) == _MATRIX_NUMBERS else None,
+        offset_px=(offset[0], offset[1]) if offset[0] is not None and offset[1] is not None else None,
         calibrated_on=day or None,
     )
