@@ -53,6 +53,7 @@ def test_what_is_absent_stays_absent(shots, tmp_path):
         counts=None,
         sunshine_missing="the file has no IrradianceList: no sunshine sensor was connected",
         vignetting_polynomial=None,
+        problem="VignettingPolynomial2DName is missing",
         sunshine_serial=None,
         geometry=None,
     )
