@@ -209,6 +209,8 @@ class Shot:
         Part of the frame to read out; the whole frame if None.
     rows_at_once : int or None
         Rows that are exposed together, for even surfaces of many megapixels; all if None.
+    after_s : float
+        Time since the lamp had its luminance [s].
 
     """
 
@@ -220,6 +222,7 @@ class Shot:
     scene: str | None = None
     window: Window | None = None
     rows_at_once: int | None = None
+    after_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,6 +248,7 @@ def take(camera: Camera, shot: Shot, random: np.random.Generator) -> Taken:
             shot.settings,
             random,
             window=replace(window, row0=window.row0 + row, height=min(step, window.height - row)),
+            after_s=shot.after_s,
         )
         for row in range(0, window.height, step)
     ]

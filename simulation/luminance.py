@@ -1,7 +1,8 @@
 """A luminance campaign as the procedure plans it, of a camera like the Zenmuse X5S."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
@@ -35,6 +36,9 @@ X5S = change(
     dark_current_e_s=0.4,
     falloff=(-0.55, 0.0, 0.0),
 )
+
+SCENE_S = 600.0
+"""Duration of a light level, from its first reading to its last frame."""
 
 _USABLE_SHARES = (0.02, 0.8)
 
@@ -87,11 +91,15 @@ def plan_campaign(
     isos: Sequence[float] = ISOS,
     luminances_cd_m2: Sequence[float] = LUMINANCES_CD_M2,
     readings_per_scene: int = 1,
+    dark_times_s: Sequence[float] | None = None,
+    drift_rel: float = 0.0,
 ) -> Campaign:
     """Plan a campaign as the procedure asks for, and draw its errors.
 
     Per scene and ISO value: every aperture of f/1.7 to f/16 that gives 2 % to 80 % of full scale, at the one
-    of two times at which more of them do. Three dark frames per time.
+    of two times at which more of them do. Three dark frames per time, or per each of ``dark_times_s``. The
+    lamp changes by ``drift_rel`` from the first reading of a scene to its last frame; further readings are
+    spread evenly over that time.
     """
     times = sorted({time for iso in isos for time in TIMES_S[iso]})
     f_errors = dict(zip(F_NUMBERS, random.normal(1.0, errors.f_number, len(F_NUMBERS)).tolist(), strict=True))
@@ -100,10 +108,12 @@ def plan_campaign(
     shots: list[Shot] = []
     for iso in isos:
         lit = [_plan(camera, iso, scene, luminance) for scene, luminance in scenes.items()]
-        shots += [shot for series in lit for shot in series]
+        shots += [
+            _age(shot, (n + 1) / len(series), drift_rel) for series in lit for n, shot in enumerate(series)
+        ]
         shots += [
             _shoot(None, 0.0, Settings(exposure_time_s=time, f_number=f_number, iso=iso))
-            for time in sorted({shot.settings.exposure_time_s for series in lit for shot in series})
+            for time in dark_times_s or sorted({s.settings.exposure_time_s for series in lit for s in series})
             for f_number in (1.7, 5.6, 16.0)
         ]
     meter = Meter(scale=float(random.normal(1.0, errors.calibration)), repeatability=errors.repeatability)
@@ -111,16 +121,28 @@ def plan_campaign(
         Reading(
             scene=scene,
             quantity="luminance",
-            value=meter.read(luminance, random),
+            value=meter.read(luminance * (1.0 + drift_rel * n / max(readings_per_scene - 1, 1)), random),
             meter="simulated luminance meter",
             expanded_uncertainty_rel=2 * errors.calibration,
             coverage_factor=2.0,
+            taken_at=clock(scene, SCENE_S * n / max(readings_per_scene - 1, 1)),
         )
         for scene, luminance in scenes.items()
-        for _ in range(readings_per_scene)
+        for n in range(readings_per_scene)
     )
     camera = change(camera, f_number_errors=f_errors, time_errors=t_errors)
     return Campaign(camera=camera, shots=tuple(shots), readings=readings, truth_cd_m2=scenes)
+
+
+def clock(scene: str, after_s: float) -> str:
+    """Return the time of day of a frame or reading of a scene, one scene an hour."""
+    start = datetime(2026, 3, 2, int(scene.rpartition("-")[2]), tzinfo=UTC)
+    return (start + timedelta(seconds=after_s)).isoformat()
+
+
+def _age(shot: Shot, share: float, drift_rel: float) -> Shot:
+    lamp = replace(shot.lamp, drift_rel_per_s=drift_rel / SCENE_S)
+    return replace(shot, lamp=lamp, after_s=share * SCENE_S)
 
 
 def _plan(camera: Camera, iso: float, scene: str, luminance_cd_m2: float) -> list[Shot]:

@@ -23,6 +23,12 @@ SERIAL_UNKNOWN = flag(
     "Check that the file is from this camera.",
     *("frame", "calibration", "measurement"),
 )
+BLACK_LEVEL_ASSUMED = flag(
+    "black_level_assumed",
+    "The raw file states no black level: 0 was assumed, although most sensors have a level above it.",
+    "Take dark frames, and send the camera's own file: a converter may have dropped the level.",
+    *("frame", "calibration", "measurement"),
+)
 EXPOSURE_FROM_APEX = flag(
     "exposure_from_apex",
     "A nominal exposure value is missing; the APEX value was used, which differs from it by up to 7 %.",
@@ -201,6 +207,12 @@ SCATTER_EXCEEDS_UNCERTAINTY = flag(
     "Points scatter more than their stated uncertainties explain; the uncertainty includes the scatter "
     "found.",
     "Check the residuals for a frame, a reading or an aperture that differs from the others.",
+)
+SCATTER_IMPLAUSIBLE = flag(
+    "scatter_implausible",
+    "The points scatter by more than 5 %, which no meter and no shutter does: the model does not hold.",
+    "Check for surfaces of different colours (spectral mismatch), an offset (stray light, wrong dark "
+    "signal), and frames or readings of a wrong scene.",
 )
 FIT_INCOMPLETE = error(
     "fit_incomplete",

@@ -8,7 +8,7 @@ from scipy.special import stdtrit
 
 from radiometry.fitting import models
 from radiometry.fitting.gls import Component, Matrix, Solution, Vector, are_separable, solve
-from radiometry.fitting.sources import READING, SCATTER, Curve, list_sources
+from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER, TAIL_FACTOR, Curve, list_sources
 
 _MAX_ITERATIONS = 200
 _RELATIVE_TOLERANCE = 1e-11
@@ -42,6 +42,11 @@ class CurveFit:
     scatter_u_rel : float
         Relative scatter between frames; 0 if the other sources explain the scatter
         of the points.
+    scatter_errors_rel : ndarray of float64
+        Predicted error of each point from that scatter, relative, (n,).
+    dark_rate_dn_per_s, dark_rate_u_dn_per_s : float
+        Prediction of the rate of the dark current relative to its expectation, from
+        dark and light frames together, and its standard uncertainty [DN/s].
     chi_squared, stated_chi_squared : float or None
         With all sources, and without the scatter between frames; None for
         "semilog".
@@ -63,6 +68,9 @@ class CurveFit:
     k_uncertainty_of_variance: float
     repeatability_u_rel: float | None
     scatter_u_rel: float
+    scatter_errors_rel: Vector
+    dark_rate_dn_per_s: float
+    dark_rate_u_dn_per_s: float
     chi_squared: float | None
     stated_chi_squared: float | None
     dof: int
@@ -138,6 +146,50 @@ class _Converged:
         variances = zip(self.components, self.solution.variances, strict=True)
         return math.sqrt(sum(variance for component, variance in variances if component.source == source))
 
+    def predict_scatter(self, weights: Vector) -> Vector:
+        """Return the best linear prediction of each point's own scatter, relative, (n,).
+
+        Parameters
+        ----------
+        weights : ndarray of float64
+            Weight of each point's scatter, (n,).
+
+        Returns
+        -------
+        ndarray of float64
+            Zeros if the points do not scatter beyond the stated sources.
+        """
+        variance: Vector = self.find_u(SCATTER) ** 2 / weights
+        return variance * self.linear.per_relative_x * self.solution.projected
+
+    def predict_dark_rate(self, curve: Curve) -> tuple[float, float]:
+        """Return the best linear prediction of the dark current's rate, and its standard uncertainty [DN/s].
+
+        Parameters
+        ----------
+        curve : Curve
+            Points of the fit.
+
+        Returns
+        -------
+        tuple[float, float]
+            0 and the given uncertainty if the rate is not among the components.
+
+        Notes
+        -----
+        With z the sensitivity of the response to the rate, v its variance and P as in
+        the fit, the prediction is v z'P y, and its variance v - v^2 z'P z.
+        """
+        variance = self.find_u(DARK_CURRENT) ** 2
+        if not variance:
+            return 0.0, curve.dark_rate_u_dn_per_s
+        sensitivity = self.linear.per_dn / curve.lens_shares * curve.dark_lever_s
+        variances = zip(self.components, self.solution.variances, strict=True)
+        known = [replace(component, variance=each) for component, each in variances]
+        projected = solve(self.linear.design, sensitivity, known).projected
+        left = 1.0 - variance * float(sensitivity @ projected)
+        return variance * float(sensitivity @ self.solution.projected), math.sqrt(variance * max(left, 0.0))
+
 
 def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     """Fit one model to a calibration curve by iterated generalised least squares.
@@ -199,7 +251,7 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
 def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> _Converged | None:
     """Update the weights until the parameters converge; None if they do not, or if no weights are left."""
     for _ in range(_MAX_ITERATIONS):
-        linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
+        linear = _linearise(curve, model, theta)
         if linear is None:
             return None
         components = list_sources(curve, linear, model=model, scattered=scattered)
@@ -214,9 +266,18 @@ def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> _C
     return None
 
 
+def _linearise(curve: Curve, model: str, theta: Vector) -> models.LinearModel | None:
+    """Return the linear problem, in which the dark current's error has its expectation."""
+    linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
+    if linear is None or not curve.dark_rate_shift_dn_per_s:
+        return linear
+    back = linear.per_dn / curve.lens_shares * curve.dark_lever_s * curve.dark_rate_shift_dn_per_s
+    return replace(linear, response=linear.response + back)
+
+
 def _add_scatter(curve: Curve, model: str, theta: Vector) -> _Converged | None:
     """Fit with the scatter between frames estimated too; None if the points do not determine it."""
-    linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
+    linear = _linearise(curve, model, theta)
     if linear is None or curve.scatter_u_rel is not None:
         return None
     components = list_sources(curve, linear, model=model, scattered=True)
@@ -239,10 +300,16 @@ def _judge(curve: Curve, model: str, converged: _Converged, stated_chi_squared: 
     solution, dof, theta = converged.solution, converged.dof, converged.solution.parameters
     weighed = model != "semilog"
     excess = max(1.0, solution.chi_squared / dof) if weighed else 1.0
-    factors = [1.0 if component.common else excess for component in converged.components]
+    # weights that were chosen by the residuals claim too much of the scatter
+    tails = TAIL_FACTOR if np.ptp(curve.scatter_weights) else 1.0
+    factors = [
+        (1.0 if part.common else excess) * (tails if part.source == SCATTER else 1.0)
+        for part in converged.components
+    ]
     covariance: Matrix = np.sum([f * c for f, c in zip(factors, solution.contributions, strict=True)], axis=0)
-    shares, doubt = _k_variance(converged, excess=excess, model=model)
+    shares, doubt = _k_variance(converged, excess=excess, tails=tails, model=model)
     estimated = sum(component.variance is None for component in converged.components)
+    rate, u_rate = converged.predict_dark_rate(curve)
     return CurveFit(
         model=model,
         parameters=models.from_theta(model, theta),
@@ -252,6 +319,9 @@ def _judge(curve: Curve, model: str, converged: _Converged, stated_chi_squared: 
         k_uncertainty_of_variance=doubt,
         repeatability_u_rel=_repeatability(curve, converged) if weighed else None,
         scatter_u_rel=converged.find_u(SCATTER),
+        scatter_errors_rel=converged.predict_scatter(curve.scatter_weights),
+        dark_rate_dn_per_s=rate,
+        dark_rate_u_dn_per_s=u_rate,
         chi_squared=solution.chi_squared if weighed else None,
         stated_chi_squared=stated_chi_squared if weighed else None,
         dof=dof,
@@ -267,7 +337,7 @@ def _repeatability(curve: Curve, converged: _Converged) -> float:
 
 
 def _k_variance(
-    converged: _Converged, *, excess: float, model: str
+    converged: _Converged, *, excess: float, tails: float, model: str
 ) -> tuple[dict[str, tuple[str, float]], float]:
     """Return the sources' shares of K's relative variance, and half the variance of their sum.
 
@@ -285,13 +355,14 @@ def _k_variance(
     slopes: list[float] = []
     doubt = testable = given = 0.0
     for component, contribution in zip(converged.components, solution.contributions, strict=True):
-        share = max(0.0, scale * float(contribution[0, 0]))  # rounding can leave less than nothing
+        tail = tails if component.source == SCATTER else 1.0
+        share = max(0.0, tail * scale * float(contribution[0, 0]))  # rounding can leave less than nothing
         shares[component.source] = (component.kind, share)
         if component.common:
             continue
         testable += share
         if component.variance is None:
-            slopes.append(scale * float(weight @ component.structure @ weight))
+            slopes.append(tail * scale * float(weight @ component.structure @ weight))
         else:
             given += share
             doubt += (excess * share) ** 2 / component.dof

@@ -65,6 +65,8 @@ class Solution:
         Weighted sum of squared residuals.
     log_likelihood : float
         Log likelihood of the response.
+    projected : ndarray of float64
+        V^-1 (response - design @ parameters), (n,).
     """
 
     parameters: Vector
@@ -74,6 +76,7 @@ class Solution:
     covariance_of_estimates: Matrix
     chi_squared: float
     log_likelihood: float
+    projected: Vector
 
     @property
     def covariance(self) -> Matrix:
@@ -119,7 +122,8 @@ def solve(design: Matrix, response: Vector, components: Sequence[Component]) -> 
     weights = np.linalg.solve(design.T @ whitened, whitened.T)
     parameters = weights @ response
     residual = response - design @ parameters
-    chi_squared = float(residual @ cho_solve(factor, residual))
+    projected = cho_solve(factor, residual)
+    chi_squared = float(residual @ projected)
     log_determinant = 2 * float(np.sum(np.log(np.diag(factor[0]))))
     return Solution(
         parameters=parameters,
@@ -132,6 +136,7 @@ def solve(design: Matrix, response: Vector, components: Sequence[Component]) -> 
         covariance_of_estimates=covariance_of_estimates,
         chi_squared=chi_squared,
         log_likelihood=-0.5 * (chi_squared + log_determinant + response.size * math.log(2 * math.pi)),
+        projected=projected,
     )
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,18 @@ from radiometry.fitting.models import LinearModel
 
 READING = "meter repeatability"
 SCATTER = "scatter between frames"
+DARK_CURRENT = "dark current"
+LAMP = "lamp drift"
+
+TAIL_DOF = 4.0
+"""Degrees of freedom of Student's t, which a robust fit takes the scatter between frames to follow."""
+
+TAIL_FACTOR = (TAIL_DOF + 3.0) / (TAIL_DOF + 1.0)
+"""Variance of a location under that t, relative to what its weights alone state (Fisher information)."""
+
+IMPLAUSIBLE_SCATTER_REL = 0.05
+"""Scatter between readings or frames of one surface beyond which something else than a meter or a shutter
+is at work: meters repeat to 1 %, shutters and apertures to 2 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +58,23 @@ class Curve:
         divided by it too.
     lens_u_rel : ndarray of float64
         u(V) / V, shared within an f-number, (n,).
+    dark_lever_s : ndarray of float64
+        Exposure time of each point minus that at which `dark_u_dn` holds [s], (n,).
+    dark_rate_u_dn_per_s : float, default: 0.0
+        Standard uncertainty of the rate at which the dark signal grows [DN/s].
+    dark_rate_shift_dn_per_s : float, default: 0.0
+        What was subtracted from `signal_dn` per second of lever beyond the rate's
+        expectation [DN/s].
+    dark_rate_measured : bool, default: False
+        True if dark frames determine that rate, with `dark_dof`; False if its
+        uncertainty is a plausible size.
+    lamp_u_rel : ndarray of float64
+        Relative standard uncertainty of the lamp's change from the reading to each
+        point, signed, (n,).
+    lamp_labels : tuple of str
+        Label of each point for that error.
+    scatter_weights : ndarray of float64
+        Weight of each point; its scatter has the variance u_s^2 / weight, (n,).
     scatter_u_rel : float or None, default: None
         Relative scatter of a frame against the next at the same settings, by
         shutter, aperture and lamp. None if it is estimated from the scatter where
@@ -66,6 +95,13 @@ class Curve:
     repeatability_u_rel: float | None
     lens_shares: Vector
     lens_u_rel: Vector
+    dark_lever_s: Vector
+    lamp_u_rel: Vector
+    lamp_labels: tuple[str, ...]
+    scatter_weights: Vector
+    dark_rate_u_dn_per_s: float = 0.0
+    dark_rate_shift_dn_per_s: float = 0.0
+    dark_rate_measured: bool = False
     scatter_u_rel: float | None = None
 
     def take(
@@ -88,7 +124,8 @@ class Curve:
             The points that are kept, in the same order.
         """
         chosen = np.flatnonzero(keep)
-        return Curve(
+        return replace(
+            self,
             rhs=self.rhs[keep],
             signal_dn=self.signal_dn[keep],
             signal_u_dn=self.signal_u_dn[keep],
@@ -96,13 +133,13 @@ class Curve:
             f_numbers=tuple(self.f_numbers[i] for i in chosen),
             times_s=tuple(self.times_s[i] for i in chosen),
             readings=self.readings[keep],
-            dark_u_dn=self.dark_u_dn,
-            dark_dof=self.dark_dof,
-            f_number_u_rel=self.f_number_u_rel,
-            time_u_rel=self.time_u_rel,
             repeatability_u_rel=repeatability_u_rel,
             lens_shares=self.lens_shares[keep],
             lens_u_rel=self.lens_u_rel[keep],
+            dark_lever_s=self.dark_lever_s[keep],
+            lamp_u_rel=self.lamp_u_rel[keep],
+            scatter_weights=self.scatter_weights[keep],
+            lamp_labels=tuple(self.lamp_labels[i] for i in chosen),
             scatter_u_rel=scatter_u_rel,
         )
 
@@ -147,6 +184,7 @@ def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bo
             variance=curve.dark_u_dn**2,
             dof=curve.dark_dof,
         ),
+        *_of_dark_current(curve, by_dark * curve.dark_lever_s),
         Component(
             source=READING,
             kind="A" if given is None else "B",
@@ -155,8 +193,25 @@ def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bo
         ),
         _relative("f-number", curve.f_numbers, 2 * linear.per_relative_x, curve.f_number_u_rel),
         _relative("exposure time", curve.times_s, linear.per_relative_x, curve.time_u_rel),
+        *_of_lamp(curve, linear),
         *_of_lens(curve),
         *_of_frames(curve, linear, scattered=scattered),
+    ]
+
+
+def _of_dark_current(curve: Curve, sensitivity: Vector) -> list[Component]:
+    """Return the error of the rate at which the dark signal grows, which all points share by their times."""
+    if not (curve.dark_rate_u_dn_per_s and np.any(sensitivity)):
+        return []
+    measured = curve.dark_rate_measured and math.isfinite(curve.dark_dof)
+    return [
+        Component(
+            source=DARK_CURRENT,
+            kind="A" if measured else "B",
+            structure=np.outer(sensitivity, sensitivity),
+            variance=curve.dark_rate_u_dn_per_s**2,
+            dof=curve.dark_dof if measured else math.inf,
+        )
     ]
 
 
@@ -169,8 +224,23 @@ def _of_frames(curve: Curve, linear: LinearModel, *, scattered: bool) -> list[Co
         Component(
             source=SCATTER,
             kind="A",
-            structure=np.diag(linear.per_relative_x**2),
+            structure=np.diag(linear.per_relative_x**2 / curve.scatter_weights),
             variance=None if given is None else given**2,
+        )
+    ]
+
+
+def _of_lamp(curve: Curve, linear: LinearModel) -> list[Component]:
+    """Return the error of the lamp's change from the reading of a scene to its frames."""
+    if not np.any(curve.lamp_u_rel):
+        return []
+    return [
+        Component(
+            source=LAMP,
+            kind="B",
+            structure=shared_structure(curve.lamp_labels, linear.per_relative_x * curve.lamp_u_rel),
+            variance=1.0,
+            common=len(set(curve.lamp_labels)) == 1 and not np.ptp(curve.lamp_u_rel),
         )
     ]
 

@@ -181,6 +181,13 @@ class FrameHeader:
     band_rows: int = 1
     first_band_rows: int = 1
 
+    @property
+    def assumes_black(self) -> bool:
+        """True if a raw file states no black level at all, so that 0 is read for it."""
+        band = self.multispectral
+        stated = self.black_level_origin != "default" or (band is not None and band.sensor_model is not None)
+        return not (stated or self.rendered)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:

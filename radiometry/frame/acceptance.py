@@ -103,7 +103,8 @@ def accept_frame(
     -------
     Acceptance
         Exposure and flags: `rendered`, `exposure_not_manual`, `serial_unknown`,
-        `exposure_from_apex`, `exposure_supplied`, `supplied_exposure_ignored`.
+        `black_level_assumed`, `exposure_from_apex`, `exposure_supplied`,
+        `supplied_exposure_ignored`.
 
     Raises
     ------
@@ -186,6 +187,8 @@ def _header_flags(header: FrameHeader, *, manual_required: bool) -> list[str]:
         flags.append(shared.EXPOSURE_NOT_MANUAL)
     if not _plain(header.serial):
         flags.append(shared.SERIAL_UNKNOWN)
+    if header.assumes_black:
+        flags.append(shared.BLACK_LEVEL_ASSUMED)
     return flags
 
 

@@ -1,8 +1,9 @@
 """Test of a dark frame for light against the black level that its file states."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from radiometry.findings import Raised, Reason, shared
+from radiometry.frame import FrameHeader
 
 ABOVE_BLACK_SHARE = 0.005
 """Of the span, above the stated black level: half of the weakest useful signal. A warm sensor reaches it at
@@ -86,3 +87,21 @@ def name_not_dark(found: Mapping[str, Reason]) -> str:
     names = sorted(found)
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     return f"{', '.join(names[:_MOST_NAMES])}{more}: {found[names[0]].detail}"
+
+
+def flag_assumed_black(headers: Sequence[FrameHeader]) -> list[Raised]:
+    """Return the flag of a result that is made from raw files without a black level.
+
+    Parameters
+    ----------
+    headers : sequence of FrameHeader
+        Headers of the frames that were used.
+
+    Returns
+    -------
+    list of Raised
+        `black_level_assumed`; empty if every raw file states its black level.
+    """
+    assumed = sum(header.assumes_black for header in headers)
+    detail = f"Frames without a black level: {assumed} of {len(headers)}."
+    return [shared.BLACK_LEVEL_ASSUMED.at("", detail)] if assumed else []

@@ -129,10 +129,9 @@ def measure_brightness(series: IsoSeries) -> dict[str, dict[str, float]]:
     """
     found: dict[str, dict[str, float]] = {}
     for candidate in series.candidates:
-        adjusted = candidate.signal.value_dn - series.dark.signal_dn
-        span = candidate.signal.white_level_dn - series.dark.signal_dn
-        lost = is_saturated(candidate.signal) or is_below_detection(candidate.signal, series.dark)
-        if not lost and adjusted >= USEFUL_SHARE * span:
+        adjusted = candidate.above_dark_dn
+        lost = is_saturated(candidate.signal) or is_below_detection(candidate.signal, candidate.dark)
+        if not lost and adjusted >= USEFUL_SHARE * candidate.span_dn:
             found.setdefault(candidate.scene, {})[candidate.frame] = adjusted / _per_luminance(candidate)
     return found
 

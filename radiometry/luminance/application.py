@@ -119,6 +119,7 @@ def apply_to_signal(
     require_alike(coefficient, corrected=share is not None)
     settings = exposure.on_basis(coefficient.exposure_basis)
     require_plausible(settings)
+    coefficient = coefficient.at(settings.exposure_time_s)
     above_dark = signal.value_dn - coefficient.dark_signal_dn
     adjusted = above_dark / share.value if share else above_dark
     rhs = _invert(coefficient, adjusted)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from radiometry.fitting.sources import READING, SCATTER
+from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER
 from radiometry.luminance.results import IsoFit
 
 
@@ -69,6 +69,7 @@ def explain_budget(iso_fit: IsoFit) -> tuple[BudgetLine, ...]:
     chosen = next(model for model in iso_fit.models if model.model == coefficient.model)
     inputs = {
         "dark signal": (coefficient.dark_signal_standard_uncertainty_dn, "DN"),
+        DARK_CURRENT: (coefficient.dark_rate_standard_uncertainty_dn_per_s or 0.0, "DN/s"),
         "f-number": (coefficient.f_number_u_rel, "1"),
         "exposure time": (coefficient.exposure_time_u_rel, "1"),
         "meter calibration": (coefficient.meter_calibration_u_rel, "1"),

@@ -91,7 +91,8 @@ def _ratio(
 
 def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, lens_share: float) -> float:
     settings = exposure.on_basis(coefficient.exposure_basis)
-    adjusted_dn = (signal_dn - coefficient.dark_signal_dn) / lens_share
+    dark_dn = coefficient.at(settings.exposure_time_s).dark_signal_dn
+    adjusted_dn = (signal_dn - dark_dn) / lens_share
     rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
     return rhs * settings.f_number**2 / (settings.exposure_time_s * settings.iso)
 

@@ -46,6 +46,17 @@ GAIN_MAPS_DIFFER = flag(
     "Frames of one ISO value contain different gain maps, which are never applied.",
     "Use one firmware and one mode.",
 )
+OFFSET_SIGNIFICANT = flag(
+    "offset_significant",
+    "The affine model is better than the proportional one by more than 10 in AICc: the signal has an offset.",
+    "Look for stray light, a wrong dark signal or a wrong black level, and take the frames again; until then "
+    "weak signals are wrong by about the offset.",
+)
+OUTLIERS_DISCOUNTED = flag(
+    "outliers_discounted",
+    "The robust fit gives frames less than a tenth of their weight, because they lie apart from all others.",
+    "Look at these frames: a wrong scene, a shadow, a shutter that failed. Exclude them with the reason.",
+)
 TOLERANCE_EXCEEDED = flag(
     "tolerance_exceeded",
     "A point is further from the meter than the tolerance, or than the campaign's decision rule accepts.",

@@ -12,6 +12,7 @@ from radiometry.fitting import models
 from radiometry.fitting.curve import CurveFit, coverage_factor, fit_curve
 from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.fitting.gls import Vector
+from radiometry.fitting.robust import weigh_points
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.conditions import CalibrationConditions
@@ -20,6 +21,7 @@ from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Coefficient, IsoFit, ModelFit, Point
 from radiometry.luminance.rows import Model, Params
 
+_MOST_ROUNDS, _SETTLED = 30, 0.01
 _NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
 
 
@@ -48,10 +50,10 @@ def fit_series(
     InputRejected
         `fit_failed` if the fit of the requested model does not converge.
     """
-    coefficient, chosen = fit_coefficient(series, params, calibration_u_rel=calibration_u_rel)
-    curve = _curve(series, params)
+    series, curve = learn_dark_rate(series, params)
+    coefficient, chosen = fit_coefficient(series, params, calibration_u_rel=calibration_u_rel, curve=curve)
     others = [fit_curve(curve, model=model) if model != params.model else chosen for model in get_args(Model)]
-    points = _points(series, chosen)
+    points = _points(series, chosen, curve.scatter_weights if params.estimator == "robust" else None)
     largest = max(abs(point.residual_rel) for point in points if point.residual_rel is not None)
     scale = abs(coefficient.luminance_k)
     against: dict[str, float] = {"error_rel": largest, "tolerance_rel": params.tolerance_rel}
@@ -77,7 +79,7 @@ def fit_series(
 
 
 def fit_coefficient(
-    series: IsoSeries, params: Params, *, calibration_u_rel: float
+    series: IsoSeries, params: Params, *, calibration_u_rel: float, curve: Curve | None = None
 ) -> tuple[Coefficient, CurveFit]:
     """Fit the requested model; the meter's calibration is added to u(K) at the end.
 
@@ -89,6 +91,8 @@ def fit_coefficient(
         Parameters of the fit.
     calibration_u_rel : float
         Relative standard uncertainty of the meter's calibration.
+    curve : Curve or None, default: None
+        Points of the series; None to make them.
 
     Returns
     -------
@@ -100,7 +104,7 @@ def fit_coefficient(
     InputRejected
         `fit_failed` if the fit does not converge.
     """
-    fit = fit_curve(_curve(series, params), model=params.model)
+    fit = fit_curve(curve or _curve(series, params), model=params.model)
     if fit is None:
         raise InputRejected(
             shared.FIT_FAILED,
@@ -110,28 +114,88 @@ def fit_coefficient(
     return _coefficient(series, params, fit, calibration_u_rel), fit
 
 
+def learn_dark_rate(series: IsoSeries, params: Params) -> tuple[IsoSeries, Curve]:
+    """Estimate the dark current from the light frames where dark frames of one time do not show it.
+
+    Parameters
+    ----------
+    series : IsoSeries
+        Frames of one ISO value.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    tuple[IsoSeries, Curve]
+        The series with that dark signal against time, and its points.
+
+    Notes
+    -----
+    An offset that grows with the exposure time is predicted together with K, from
+    its plausible size v as prior variance: N - D - I (t - t_0) = K X. A prediction I
+    beyond it replaces v by I^2 + u(I)^2, the estimate of a variance from one value
+    by the EM algorithm. Light frames at the time of the dark frames cannot tell; I
+    then stays 0 within its plausible size.
+    """
+    prior, curve = series.dark, _curve(series, params)
+    if prior.rate_measured or not (prior.rate_u_dn_per_s and np.any(curve.dark_lever_s)):
+        return series, curve
+    for _ in range(_MOST_ROUNDS):
+        fit = fit_curve(curve, model="proportional")
+        if fit is None:
+            break
+        rate, u_rate = fit.dark_rate_dn_per_s, fit.dark_rate_u_dn_per_s
+        dark = replace(prior, rate_dn_per_s=rate, rate_u_dn_per_s=u_rate)
+        found = replace(
+            series,
+            dark=dark,
+            candidates=tuple(replace(c, dark=dark.at(c.settings.exposure_time_s)) for c in series.candidates),
+        )
+        if any(c.above_dark_dn <= 0.0 for c in found.used):
+            break
+        settled = abs(rate - curve.dark_rate_shift_dn_per_s) < _SETTLED * u_rate
+        series = found
+        curve = replace(
+            _curve(series, params),
+            dark_rate_u_dn_per_s=max(prior.rate_u_dn_per_s, math.hypot(rate, u_rate)),
+            dark_rate_shift_dn_per_s=rate,
+        )
+        if settled:
+            break
+    return series, curve
+
+
 def _curve(series: IsoSeries, params: Params) -> Curve:
     used = series.used
     shares = [c.lens_share or _NO_LENS for c in used]
     through = np.array([share.value for share in shares])
-    spread_dn = series.dark.frame_spread_dn
-    return Curve(
+    dark = series.dark
+    curve = Curve(
         rhs=np.array([candidate.rhs for candidate in used], np.float64),
-        signal_dn=np.array([c.adjust_dn(series.dark.signal_dn) for c in used]),
-        signal_u_dn=np.array([math.hypot(c.signal.standard_uncertainty_dn, spread_dn) for c in used])
+        signal_dn=np.array([c.adjusted_dn for c in used]),
+        signal_u_dn=np.array(
+            [math.hypot(c.signal.standard_uncertainty_dn, dark.frame_spread_dn) for c in used]
+        )
         / through,
         scenes=tuple(c.scene for c in used),
         f_numbers=tuple(c.settings.f_number for c in used),
         times_s=tuple(c.settings.exposure_time_s for c in used),
         readings=np.array([c.readings for c in used]),
-        dark_u_dn=series.dark.standard_uncertainty_dn,
-        dark_dof=series.dark.dof,
+        dark_u_dn=dark.standard_uncertainty_dn,
+        dark_dof=dark.dof,
+        dark_lever_s=np.array([c.settings.exposure_time_s - dark.time_s for c in used]),
+        dark_rate_u_dn_per_s=dark.rate_u_dn_per_s,
+        dark_rate_measured=dark.rate_measured,
+        lamp_u_rel=np.array([c.lamp.u_rel for c in used]),
+        lamp_labels=tuple(c.lamp.label for c in used),
+        scatter_weights=np.ones(len(used)),
         f_number_u_rel=params.f_number_u_rel,
         time_u_rel=params.exposure_time_u_rel,
         repeatability_u_rel=params.meter_repeatability_rel,
         lens_shares=through,
         lens_u_rel=np.array([share.standard_uncertainty for share in shares]) / through,
     )
+    return weigh_points(curve, model=params.model) if params.estimator == "robust" else curve
 
 
 def _report(fit: CurveFit, curve: Curve) -> ModelFit:
@@ -223,7 +287,7 @@ def _coefficient(series: IsoSeries, params: Params, fit: CurveFit, calibration_u
     u_k = math.sqrt(float(fit.covariance[0, 0]) + (k * calibration) ** 2)
     dof = fit.effective_dof(calibration**2)
     factor = coverage_factor(dof)
-    adjusted = [c.signal.value_dn - series.dark.signal_dn for c in used]
+    adjusted = [c.above_dark_dn for c in used]
     rhs = [c.rhs for c in used if c.rhs is not None]
     return Coefficient(
         iso=series.iso,
@@ -238,6 +302,9 @@ def _coefficient(series: IsoSeries, params: Params, fit: CurveFit, calibration_u
         effective_dof=_finite(dof),
         dark_signal_dn=series.dark.signal_dn,
         dark_signal_standard_uncertainty_dn=series.dark.standard_uncertainty_dn,
+        dark_time_s=series.dark.time_s,
+        dark_rate_dn_per_s=series.dark.rate_dn_per_s,
+        dark_rate_standard_uncertainty_dn_per_s=series.dark.rate_u_dn_per_s,
         black_level_dn=math.fsum(sorted(c.signal.black_level_dn for c in used)) / len(used),
         white_level_dn=min(c.signal.white_level_dn for c in used),
         parameter_names=models.PARAMETER_NAMES[fit.model],
@@ -288,14 +355,20 @@ def _budget(fit: CurveFit, calibration_u_rel: float) -> tuple[BudgetEntry, ...]:
     )
 
 
-def _points(series: IsoSeries, fit: CurveFit) -> tuple[Point, ...]:
+def _points(series: IsoSeries, fit: CurveFit, robust: Vector | None) -> tuple[Point, ...]:
     """Report every light frame: the used ones with their weight, all with the values of the curve."""
-    weights = dict(zip((c.frame for c in series.used), fit.k_weights.tolist(), strict=True))
-    return tuple(_point(series, fit, c, weights.get(c.frame, 0.0)) for c in series.candidates)
+    names = [c.frame for c in series.used]
+    weights = dict(zip(names, fit.k_weights.tolist(), strict=True))
+    weighed = {} if robust is None else dict(zip(names, robust.tolist(), strict=True))
+    return tuple(
+        _point(series, fit, c, weights.get(c.frame, 0.0), weighed.get(c.frame)) for c in series.candidates
+    )
 
 
-def _point(series: IsoSeries, fit: CurveFit, candidate: Candidate, weight: float) -> Point:
-    adjusted = candidate.adjust_dn(series.dark.signal_dn)
+def _point(
+    series: IsoSeries, fit: CurveFit, candidate: Candidate, weight: float, robust_weight: float | None
+) -> Point:
+    adjusted = candidate.adjusted_dn
     fitted = error = None
     if candidate.rhs is not None:
         fitted = _finite(float(models.predict(fit.model, fit.parameters, np.array([candidate.rhs]))[0]))
@@ -315,7 +388,7 @@ def _point(series: IsoSeries, fit: CurveFit, candidate: Candidate, weight: float
         signal_dn=candidate.signal.value_dn,
         signal_standard_uncertainty_dn=candidate.signal.standard_uncertainty_dn,
         saturated_share=candidate.signal.saturated_share,
-        dark_signal_dn=series.dark.signal_dn,
+        dark_signal_dn=candidate.dark.signal_dn,
         adjusted_signal_dn=adjusted,
         fitted_signal_dn=fitted,
         fitted_luminance_cd_m2=luminance * (1.0 + error)
@@ -324,4 +397,5 @@ def _point(series: IsoSeries, fit: CurveFit, candidate: Candidate, weight: float
         residual_rel=error,
         weight=weight,
         lens_share=candidate.lens_share,
+        robust_weight=robust_weight,
     )

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from radiometry.findings import Reason, shared
 from radiometry.frame.statistics import ChannelStatistics
-from radiometry.luminance.points import Candidate, IsoSeries, is_below_detection, is_saturated
+from radiometry.luminance.points import IsoSeries, is_below_detection, is_saturated
 
 UNEVEN_REL = 0.05
 """Standard deviation of the light over the region, of its mean. A meter's spot somewhere in the region then
@@ -70,13 +70,13 @@ def inspect_evenness(series: IsoSeries, rows: Rows, *, dark_std_dn: float) -> di
            variance
     """
     judged = [c for c in series.candidates if not is_saturated(c.signal)]
-    judged = [c for c in judged if not is_below_detection(c.signal, series.dark)]
-    spreads = {c.frame: _measure_spread(rows[c.frame], _adjusted(c, series), dark_std_dn) for c in judged}
+    judged = [c for c in judged if not is_below_detection(c.signal, c.dark)]
+    spreads = {c.frame: _measure_spread(rows[c.frame], c.above_dark_dn, dark_std_dn) for c in judged}
     gain = max(0.0, min((per_dn + _ERRORS * error for per_dn, error in spreads.values()), default=0.0))
     found = {}
     for candidate in judged:
-        adjusted = _adjusted(candidate, series)
-        if adjusted < JUDGED_SHARE * (candidate.signal.white_level_dn - series.dark.signal_dn):
+        adjusted = candidate.above_dark_dn
+        if adjusted < JUDGED_SHARE * candidate.span_dn:
             continue
         per_dn, error = spreads[candidate.frame]
         unevenness = math.sqrt(max(0.0, per_dn - _ERRORS * error - gain) / adjusted)
@@ -84,10 +84,6 @@ def inspect_evenness(series: IsoSeries, rows: Rows, *, dark_std_dn: float) -> di
         if unevenness > UNEVEN_REL or abs(skew) > SKEWED_REL:
             found[candidate.frame] = [_uneven(unevenness, skew)]
     return found
-
-
-def _adjusted(candidate: Candidate, series: IsoSeries) -> float:
-    return candidate.signal.value_dn - series.dark.signal_dn
 
 
 def _measure_spread(

@@ -6,7 +6,6 @@ from statistics import NormalDist
 from radiometry.findings import Reason, shared
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.luminance import codes
-from radiometry.luminance.dark import Dark
 from radiometry.luminance.messages import show_stops
 from radiometry.luminance.points import (
     MOST_SATURATED_SHARE,
@@ -41,7 +40,7 @@ _MORE = "a longer time, a larger aperture (smaller f-number) or a brighter level
 
 
 def inspect_exposure(
-    candidate: Candidate, dark: Dark, rows: Sequence[ChannelStatistics], *, expected_signal_dn: float | None
+    candidate: Candidate, rows: Sequence[ChannelStatistics], *, expected_signal_dn: float | None
 ) -> list[Reason]:
     """Check whether a light frame has too much or too little light, and by how many stops.
 
@@ -49,8 +48,6 @@ def inspect_exposure(
     ----------
     candidate : Candidate
         Light frame.
-    dark : Dark
-        Dark signal of its ISO value.
     rows : sequence of ChannelStatistics
         Statistics of which the signal is made.
     expected_signal_dn : float or None
@@ -69,10 +66,9 @@ def inspect_exposure(
     std, and never above the largest sample. For a clipped region they are where a
     distribution with its median and its clipped fraction has 0.1 % above it.
     """
-    signal = candidate.signal
-    span = signal.white_level_dn - dark.signal_dn
-    if is_saturated(signal):
-        return [_clipped(candidate, dark, rows, span, expected_signal_dn)]
+    dark, span = candidate.dark, candidate.span_dn
+    if is_saturated(candidate.signal):
+        return [_clipped(candidate, rows, expected_signal_dn)]
     highlights = max(min(row.max_dn, row.mean_dn + _HIGHLIGHT_SIGMAS * row.std_dn) for row in rows)
     if highlights - dark.signal_dn >= NEAR_WHITE_SHARE * span:
         share = (highlights - dark.signal_dn) / span
@@ -81,14 +77,14 @@ def inspect_exposure(
             f"{show_stops(share / AIM_SHARE)} less light: {_LESS}."
         )
         return [codes.NEARLY_CLIPPED.reason(detail)]
-    return _inspect_weakness(candidate, dark, span)
+    return _inspect_weakness(candidate)
 
 
-def _inspect_weakness(candidate: Candidate, dark: Dark, span: float) -> list[Reason]:
-    adjusted = candidate.signal.value_dn - dark.signal_dn
-    error = signal_error_dn(candidate.signal, dark)
-    useful = max(USEFUL_SHARE * span, USEFUL_ERRORS * error)
-    if is_below_detection(candidate.signal, dark):
+def _inspect_weakness(candidate: Candidate) -> list[Reason]:
+    adjusted = candidate.above_dark_dn
+    error = signal_error_dn(candidate.signal, candidate.dark)
+    useful = max(USEFUL_SHARE * candidate.span_dn, USEFUL_ERRORS * error)
+    if is_below_detection(candidate.signal, candidate.dark):
         # what may be nothing but noise says only how many stops are needed at least
         stops = show_stops(useful / max(adjusted, error))
         detail = (
@@ -106,19 +102,16 @@ def _inspect_weakness(candidate: Candidate, dark: Dark, span: float) -> list[Rea
 
 
 def _clipped(
-    candidate: Candidate,
-    dark: Dark,
-    rows: Sequence[ChannelStatistics],
-    span: float,
-    expected_signal_dn: float | None,
+    candidate: Candidate, rows: Sequence[ChannelStatistics], expected_signal_dn: float | None
 ) -> Reason:
-    excess = [_estimate_highlights(row) - dark.signal_dn for row in rows if row.saturated_share < 0.5]
+    dark_dn = candidate.dark.signal_dn
+    excess = [_estimate_highlights(row) - dark_dn for row in rows if row.saturated_share < 0.5]
     if expected_signal_dn is not None:
         excess.append(expected_signal_dn)
     if len(excess) == 0:
         amount = f"at least {show_stops(_UNKNOWN_EXCESS)}"
     else:
-        amount = show_stops(max(1.0, max(excess) / (AIM_SHARE * span)))
+        amount = show_stops(max(1.0, max(excess) / (AIM_SHARE * candidate.span_dn)))
     detail = (
         f"{candidate.signal.saturated_share:.2%} of the region is clipped, more than "
         f"{MOST_SATURATED_SHARE:.1%}: the fit leaves it out. Give it {amount} less light: {_LESS}."

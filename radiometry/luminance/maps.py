@@ -86,10 +86,11 @@ def find_map_scale(
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     require_alike(coefficient, corrected=lens is not None)
+    time_s = exposure.on_basis(coefficient.exposure_basis).exposure_time_s
     return MapScale(
         slope_cd_m2_per_dn=luminance_per_dn(coefficient, exposure)
         * math.prod(each.factor for each in corrections),
-        dark_signal_dn=coefficient.dark_signal_dn,
+        dark_signal_dn=coefficient.at(time_s).dark_signal_dn,
         channel=coefficient.channel,
         lens=lens,
         offset_cd_m2=sum(each.offset_cd_m2 for each in corrections),

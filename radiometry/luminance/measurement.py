@@ -182,6 +182,7 @@ def measure(
     is shared by them, the rest is each cell's own.
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
+    coefficient = coefficient.at(exposure.on_basis(coefficient.exposure_basis).exposure_time_s)
     lens = correction.lens if correction else None
     camera = _Camera(exposure, coefficient, lens, ())
     cells = lay_grid(request.grid) if request.grid else ()

@@ -17,6 +17,7 @@ from scipy.special import chdtri
 
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, FrameEvidence
+from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 from radiometry.frame import Frame
 from radiometry.frame.darkness import flag_not_dark
 from radiometry.frame.roi import Polygon, Window, mask
@@ -29,6 +30,7 @@ from radiometry.luminance.dark import check_dark
 from radiometry.luminance.darkness import inspect_darks
 from radiometry.luminance.planning import plan
 from radiometry.luminance.points import (
+    DETECTION_ERRORS,
     FEW_POINTS,
     IsoSeries,
     collect_series,
@@ -78,6 +80,9 @@ __all__ = [
 _NONLINEARITY = 0.02
 _IMPLAUSIBLE_RATIO = 4.0
 _CHANCE = 0.01
+_AICC_DIFFERENCE = 10.0
+_DISCOUNTED = 0.1
+_MOST_NAMES = 3
 
 
 def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
@@ -136,6 +141,8 @@ def make_row(evidence: FrameEvidence[None]) -> FrameRow:
         statistics=evidence.statistics,
         has_region=evidence.has_region,
         rendered=evidence.header.rendered,
+        assumes_black=evidence.header.assumes_black,
+        taken_at=evidence.header.taken_at,
         gain_maps=tuple(maps),
     )
 
@@ -188,8 +195,9 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         Coefficients, points and flags. Per ISO value: `dark_exposure_differs`,
         `dark_from_black_level`, `dark_from_few_frames`, `dark_varies`,
         `dark_not_dark`, `nonlinear`, `implausible_k`, `few_points`,
-        `tolerance_exceeded`, `scatter_exceeds_uncertainty`, `gain_maps_differ`,
-        `rendered`, `meter_repeatability_estimated`, `apex_missing`. Per scene:
+        `tolerance_exceeded`, `scatter_exceeds_uncertainty`, `scatter_implausible`,
+        `offset_significant`, `outliers_discounted`, `gain_maps_differ`, `rendered`,
+        `meter_repeatability_estimated`, `apex_missing`. Per scene:
         `lamp_drift`, `rho_cross_check`. Of the whole: `meter_certificate_missing`,
         `semilog_model`.
 
@@ -214,16 +222,22 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     series = collect_series(rows, readings, params)
     fitted = [fit_series(one, params, calibration_u_rel=calibration_u_rel) for one in series]
     iso_fits = tuple(iso_fit for iso_fit, _ in fitted)
+    points = tuple(itertools.chain.from_iterable(points for _, points in fitted))
     flags = check_scenes(scenes)
     for one, iso_fit in zip(series, iso_fits, strict=True):
         flags += _check_series(one, rows, params) + _check_fit(one, iso_fit, params)
+    for one in series:
+        outliers = [p.frame for p in points if p.iso == one.iso and (p.robust_weight or 1.0) < _DISCOUNTED]
+        if outliers:
+            named = f"{', '.join(outliers[:_MOST_NAMES])}{' and more' if len(outliers) > _MOST_NAMES else ''}"
+            flags.append(codes.OUTLIERS_DISCOUNTED.at(f"iso {one.iso:g}", f"{len(outliers)}: {named}."))
     if not certified:
         flags.append(codes.METER_CERTIFICATE_MISSING.at("", "A reading's meter has no certificate."))
     if params.model == "semilog":
         flags.append(codes.SEMILOG_MODEL.at("", "Chosen by the parameters of this fit."))
     return Fit(
         iso_fits=iso_fits,
-        points=tuple(itertools.chain.from_iterable(points for _, points in fitted)),
+        points=points,
         scenes=scenes,
         flags=tuple(flags),
         tolerance_rel=params.tolerance_rel,
@@ -301,7 +315,7 @@ def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -
         iso=series.iso,
         light_times_s=[candidate.settings.exposure_time_s for candidate in series.used],
         dark_times_s=series.dark_times_s,
-        weakest_signal_dn=min(c.signal.value_dn for c in series.used) - series.dark.signal_dn,
+        weakest_signal_dn=min(c.above_dark_dn for c in series.used),
     )
     excluded = {exclusion.frame for exclusion in params.exclude}
     mine = [row for row in rows if row.exposure.iso == series.iso and row.frame not in excluded]
@@ -312,6 +326,11 @@ def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -
     rendered = sum(row.rendered for row in light)
     if rendered:
         flags.append(shared.RENDERED.at(where, f"Rendered frames: {rendered} of {len(light)}."))
+    assumed = sum(row.assumes_black for row in light)
+    if assumed:
+        use = "for plausibility alone" if series.dark_times_s else "as the dark signal"
+        detail = f"Frames without a black level: {assumed} of {len(light)}; 0 DN is used {use}."
+        flags.append(shared.BLACK_LEVEL_ASSUMED.at(where, detail))
     maps = {tuple(sorted(row.gain_maps)) for row in light}
     if len(maps) > 1:
         flags.append(codes.GAIN_MAPS_DIFFER.at(where, f"Different sets of gain maps: {len(maps)}."))
@@ -333,9 +352,14 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
     if not 1 / _IMPLAUSIBLE_RATIO <= k / iso_fit.expected_k <= _IMPLAUSIBLE_RATIO:
         flags.append(codes.IMPLAUSIBLE_K.at(where, f"K {k:.4g}, expected {iso_fit.expected_k:.4g}."))
     flags += _check_scatter(by_model[params.model], where)
+    flags += _check_offset(by_model, series, iso_fit.coefficient, where)
     if params.meter_repeatability_rel is None and params.model != "semilog":
         estimate = by_model[params.model].meter_repeatability_rel or 0.0
-        flags.append(codes.METER_REPEATABILITY_ESTIMATED.at(where, f"Estimated: {estimate:.2%}."))
+        if estimate > IMPLAUSIBLE_SCATTER_REL:
+            detail = f"Estimated from the scatter between scenes: {estimate:.0%} for one meter reading."
+            flags.append(shared.SCATTER_IMPLAUSIBLE.at(where, detail))
+        else:
+            flags.append(codes.METER_REPEATABILITY_ESTIMATED.at(where, f"Estimated: {estimate:.2%}."))
     if not iso_fit.passed:
         width = f", U {iso_fit.expanded_u_rel:.1%}" if iso_fit.expanded_u_rel is not None else ""
         detail = (
@@ -344,6 +368,34 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
         )
         flags.append(codes.TOLERANCE_EXCEEDED.at(where, detail))
     return flags
+
+
+def _check_offset(
+    by_model: dict[str, ModelFit], series: IsoSeries, coefficient: Coefficient, where: str
+) -> list[Raised]:
+    """Compare the affine model with the proportional one; at 10 in AICc the latter has hardly any support."""
+    weakest_dn = coefficient.signal_range_dn[0]
+    rate, u_rate = coefficient.dark_rate_dn_per_s or 0.0, coefficient.dark_rate_standard_uncertainty_dn_per_s
+    if not series.dark.rate_measured and u_rate and abs(rate) > DETECTION_ERRORS * u_rate:
+        longest_s = max(coefficient.exposure_times_s, key=lambda time_s: abs(time_s - series.dark.time_s))
+        offset = rate * (longest_s - series.dark.time_s)
+        detail = (
+            f"Offset that differs by {offset:+.3g} DN between {longest_s:g} s and {series.dark.time_s:g} s, "
+            "taken as dark current: take dark frames at both times."
+        )
+        return [codes.OFFSET_SIGNIFICANT.at(where, detail)]
+    with_offset, without = by_model.get("affine"), by_model["proportional"]
+    if with_offset is None or with_offset.aicc is None or without.aicc is None:
+        return []
+    better = without.aicc - with_offset.aicc
+    if better <= _AICC_DIFFERENCE:
+        return []
+    offset, u_offset = with_offset.parameters[1], with_offset.covariance[1][1] ** 0.5
+    detail = (
+        f"Offset {offset:+.3g} DN, standard uncertainty {u_offset:.2g} DN: {abs(offset) / weakest_dn:.0%} of "
+        f"the weakest point; AICc is better by {better:.0f}."
+    )
+    return [codes.OFFSET_SIGNIFICANT.at(where, detail)]
 
 
 def _check_scatter(chosen: ModelFit, where: str) -> list[Raised]:

@@ -71,7 +71,7 @@ def _plan_darks(series: IsoSeries) -> list[str]:
         iso=series.iso,
         light_times_s=[candidate.settings.exposure_time_s for candidate in series.used],
         dark_times_s=series.dark_times_s,
-        weakest_signal_dn=min(c.signal.value_dn for c in series.used) - series.dark.signal_dn,
+        weakest_signal_dn=min(c.above_dark_dn for c in series.used),
     )
     advice: dict[str, str] = {
         codes.DARK_FROM_FEW_FRAMES: "fewer than three dark frames at {iso}: add some at other apertures",

@@ -10,6 +10,7 @@ from radiometry.frame.exposure import Settings, compute_rhs
 from radiometry.frame.statistics import Signal, measure_signal
 from radiometry.luminance.conditions import Colour, measure_colour
 from radiometry.luminance.dark import Dark, estimate_dark
+from radiometry.luminance.lamp import Change, follow_lamp
 from radiometry.luminance.results import SceneSummary
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import summarise_scenes
@@ -18,6 +19,7 @@ MOST_SATURATED_SHARE = 0.001
 DETECTION_ERRORS = 3.0
 FEWEST_SCENES = 3
 FEW_POINTS = 6
+_BASE_ISO = 100.0
 
 _MOST_NAMES = 3
 
@@ -37,9 +39,14 @@ class Candidate:
     signal : Signal
         Signal of its region.
     luminance_cd_m2 : float or None
-        Meter reading of its scene [cd/m2]; None if there is none.
+        Meter reading of its scene at the time of the frame [cd/m2]; None if there is
+        none.
     readings : int
         Number of meter readings of the scene.
+    dark : Dark
+        Dark signal at its exposure time.
+    lamp : Change
+        Change of the lamp from the readings to the frame.
     rhs : float or None
         Right-hand side X; None without a reading.
     left_out : str
@@ -56,25 +63,27 @@ class Candidate:
     signal: Signal
     luminance_cd_m2: float | None
     readings: int
+    dark: Dark
+    lamp: Change
     rhs: float | None
     left_out: str
     lens_share: Quantity | None = None
     colour: Colour | None = None
 
-    def adjust_dn(self, dark_dn: float) -> float:
-        """Return the signal above dark, divided by V if vignetting is corrected.
+    @property
+    def above_dark_dn(self) -> float:
+        """Signal above dark [DN]."""
+        return self.signal.value_dn - self.dark.signal_dn
 
-        Parameters
-        ----------
-        dark_dn : float
-            Dark signal [DN].
+    @property
+    def span_dn(self) -> float:
+        """Signal above dark at the white level [DN]."""
+        return self.signal.white_level_dn - self.dark.signal_dn
 
-        Returns
-        -------
-        float
-            Adjusted signal [DN].
-        """
-        return (self.signal.value_dn - dark_dn) / (self.lens_share.value if self.lens_share else 1.0)
+    @property
+    def adjusted_dn(self) -> float:
+        """Signal above dark, divided by V if vignetting is corrected [DN]."""
+        return self.above_dark_dn / (self.lens_share.value if self.lens_share else 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +140,7 @@ def collect_series(
     """
     scenes = {s.scene: s for s in summarise_scenes(readings, panel_rho=params.panel_rho)}
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
+    lamp = follow_lamp(rows, readings, params)
     series = []
     measured = [row for row in rows if row.statistics]
     for iso in sorted(
@@ -140,7 +150,7 @@ def collect_series(
         black = [row for row in measured if row.exposure.iso == iso and row.role == "dark"]
         black = [row for row in black if row.frame not in excluded]
         if light:
-            series.append(_one_iso(iso, light, black, scenes, params))
+            series.append(_one_iso(iso, light, black, scenes, lamp, params))
     return tuple(series)
 
 
@@ -149,23 +159,35 @@ def _one_iso(
     light: list[FrameRow],
     black: list[FrameRow],
     scenes: dict[str, SceneSummary],
+    lamp: dict[str, Change],
     params: Params,
 ) -> IsoSeries:
     signals = {
         row.frame: measure_signal(row.statistics or (), channel=params.channel) for row in light + black
     }
-    dark = estimate_dark([signals[row.frame] for row in black], [signals[row.frame] for row in light])
-    found = [_candidate(row, signals[row.frame], dark, scenes.get(row.scene or ""), params) for row in light]
+    lit = [signals[row.frame] for row in light]
+    times = [row.exposure.on_basis(params.exposure_basis).exposure_time_s for row in black]
+    span_dn = max(min(each.white_level_dn - each.black_level_dn for each in lit), 1.0)
+    dark = estimate_dark(
+        [signals[row.frame] for row in black],
+        lit,
+        times_s=times,
+        plausible_rate_dn_per_s=params.dark_rate_u_rel * span_dn * iso / _BASE_ISO,
+    )
+    found = [
+        _candidate(row, signals[row.frame], dark, scenes.get(row.scene or ""), lamp[row.frame], params)
+        for row in light
+    ]
     found.sort(key=lambda c: (c.scene, c.settings.f_number, c.settings.exposure_time_s, c.frame))
-    times = sorted(row.exposure.on_basis(params.exposure_basis).exposure_time_s for row in black)
-    return IsoSeries(iso=iso, dark=dark, dark_times_s=tuple(times), candidates=tuple(found))
+    return IsoSeries(iso=iso, dark=dark, dark_times_s=tuple(sorted(times)), candidates=tuple(found))
 
 
 def _candidate(
-    row: FrameRow, signal: Signal, dark: Dark, scene: SceneSummary | None, params: Params
+    row: FrameRow, signal: Signal, dark: Dark, scene: SceneSummary | None, lamp: Change, params: Params
 ) -> Candidate:
     settings = row.exposure.on_basis(params.exposure_basis)
-    luminance = scene.luminance_cd_m2 if scene else None
+    dark = dark.at(settings.exposure_time_s)
+    luminance = scene.luminance_cd_m2 * lamp.ratio if scene else None
     return Candidate(
         frame=row.frame,
         scene=row.scene or "",
@@ -173,6 +195,8 @@ def _candidate(
         signal=signal,
         luminance_cd_m2=luminance,
         readings=scene.readings if scene else 0,
+        dark=dark,
+        lamp=lamp,
         rhs=compute_rhs(settings, luminance_cd_m2=luminance) if luminance is not None else None,
         left_out=_why_left_out(row, signal, dark, scene, params),
         lens_share=row.lens_share,

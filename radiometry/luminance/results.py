@@ -1,6 +1,7 @@
 """Results of a luminance fit, ready for JSON; what does not exist is None."""
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
@@ -37,7 +38,7 @@ class Coefficient:
     effective_dof : float or None
         Effective degrees of freedom; None if infinite.
     dark_signal_dn, dark_signal_standard_uncertainty_dn : float
-        Dark signal and its standard uncertainty [DN].
+        Dark signal at `dark_time_s` and its standard uncertainty [DN].
     black_level_dn, white_level_dn : float
         Mean black level and lowest white level of the points used [DN].
     parameter_names : tuple of str
@@ -62,6 +63,10 @@ class Coefficient:
         Content hash of the vignetting version that K holds with; None without any.
     conditions : CalibrationConditions or None
         Lamp, response, colour and distance; None if the campaign states none of them.
+    dark_time_s, dark_rate_dn_per_s, dark_rate_standard_uncertainty_dn_per_s : float or None
+        Exposure time at which `dark_signal_dn` holds [s], and the rate at which the
+        dark signal grows with it, with its standard uncertainty [DN/s]; None in
+        older versions, whose dark signal does not depend on time.
     """
 
     iso: float
@@ -90,6 +95,35 @@ class Coefficient:
     rhs_range: tuple[float, float]
     vignetting: str | None = field(default=None, metadata=LATER)
     conditions: CalibrationConditions | None = field(default=None, metadata=LATER)
+    dark_time_s: float | None = field(default=None, metadata=LATER)
+    dark_rate_dn_per_s: float | None = field(default=None, metadata=LATER)
+    dark_rate_standard_uncertainty_dn_per_s: float | None = field(default=None, metadata=LATER)
+
+    def at(self, time_s: float) -> "Coefficient":
+        """Return the coefficient with the dark signal of an exposure time.
+
+        Parameters
+        ----------
+        time_s : float
+            Exposure time [s], on the calibration's basis.
+
+        Returns
+        -------
+        Coefficient
+            `dark_signal_dn` and its standard uncertainty are those at `time_s`.
+        """
+        if self.dark_time_s is None:
+            return self
+        apart_s = time_s - self.dark_time_s
+        rate_u = self.dark_rate_standard_uncertainty_dn_per_s or 0.0
+        return replace(
+            self,
+            dark_time_s=time_s,
+            dark_signal_dn=self.dark_signal_dn + apart_s * (self.dark_rate_dn_per_s or 0.0),
+            dark_signal_standard_uncertainty_dn=math.hypot(
+                self.dark_signal_standard_uncertainty_dn, apart_s * rate_u
+            ),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +201,8 @@ class Point:
     left_out : str
         "" for a point that was used, else the reason.
     luminance_cd_m2 : float or None
-        Meter reading of the scene [cd/m2].
+        Meter reading of the scene [cd/m2], at the time of the frame where the
+        readings show how the lamp drifted.
     rhs : float or None
         Right-hand side X.
     signal_dn, signal_standard_uncertainty_dn : float
@@ -188,6 +223,9 @@ class Point:
         Weight in K: adjusted signal times weight, summed, is K; 0 if left out.
     lens_share : Quantity or None
         Relative illumination V; None without vignetting correction.
+    robust_weight : float or None
+        Weight of the point's scatter in a robust fit: about 1, near 0 for an outlier;
+        None in a fit by least squares.
     """
 
     frame: str
@@ -209,6 +247,7 @@ class Point:
     residual_rel: float | None
     weight: float
     lens_share: Quantity | None = field(default=None, metadata=LATER)
+    robust_weight: float | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

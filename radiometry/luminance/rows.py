@@ -1,15 +1,17 @@
 """Inputs of a luminance fit: parameters, frames with their statistics, meter readings."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.specification.parameters import check_parameters, parameter
+from radiometry.specification.stored import LATER
 from radiometry.spectral.curves import list_lamps, list_responses, read_lamp, read_response
 
 Model = Literal["proportional", "affine", "power", "semilog"]
+Estimator = Literal["least_squares", "robust"]
 Signal = Literal["green", "grey"]
 Basis = Literal["nominal", "apex"]
 Acceptance = Literal["simple", "guarded", "shared_risk"]
@@ -29,6 +31,13 @@ class Params:
             "power": "Power: ln N = ln K + g ln X",
             "semilog": "Semilog: only to reproduce an old report",
         },
+    )
+    estimator: Estimator = parameter(
+        "least_squares",
+        label="Estimator",
+        description="How points that scatter are weighed. Robust: frames that lie apart from all others lose "
+        "their weight; it costs little where there are none.",
+        labels={"least_squares": "Least squares", "robust": "Robust against outliers"},
     )
     tolerance_rel: float = parameter(
         0.04,
@@ -77,6 +86,27 @@ class Params:
         label="Uncertainty of the exposure time",
         description="Relative standard uncertainty of a nominal exposure time. Electronic shutters are "
         "timed by a quartz; what is left is the choice of 1/60 or 1/64 s (parameter exposure_basis).",
+        minimum=0.0,
+        maximum=1.0,
+        below_maximum=True,
+    )
+    lamp_drift_u_rel: float = parameter(
+        0.014,
+        label="Lamp drift",
+        description="Relative standard uncertainty of the change of the lamp's luminance during a scene, "
+        "where its readings do not show it. 0.014 is 2 %, the drift that is flagged, as a U-shaped "
+        "distribution.",
+        minimum=0.0,
+        maximum=1.0,
+        below_maximum=True,
+    )
+    dark_rate_u_rel: float = parameter(
+        0.002,
+        label="Plausible dark current",
+        description="Standard uncertainty of the growth of the dark signal with exposure time where no dark "
+        "frames of two times determine it: fraction of the span from black to white per second at ISO 100, "
+        "in proportion at other ISO values. 0.002 is 50 e-/s of a full well of 25,000 e-.",
+        unit="1/s",
         minimum=0.0,
         maximum=1.0,
         below_maximum=True,
@@ -222,6 +252,10 @@ class FrameRow:
         False if no region is drawn for it.
     rendered : bool, default: False
         True if the frame is a converted image.
+    assumes_black : bool, default: False
+        True if the file states no black level, so that 0 is read for it.
+    taken_at : str or None, default: None
+        Time at which the frame was taken, as in RFC 3339, with or without offset.
     gain_maps : tuple of str, default: ()
         Hash of each GainMap opcode of the file.
     lens_share : Quantity or None, default: None
@@ -235,6 +269,8 @@ class FrameRow:
     statistics: tuple[ChannelStatistics, ...] | None
     has_region: bool = True
     rendered: bool = False
+    assumes_black: bool = False
+    taken_at: str | None = None
     gain_maps: tuple[str, ...] = ()
     lens_share: Quantity | None = None
 
@@ -258,6 +294,8 @@ class Reading:
         none.
     coverage_factor : float or None, default: None
         Coverage factor from the same certificate.
+    taken_at : str or None, default: None
+        Time of the reading, as in RFC 3339 with its offset.
     """
 
     scene: str
@@ -266,3 +304,4 @@ class Reading:
     meter: str | None = None
     expanded_uncertainty_rel: float | None = None
     coverage_factor: float | None = None
+    taken_at: str | None = field(default=None, metadata=LATER)

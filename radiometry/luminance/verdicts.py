@@ -77,7 +77,6 @@ def _inspect_series(
     exposing = {
         candidate.frame: inspect_exposure(
             candidate,
-            series.dark,
             measured[candidate.frame],
             expected_signal_dn=expected.get(candidate.frame),
         )

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from radiometry.findings import Finding, Raised, shared
-from radiometry.frame.darkness import name_not_dark
+from radiometry.frame.darkness import flag_assumed_black, name_not_dark
 from radiometry.noise import codes
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.darkness import find_not_dark
@@ -47,8 +47,8 @@ def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
     return tuple(found)
 
 
-def check_rendered(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
-    """Check whether frames are rendered, so that a tone curve lies between light and numbers.
+def check_headers(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
+    """Check whether frames are rendered, with a tone curve between light and numbers, or lack a black level.
 
     Parameters
     ----------
@@ -58,11 +58,12 @@ def check_rendered(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
     Returns
     -------
     tuple of Raised
-        Flag if frames are rendered.
+        Flags `rendered` and `black_level_assumed`.
     """
     rendered = sum(row.header.rendered for row in rows)
     detail = f"Rendered frames: {rendered} of {len(rows)}."
-    return (shared.RENDERED.at("", detail),) if rendered else ()
+    found = (shared.RENDERED.at("", detail),) if rendered else ()
+    return (*found, *flag_assumed_black([row.header for row in rows]))
 
 
 def _check_stacks(each: FittedChannel) -> list[tuple[Finding, str]]:

@@ -21,7 +21,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
 from radiometry.noise.blocks import Features, FrameRow, extract_features
-from radiometry.noise.findings import check_fits, check_rendered
+from radiometry.noise.findings import check_fits, check_headers
 from radiometry.noise.fit import fit_channel
 from radiometry.noise.planning import plan
 from radiometry.noise.points import collect_stacks, describe_points
@@ -143,7 +143,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     return Fit(
         channel_fits=tuple(each.fit for each in fitted),
         points=describe_points(rows, stacks, fitted, params),
-        flags=(*check_rendered(rows), *check_fits(fitted)),
+        flags=(*check_headers(rows), *check_fits(fitted)),
     )
 
 

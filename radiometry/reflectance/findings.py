@@ -59,8 +59,10 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
     Returns
     -------
     list of Raised
-        Flags `sensor_model_scale`, `black_level_disagrees`.
+        Flags `black_level_assumed`, `sensor_model_scale`, `black_level_disagrees`.
     """
+    if header.assumes_black:
+        return [shared.BLACK_LEVEL_ASSUMED.at(where, "0 DN was subtracted from the signal.")]
     band = header.multispectral
     if band is None:
         return []

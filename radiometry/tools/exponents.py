@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, shared
+from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.sources import IMPLAUSIBLE_SCATTER_REL
 
 SETTINGS = ("exposure_time_s", "f_number", "iso")
 
@@ -81,12 +82,15 @@ class ExponentFit:
         Rows that were not used.
     scatter_rel : float
         Relative scatter of the signal about the fit.
+    flags : tuple of Raised
+        `scatter_implausible` if it is above 5 %, as in a luminance fit.
     """
 
     exponents: dict[str, Quantity]
     used: int
     left_out: tuple[LeftOut, ...]
     scatter_rel: float
+    flags: tuple[Raised, ...]
 
 
 def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: float) -> ExponentFit:
@@ -136,6 +140,8 @@ def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: 
     theta, *_ = np.linalg.lstsq(design, response, rcond=None)
     residual = response - design @ theta
     variance = float(residual @ residual) / (len(kept) - design.shape[1])
+    scatter = math.sqrt(variance)
+    wild = [shared.SCATTER_IMPLAUSIBLE.at("", f"Scatter about the fit: {scatter:.0%} of the signal.")]
     covariance = variance * np.linalg.inv(design.T @ design)
     return ExponentFit(
         exponents={
@@ -148,7 +154,8 @@ def fit_exponents(rows: Sequence[SeriesRow], *, dark_dn: float, white_level_dn: 
         },
         used=len(kept),
         left_out=tuple(left_out),
-        scatter_rel=math.sqrt(variance),
+        scatter_rel=scatter,
+        flags=tuple(wild if scatter > IMPLAUSIBLE_SCATTER_REL else ()),
     )
 
 

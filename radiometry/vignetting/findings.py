@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from radiometry.findings import Raised, shared
-from radiometry.frame.darkness import flag_not_dark
+from radiometry.frame.darkness import flag_assumed_black, flag_not_dark
 from radiometry.vignetting import codes
 from radiometry.vignetting.curve import (
     evaluate_curve,
@@ -108,6 +108,7 @@ def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], para
     rendered = sum(candidate.row.header.rendered for candidate in used)
     if rendered:
         flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
+    flags += flag_assumed_black([each.row.header for each in used])
     return flags + _check_darks(used) + _check_darkness(used, rows, params)
 
 

@@ -120,7 +120,7 @@ def _readings(record: CalibrationRecord) -> list[UsedReading]:
     if get_method(record.calibration.method).reference != "meter":
         return []
     found = zip(record.calibration.inputs["readings"], record.readings, strict=True)
-    return [UsedReading.restate(used, row, unit=_SI[used["quantity"]]) for used, row in found]
+    return [UsedReading.restate(row, used, unit=_SI[used["quantity"]]) for used, row in found]
 
 
 def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:

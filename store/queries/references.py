@@ -92,12 +92,13 @@ def _read_meters(session: Session, campaign: Campaign, spec: MethodSpec) -> list
             meter=f"{meter.make} {meter.model} {meter.serial}" if meter else None,
             expanded_uncertainty_rel=meter.certificate_expanded_uncertainty_rel if meter else None,
             coverage_factor=meter.certificate_coverage_factor if meter else None,
+            taken_at=reading.taken_at.isoformat().replace("+00:00", "Z") if reading.taken_at else None,
         )
         for reading, meter in rows
     ]
     # by content, not by arrival, and here, since databases do not agree on the order of texts: neither the
     # last bit of K nor the content's hash may depend on either
-    return sorted(readings, key=lambda reading: (reading.scene, reading.quantity, reading.value))
+    return sorted(readings, key=lambda r: (r.scene, r.quantity, r.value, r.taken_at or ""))
 
 
 def _meters(session: Session, campaign: Campaign) -> list[dict[str, Any]]:

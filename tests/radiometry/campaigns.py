@@ -9,7 +9,7 @@ from scipy.special import ndtr
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.luminance.rows import FrameRow, Reading
-from simulation.luminance import X5S, Campaign, Errors, plan_campaign
+from simulation.luminance import X5S, Campaign, Errors, clock, plan_campaign
 
 TRUE_K = 30.0
 
@@ -21,19 +21,27 @@ class Drawn:
     readings: tuple[Reading, ...]
 
 
-def draw(seed, *, errors=None, isos=(3200.0,), pixels=20000, camera=X5S):
+def draw(seed, *, errors=None, isos=(3200.0,), pixels=20000, camera=X5S, timed=False, **planned):
     """Simulate a campaign's statistics."""
     random = np.random.default_rng(seed)
-    campaign = plan_campaign(camera, random, errors=errors or Errors(), isos=isos)
+    campaign = plan_campaign(camera, random, errors=errors or Errors(), isos=isos, **planned)
     rows = tuple(draw_row(campaign.camera, s, random, pixels=pixels) for s in campaign.shots)
-    return Drawn(campaign, rows, campaign.readings)
+    readings = campaign.readings
+    if timed:
+        rows = tuple(
+            dataclasses.replace(row, taken_at=row.scene and clock(row.scene, shot.after_s))
+            for row, shot in zip(rows, campaign.shots, strict=True)
+        )
+    else:
+        readings = tuple(dataclasses.replace(reading, taken_at=None) for reading in readings)
+    return Drawn(campaign, rows, readings)
 
 
 def draw_row(camera, shot, random, *, pixels, true_k=TRUE_K):
     """The statistics of a region's greens without its pixels, of which each channel has so many."""
     sensor, true = camera.sensor, camera.set_truly(shot.settings)
     gain = sensor.gain(true.iso)
-    light_dn = true_k * true.exposure_time_s * true.iso * shot.lamp.luminance_cd_m2 / true.f_number**2
+    light_dn = true_k * true.exposure_time_s * true.iso * shot.lamp.shine(shot.after_s) / true.f_number**2
     dark_dn = gain * sensor.dark_current_e_s * true.exposure_time_s
     mean = sensor.black_level_dn + light_dn + dark_dn
     variance = gain * (light_dn + dark_dn) + (gain * sensor.read_noise_e) ** 2 + 1 / 12

@@ -32,6 +32,10 @@ def fit_power(rhs, signal_dn):
         repeatability_u_rel=0.0,
         lens_shares=np.ones(n),
         lens_u_rel=np.zeros(n),
+        dark_lever_s=np.zeros(n),
+        lamp_u_rel=np.zeros(n),
+        lamp_labels=("",) * n,
+        scatter_weights=np.ones(n),
     )
     return fit_curve(curve, model="power")
 

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from radiometry.tools.exponents import ExponentFit, LeftOut, SeriesRow
 from service.schemas.base import Answer, Form, Number, Quantity, Text
+from service.schemas.fleet import FlagRaised
 from service.schemas.tools.settings import EXPOSURE_TIMES_S, ExposureTime
 
 MOST_ROWS = 10_000
@@ -72,3 +73,4 @@ class ExposureAnswer(Answer, restates=ExponentFit):
     """signal - dark = A t^a N^b S^s: 1, -2 and 1 for a linear sensor behind an ideal lens."""
 
     exponents: Exponents
+    flags: list[FlagRaised]

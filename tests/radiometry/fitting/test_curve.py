@@ -35,6 +35,10 @@ def curve(scenes, f_numbers, *, times=None, errors=0.0, u_dn=0.1, offset=0.0, ex
         repeatability_u_rel=0.0,
         lens_shares=np.ones(n),
         lens_u_rel=np.zeros(n),
+        dark_lever_s=np.zeros(n),
+        lamp_u_rel=np.zeros(n),
+        lamp_labels=("",) * n,
+        scatter_weights=np.ones(n),
     )
     return dataclasses.replace(made, **changes)
 

@@ -157,3 +157,10 @@ def test_a_picture_is_refused_wherever_light_is_measured(container, role):
 @pytest.mark.parametrize("container", ["jpeg", "png"])
 def test_a_picture_of_a_chart_is_accepted_and_said_to_be_one(container):
     assert accept("chart", container=container, rendered=True).flags == ("rendered",)
+
+
+def test_a_raw_file_without_black_level_is_flagged():
+    missing = {"black_level_dn": (0.0,) * 4, "black_level_origin": "default"}
+    assert accept(**missing).flags == (shared.BLACK_LEVEL_ASSUMED,)
+    assert accept(**missing, rendered=True).flags == (shared.RENDERED,)
+    assert accept(black_level_dn=(0.0,) * 4).flags == ()

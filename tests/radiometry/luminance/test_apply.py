@@ -41,7 +41,7 @@ def test_apply_by_hand():
         (coefficient.luminance_k_standard_uncertainty / coefficient.luminance_k) ** 2
         + 0.005**2
         + 4 * 0.015**2
-        + (u_n**2 + coefficient.dark_signal_standard_uncertainty_dn**2) / 300.0**2
+        + (u_n**2 + coefficient.at(0.1).dark_signal_standard_uncertainty_dn ** 2) / 300.0**2
     )
     assert applied.luminance_cd_m2.standard_uncertainty / applied.luminance_cd_m2.value == pytest.approx(
         expected

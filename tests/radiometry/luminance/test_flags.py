@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -183,3 +184,38 @@ def test_a_scene_is_predicted_with_the_scatter_that_was_found():
     pulled = 1 - 0.86 ** (1 / 5)
     assert report.left_out_max_rel == pytest.approx(0.14, abs=0.005)
     assert report.left_out_rms_rel == pytest.approx(math.sqrt((0.14**2 + 4 * pulled**2) / 7), rel=0.05)
+
+
+def test_an_offset_is_flagged_with_its_size(drawn):
+    """Stray light of 40 DN in every light frame of ISO 3200; the weakest has some 80 DN above dark."""
+    lit = [
+        dataclasses.replace(
+            row,
+            statistics=tuple(dataclasses.replace(s, mean_dn=s.mean_dn + 40.0) for s in row.statistics),
+        )
+        if row.role == "light" and row.exposure.iso == 3200.0
+        else row
+        for row in drawn.rows
+    ]
+    result = fit(lit, drawn.readings, Params())
+    (found,) = [each for each in result.flags if each.flag == luminance_codes.OFFSET_SIGNIFICANT]
+    assert found.where == "iso 3200"
+    offset = float(re.match(r"Offset \+([\d.]+) DN, standard uncertainty", found.detail)[1])
+    weakest = result.iso_fits[0].coefficient.signal_range_dn[0]
+    assert offset == pytest.approx(40.0, rel=0.1)
+    assert f"{offset / weakest:.0%} of the weakest point" in found.detail
+
+
+def test_scatter_that_no_meter_has_is_named():
+    """Readings of six coloured patches that differ by 27 %: not "usual"."""
+    random = np.random.default_rng(1)
+    rows = [light(s, f, name=f"{s}{n}-{f}") for n in range(2) for s in SCENES for f in (5.6,)]
+    rows = [dataclasses.replace(row, scene=row.frame.partition("-")[0]) for row in rows]
+    readings = [
+        dataclasses.replace(r, scene=f"{r.scene}{n}", value=r.value * math.exp(random.normal(0, 0.27)))
+        for n in range(2)
+        for r in READINGS
+    ]
+    result = fit((*rows, *DARKS), readings, Params())
+    assert raised(result, shared.SCATTER_IMPLAUSIBLE) == ["iso 3200"]
+    assert raised(result, luminance_codes.METER_REPEATABILITY_ESTIMATED) == []

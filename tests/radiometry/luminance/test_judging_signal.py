@@ -93,8 +93,9 @@ def test_one_hot_pixel_is_no_highlight():
 
 
 def test_three_standard_errors_above_dark():
-    """u(N) = 20 / 100, u(D) = sqrt(pi / 2 * 0.2^2 / 9): 0.2168 DN, three times 0.650 DN."""
-    error = math.hypot(0.2, math.sqrt(math.pi / 2 * 0.04 / 9))
+    """u(N) = 20 / 100, u(D)^2 = pi / 2 * 0.2^2 (1 / 9 + (t - t_0)^2 / S) at 0.1 s of 0.01, 0.1 and 1 s."""
+    lever = 3 * (0.36**2 + 0.27**2 + 0.63**2)
+    error = math.hypot(0.2, math.sqrt(math.pi / 2 * 0.04 * (1 / 9 + 0.27**2 / lever)))
     for signal, code, outcome in ((2.99 * error, "too_dark", "fail"), (3.01 * error, "weak_signal", "warn")):
         found = only((*ROWS, odd(signal)), "odd")
         assert (found.code, found.outcome) == (code, outcome)

@@ -1,6 +1,7 @@
 """Exponents of an exposure series: known truth, predicted errors, cuts, and a real Nikon D70."""
 
 import csv
+import math
 
 import numpy as np
 import pytest
@@ -142,3 +143,12 @@ def test_a_real_lens_is_nearly_quadratic(real_data, channel, published):
     ]
     found = fit_exponents(rows, dark_dn=DARK[channel], white_level_dn=WHITE).exponents["f_number"]
     assert -found.value == pytest.approx(published, abs=2 * found.standard_uncertainty)
+
+
+def test_scatter_that_no_shutter_has_is_flagged():
+    random = np.random.default_rng(3)
+    times = np.geomspace(0.001, 0.02, 12)
+    for scatter, flagged in ((0.02, []), (0.5, ["scatter_implausible"])):
+        rows = [row(t, signal_dn=3000 * math.exp(scatter * random.normal())) for t in times]
+        found = fit_exponents(rows, dark_dn=0.0, white_level_dn=WHITE)
+        assert [each.flag for each in found.flags] == flagged

@@ -1,0 +1,169 @@
+"""Change of the lamp between a scene's meter readings and its frames."""
+
+import math
+import statistics as python_statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from radiometry.luminance.rows import FrameRow, Params, Reading
+
+_HALF_HOUR_S = 1800.0
+_DOUBTFUL_S = 600.0
+_FARTHEST_ZONE_S = 14 * 3600.0
+_READING_U_REL = 0.01
+_FEW_DIFFERENCES = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """The lamp at a frame relative to its scene's mean reading.
+
+    Attributes
+    ----------
+    ratio : float, default: 1.0
+        Luminance at the frame divided by that of the readings.
+    u_rel : float, default: 0.0
+        Relative standard uncertainty of the ratio, with the sign that it has at the
+        other frames of `label`.
+    label : str, default: ""
+        Frames with the same label share one error: a scene whose readings determine
+        its drift, or "" for all others, since a lamp warms up in each scene alike.
+    """
+
+    ratio: float = 1.0
+    u_rel: float = 0.0
+    label: str = ""
+
+
+def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> dict[str, Change]:
+    """Estimate the change of the lamp from the meter readings to each light frame.
+
+    Parameters
+    ----------
+    rows : sequence of FrameRow
+        Frames of the campaign.
+    readings : sequence of Reading
+        Meter readings.
+    params : Params
+        Parameters of the fit.
+
+    Returns
+    -------
+    dict of str to Change
+        Change by name of the light frame.
+
+    Notes
+    -----
+    With r the relative rate of a scene and tau the mean time of its luminance
+    readings, L(t) = L (1 + r (t - tau)). Before any reading r is 0 within
+    `lamp_drift_u_rel` / T, T being the duration of the scene. Readings of one
+    quantity at two or more times, luminance or illuminance, give a line of ln L, and
+    r is the mean of both, weighted by their variances [1]_. A reading repeats to
+    `meter_repeatability_rel`, else to 1 %, and to no more than readings of one scene
+    differ. Where times are not known, a frame may lie half a scene from its reading.
+
+    Cameras write local time. Where the file states no offset, it is the number of
+    half hours that brings the frames closest to the readings of their scenes. Times
+    that are then still more than 10 minutes apart, or further than any time zone, are
+    not known.
+
+    References
+    ----------
+    .. [1] JCGM 100:2008, H.3, doi:10.59161/JCGM100-2008E
+    """
+    light = [row for row in rows if row.role == "light" and row.scene]
+    times = _find_times(light, readings)
+    spreads = {name: _find_repeatability(name, readings, params) for name in ("luminance", "illuminance")}
+    found: dict[str, Change] = {}
+    for scene in sorted({row.scene or "" for row in light}):
+        frames = [row.frame for row in light if row.scene == scene]
+        here = [reading for reading in readings if reading.scene == scene]
+        found |= _follow_scene(scene, {name: times.get(name) for name in frames}, here, spreads, params)
+    return found
+
+
+def _follow_scene(
+    scene: str,
+    frames: Mapping[str, float | None],
+    readings: Sequence[Reading],
+    spreads: Mapping[str, float],
+    params: Params,
+) -> dict[str, Change]:
+    shown = {name: time_s for name, time_s in frames.items() if time_s is not None}
+    read = sorted(_to_seconds(r.taken_at) for r in readings if r.quantity == "luminance" and r.taken_at)
+    if len(shown) < len(frames) or not read or len(read) < sum(r.quantity == "luminance" for r in readings):
+        return dict.fromkeys(frames, Change(u_rel=params.lamp_drift_u_rel / 2.0))
+    timed = [(_to_seconds(each.taken_at), each) for each in readings if each.taken_at]
+    every = [*shown.values(), *(time_s for time_s, _ in timed)]
+    duration_s = max(every) - min(every)
+    if not duration_s:
+        return dict.fromkeys(frames, Change())
+    weight, pull = (duration_s / params.lamp_drift_u_rel) ** 2 if params.lamp_drift_u_rel else math.inf, 0.0
+    label = ""
+    for quantity, u_rel in spreads.items():
+        own = sorted((time_s, math.log(each.value)) for time_s, each in timed if each.quantity == quantity)
+        lever_s2, product = _sum_up(own)
+        if lever_s2 and math.isfinite(weight):
+            label, weight, pull = scene, weight + lever_s2 / u_rel**2, pull + product / u_rel**2
+    centre_s = math.fsum(read) / len(read)
+    return {
+        name: Change(
+            ratio=math.exp(pull / weight * (time_s - centre_s)),
+            u_rel=(time_s - centre_s) / math.sqrt(weight),
+            label=label,
+        )
+        for name, time_s in shown.items()
+    }
+
+
+def _sum_up(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return sum (t - mean)^2 and sum (t - mean) y, whose quotient is the slope of a line."""
+    if not points:
+        return 0.0, 0.0
+    centre = math.fsum(time_s for time_s, _ in points) / len(points)
+    lever = math.fsum((time_s - centre) ** 2 for time_s, _ in points)
+    return lever, math.fsum((time_s - centre) * value for time_s, value in points)
+
+
+def _find_repeatability(quantity: str, readings: Sequence[Reading], params: Params) -> float:
+    """Return the relative standard uncertainty of one reading, at most what readings of a scene differ by."""
+    usual = params.meter_repeatability_rel or _READING_U_REL
+    by_scene: dict[str, list[float]] = {}
+    for reading in readings:
+        if reading.quantity == quantity:
+            by_scene.setdefault(reading.scene, []).append(math.log(reading.value))
+    squares, dof = 0.0, 0
+    for _, logs in sorted(by_scene.items()):
+        centre = math.fsum(sorted(logs)) / len(logs)
+        squares += math.fsum(sorted((each - centre) ** 2 for each in logs))
+        dof += len(logs) - 1
+    seen = math.sqrt(squares / dof) if dof >= _FEW_DIFFERENCES else usual
+    return max(min(usual, seen), 1e-6)
+
+
+def _find_times(light: Sequence[FrameRow], readings: Sequence[Reading]) -> dict[str, float]:
+    """Return the time of each frame on the clock of the readings; empty if the clocks cannot be compared."""
+    stated = {row.frame: datetime.fromisoformat(row.taken_at) for row in light if row.taken_at}
+    zoned = {frame: moment.timestamp() for frame, moment in stated.items() if moment.tzinfo}
+    local = {frame: m.replace(tzinfo=UTC).timestamp() for frame, m in stated.items() if not m.tzinfo}
+    read: dict[str, list[float]] = {}
+    for reading in readings:
+        if reading.taken_at:
+            read.setdefault(reading.scene, []).append(_to_seconds(reading.taken_at))
+    apart = sorted(
+        local[row.frame] - math.fsum(sorted(read[row.scene])) / len(read[row.scene])
+        for row in light
+        if row.frame in local and row.scene in read
+    )
+    if not apart:
+        return zoned
+    apart_s = python_statistics.median(apart)
+    offset_s = _HALF_HOUR_S * round(apart_s / _HALF_HOUR_S)
+    if abs(offset_s) > _FARTHEST_ZONE_S or abs(apart_s - offset_s) > _DOUBTFUL_S:
+        return zoned
+    return zoned | {frame: time_s - offset_s for frame, time_s in local.items()}
+
+
+def _to_seconds(moment: str | None) -> float:
+    return datetime.fromisoformat(moment or "").timestamp()

@@ -1,0 +1,87 @@
+"""A lamp that drifts between readings and frames."""
+
+import dataclasses
+
+import pytest
+
+from radiometry.luminance.lamp import Change, follow_lamp
+from radiometry.luminance.method import Params, Reading
+from radiometry.luminance.points import collect_series
+from tests.radiometry.campaigns import TRUE_K, draw
+from tests.radiometry.luminance.exact import LIGHTS, PARAMS, READINGS, fit
+
+DAY = "2026-03-02T"
+
+
+def read(scene, value, clock, quantity="luminance"):
+    return Reading(scene=scene, quantity=quantity, value=value, taken_at=f"{DAY}{clock}+00:00")
+
+
+def timed(rows, *, zone="", hour=10):
+    return [
+        dataclasses.replace(row, taken_at=f"{DAY}{hour:02d}:{10 * n:02d}:00{zone}")
+        for n, row in enumerate(rows)
+    ]
+
+
+@pytest.mark.parametrize(("zone", "hour"), [("+00:00", 10), ("+02:00", 12), ("", 10), ("", 21), ("", 3)])
+def test_rate_of_two_readings(zone, hour):
+    """A scene of 20 minutes; before and after it 5 and 5.1 cd/m2, each to 0.1 %: +2 % in 20 minutes."""
+    rows = timed(LIGHTS[3:6], zone=zone, hour=hour)
+    readings = [read("middle", 5.0, "10:00:00"), read("middle", 5.1, "10:20:00")]
+    params = dataclasses.replace(PARAMS, meter_repeatability_rel=0.001)
+    changes = [follow_lamp(rows, readings, params)[row.frame] for row in rows]
+    assert [change.ratio for change in changes] == pytest.approx([0.9901, 1.0, 1.0099], abs=2e-4)
+    # u(r T) = 0.1 % sqrt(2); half of it at either end
+    assert [change.u_rel for change in changes] == pytest.approx([-0.0007, 0.0, 0.0007], rel=0.02)
+    assert {change.label for change in changes} == {"middle"}
+
+
+def test_illuminance_shows_the_drift_of_a_single_luminance_reading():
+    rows = timed(LIGHTS[3:6])
+    readings = [
+        read("middle", 5.0, "10:00:00"),
+        read("middle", 100.0, "10:00:00", "illuminance"),
+        read("middle", 102.0, "10:20:00", "illuminance"),
+    ]
+    params = dataclasses.replace(PARAMS, meter_repeatability_rel=0.001)
+    found = follow_lamp(rows, readings, params)
+    assert [found[row.frame].ratio for row in rows] == pytest.approx([1.0, 1.01, 1.02], abs=3e-4)
+
+
+def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
+    """Half of a scene between reading and frame; with times, from 0 to the whole of it."""
+    assert set(follow_lamp(LIGHTS, READINGS, PARAMS).values()) == {Change(u_rel=0.007)}
+    rows = timed(LIGHTS[3:6])
+    found = follow_lamp(rows, [read("middle", 5.0, "10:00:00")], PARAMS)
+    assert [found[row.frame] for row in rows] == [Change(u_rel=u) for u in (0.0, 0.007, 0.014)]
+    years_ago = [dataclasses.replace(row, taken_at=row.taken_at.replace("2026", "2015")) for row in rows]
+    assert set(follow_lamp(years_ago, [read("middle", 5.0, "10:00:00")], PARAMS).values()) == {
+        Change(u_rel=0.007)
+    }
+
+
+def test_drift_is_a_line_of_the_budget():
+    budget = {line.source: line for line in fit().iso_fits[0].budget}
+    assert budget["lamp drift"].u_rel == pytest.approx(0.007)
+    assert budget["lamp drift"].kind == "B"
+    steady = fit(params=dataclasses.replace(PARAMS, lamp_drift_u_rel=0.0))
+    assert "lamp drift" not in {line.source for line in steady.iso_fits[0].budget}
+
+
+@pytest.mark.parametrize("drift", [0.02, -0.02])
+def test_readings_before_and_after_take_the_drift_out_of_k(drift):
+    def k(*, drift_rel):
+        drawn = draw(5, drift_rel=drift_rel, timed=True, readings_per_scene=3)
+        return fit(drawn.rows, drawn.readings, Params()).iso_fits[0].coefficient
+
+    steady, drifting = k(drift_rel=0.0), k(drift_rel=drift)
+    assert drifting.luminance_k == pytest.approx(steady.luminance_k, rel=0.003)
+    assert abs(drifting.luminance_k - TRUE_K) < drifting.expanded_uncertainty
+
+
+def test_a_point_has_the_luminance_of_its_own_time():
+    drawn = draw(5, drift_rel=0.02, timed=True, readings_per_scene=3)
+    series = collect_series(drawn.rows, drawn.readings, Params(meter_repeatability_rel=0.001))[0]
+    found = [c.luminance_cd_m2 for c in series.candidates if c.scene == "level-2"]
+    assert max(found) / min(found) == pytest.approx(1.02, abs=0.012)
