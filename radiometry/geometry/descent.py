@@ -11,6 +11,8 @@ Matrix = NDArray[np.float64]
 
 _MOST_STEPS: Final = 200
 SETTLED_REL: Final = 1e-12
+_SETTLED_STEPS: Final = 6
+_ROUNDING_REL: Final = 1e-13
 _MOST_DAMPING: Final = 1e12
 
 
@@ -73,7 +75,7 @@ def minimise(
         A step leads to parameters that are not finite.
     """
     best = _evaluate(linearise, shared, poses)
-    damping = 1e-3
+    damping, settled = 1e-3, 0
     for _ in range(_MOST_STEPS):
         step, turns = _find_step(best.linear, damping)
         tried = best.shared + step
@@ -81,10 +83,12 @@ def minimise(
             raise FloatingPointError("the step is not finite")
         change = float((np.abs(step) / np.maximum(np.abs(tried), 1e-6)).max())
         then = _evaluate(linearise, tried, best.poses + turns)
-        if np.isfinite(then.cost) and then.cost <= best.cost:
+        # the cost has rounding: steps that lower it by less still improve the parameters
+        if np.isfinite(then.cost) and then.cost <= (1.0 + _ROUNDING_REL) * best.cost:
             gain, best = best.cost - then.cost, then
             damping = max(damping / 10.0, 1e-12)
-            if gain <= settled_rel * best.cost and change <= settled_rel:
+            settled = settled + 1 if gain <= settled_rel * best.cost else 0
+            if settled and (change <= settled_rel or settled == _SETTLED_STEPS):
                 break
         elif damping >= _MOST_DAMPING or change <= settled_rel:
             break
