@@ -17,6 +17,7 @@ from radiometry.specification.method import MethodSpec
 from stilb.transport import hash_file
 from store.codec import decode, drop_absent, encode, encode_statistics
 from store.queries.campaigns import Drawing
+from verify.compare import take_stated
 from verify.data import Data, Node
 from worker.decode.pool import DecoderCrashed, DecoderPool
 
@@ -209,7 +210,11 @@ def inputs_of(certificate: Node, found: Recomputed, data: Data) -> Node:
                 "sha256": frame.sha256,
                 "role": stated["role"],
                 **({"scene": stated["scene"]} if "scene" in stated else {}),
-                **({"exposure": encode(frame.exposure)} if frame.exposure else {}),
+                **(
+                    {"exposure": take_stated(stated["exposure"], encode(frame.exposure))}
+                    if frame.exposure
+                    else {}
+                ),
                 "roi_sha256": stated["roi_sha256"],
             }
         )

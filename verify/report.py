@@ -1,11 +1,13 @@
 """The table that a verification prints: results one by one, the rest by kind, differences in full."""
 
+from collections import Counter
 from collections.abc import Iterator
+from typing import Final
 
 from rich.table import Table
 
 from radiometry.methods import get_method
-from verify.compare import Row
+from verify.compare import Agreement, Row
 from verify.data import Node
 
 _HEADLINES = {
@@ -18,6 +20,11 @@ _HEADLINES = {
 }
 _HELD_FOR = ("iso", "f_number", "band", "channel")
 _MOST_IN_GROUP = 12
+_WORDS: Final[dict[Agreement, str]] = {
+    "same": "the same",
+    "rounding": "to rounding",
+    "different": "different",
+}
 
 
 def tabulate(certificate: Node, rows: list[Row]) -> Table:
@@ -30,10 +37,11 @@ def tabulate(certificate: Node, rows: list[Row]) -> Table:
     table.add_section()
     for group in dict.fromkeys(row.group for row in rows):
         mine = [row for row in rows if row.group == group]
-        same = sum(row.same for row in mine)
-        verdict = "yes" if same == len(mine) else "NO"
-        table.add_row(f"{group.replace('_', ' ')} (all)", f"{len(mine)}", f"{same} the same", verdict)
-    different = [row for row in rows if not row.same]
+        counts = Counter(row.agreement for row in mine)
+        found = ", ".join(f"{counts[each]} {word}" for each, word in _WORDS.items() if counts[each])
+        verdict = "NO" if counts["different"] else "rounding" if counts["rounding"] else "yes"
+        table.add_row(f"{group.replace('_', ' ')} (all)", f"{len(mine)}", found, verdict)
+    different = [row for row in rows if row.agreement == "different"]
     if different:
         table.add_section()
     for group in dict.fromkeys(row.group for row in different):
@@ -67,15 +75,23 @@ def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, R
 
 
 def conclude(rows: list[Row]) -> str:
-    """One sentence."""
-    different = sum(not row.same for row in rows)
-    if different:
-        return f"{different} of {len(rows)} quantities differ."
-    return f"All {len(rows)} quantities are the same to the last bit."
+    """Return the answer: the same to the last bit, the same to rounding, or different."""
+    counts = Counter(row.agreement for row in rows)
+    if counts["different"]:
+        return f"{counts['different']} of {len(rows)} quantities differ."
+    if not counts["rounding"]:
+        return f"All {len(rows)} quantities are the same to the last bit."
+    largest = max(row.relative for row in rows if row.agreement == "rounding")
+    return (
+        f"All {len(rows)} quantities are the same to rounding: {counts['same']} to the last bit, "
+        f"{counts['rounding']} to {largest:.0e} of their uncertainty or size. Another processor or numeric "
+        "library rounds differently."
+    )
 
 
 def _verdict(row: Row) -> str:
-    return "yes" if row.same else f"NO {row.difference}".strip()
+    word = {"same": "yes", "rounding": "rounding", "different": "NO"}[row.agreement]
+    return f"{word} {row.difference}".strip()
 
 
 def _show(value: object) -> str:

@@ -260,7 +260,7 @@ class MethodSpec:
 
     @property
     def conditions(self) -> tuple[Parameter, ...]:
-        """Light and surroundings that a measurement may state."""
+        """What a measurement may state of light and surroundings."""
         stated = self.application.conditions if self.application else None
         return list_parameters(stated) if stated else ()
 

@@ -17,14 +17,14 @@ def change(path, edit):
     path.write_text(json.dumps(content))
 
 
-def nudge(place):
-    """Change the number at a place in its last bits."""
+def nudge(place, by=1e-6):
+    """Change the number at a place by so much of itself."""
 
     def edit(certificate):
         *path, last = place
         node = certificate
         for name in path:
             node = node[name]
-        node[last] = node[last] * (1 + 1e-15) + 1e-15
+        node[last] *= 1 + by
 
     return edit

@@ -1,4 +1,4 @@
-"""A certificate comes out again to the last bit, and whatever was touched is found and named."""
+"""A certificate is recomputed to the last bit or to rounding, and whatever was changed is found and named."""
 
 import json
 
@@ -105,13 +105,21 @@ PLACES = [
 
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: ".".join(map(str, place)))
 def test_a_changed_number_in_the_certificate_is_found(capsys, exported, place):
-    """In its last bits, and although the data's own copy was changed along with it."""
+    """By a millionth, and although the data's own copy was changed along with it."""
     change(exported / "certificate.json", nudge(place))
     code, said = run(capsys, exported)
     assert code == 1
     assert "quantities differ." in said
     if place[0] == "meters":
         assert "meter certificates: [0].expanded_uncertainty_rel" in said
+
+
+def test_last_bits_of_another_processor_are_rounding(capsys, exported):
+    change(exported / "certificate.json", nudge(PLACES[0], by=1e-13))
+    code, said = run(capsys, exported)
+    assert code == 0
+    assert "quantities are the same to rounding" in said
+    assert ", 1 to 4e-12 of their uncertainty or size." in said
 
 
 def test_a_certificate_is_held_against_the_one_that_came_with_the_data(capsys, exported, tmp_path):
@@ -217,6 +225,39 @@ def test_the_command_exports(staged, address, tmp_path, capsys):
 )
 def test_leaves_are_compared_to_the_last_bit(stated, found, differing):
     assert [row.quantity for row in compare("", stated, found) if not row.same] == differing
+
+
+@pytest.mark.parametrize(
+    ("stated", "found", "agreement"),
+    [
+        ({"k": 2.0}, {"k": 2.0 + 1e-10}, "rounding"),
+        ({"k": 2.0}, {"k": 2.0 + 1e-8}, "different"),
+        # beside its uncertainty a number near 0 is as good as 0, and one that is known well is held tighter
+        (
+            {"k": 1e-12, "k_standard_uncertainty": 0.1},
+            {"k": 3e-12, "k_standard_uncertainty": 0.1},
+            "rounding",
+        ),
+        (
+            {"value": 2.0, "standard_uncertainty": 1e-3},
+            {"value": 2.0 + 1e-10, "standard_uncertainty": 1e-3},
+            "different",
+        ),
+        ([{"residual": 1e-16}, {"residual": 0.01}], [{"residual": 3e-16}, {"residual": 0.01}], "rounding"),
+        (
+            {"covariance": [[1.0, 1e-16], [1e-16, 1.0]]},
+            {"covariance": [[1.0, -1e-16], [1e-16, 1.0]]},
+            "rounding",
+        ),
+        ([1e-16, *[1.0] * 15], [0.0, *[1.0] * 15], "rounding"),
+        ([1e-16, 1.0], [0.0, 1.0], "different"),
+        ({"n": 10**12}, {"n": 10**12 + 1}, "different"),
+        ({"a": "1.0"}, {"a": "1.00"}, "different"),
+    ],
+)
+def test_rounding_is_judged_by_the_scale_of_a_number(stated, found, agreement):
+    (row,) = [row for row in compare("", stated, found) if not row.same]
+    assert row.agreement == agreement
 
 
 def test_a_difference_is_relative_to_what_the_certificate_says():
