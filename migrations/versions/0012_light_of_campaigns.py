@@ -11,10 +11,10 @@ depends_on = None
 _COLUMNS = {
     "lamp": sa.String,
     "camera_response": sa.String,
-    "focus_distance_m": sa.Float,
-    "focal_length_mm": sa.Float,
-    "mains_frequency_hz": sa.Float,
-    "lamp_modulation": sa.Float,
+    "focus_distance_m": sa.Double,
+    "focal_length_mm": sa.Double,
+    "mains_frequency_hz": sa.Double,
+    "lamp_modulation": sa.Double,
     "acceptance": sa.String,
 }
 
@@ -25,6 +25,5 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    with op.batch_alter_table("campaign") as table:
-        for name in _COLUMNS:
-            table.drop_column(name)
+    for name in reversed(_COLUMNS):
+        op.drop_column("campaign", name)

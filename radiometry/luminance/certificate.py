@@ -41,7 +41,7 @@ def state_conditions(parameters: Mapping[str, Any], result: Mapping[str, Any]) -
     return (
         f"{_RULES[rule]}{risk}",
         (
-            f"K holds for light of the calibration's lamp. Lamp: {spectral['lamp']}. Camera response: "
+            f"K holds for light of the lamp of its calibration. Lamp: {spectral['lamp']}. Camera response: "
             f"{spectral['camera_response']}{index}."
         ),
         f"Distance to the calibrated surface: {distance}.",
