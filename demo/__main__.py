@@ -1,8 +1,9 @@
 """`make demo METHOD=...`: start the service, simulate, calibrate through HTTP, compare with the truth.
 
 The exit code is 0 only when every figure agrees with the truth within three standard uncertainties. Without
-``METHOD`` it is luminance. ``KEEP=1`` keeps serving until Ctrl-C. ``STILB_DATA`` names the data folder;
-without it a new one is made, and removed at the end when nothing went wrong and nothing is kept.
+``METHOD`` it is luminance. ``CAMERA`` chooses among the cameras of a method's demo. ``KEEP=1`` keeps serving
+until Ctrl-C. ``STILB_DATA`` names the data folder; without it a new one is made, and removed at the end when
+nothing went wrong and nothing is kept.
 """
 
 import importlib
@@ -34,11 +35,17 @@ def main() -> int:
     if asked not in names:
         console.print(f"demo: METHOD is one of {', '.join(names)}", highlight=False, soft_wrap=True)
         return 2
+    camera = os.environ.get("CAMERA", "")
+    known = getattr(importlib.import_module(f"demo.{asked}"), "CAMERAS", ())
+    if camera and camera not in known:
+        cameras = f"is one of {', '.join(known)}" if known else "cannot be chosen"
+        console.print(f"demo: CAMERA {cameras} with METHOD={asked}", highlight=False, soft_wrap=True)
+        return 2
     given = os.environ.get("STILB_DATA")
     keep = os.environ.get("KEEP", "") not in {"", "0"}
     data = Path(given).absolute() if given else _new_folder()
     try:
-        code = _run(asked, data, Display(console), keep=keep)
+        code = _run(asked, camera, data, Display(console), keep=keep)
     except (stilb.Problem, NotServing) as error:
         console.print(f"demo: {error}", markup=False, highlight=False, soft_wrap=True)
         code = 1
@@ -51,11 +58,12 @@ def main() -> int:
     return code
 
 
-def _run(method: str, data: Path, display: Display, *, keep: bool) -> int:
+def _run(method: str, camera: str, data: Path, display: Display, *, keep: bool) -> int:
     began = time.monotonic()
     with serving(data) as service:
         with stilb.Client(service.url, service.key) as client:
-            agrees = play(method, Stage(client=client, folder=data / "demo" / method, display=display))
+            folder = data / "demo" / method / camera
+            agrees = play(method, Stage(client=client, folder=folder, display=display, camera=camera))
         display.say(f"every route: {service.url}/docs")
         display.say(f"in {time.monotonic() - began:.1f} s")
         if keep:

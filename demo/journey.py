@@ -31,12 +31,16 @@ _THREADS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """Service, folder and display of one demo; ``quick`` asks for small frames and few, for a test."""
+    """Service, folder and display of one demo; ``quick`` asks for small frames and few, for a test.
+
+    ``camera`` : one of the demo's ``CAMERAS``, "" for its first.
+    """
 
     client: stilb.Client
     folder: Path
     display: Display
     quick: bool = False
+    camera: str = ""
 
 
 def register(stage: Stage, camera: Camera, **details: Any) -> str:  # noqa: ANN401  the client's own

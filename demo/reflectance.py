@@ -1,10 +1,11 @@
-"""Reflectance: a Sequoia before, during and after a flight, while its K drifts and the light changes.
+"""Reflectance: a camera before, during and after a flight, while its K drifts and the light changes.
 
+``CAMERA`` chooses it: a Sequoia, which counts light at several gains, or one that states its irradiance.
 A panel is photographed before and after; K(t) runs between the two. The true reflectance of the panel differs
 from its certificate, by the certificate's uncertainty. The field has four surfaces side by side.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -16,22 +17,26 @@ import tifffile
 import stilb
 from demo.findings import Finding
 from demo.journey import Stage, begin, calibrate, conclude, send, write_files
+from radiometry.frame import FrameHeader
+from simulation import rigs, sequoia
 from simulation.camera import Taken, change
 from simulation.parts import Plane, Sensor
-from simulation.sequoia import BANDS, SEQUOIA, Sequoia, capture
+from simulation.rig_file import name_rig_file, write_rig
+from simulation.rigs import RIGS, Rig
+from simulation.sequoia import SEQUOIA, Sequoia
 from simulation.sequoia_file import name_file, write_sequoia
 
 _SEED = 20180413
 _START = datetime(2018, 4, 13, 8, 0, tzinfo=UTC)
 _DRIFT_REL = 0.02  # of K, from the first to the last capture
 _FLIGHT = timedelta(minutes=30)
-_PANEL_CERTIFIED = {"green": 0.183, "red": 0.181, "red_edge": 0.180, "nir": 0.178}
+_PANEL_CERTIFIED = {"blue": 0.184, "green": 0.183, "red": 0.181, "red_edge": 0.180, "nir": 0.178}
 _PANEL_U = 0.002
 _SURFACES = {
-    "meadow": {"green": 0.09, "red": 0.05, "red_edge": 0.28, "nir": 0.48},
-    "soil": {"green": 0.14, "red": 0.20, "red_edge": 0.25, "nir": 0.30},
-    "concrete": {"green": 0.35, "red": 0.36, "red_edge": 0.37, "nir": 0.38},
-    "water": {"green": 0.06, "red": 0.04, "red_edge": 0.02, "nir": 0.01},
+    "meadow": {"blue": 0.04, "green": 0.09, "red": 0.05, "red_edge": 0.28, "nir": 0.48},
+    "soil": {"blue": 0.10, "green": 0.14, "red": 0.20, "red_edge": 0.25, "nir": 0.30},
+    "concrete": {"blue": 0.34, "green": 0.35, "red": 0.36, "red_edge": 0.37, "nir": 0.38},
+    "water": {"blue": 0.07, "green": 0.06, "red": 0.04, "red_edge": 0.02, "nir": 0.01},
 }
 
 Corners = list[tuple[float, float]]
@@ -39,7 +44,7 @@ Corners = list[tuple[float, float]]
 
 @dataclass(frozen=True, kw_only=True)
 class _Capture:
-    """Four bands at one moment; ``i_ss`` is its light [counts/s], which the service is not told."""
+    """All bands at one moment; ``i_ss`` is its light, 4300 at noon, which the service is not told."""
 
     role: str
     after: timedelta
@@ -57,51 +62,91 @@ _CAPTURES = (
 )
 
 
+_NOON = 4300.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Kit:
+    """A camera, and how its files are named and written; ``aligned``: they say how the bands lie together."""
+
+    whole: Sequoia | Rig
+    name: Callable[[int, FrameHeader], str]
+    write: Callable[[Path, Taken], None]
+    aligned: bool = True
+
+
+_KITS = {"sequoia": _Kit(whole=SEQUOIA, name=name_file, write=write_sequoia)} | {
+    name: _Kit(whole=rig, name=name_rig_file, write=write_rig, aligned=rig.system != "micasense")
+    for name, rig in RIGS.items()
+}
+CAMERAS = tuple(_KITS)
+
+
 def run(stage: Stage) -> bool:
-    """Calibrate K of four bands, measure the field; return True if all agrees with the truth."""
-    sequoia = change(SEQUOIA, height_px=120, width_px=160) if stage.quick else SEQUOIA
-    body, sensor = sequoia.camera.body, sequoia.camera.sensor
-    taken = _simulate(sequoia)
-    files = write_files(stage, [partial(_write, stage.folder, one, n // 4) for n, one in enumerate(taken)])
-    roles = [each.role for each in _CAPTURES for _ in BANDS]
+    """Calibrate K of every band, measure the field; return True if all agrees with the truth."""
+    kit = _KITS[stage.camera or CAMERAS[0]]
+    if stage.quick:
+        kit = replace(kit, whole=change(kit.whole, height_px=120, width_px=160))
+    body, sensor, bands = kit.whole.camera.body, kit.whole.camera.sensor, tuple(kit.whole.bands)
+    taken = _simulate(kit.whole)
+    files = write_files(
+        stage, [partial(_write, stage.folder, kit, one, n // len(bands)) for n, one in enumerate(taken)]
+    )
+    roles = [each.role for each in _CAPTURES for _ in bands]
     uploads = {role: [path for path, its in zip(files, roles, strict=True) if its == role] for role in roles}
     camera_id = stage.client.create_camera(body.make, body.model, body.serial).id
     calibration = _calibrate(stage, camera_id, sensor, uploads["panel"])
     findings = [
-        Finding.of(f"K, {row.band}", row, truth=_find_k(row.band or "", 0.5))
+        Finding.of(f"K, {row.band}", row, truth=_find_k(kit.whole, row.band or "", 0.5))
         for row in stage.client.coefficients(camera_id, method="reflectance", at=_START)
     ]
-    findings += _measure(stage, camera_id, sensor, uploads["field"])
+    findings += _measure(stage, camera_id, kit, uploads["field"])
     return conclude(stage, calibration, findings)
 
 
-def _find_k(band: str, time_share: float) -> float:
+def _find_k(whole: Sequoia | Rig, band: str, time_share: float) -> float:
     """Return the true K after a share of the flight."""
-    return BANDS[band].reflectance_k * (1.0 + _DRIFT_REL * time_share)
+    return whole.bands[band].reflectance_k * (1.0 + _DRIFT_REL * time_share)
 
 
-def _simulate(sequoia: Sequoia) -> list[Taken]:
+def _simulate(whole: Sequoia | Rig) -> list[Taken]:
     random = np.random.default_rng(_SEED)
-    panel = {band: value + _PANEL_U * random.standard_normal() for band, value in _PANEL_CERTIFIED.items()}
-    field = {band: _lay_out(sequoia.camera.sensor, band) for band in BANDS}
+    panel = {band: _PANEL_CERTIFIED[band] + _PANEL_U * random.standard_normal() for band in whole.bands}
+    field = {band: _lay_out(whole.camera.sensor, band) for band in whole.bands}
     taken: list[Taken] = []
     for number, each in enumerate(_CAPTURES):
-        bands = {
-            name: replace(band, reflectance_k=_find_k(name, each.after / _FLIGHT))
-            for name, band in BANDS.items()
-        }
+        ks = {name: _find_k(whole, name, each.after / _FLIGHT) for name in whole.bands}
         surface: Mapping[str, float | Plane] = panel if each.role == "panel" else field
-        exposed = capture(
-            replace(sequoia, bands=bands),
-            random,
-            reflectance=surface,
-            i_ss=each.i_ss,
-            gain_indices=(each.gain_index,) * 10,
-            taken_at=_START + each.after,
-            capture_id=f"demo-{number}",
-        )
-        taken += exposed.values()
+        taken += _expose(whole, ks, each, random, surface, capture_id=f"demo-{number}").values()
     return taken
+
+
+def _expose(
+    whole: Sequoia | Rig,
+    ks: Mapping[str, float],
+    each: _Capture,
+    random: np.random.Generator,
+    surface: Mapping[str, float | Plane],
+    *,
+    capture_id: str,
+) -> dict[str, Taken]:
+    taken_at = _START + each.after
+    if isinstance(whole, Rig):
+        channels = {name: replace(band, reflectance_k=ks[name]) for name, band in whole.bands.items()}
+        rig, light = replace(whole, bands=channels), each.i_ss / _NOON
+        return rigs.capture(
+            rig, random, reflectance=surface, light=light, taken_at=taken_at, capture_id=capture_id
+        )
+    bands = {name: replace(band, reflectance_k=ks[name]) for name, band in whole.bands.items()}
+    return sequoia.capture(
+        replace(whole, bands=bands),
+        random,
+        reflectance=surface,
+        i_ss=each.i_ss,
+        gain_indices=(each.gain_index,) * 10,
+        taken_at=taken_at,
+        capture_id=capture_id,
+    )
 
 
 def _lay_out(sensor: Sensor, band: str) -> Plane:
@@ -122,9 +167,9 @@ def _draw(x0: float, y0: float, x1: float, y1: float) -> Corners:
     return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
 
 
-def _write(folder: Path, one: Taken, number: int) -> Path:
-    path = folder / name_file(number, one.header)
-    write_sequoia(path, one)
+def _write(folder: Path, kit: _Kit, one: Taken, number: int) -> Path:
+    path = folder / kit.name(number, one.header)
+    kit.write(path, one)
     return path
 
 
@@ -149,9 +194,9 @@ def _calibrate(stage: Stage, camera_id: str, sensor: Sensor, files: list[Path]) 
     return calibrate(stage, campaign_id, valid_from=_START, valid_to=ends, interpolation="linear")
 
 
-def _measure(stage: Stage, camera_id: str, sensor: Sensor, files: list[Path]) -> list[Finding]:
+def _measure(stage: Stage, camera_id: str, kit: _Kit, files: list[Path]) -> list[Finding]:
     """Measure the flight in one request, an index per capture, and one map."""
-    client = stage.client
+    client, sensor, bands = stage.client, kit.whole.camera.sensor, len(kit.whole.bands)
     campaign_id = begin(stage, camera_id, "reflectance", project_number="DEMO-FLIGHT", started_at=_START)
     client.set_roi(campaign_id, polygon=_bound(sensor, "meadow"))
     frames = send(stage, [stilb.Upload(campaign_id=campaign_id, path=path, role="field") for path in files])
@@ -164,10 +209,11 @@ def _measure(stage: Stage, camera_id: str, sensor: Sensor, files: list[Path]) ->
         order = [path.name for path in files]
         for number, found in enumerate(sorted(measured, key=lambda one: order.index(one.filename))):
             band = found.raw["reflected"]["band"]
-            what = f"meadow, {band}, {number // len(BANDS) + 1}"
+            what = f"meadow, {band}, {number // bands + 1}"
             findings.append(Finding.of(what, _mean_of(found), truth=truth[band]))
         ndvi = (truth["nir"] - truth["red"]) / (truth["nir"] + truth["red"])
-        for number, frame in enumerate(frame for frame in frames if frame.filename.endswith("_RED.TIF")):
+        reds = [frame for frame in frames if kit.aligned and frame.filename.endswith("_RED.TIF")]
+        for number, frame in enumerate(reds):
             index = client.measure(frame.id, index="ndvi")
             findings.append(Finding.of(f"meadow, NDVI, {number + 1}", _mean_of(index), truth=ndvi))
     findings.append(_check_map(stage, sensor, frames[-1]))

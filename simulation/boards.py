@@ -93,12 +93,12 @@ def draw_poses(
         place = np.array([random.uniform(0, lens.height_px), random.uniform(0, lens.width_px)])
         direction = find_directions(lens, place.reshape(1, 2))[0]
         pose = Pose(rotation.ravel(), np.array([*direction, 1.0]) * away - lean @ turn @ middle)
-        if _shows_all(lens, corners, pose):
+        if shows_all(lens, corners, pose):
             poses.append(pose)
     return tuple(poses)
 
 
-def _shows_all(lens: CameraModel, corners: Plane, pose: Pose) -> bool:
+def shows_all(lens: CameraModel, corners: Plane, pose: Pose) -> bool:
     """Return True if all corners appear well inside the frame, and where the lens model is one to one."""
     seen = project(lens, corners, pose.rotation, pose.shift)
     size = np.array([lens.height_px, lens.width_px])

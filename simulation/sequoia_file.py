@@ -48,7 +48,7 @@ def write_sequoia(path: Path, shot: Taken) -> None:
         305: (ASCII, header.software),
         700: (BYTE, _packet(_band(header))),  # XMP
         34665: (LONG, writer.directory(_describe(shot))),
-        34853: (LONG, writer.directory(_locate(header))),
+        34853: (LONG, writer.directory(locate(header))),
         50714: (RATIONAL, (round(header.black_level_dn[0] * 10_000), 10_000)),  # BlackLevel
         50735: (ASCII, header.serial),  # CameraSerialNumber
     }
@@ -74,7 +74,8 @@ def _describe(shot: Taken) -> Entries:
     }
 
 
-def _locate(header: FrameHeader) -> Entries:
+def locate(header: FrameHeader) -> Entries:
+    """Return the GPS entries of a position."""
     latitude, longitude = header.latitude_deg or 0.0, header.longitude_deg or 0.0
     return {
         1: (ASCII, "N" if latitude >= 0.0 else "S"),

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,9 +15,13 @@ from radiometry.fleet.determinations import Determination, Key, LeftOut, Source,
 from radiometry.fleet.results import Tolerance
 from radiometry.fleet.sensitivity import NOT_SHARED, find_sensitivity, is_clear_of_zero, main_unit
 
+Stability = Literal["stable", "drifts", "cannot_tell"]
+
 CONFIDENCE = 0.95
 
 DAYS_PER_YEAR = 365.25
+
+_FEWEST = 3
 
 HORIZON_DAYS = 10 * DAYS_PER_YEAR
 """Longest extrapolation of a straight line."""
@@ -66,6 +71,12 @@ class Drift:
         Before this time the camera is within the tolerance with 95 % on either side.
     why : str or None
         Why there is no date.
+    change : Quantity or None
+        Of the line from the first determination to the last, in the unit of the coefficient.
+    verdict : {"stable", "drifts", "cannot_tell"}
+        By `judge_stability`.
+    said : str
+        The verdict in words.
     """
 
     key: Key
@@ -78,6 +89,9 @@ class Drift:
     tolerance: Tolerance | None
     recalibrate_by: datetime | None
     why: str | None
+    change: Quantity | None
+    verdict: Stability
+    said: str
 
 
 def judge_drift(
@@ -146,7 +160,7 @@ def fit_line(rows: Sequence[Determination]) -> Line | None:
     """
     origin = rows[-1].source.at
     days = np.array([(row.source.at - origin) / timedelta(days=1) for row in rows])
-    if len(rows) < 3 or np.ptp(days) == 0.0:
+    if len(rows) < _FEWEST or np.ptp(days) == 0.0:
         return None
     values = np.array([row.value for row in rows])
     stated = np.array([row.standard_uncertainty for row in rows])
@@ -215,6 +229,70 @@ def find_date(line: Line, *, reference: float, limit: float) -> tuple[datetime |
     return line.origin + timedelta(days=days), None
 
 
+def judge_stability(
+    line: Line | None, span_days: float, *, limit: float | None
+) -> tuple[Stability, float | None, float | None]:
+    """Judge whether a coefficient stayed the same over the time in which it was determined.
+
+    Parameters
+    ----------
+    line : Line or None
+        Fitted line.
+    span_days : float
+        Time from the first determination to the last [d].
+    limit : float or None
+        Largest accepted change in that time [unit of the coefficient].
+
+    Returns
+    -------
+    tuple of (str, float or None, float or None)
+        Verdict, change and its standard error; the latter two None without a line.
+
+    Notes
+    -----
+    With d the change of the line over the time and u its standard error, of v degrees of freedom::
+
+        stable   |d| + t_{0.95,v} u < limit        two one-sided tests at 5 %
+        drifts   |d| - t_{0.975,v} u > limit       without a limit: > 0
+
+    Without a limit nothing can be shown to be stable, only not to be found drifting.
+    """
+    if line is None:
+        return "cannot_tell", None, None
+    change = line.slope_per_day * span_days
+    error = math.sqrt(line.covariance[1][1]) * span_days
+    if abs(change) - float(stdtrit(line.dof, 0.5 + CONFIDENCE / 2.0)) * error > (limit or 0.0):
+        return "drifts", change, error
+    if limit is not None and abs(change) + float(stdtrit(line.dof, CONFIDENCE)) * error < limit:
+        return "stable", change, error
+    return "cannot_tell", change, error
+
+
+def say_stability(verdict: Stability, *, with_limit: bool, repeats: int) -> str:
+    """Return a verdict of `judge_stability` in words.
+
+    Parameters
+    ----------
+    verdict : {"stable", "drifts", "cannot_tell"}
+        Verdict.
+    with_limit : bool
+        True if there was a limit.
+    repeats : int
+        Number of determinations at different times.
+    """
+    if verdict == "stable":
+        return "It stayed within the tolerance, with 95 %."
+    if verdict == "drifts":
+        beyond = "by more than the tolerance" if with_limit else "from one determination to the next"
+        return f"It drifts {beyond}, with 95 %."
+    if repeats < _FEWEST:
+        there = "is" if repeats == 1 else "are"
+        return f"{_FEWEST} determinations at different times are needed; there {there} {repeats}."
+    if not with_limit:
+        return "No drift was found. Stability can be shown against a tolerance only."
+    return "Neither a drift beyond the tolerance nor stability within it is shown: repeat the calibration."
+
+
 def _keep_lens(sources: Sequence[Source]) -> tuple[tuple[Source, ...], tuple[LeftOut, ...]]:
     """Return the versions with the lens of the last one: another lens is another camera, not a drift."""
     if not sources:
@@ -270,6 +348,9 @@ def _describe(
     why: str | None,
 ) -> Drift:
     slope = interval = p_value = cost = None
+    span_days = (rows[-1].source.at - rows[0].source.at) / timedelta(days=1)
+    accepted = limit.limit / factor if limit is not None and factor else None
+    verdict, change, change_error = judge_stability(line, span_days, limit=accepted)
     if line is not None:
         error = DAYS_PER_YEAR * math.sqrt(line.covariance[1][1])
         value = DAYS_PER_YEAR * line.slope_per_day
@@ -290,6 +371,13 @@ def _describe(
         tolerance=limit,
         recalibrate_by=date,
         why=why,
+        change=None
+        if change is None or change_error is None
+        else Quantity(value=change, standard_uncertainty=change_error, unit=key.unit),
+        verdict=verdict,
+        said=say_stability(
+            verdict, with_limit=accepted is not None, repeats=len({row.source.at for row in rows})
+        ),
     )
 
 

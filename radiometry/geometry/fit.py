@@ -88,10 +88,12 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
     tuple of CoefficientValue
         Coefficients with unit and uncertainty.
     """
-    listed: list[tuple[str, Coefficient | Quantity, str | None]] = [
-        (each.name, each, None) for each in fit.coefficients
+    listed: list[tuple[str, Coefficient | Quantity, str | None, int | None]] = [
+        (each.name, each, None, None) for each in fit.coefficients
     ]
-    listed += [("lateral_colour_px", each.corner, each.channels) for each in fit.lateral_colour or ()]
+    listed += [
+        ("lateral_colour_px", each.corner, each.channels, each.views - 1) for each in fit.lateral_colour or ()
+    ]
     return tuple(
         CoefficientValue(
             name=name,
@@ -100,8 +102,9 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
             unit=each.unit,
             model=fit.model,
             channel=channel,
+            effective_dof=dof,
         )
-        for name, each, channel in listed
+        for name, each, channel, dof in listed
     )
 
 

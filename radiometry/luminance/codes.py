@@ -153,8 +153,8 @@ FRAMES_DISAGREE = flag(
 )
 FLICKER_UNKNOWN = flag(
     "flicker_unknown",
-    "The exposure is short against the period of mains light, and the mains frequency is not stated: an "
-    "error by flicker is not in the budget.",
+    "The mains frequency is not stated, and the exposure is not long against the period of mains light: the "
+    "budget assumes 50 or 60 Hz, whichever errs more.",
     "State `mains_frequency_hz`, or expose for a whole number of half periods of the mains, such as 1/50 s.",
     "measurement",
 )

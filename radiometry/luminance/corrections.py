@@ -28,7 +28,7 @@ NEAREST_M = 1.0
 
 _USUAL_FOCAL_LENGTH_MM = 15.0
 _MAINS_HZ = (50.0, 60.0)
-_NAMED_FLICKER = 0.01
+_NAMED_FLICKER = 0.005
 # rms of a modulation that may be anything from 0 to 1
 _UNKNOWN_MODULATION = 1.0 / math.sqrt(3.0)
 # A pupil magnified by 0.7 to 1.5 instead of 1 changes 2 m by so much; rectangular.
@@ -111,28 +111,26 @@ def correct_flicker(
     Returns
     -------
     tuple[FieldCorrection, tuple of Raised]
-        Correction without a factor, and `flicker_unknown` where the mains frequency is not known and the
-        error can exceed 1 %.
+        Correction without a factor, and `flicker_unknown` where the mains frequency is assumed.
 
     Notes
     -----
     See `compute_flicker`; the phase at which an exposure begins is random, so that the rms over it counts,
-    and averages over frames.
+    and averages over frames. An unknown mains frequency is taken as that of 50 and 60 Hz which errs more.
     """
-    time_s = settings.exposure_time_s
-    if field.mains_frequency_hz is None:
-        worst = max(compute_flicker(time_s, mains_frequency_hz=mains) for mains in _MAINS_HZ)
-        if worst <= _NAMED_FLICKER or field.flicker_modulation == 0.0:
-            return FieldCorrection(source=FLICKER), ()
-        detail = f"At {time_s:g} s, fully modulated light of 50 or 60 Hz mains errs by up to {worst:.1%}."
-        return FieldCorrection(source=FLICKER), (codes.FLICKER_UNKNOWN.at("", detail),)
-    depth = field.flicker_modulation
-    largest = compute_flicker(time_s, mains_frequency_hz=field.mains_frequency_hz)
-    u_rel = (_UNKNOWN_MODULATION if depth is None else depth) * largest / math.sqrt(2.0 * frames)
-    basis = (
-        f"{field.mains_frequency_hz:g} Hz mains, modulation {'unknown' if depth is None else f'{depth:g}'}"
+    mains, depth = field.mains_frequency_hz, field.flicker_modulation
+    largest = max(
+        compute_flicker(settings.exposure_time_s, mains_frequency_hz=each)
+        for each in (_MAINS_HZ if mains is None else (mains,))
     )
-    return FieldCorrection(source=FLICKER, u_rel=u_rel, basis=basis), ()
+    u_rel = (_UNKNOWN_MODULATION if depth is None else depth) * largest / math.sqrt(2.0 * frames)
+    supply = "mains frequency unknown" if mains is None else f"{mains:g} Hz mains"
+    basis = f"{supply}, modulation {'unknown' if depth is None else f'{depth:g}'}"
+    line = FieldCorrection(source=FLICKER, u_rel=u_rel, basis=basis)
+    if mains is not None or u_rel <= _NAMED_FLICKER:
+        return line, ()
+    detail = f"At {settings.exposure_time_s:g} s, light of 50 or 60 Hz mains can err by {largest:.1%}."
+    return line, (codes.FLICKER_UNKNOWN.at("", detail),)
 
 
 def compute_flicker(exposure_time_s: float, *, mains_frequency_hz: float) -> float:

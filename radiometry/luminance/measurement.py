@@ -43,6 +43,8 @@ from radiometry.vignetting.lens import Lens, LensShare
 
 Read = tuple[Signal, LensShare | None]
 
+# A flicker over whole periods is not exactly 0.
+_ROUNDING = 1e-9
 _GREENS = ("G1", "G2", "G")
 
 
@@ -324,7 +326,9 @@ def _find_corrections(
         (correct_focus(field, coefficient), ()),
         correct_stray_light(field, mean_cd_m2),
     )
-    made = tuple(each for each, _ in pairs if each != FieldCorrection(source=each.source))
+    made = tuple(
+        each for each, _ in pairs if each.u_rel > _ROUNDING or each.offset_cd_m2 or each.factor != 1.0
+    )
     return made, tuple(itertools.chain.from_iterable(flags for _, flags in pairs))
 
 

@@ -260,7 +260,7 @@ class MethodSpec:
 
     @property
     def conditions(self) -> tuple[Parameter, ...]:
-        """What a measurement may state of light and surroundings."""
+        """Light and surroundings that a measurement may state."""
         stated = self.application.conditions if self.application else None
         return list_parameters(stated) if stated else ()
 

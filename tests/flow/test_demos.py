@@ -9,8 +9,9 @@ from demo.journey import Stage
 from radiometry.methods import METHODS
 
 
-def go(method, team, folder):
-    stage = Stage(client=team.client, folder=folder, display=Display(Console(width=120)), quick=True)
+def go(method, team, folder, camera=""):
+    display = Display(Console(width=120))
+    stage = Stage(client=team.client, folder=folder, display=display, quick=True, camera=camera)
     return play(method, stage)
 
 
@@ -21,6 +22,12 @@ def test_the_truth_is_found(embedded, method, tmp_path, capsys):
         shown = capsys.readouterr().out
         assert f"{method} beside the simulated truth" in shown
         assert "version 1 is published" in shown
+
+
+def test_the_truth_is_found_with_another_multispectral_camera(embedded, tmp_path, capsys):
+    with embedded.team() as team:
+        assert go("reflectance", team, tmp_path, "p4m"), capsys.readouterr().out
+        assert "NDVI" in capsys.readouterr().out
 
 
 def test_the_second_time_changes_nothing(embedded, tmp_path, capsys):

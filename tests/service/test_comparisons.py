@@ -30,7 +30,8 @@ def measure(house, version, luminance, name, *, signal=None, **asked):
     path = write_frame(house.folder / name, signal_dn=signal, seed=len(name), **SETTINGS)
     frame = house.upload(campaign, path.read_bytes(), role="field", filename=name)
     house.work()
-    body = {"frame_id": frame["id"], "calibration_id": version["id"], **asked}
+    # an exposure of 1/50 s does not flicker at 50 Hz
+    body = {"frame_id": frame["id"], "calibration_id": version["id"], "mains_frequency_hz": 50.0, **asked}
     job = house.post("/v1/measurements", body, status=202)
     house.work()
     done = house.get(f"/v1/jobs/{job['id']}")

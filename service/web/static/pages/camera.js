@@ -65,7 +65,7 @@ function saidOf(parameter) {
     "li",
     {},
     where ? h("strong", {}, `${where}: `) : null,
-    parameter.slope ? [quantity(parameter.slope), parameter.slope_p_value < 0.05 ? ", which is a drift" : ", no drift to be seen"] : "",
+    parameter.slope ? [quantity(parameter.slope), `: ${parameter.verdict.replace("_", " ")}`] : "",
     parameter.recalibrate_by ? [parameter.slope ? "; " : "", "recalibrate by ", h("strong", {}, day(parameter.recalibrate_by))] : parameter.why ? [parameter.slope ? "; " : "", parameter.why] : "",
   );
 }
