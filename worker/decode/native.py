@@ -88,6 +88,7 @@ def _describe(
         white, white_origin = (band.full_scale_dn,), "camera"
     if band is not None and band.black_dn is not None and black.origin == "default":
         black = replace(black, pattern=np.full((1, 1, 1), band.black_dn), origin="camera")
+    stated = vars(read_metadata(main))
     header = FrameHeader(
         container=container,
         decoder="stilb",
@@ -106,7 +107,7 @@ def _describe(
         multispectral=band,
         band_rows=layout.band_rows,
         first_band_rows=layout.band_rows - visible.top % layout.band_rows,
-        **vars(read_metadata(main)),
+        **(stated | {"serial": stated["serial"] or (band.imager_serial if band is not None else None)}),
     )
     digest = read_digest(image, main, bits=layout.bits) if dng else None
     return ImageDescription(header, layout, visible, black, table, digest)

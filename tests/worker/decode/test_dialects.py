@@ -113,7 +113,7 @@ def test_mavic_3_by_hand(read, save):
     header = read(xmp, **MAVIC)
     found = header.multispectral
     assert (header.black_level_dn, header.black_level_origin) == ((3200.0,), "camera")
-    assert (found.imager_serial, found.sunshine_serial) == ("5A1B2C", "1581F5FK")
+    assert (header.serial, found.imager_serial, found.sunshine_serial) == ("5A1B2C", "5A1B2C", "1581F5FK")
     light = found.irradiance
     assert (light.value, light.quantity, light.pitch_deg) == (9741.7, "compensated", 2.0)
     frame = reading.read_window(save(make_tiff(xmp, **MAVIC), "band.tif"), 12, 16, 1, 16)
@@ -210,6 +210,12 @@ def test_horizontal_irradiance_is_trusted_by_model_and_firmware(read, model, sof
         assert reflectance.measure_sunshine(
             read(xmp, make="MicaSense", model=model, software=software).multispectral
         ).left_out == (found.distrust,)
+
+
+def test_irradiance_that_no_sky_has_is_not_used(read):
+    """The first generation writes W/m2/nm: 110 of them are a mistaken unit."""
+    found = read(write_micasense_xmp(SpectralIrradiance="110"), make="MicaSense").multispectral
+    assert (found.irradiance, found.sunshine_missing[:11]) == (None, "110 W/m2/nm")
 
 
 @pytest.mark.parametrize(("band", "kind"), [("LWIR", "thermal"), ("Panchro", "panchromatic")])

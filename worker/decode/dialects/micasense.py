@@ -12,6 +12,7 @@ from worker.decode.xmp import Xmp
 IDENTITIES = ("micasense:CaptureId", "micasense:FlightId")
 _SENSOR_BITS: Final = 12
 _W_PER_UW: Final = 0.01  # one uW/cm2/nm is 0.01 W/m2/nm
+_BRIGHTEST_W: Final = 5.0  # outside the atmosphere the sun has 2.1 W/m2/nm at its brightest wavelength
 _SI, _MICRO = "W/m2/nm", "uW/cm2/nm"
 _CORNERS: Final = 4
 # The first firmware whose horizontal irradiance its maker trusts: earlier ones computed it wrongly. By the
@@ -59,8 +60,8 @@ def read_band(packet: Packet, problems: tuple[str, ...], **lens: Any) -> Multisp
         radiance_model=RadianceModel(a1=model[0], a2=model[1], a3=model[2]) if model else None,
         problem=first_problem((no_model, *problems)),
         sunshine_serial=xmp.text("dls:Serial"),
-        sunshine_missing="" if irradiance else "the file has no reading of a light sensor (DLS)",
-        irradiance=irradiance,
+        sunshine_missing=irradiance if isinstance(irradiance, str) else "",
+        irradiance=None if isinstance(irradiance, str) else irradiance,
         panel_serial=xmp.text("micasense:PanelSerial") or xmp.text("camera:PanelSerial"),
         panel_albedo=xmp.first_number("micasense:Albedo", "camera:Albedo"),
         panel_region=_read_corners(xmp),
@@ -78,8 +79,8 @@ def _read_corners(xmp: Xmp) -> tuple[tuple[float, float], ...] | None:
     return tuple(zip(numbers[::2], numbers[1::2], strict=True))
 
 
-def _read_irradiance(packet: Packet) -> SunshineIrradiance | None:
-    """The light sensor's reading in SI units, from its own words or its generation's."""
+def _read_irradiance(packet: Packet) -> SunshineIrradiance | str:
+    """The light sensor's reading in SI units by its own words or its generation's, or why there is none."""
     xmp = packet.xmp
 
     def find(name: str) -> float | None:
@@ -100,7 +101,9 @@ def _read_irradiance(packet: Packet) -> SunshineIrradiance | None:
     trusted = horizontal if horizontal and horizontal > 0.0 and not distrust else None
     value = trusted or spectral
     if not value or not value > 0 or not scale > 0:
-        return None
+        return "the file has no reading of a light sensor (DLS)"
+    if value * scale > _BRIGHTEST_W:
+        return f"{value * scale:g} W/m2/nm of the light sensor is no daylight: its unit may be another"
 
     def to_si(stated: float | None) -> float | None:
         return None if stated is None else stated * scale
