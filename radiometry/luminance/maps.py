@@ -1,8 +1,9 @@
 """Per-pixel luminance of a window of a frame, for maps that are made block by block."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ RIM_PX = 1
 
 _MOST_IN_16_BITS = (1 << 16) - 1
 _BAND_ROWS = 256
+_CHUNK_ROWS = 16
+"""Even, so that every chunk starts at the same CFA position; few, so that it stays in the cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,26 +128,69 @@ def sum_signal(frame: Frame, *, channel: str) -> tuple[Sums, int]:
     which keeps the pattern in phase: a block that is not at the frame's border must
     be read with RIM_PX more on each side.
     """
+    parts, bands = _sum_bands(frame, channel=channel)
+    return np.concatenate([sums for _, sums in bands]), parts
+
+
+def _sum_bands(frame: Frame, *, channel: str) -> tuple[int, Iterator[tuple[int, Sums]]]:
+    """Return the parts of one DN, and the sums of `sum_signal` a few rows at a time, with the first row."""
     samples = frame.samples_dn
-    if frame.cfa == "rgb":
-        if channel == GREY:
-            return np.sum(samples, axis=2, dtype=np.uint32), 3
-        return np.ascontiguousarray(samples[..., 1]), 1
-    if frame.cfa == GREY:
-        return samples, 1
-    parts = 16 if channel == GREY else 4
+    firsts = range(0, len(samples), _CHUNK_ROWS)
+    if frame.cfa == "rgb" and channel == GREY:
+        return 3, ((row, samples[row : row + _CHUNK_ROWS].sum(axis=2, dtype=np.uint32)) for row in firsts)
+    if frame.cfa in {"rgb", GREY}:
+        plane = samples[..., 1] if frame.cfa == "rgb" else samples
+        return 1, ((row, plane[row : row + _CHUNK_ROWS]) for row in firsts)
+    parts, add = (16, _sum_around) if channel == GREY else (4, _sum_beside)
     # twice as fast where they fit, as they do for 14 bits
     wide = parts * int(samples.max()) > _MOST_IN_16_BITS
-    padded: Sums = np.pad(samples.astype(np.uint32) if wide else samples, 1, mode="reflect")
-    if channel == GREY:
-        lines = padded[:, :-2] + (padded[:, 1:-1] << 1) + padded[:, 2:]
-        return lines[:-2] + (lines[1:-1] << 1) + lines[2:], parts
-    sums = padded[:-2, 1:-1] + padded[2:, 1:-1]
-    sums += padded[1:-1, :-2]
-    sums += padded[1:-1, 2:]
-    for rows, cols in _green_sites(frame):
-        np.left_shift(padded[1:-1, 1:-1][rows, cols], 2, out=sums[rows, cols])
-    return sums, parts
+    sites = () if channel == GREY else _green_sites(frame)
+
+    def sum_band(first: int) -> Sums:
+        rows_dn = _read_rows(samples, first - 1, min(first + _CHUNK_ROWS, len(samples)) + 1)
+        band: Sums = rows_dn.astype(np.uint32) if wide else rows_dn
+        sums = add(band)
+        for rows, cols in sites:
+            np.left_shift(band[1:-1][rows, cols], 2, out=sums[rows, cols])
+        return sums
+
+    return parts, ((first, sum_band(first)) for first in firsts)
+
+
+def _read_rows(samples: Sums, first: int, last: int) -> Sums:
+    """Return rows [first, last), of which those beyond the border are mirrored at the outermost ones."""
+    if first >= 0 and last <= len(samples):
+        return samples[first:last]
+    end = len(samples) - 1
+    rows = np.abs(np.arange(first, last))
+    mirrored: Sums = samples[np.clip(np.where(rows > end, 2 * end - rows, rows), 0, end)]
+    return mirrored
+
+
+def _sum_beside(band: Sums) -> Sums:
+    """Add up the four neighbours of each sample of the inner rows."""
+    sums: Sums = band[:-2] + band[2:]
+    _add_sides(sums, band[1:-1])
+    return sums
+
+
+def _sum_around(band: Sums) -> Sums:
+    """Add up the 3 x 3 samples around each of the inner rows, with the weights 1 2 1, 2 4 2, 1 2 1."""
+    lines: Sums = band + band
+    _add_sides(lines, band)
+    sums: Sums = lines[:-2] + lines[2:]
+    sums += lines[1:-1]
+    sums += lines[1:-1]
+    return sums
+
+
+def _add_sides(sums: Sums, band: Sums) -> None:
+    """Add each sample's left and right neighbour; beyond the border the one inside counts twice."""
+    beside = min(1, band.shape[1] - 1)
+    sums[:, 1:] += band[:, :-1]
+    sums[:, :-1] += band[:, 1:]
+    sums[:, 0] += band[:, beside]
+    sums[:, -1] += band[:, -1 - beside]
 
 
 def compute_map(frame: Frame, scale: MapScale) -> Plane:
@@ -169,12 +215,13 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
     nearest to it. Nothing is clipped: noise below dark is a negative luminance.
     With a lens this is divided by the float32 nearest to V of the pixel.
     """
-    sums, parts = sum_signal(frame, channel=scale.channel)
+    parts, bands = _sum_bands(frame, channel=scale.channel)
     # one product per possible number, not per pixel; those beyond the table are saturated
     top = min(math.ceil(max(frame.white_level_dn)), _MOST_IN_16_BITS) * parts
-    numbers = np.arange(top + 1) / parts
-    table = ((numbers - scale.dark_signal_dn) * scale.slope_cd_m2_per_dn).astype(np.float32)
-    luminance: Plane = table.take(sums, mode="clip")
+    table = _tabulate(scale.slope_cd_m2_per_dn, scale.dark_signal_dn, top, parts)
+    luminance: Plane = np.empty(frame.samples_dn.shape[:2], np.float32)
+    for first, sums in bands:
+        table.take(sums, mode="clip", out=luminance[first : first + len(sums)])
     if scale.lens is not None:
         luminance /= compute_shares(frame, scale.lens, channel=scale.channel)
     if scale.offset_cd_m2:
@@ -206,6 +253,12 @@ def average_map(frame: Frame, scale: MapScale) -> float:
         bright = (max(frame.white_level_dn) - scale.dark_signal_dn) * scale.slope_cd_m2_per_dn
         total += float(np.nan_to_num(compute_map(band, scale), nan=bright).sum(dtype=np.float64))
     return total / math.prod(frame.samples_dn.shape[:2])
+
+
+@lru_cache(maxsize=8)
+def _tabulate(slope: float, dark_dn: float, top: int, parts: int) -> Plane:
+    """Compute the luminance of every possible sum."""
+    return ((np.arange(top + 1) / parts - dark_dn) * slope).astype(np.float32)
 
 
 def find_saturated(frame: Frame, *, channel: str) -> NDArray[np.bool_] | None:

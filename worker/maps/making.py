@@ -23,13 +23,15 @@ _THREADS: Final = 2
 class Subject:
     """The frame's file, and how a window of its raw numbers becomes a window of the map.
 
-    ``rim_px`` : how far beyond a window ``compute`` must see; ``report`` : is told the share that is done
+    ``rim_px`` : how far beyond a window ``compute`` must see; ``counts`` : whether pixels outside [0, 1] and
+    unknown ones are counted; ``report`` : is told the share that is done
     """
 
     file: Readable
     header: FrameHeader
     compute: Callable[[Frame], Plane]
     rim_px: int = 0
+    counts: bool = False
     report: Callable[[float], None] | None = None
 
 
@@ -59,7 +61,7 @@ def make_map(
 def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path) -> Reduction:
     """Write the TIFF to ``target``; what its picture is drawn from."""
     header = subject.header
-    reduction = Reduction(header.height_px, header.width_px)
+    reduction = Reduction(header.height_px, header.width_px, counts=subject.counts)
     with (
         decoders.hold(subject.file),
         StripReader(decoders, subject.file, header) as reader,

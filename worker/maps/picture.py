@@ -38,31 +38,34 @@ class Part:
 class Reduction:
     """Means over squares of a map, gathered band by band; a square with an unknown pixel is unknown.
 
+    ``counts`` : whether the pixels that leave [0, 1] or are unknown are counted
     What is left at the right and the lower border, less than a square, is not shown.
     """
 
-    def __init__(self, height_px: int, width_px: int) -> None:
+    def __init__(self, height_px: int, width_px: int, *, counts: bool = True) -> None:
         self.factor = max(1, math.ceil(width_px / (WIDEST_PX - _BAR_PX)))
         self.shape = max(1, height_px // self.factor), max(1, width_px // self.factor)
         self._sums = np.zeros(self.shape, np.float64)
+        self._counts = counts
         self.below_zero = self.above_one = self.unknown = 0
 
     def reduce(self, band: Plane, *, top: int) -> Part:
         """A band's own part; changes nothing, so that several threads may do it."""
         rows, cols = self.shape
-        odd = [int(np.count_nonzero(found)) for found in (band < 0.0, band > 1.0, np.isnan(band))]
+        odd = [0, 0, 0]
+        if self._counts:
+            odd = [int(np.count_nonzero(found)) for found in (band < 0.0, band > 1.0, np.isnan(band))]
         used = band[: max(0, rows * self.factor - top), : cols * self.factor]
         if not len(used):
             return Part(rows, np.empty((0, cols), np.float32), *odd)
         if self.factor == 1:
             return Part(top, used, *odd)
-        targets = (top + np.arange(len(used))) // self.factor
         # lines first: whole lines add up faster than the few pixels of a square
-        lines = np.add.reduceat(used, np.flatnonzero(np.diff(targets, prepend=-1)), axis=0)
+        lines = _add_lines(used, self.factor, skipped=top % self.factor)
         sums = lines[:, :: self.factor].copy()
         for offset in range(1, self.factor):
             sums += lines[:, offset :: self.factor]
-        return Part(int(targets[0]), sums, *odd)
+        return Part(top // self.factor, sums, *odd)
 
     def add(self, part: Part) -> None:
         self._sums[part.first : part.first + len(part.sums)] += part.sums
@@ -73,6 +76,18 @@ class Reduction:
     def means(self) -> NDArray[np.float64]:
         """(row, col), in the map's unit, NaN where unknown."""
         return self._sums / self.factor**2
+
+
+def _add_lines(band: Plane, factor: int, *, skipped: int) -> Plane:
+    """Add up the lines of each row of squares; the first row has lost so many, and the last may be cut."""
+    count = -(-(skipped + len(band)) // factor)
+    lines = np.zeros((count, band.shape[1]), np.float32)
+    for offset in range(factor):
+        first = (offset - skipped) % factor
+        found = band[first::factor]
+        start = int(offset < skipped)
+        lines[start : start + len(found)] += found
+    return lines
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,6 +81,7 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, Products]
         file=task.file,
         header=header,
         compute=compute,
+        counts=True,
         report=lambda share: task.report(0.1 + 0.9 * share),
     )
     assert header.multispectral is not None  # noqa: S101  the plan refused files without one
