@@ -12,6 +12,7 @@ from radiometry.specification.method import (
 )
 from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
+from radiometry.vignetting.budget import list_budgets
 from radiometry.vignetting.certificate import CERTIFICATE
 from radiometry.vignetting.plot import draw
 from radiometry.vignetting.written import EXPORTS
@@ -46,6 +47,7 @@ SPEC: Final = MethodSpec(
     plan=drop_readings(method.plan),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
+    list_budgets=list_budgets,
     draw=draw,
     certificate=CERTIFICATE,
     exports=EXPORTS,

@@ -10,12 +10,17 @@ FLAT_LEFT_OUT = flag(
 UNEVEN_LIGHT = flag(
     "uneven_light",
     "The light changes by more than 2 % across the frame; it was fitted as a plane.",
-    "Even out the light, or take a second set with the camera turned by half a turn.",
+    "Even out the light, or turn the camera by half a turn between the flats, and state it.",
 )
 CENTRE_UNCERTAIN = flag(
     "centre_uncertain",
-    "The centre cannot be separated from uneven light, or the falloff is too small to have a centre.",
-    "Even out the light. Where the falloff is small, V hardly depends on the centre.",
+    "The centre cannot be separated from uneven light, or differs from that of another f-number.",
+    "Turn the camera between flats, or add an f-number with more falloff.",
+)
+LIGHT_NOT_TURNED = flag(
+    "light_not_turned",
+    "The light did not turn in the frame when the camera was turned; the fit does not rely on the turns.",
+    "Check `flats_turned_deg` and the order of the frames, and turn the camera, not the light or a diffuser.",
 )
 DUST = reason(
     "dust",

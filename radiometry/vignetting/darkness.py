@@ -29,10 +29,13 @@ class DarkError:
         dark frames.
     own : float, default: 0.0
         Uncertainty by which the dark level of a single frame departs from it.
+    dof : float, default: inf
+        Degrees of freedom of both.
     """
 
     shared: float = 0.0
     own: float = 0.0
+    dof: float = math.inf
 
 
 KNOWN = DarkError()
@@ -73,7 +76,7 @@ def estimate_dark_error(
     own = WANDER_SHARE * span_dn
     if n > 1:
         own = math.sqrt(max(0.0, float(np.var(np.array(means_dn), ddof=1)) - noise))
-    return DarkError(shared=math.sqrt((own**2 + noise) / n), own=own)
+    return DarkError(shared=math.sqrt((own**2 + noise) / n), own=own, dof=n - 1 if n > 1 else math.inf)
 
 
 def estimate_dark_drift(
@@ -147,6 +150,7 @@ def merge_dark_errors(errors: Sequence[DarkError], shares: Sequence[float]) -> D
     return DarkError(
         shared=math.fsum(share * error.shared for error, share in pairs),
         own=math.hypot(*(share * error.own for error, share in pairs)),
+        dof=min(error.dof for error in errors),
     )
 
 

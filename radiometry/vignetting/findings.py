@@ -18,14 +18,14 @@ from radiometry.vignetting.curve import (
 )
 from radiometry.vignetting.darkness import find_not_dark
 from radiometry.vignetting.features import FrameRow
-from radiometry.vignetting.fit import FittedChannel, farthest_radius
+from radiometry.vignetting.fit import FittedChannel, farthest_radius, find_best
 from radiometry.vignetting.grid import Vector
 from radiometry.vignetting.light import EXPOSURE_RATIO
 from radiometry.vignetting.points import Candidate
 from radiometry.vignetting.quality import FLAGGED_GRADIENT_REL, flag_frame
 from radiometry.vignetting.results import Coefficient, Threshold
 from radiometry.vignetting.rows import DARK, Params
-from radiometry.vignetting.solving import Solution
+from radiometry.vignetting.solution import CENTRE_U, Solution
 
 LIMITS = (0.02, 0.10)
 """The falloffs about which the report asks."""
@@ -180,9 +180,12 @@ def check_fits(fitted: Fitted) -> list[Raised]:
 def _check_shape(each: FittedChannel) -> list[Raised]:
     flags, fit, where = [], each.fit, _where(each)
     gradient, u = fit.gradient_rel, fit.gradient_standard_uncertainty_rel
-    if fit.gradient_fitted and gradient > FLAGGED_GRADIENT_REL:
+    if gradient > FLAGGED_GRADIENT_REL and each.solution.has_gradient:
         detail = f"The light changes by {gradient:.1%} across the frame, standard error {u:.1%}."
         flags.append(codes.UNEVEN_LIGHT.at(where, detail))
+    if each.not_turned:
+        detail = "Its plane differs from the one that the turned frames show: that one was not used."
+        flags.append(codes.LIGHT_NOT_TURNED.at(where, detail))
     if fit.coefficient.model_u_rel > _MISFIT_REL:
         detail = f"Scatter beyond noise: {fit.coefficient.model_u_rel:.2%} of the light."
         flags.append(codes.VIGNETTING_MISFIT.at(where, detail))
@@ -230,41 +233,28 @@ def find_rise(coefficient: Coefficient) -> tuple[float, float, float] | None:
 
 
 def _check_centre(each: FittedChannel, fitted: Fitted) -> list[Raised]:
-    """Check whether the centre is the lens's, or held, or contradicted by a plane or by other apertures."""
+    """Check whether the flats determine the centre, and whether other apertures contradict it."""
     coefficient, where = each.fit.coefficient, _where(each)
     if each.fit.centre_held:
-        detail = f"A falloff of {each.fit.largest_falloff:.1%} holds no centre: the middle stands for it."
+        detail = (
+            f"A falloff of {each.fit.largest_falloff:.1%} does not separate the centre from uneven light. It "
+            f"is taken to lie within {CENTRE_U:.0%} of the half diagonal of the middle, as a standard error."
+        )
         return [codes.CENTRE_UNCERTAIN.at(where, detail)]
-    middle = np.array([coefficient.height_px - 1, coefficient.width_px - 1]) / 2.0
-    offset = np.array(coefficient.centre_px) - middle
-    away = float(np.hypot(*offset))
-    if away <= _FAR_CENTRE * coefficient.radius_px:
+    best = find_best(other for other in fitted if other.fit.coefficient.channel == coefficient.channel)
+    offset = np.array(each.alone.centre_px) - best.alone.centre_px
+    apart = float(np.hypot(*offset))
+    if apart <= _FAR_CENTRE * coefficient.radius_px:
         return []
-    direction = offset / away
-    said = f"The centre lies {away:.0f} px from the middle"
-    confirmed = float(direction @ (np.array(each.tilted.centre_px) - middle))
-    error = _error_along(direction, each.tilted)
-    if each.tilted.centre_held or confirmed < _SURE_ERRORS * error:
-        detail = f"{said}; with a plane in the light, {confirmed:.0f} px, standard error {error:.0f}."
-        return [codes.CENTRE_UNCERTAIN.at(where, detail)]
-    best = max(
-        (other for other in fitted if other.fit.coefficient.channel == coefficient.channel),
-        key=lambda other: other.fit.coefficient.corner_falloff,
-    )
-    apart = float(direction @ (np.array(coefficient.centre_px) - best.fit.coefficient.centre_px))
-    error = math.hypot(_error_along(direction, _chosen(each)), _error_along(direction, _chosen(best)))
-    if apart > max(_FAR_CENTRE * coefficient.radius_px, _ERRORS * error):
-        detail = f"{said}, and {apart:.0f} px from that of f/{best.fit.coefficient.f_number:g}."
-        return [codes.CENTRE_UNCERTAIN.at(where, detail)]
-    return []
-
-
-def _chosen(each: FittedChannel) -> Solution:
-    return each.tilted if each.fit.gradient_fitted else each.plain
+    error = math.hypot(*(_error_along(offset / apart, other.alone) for other in (each, best)))
+    if apart <= _ERRORS * error:
+        return []
+    detail = f"The centre lies {apart:.0f} px from that of f/{best.fit.coefficient.f_number:g}."
+    return [codes.CENTRE_UNCERTAIN.at(where, detail)]
 
 
 def _error_along(direction: Vector, solution: Solution) -> float:
-    return math.sqrt(float(direction @ solution.covariance[3:, 3:] @ direction))
+    return math.sqrt(float(direction @ solution.find_covariance_of_lens()[3:, 3:] @ direction))
 
 
 def _check_order(fitted: Fitted) -> list[Raised]:

@@ -1,12 +1,14 @@
 """Falloff of one f-number and channel, from all of its flat frames."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
+from radiometry.fitting.evidence import MOST_DOF
 from radiometry.frame.packing import pack
 from radiometry.vignetting import codes
 from radiometry.vignetting.curve import (
@@ -20,36 +22,47 @@ from radiometry.vignetting.curve import (
 from radiometry.vignetting.darkness import DarkError, merge_dark_errors
 from radiometry.vignetting.grid import Grid
 from radiometry.vignetting.quality import measure_gradient
-from radiometry.vignetting.results import ChannelFit, Coefficient
-from radiometry.vignetting.solving import Blocks, Solution, is_gradient_significant, solve_falloff
+from radiometry.vignetting.results import ChannelFit, Coefficient, CornerVariance
+from radiometry.vignetting.solution import CENTRE, LIGHT, USUAL, Blocks, Matrix, Solution, is_apart
+from radiometry.vignetting.solving import solve_falloff
+from radiometry.vignetting.turning import Plane2, find_turned_light, measure_plane
 
 DARKEST_SHARE = 0.02
 """Less than this in a corner is the edge of the image circle, which no such curve describes."""
 
 _CHI_SQUARED_ERRORS = 3.0
+_SEEN_GRADIENT = 0.005
+"""Per half diagonal: planes that differ by less do not show that the light did not turn."""
+
+
+CENTRE_DRIFT_U = 0.02
+"""By so much the centre differs from one f-number to the next, in half diagonals."""
 
 
 @dataclass(frozen=True)
 class FittedChannel:
-    """One f-number and channel: the stored result, and both of the fits on which it rests.
+    """One f-number and channel: the stored result, and the fits on which it rests.
 
     Attributes
     ----------
     fit : ChannelFit
         Result of the fit.
-    plain : Solution
-        Fit without a plane in the light.
-    tilted : Solution
-        Fit with a plane in the light.
+    solution : Solution
+        Fit of the result.
+    alone : Solution
+        The same without knowledge of the centre from another f-number.
+    not_turned : bool
+        True if the light did not turn in the frame as the camera was stated to turn.
     """
 
     fit: ChannelFit
-    plain: Solution
-    tilted: Solution
+    solution: Solution
+    alone: Solution
+    not_turned: bool
 
 
-def merge_flats(flats: Sequence[Blocks]) -> Blocks:
-    """Average frames of one f-number block by block, each divided by its own level first.
+def merge_flats(flats: Sequence[Blocks]) -> tuple[Blocks, list[Plane2]]:
+    """Average frames of one f-number block by block, each divided by its own level and plane first.
 
     Parameters
     ----------
@@ -58,8 +71,8 @@ def merge_flats(flats: Sequence[Blocks]) -> Blocks:
 
     Returns
     -------
-    Blocks
-        Blocks of the mean.
+    tuple of (Blocks, list of Plane2)
+        Blocks of the mean, and by how much the plane of light of each frame differs from that of the mean.
 
     Raises
     ------
@@ -69,7 +82,9 @@ def merge_flats(flats: Sequence[Blocks]) -> Blocks:
     Notes
     -----
     z = sum(w light / level) / sum w,  w = (level / u)^2;  the level is the mean over the blocks that count
-    in every frame, so that a block missing in one frame does not shift it against the others.
+    in every frame, so that a block missing in one frame does not shift it against the others. Frames with
+    different planes would bend the mean, since a block weighs more where its frame is darker: the planes are
+    read off the ratios to a first mean, in which there is no lens, and divided out of a second.
     """
     everywhere = np.all([np.isfinite(flat.standard_error) for flat in flats], axis=0)
     if not everywhere.any():
@@ -78,12 +93,25 @@ def merge_flats(flats: Sequence[Blocks]) -> Blocks:
             "The flat frames of one f-number have no part of the picture in common: leave their regions out, "
             "so that the whole frame counts.",
         )
+    merged = _average(flats, everywhere)
+    if len(flats) == 1:
+        return merged, []
+    planes = [measure_plane(flat, merged) for flat in flats]
+    down, right = flats[0].places
+    level = []
+    for flat, (plane, _) in zip(flats, planes, strict=True):
+        tilt = 1.0 + plane[0] * down + plane[1] * right
+        level.append(replace(flat, light=flat.light / tilt, standard_error=flat.standard_error / tilt))
+    return _average(level, everywhere), planes
+
+
+def _average(flats: Sequence[Blocks], everywhere: NDArray[np.bool_]) -> Blocks:
     levels = [float(flat.light[everywhere].mean()) for flat in flats]
     weights = [(level / flat.standard_error) ** 2 for level, flat in zip(levels, flats, strict=True)]
     total = np.sum(weights, axis=0)
     shares = [float(weight.sum() / total.sum()) for weight in weights]
     darks = [
-        DarkError(shared=flat.dark.shared / level, own=flat.dark.own / level)
+        replace(flat.dark, shared=flat.dark.shared / level, own=flat.dark.own / level)
         for flat, level in zip(flats, levels, strict=True)
     ]
     summed = np.sum(
@@ -99,7 +127,14 @@ def merge_flats(flats: Sequence[Blocks]) -> Blocks:
     )
 
 
-def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> FittedChannel:
+def fit_channel(
+    flats: Sequence[Blocks],
+    *,
+    f_number: float,
+    channel: str,
+    turns_deg: Sequence[float] = (),
+    known: Solution | None = None,
+) -> FittedChannel:
     """Fit one channel of one f-number.
 
     Parameters
@@ -110,11 +145,15 @@ def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> Fi
         F-number.
     channel : str
         Name of the channel.
+    turns_deg : sequence of float, default: ()
+        Angle by which the camera was turned at each frame [deg]; empty if it was not.
+    known : Solution or None, default: None
+        Fit of another f-number of the channel, whose centre this one shares unless it contradicts.
 
     Returns
     -------
     FittedChannel
-        Result and both fits.
+        Result and its fits.
 
     Raises
     ------
@@ -123,52 +162,123 @@ def fit_channel(flats: Sequence[Blocks], *, f_number: float, channel: str) -> Fi
 
     Notes
     -----
-    Two fits are made, without and with a plane in the light. The second is used if the plane exceeds its
-    error as much as three standard errors do: then the centre of the first fit is that of the light.
+    The plane in the light is fitted always, with what turned frames show of it: it is never dropped because
+    it is not significant, for then the centre would be that of the light.
 
     A dark level that is wrong by e changes A V to A V + e = (A + e) V', V' - 1 = (V - 1) / (1 + e/A): the k
     shrink by one factor, and the centre stays. So u(e/A)^2 k k' is added to the covariance of k.
     """
-    blocks = merge_flats(flats)
-    plain = solve_falloff(blocks, with_gradient=False)
-    tilted = solve_falloff(blocks, with_gradient=True)
-    use_tilted = is_gradient_significant(plain, tilted)
-    chosen = _add_dark_error(tilted if use_tilted else plain, blocks.dark)
-    model_u_rel = _measure_misfit(chosen, blocks)
-    coefficient = _build(chosen, blocks.grid, f_number=f_number, channel=channel, model_u_rel=model_u_rel)
-    gradient, gradient_u = measure_gradient(tilted, blocks)
+    blocks, planes = merge_flats(flats)
+    alone = solve_falloff(blocks)
+    turned = find_turned_light(planes, turns_deg)
+    prior, not_turned = USUAL, False
+    if turned is not None:
+        apart = turned[0] - alone.parameters[LIGHT]
+        not_turned = math.hypot(*apart) > _SEEN_GRADIENT and is_apart(
+            apart, turned[1] + alone.gradient_covariance
+        )
+        if not not_turned:
+            prior = prior.replace(LIGHT, *turned)
+            alone = solve_falloff(blocks, prior)
+    solution = alone
+    if known is not None:
+        centre, spread = _expect_centre(known)
+        own = alone.find_covariance()[CENTRE, CENTRE]
+        if not is_apart(alone.parameters[CENTRE] - centre, own + spread):
+            solution = solve_falloff(blocks, prior.replace(CENTRE, centre, spread))
+    fit = _conclude(solution, blocks, f_number=f_number, channel=channel, frames=len(flats))
+    return FittedChannel(fit=fit, solution=solution, alone=alone, not_turned=not_turned)
+
+
+def find_best(fitted: Iterable[FittedChannel]) -> FittedChannel:
+    """Return the f-number of one channel whose flats determine the centre best.
+
+    Parameters
+    ----------
+    fitted : iterable of FittedChannel
+        F-numbers of one channel.
+
+    Returns
+    -------
+    FittedChannel
+        One of them.
+    """
+    return min(fitted, key=lambda each: float(np.trace(each.alone.find_covariance()[CENTRE, CENTRE])))
+
+
+def _expect_centre(known: Solution) -> tuple[Matrix, Matrix]:
+    """Return the centre at another f-number and its covariance [R]."""
+    own = known.find_covariance()[CENTRE, CENTRE]
+    return known.parameters[CENTRE], own + CENTRE_DRIFT_U**2 * np.eye(2)
+
+
+def _conclude(
+    solution: Solution, blocks: Blocks, *, f_number: float, channel: str, frames: int
+) -> ChannelFit:
+    dark_u_rel = _relate_dark_error(solution, blocks.dark)
+    by_dark = np.zeros((5, 5))
+    by_dark[:3, :3] = dark_u_rel**2 * np.outer(solution.k, solution.k)
+    covariance = solution.find_covariance_of_lens() + by_dark
+    model_u_rel = _measure_misfit(solution, blocks)
+    coefficient, slopes = _build(
+        solution,
+        covariance,
+        blocks.grid,
+        f_number=f_number,
+        channel=channel,
+        model_u_rel=model_u_rel,
+    )
+    gradient, gradient_u = measure_gradient(solution, blocks)
     counted = np.isfinite(blocks.standard_error)
     corners = np.array(list_corners(blocks.grid.height_px, blocks.grid.width_px))
     mean_corner = float(np.mean(1.0 - _share_at(coefficient, corners[:, 0], corners[:, 1])))
-    fit = ChannelFit(
+    share = 1.0 - coefficient.corner_falloff
+    certain, level, whole = (
+        float(propagate(slopes, solution.find_covariance_of_lens(known=known))) ** 2 for known in (4, 2, 0)
+    )
+    variances = {
+        ("noise of the flats", "A"): certain,
+        ("centre of the falloff", "B"): level - certain,
+        ("plane of light", "A"): whole - level,
+        ("dark level", "A"): float(propagate(slopes, by_dark)) ** 2,
+        ("shape of the curve", "A"): (model_u_rel * share) ** 2,
+    }
+    of_dark = {name: by_dark[index, index] for index, name in enumerate(("k1", "k2", "k3"))}
+    total = np.diag(covariance)[:3].tolist()
+    freedom = {
+        "corner_falloff": (variances["dark level", "A"], math.fsum(variances.values())),
+        **{name: (of_dark[name], each) for name, each in zip(of_dark, total, strict=True)},
+    }
+    return ChannelFit(
         coefficient=coefficient,
-        frames=len(flats),
-        chi_squared=chosen.chi_squared,
-        dof=chosen.dof,
-        birge_ratio=math.sqrt(max(1.0, chosen.chi_squared / chosen.dof)),
-        residual_rms_rel=float(np.sqrt(np.mean(chosen.residual[counted] ** 2))),
+        frames=frames,
+        chi_squared=solution.chi_squared,
+        dof=solution.dof,
+        birge_ratio=math.sqrt(max(1.0, solution.chi_squared / solution.dof)),
+        residual_rms_rel=float(np.sqrt(np.mean(solution.residual[counted] ** 2))),
         mean_corner_falloff=mean_corner,
         largest_falloff=find_largest_falloff(coefficient),
         gradient_rel=gradient,
         gradient_standard_uncertainty_rel=gradient_u,
-        gradient_fitted=use_tilted,
-        centre_held=chosen.centre_held,
-        residuals=pack(np.where(counted, chosen.residual, np.nan), dtype="<f2"),
+        gradient_fitted=True,
+        centre_held=solution.centre_held,
+        residuals=pack(np.where(counted, solution.residual, np.nan), dtype="<f2"),
         block_px=blocks.grid.block_px,
-        dark_u_rel=_relate_dark_error(chosen, blocks.dark),
+        dark_u_rel=dark_u_rel,
+        corner_variances=tuple(
+            CornerVariance(source=source, kind=kind, variance=max(0.0, variance))
+            for (source, kind), variance in variances.items()
+        ),
+        effective_dof={
+            name: min(MOST_DOF, blocks.dark.dof * (whole_of / part) ** 2) if part else MOST_DOF
+            for name, (part, whole_of) in freedom.items()
+        },
     )
-    return FittedChannel(fit=fit, plain=plain, tilted=tilted)
 
 
 def _relate_dark_error(solution: Solution, dark: DarkError) -> float:
     """Return u(e/A), e the error of the dark level and A the light at the centre."""
     return math.hypot(dark.shared, dark.own) / abs(solution.level) if solution.level else 0.0
-
-
-def _add_dark_error(solution: Solution, dark: DarkError) -> Solution:
-    covariance = solution.covariance.copy()
-    covariance[:3, :3] += _relate_dark_error(solution, dark) ** 2 * np.outer(solution.k, solution.k)
-    return replace(solution, covariance=covariance)
 
 
 def find_largest_falloff(coefficient: Coefficient) -> float:
@@ -230,8 +340,9 @@ def _share_at(coefficient: Coefficient, row_px: float | np.ndarray, col_px: floa
 
 
 def _build(
-    solution: Solution, grid: Grid, *, f_number: float, channel: str, model_u_rel: float
-) -> Coefficient:
+    solution: Solution, covariance: Matrix, grid: Grid, *, f_number: float, channel: str, model_u_rel: float
+) -> tuple[Coefficient, Matrix]:
+    """Return the coefficient, and the derivatives of V at its farthest corner."""
     row, col = find_farthest_corner(grid.height_px, grid.width_px, centre_px=solution.centre_px)
     share, slopes = evaluate_slopes(
         np.array(row),
@@ -247,8 +358,8 @@ def _build(
             "corner: that is the edge of the image circle, not a falloff. Give the flats a region without "
             "the dark corners.",
         )
-    of_curve = float(propagate(slopes, solution.covariance))
-    return Coefficient(
+    of_curve = float(propagate(slopes, covariance))
+    coefficient = Coefficient(
         f_number=f_number,
         channel=channel,
         height_px=grid.height_px,
@@ -259,8 +370,9 @@ def _build(
         k1=solution.k[0],
         k2=solution.k[1],
         k3=solution.k[2],
-        covariance=tuple(tuple(float(each) for each in line) for line in solution.covariance),
+        covariance=tuple(tuple(float(each) for each in line) for line in covariance),
         model_u_rel=model_u_rel,
         corner_falloff=1.0 - float(share),
         corner_falloff_standard_uncertainty=math.hypot(of_curve, model_u_rel * float(share)),
     )
+    return coefficient, slopes

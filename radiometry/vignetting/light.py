@@ -12,7 +12,7 @@ from radiometry.vignetting.darkness import estimate_dark_drift, estimate_dark_er
 from radiometry.vignetting.features import ChannelBlocks, Features, FrameRow
 from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.rows import DARK
-from radiometry.vignetting.solving import Blocks
+from radiometry.vignetting.solution import Blocks
 
 EXPOSURE_RATIO = 2.0
 MOST_CLIPPED_SHARE = 0.001

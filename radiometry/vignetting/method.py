@@ -12,11 +12,11 @@ References
 .. [1] "Four Vision" report, 3.3.2
 """
 
-import itertools
+from collections import Counter
 from collections.abc import Sequence
 
 from radiometry.findings import InputRejected, shared
-from radiometry.fitting.evidence import CoefficientValue, Extracted, Quantity, Region
+from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
@@ -30,7 +30,7 @@ from radiometry.vignetting.correction import compute_correction
 from radiometry.vignetting.dng import DngVignette, export_dng
 from radiometry.vignetting.features import Features, FrameRow, extract_features
 from radiometry.vignetting.findings import check_fits, check_frames, find_thresholds
-from radiometry.vignetting.fit import FittedChannel, fit_channel
+from radiometry.vignetting.fit import FittedChannel, find_best, fit_channel
 from radiometry.vignetting.lens import Lens, LensShare, average_over_polygon
 from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
 from radiometry.vignetting.planning import plan
@@ -55,6 +55,7 @@ from radiometry.vignetting.results import (
     Threshold,
 )
 from radiometry.vignetting.rows import Params
+from radiometry.vignetting.solution import Blocks, Solution
 from radiometry.vignetting.verdicts import judge
 
 __all__ = [
@@ -149,7 +150,8 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
     Flags per frame: flat_left_out, weak_flat, dust. Flags per ISO value: dark_from_black_level,
     dark_exposure_differs, dark_not_dark. Flags per f-number and channel: uneven_light, centre_uncertain,
-    falloff_not_monotonic, falloff_grows, vignetting_misfit. Flag of the whole fit: rendered.
+    light_not_turned, falloff_not_monotonic, falloff_grows, vignetting_misfit. Flag of the whole fit:
+    rendered.
     """
     lacking = missing(rows, params)
     if lacking:
@@ -160,7 +162,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
         reasons = "; ".join(f"{each.row.frame}: {each.left_out}" for each in candidates)
         raise InputRejected(codes.FLAT_UNUSABLE, f"No flat frame can be used. {reasons}.")
     require_one_lens(candidates)
-    fitted = _fit_all(used)
+    fitted = _fit_all(candidates, params)
     return Fit(
         height_px=fitted[0].fit.coefficient.height_px,
         width_px=fitted[0].fit.coefficient.width_px,
@@ -172,18 +174,37 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     )
 
 
-def _fit_all(used: Sequence[Candidate]) -> list[FittedChannel]:
-    """Fit every f-number and channel; ``used`` in the order of f-number, then name."""
-    fitted = []
-    for f_number, group in itertools.groupby(
-        used, key=lambda each: each.light.f_number if each.light else 0.0
-    ):
-        frames = [{light.channel: light.blocks for light in candidate.channels} for candidate in group]
-        fitted += [
-            fit_channel([frame[channel] for frame in frames], f_number=f_number, channel=channel)
-            for channel in frames[0]
-        ]
-    return fitted
+def _fit_all(candidates: Sequence[Candidate], params: Params) -> list[FittedChannel]:
+    """Fit every f-number and channel, then again with the centre that one f-number determines best."""
+    turns = _find_turns(candidates, params)
+    groups: dict[tuple[str, float], list[tuple[Blocks, float]]] = {}
+    for candidate in candidates:
+        if candidate.light is not None and not candidate.left_out:
+            for light in candidate.channels:
+                group = groups.setdefault((light.channel, candidate.light.f_number), [])
+                group.append((light.blocks, turns[candidate.row.frame]))
+
+    def fit_one(key: tuple[str, float], known: Solution | None = None) -> FittedChannel:
+        flats, turned = zip(*groups[key], strict=True)
+        return fit_channel(flats, channel=key[0], f_number=key[1], turns_deg=turned, known=known)
+
+    fitted = {key: fit_one(key) for key in groups}
+    best = {channel: find_best(fitted[key] for key in groups if key[0] == channel) for channel, _ in groups}
+    return [
+        each if each is best[key[0]] else fit_one(key, best[key[0]].alone)
+        for key, each in sorted(fitted.items(), key=lambda pair: pair[0][1])
+    ]
+
+
+def _find_turns(candidates: Sequence[Candidate], params: Params) -> dict[str, float]:
+    """Return the angle by which the camera was turned at each flat, by the order at its f-number [deg]."""
+    taken: Counter[float] = Counter()
+    turns = {}
+    for each in sorted(candidates, key=lambda one: (one.row.header.taken_at or "", one.row.frame)):
+        f_number = each.row.exposure.f_number if each.row.exposure else 0.0
+        turns[each.row.frame] = taken[f_number] * (params.flats_turned_deg or 0.0)
+        taken[f_number] += 1
+    return turns
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
@@ -210,8 +231,10 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
             band=None if coefficient.channel in CHANNELS else coefficient.channel,
             channel=coefficient.channel,
             flags=_flags_of(fit, coefficient),
+            effective_dof=each.effective_dof.get(name, MOST_DOF) if each.effective_dof else None,
         )
-        for coefficient in fit.coefficients
+        for each in fit.channel_fits
+        for coefficient in (each.coefficient,)
         for name, quantity in _list_quantities(coefficient).items()
     )
 

@@ -18,6 +18,9 @@ WIDEST_GAP_STOPS = 1.1
 """Between neighbouring f-numbers, in stops: over a whole stop the interpolation stays within half of what the
 falloff changes; markings are rounded by up to a tenth."""
 
+UNSEEN_GRADIENT_REL = 0.01
+"""Standard error of the plane of light across the frame."""
+
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     """List, by name, what to add while the target is still set up.
@@ -51,6 +54,12 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
         for f_number, group in by_f_number.items()
         if len(group) < GOOD_FLATS
     ]
+    seen = [each.quality.gradient_u_rel or 0.0 for each in used if each.quality]
+    if seen and min(seen) > UNSEEN_GRADIENT_REL and params.flats_turned_deg is None:
+        advice.append(
+            f"uneven light is known to {min(seen):.1%} at best, beside an off-centre lens: turn the camera "
+            "by half or a quarter of a turn between flats, and state the angle in the fit"
+        )
     return (*advice, *_plan_f_numbers(sorted(by_f_number)))
 
 

@@ -12,7 +12,8 @@ from radiometry.vignetting import codes
 from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.light import MOST_CLIPPED_SHARE, ChannelLight, FlatLight, leave_out
 from radiometry.vignetting.results import Spot
-from radiometry.vignetting.solving import Blocks, Solution, is_gradient_significant, solve_falloff
+from radiometry.vignetting.solution import Blocks, Solution
+from radiometry.vignetting.solving import solve_falloff
 
 LEAST_SIGNAL_SHARE = 0.02
 """Of the span from dark to white: a dark signal that is wrong by a thousandth of it is then 5 % of the light,
@@ -105,9 +106,7 @@ def inspect_flat(light: FlatLight) -> Quality:
     if not problem:
         solution, spots = _fit_without_spots(strongest)
         gradient, gradient_u = measure_gradient(solution, strongest.blocks)
-        if gradient > FLAGGED_GRADIENT_REL:
-            plain = solve_falloff(leave_out(strongest, spots).blocks, with_gradient=False)
-            is_uneven = is_gradient_significant(plain, solution)
+        is_uneven = gradient > FLAGGED_GRADIENT_REL and solution.has_gradient
         found = _list_spots(solution, spots, strongest.blocks)
         refused = gradient if is_uneven and gradient > MOST_GRADIENT_REL else None
         problem, left_out = _refuse_shape(strongest.channel, solution, refused, spots)
@@ -169,7 +168,7 @@ def measure_gradient(solution: Solution, blocks: Blocks) -> tuple[float, float]:
     Parameters
     ----------
     solution : Solution
-        Fit with a plane in the light.
+        Fit to the blocks.
     blocks : Blocks
         Blocks that were fitted.
 
@@ -204,10 +203,10 @@ def name_direction(gradient: tuple[float, float]) -> str:
 
 
 def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]]:
-    """Fit with a gradient, leave out what stands apart from its surroundings, and fit again."""
+    """Fit, leave out what stands apart from its surroundings, and fit again."""
     spots: NDArray[np.bool_] = np.zeros(light.blocks.light.shape, np.bool_)
     left = light
-    solution = solve_falloff(left.blocks, with_gradient=True)
+    solution = solve_falloff(left.blocks)
     for _ in range(_ROUNDS):
         known = np.isfinite(left.blocks.standard_error)
         found = _find_spots(solution.residual, known)
@@ -215,7 +214,7 @@ def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]
             break
         spots |= found
         left = leave_out(light, spots)
-        solution = solve_falloff(left.blocks, with_gradient=True)
+        solution = solve_falloff(left.blocks)
     return solution, spots
 
 

@@ -1,6 +1,6 @@
 """Results of a vignetting fit: plain numbers, ready for JSON; what does not exist is None."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from radiometry.findings import Raised
@@ -94,6 +94,15 @@ class Spot:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CornerVariance:
+    """Contribution of one source to the variance of the corner falloff; ``kind`` : "A" or "B"."""
+
+    source: str
+    kind: str
+    variance: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ChannelFit:
     """Results of one f-number and channel.
 
@@ -119,9 +128,10 @@ class ChannelFit:
         Gradient of the light across the frame, largest less smallest, and its standard
         uncertainty.
     gradient_fitted : bool
-        True if the coefficients are those of the fit with the gradient.
+        True if the coefficients are those of the fit with the gradient; versions from
+        before it was always kept may have dropped it.
     centre_held : bool
-        True if the centre was held at the frame's middle.
+        True if the flats do not determine the centre.
     residuals : Packed
         (light - fitted) / fitted, (row, col) of blocks; NaN where a block did not
         count.
@@ -130,6 +140,11 @@ class ChannelFit:
     dark_u_rel : float, default: 0.0
         Standard uncertainty of the dark level over the light at the centre. The
         covariance of k includes it, but not in versions from before it was evaluated.
+    corner_variances : tuple of CornerVariance, default: ()
+        Budget of the corner falloff; empty in versions from before it was kept.
+    effective_dof : dict of str to float, default: {}
+        Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6;
+        empty in versions from before they were evaluated.
     """
 
     coefficient: Coefficient
@@ -147,6 +162,8 @@ class ChannelFit:
     residuals: Packed
     block_px: int
     dark_u_rel: float = 0.0
+    corner_variances: tuple[CornerVariance, ...] = ()
+    effective_dof: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

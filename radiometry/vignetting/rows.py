@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from radiometry.fitting.evidence import Exclusion
+from radiometry.specification.parameters import check_parameters, parameter
 
 FLAT, DARK = "flat", "dark"
 
@@ -11,4 +12,22 @@ FLAT, DARK = "flat", "dark"
 class Params:
     """Parameters of a fit; the defaults serve a campaign shot as the documentation says."""
 
+    flats_turned_deg: float | None = parameter(
+        None,
+        label="Camera turned between flats",
+        description="Angle by which the camera was turned about its axis from each flat of an f-number to "
+        "the next, in either sense; the light then turns in the frame, and the lens does not.",
+        unit="deg",
+        minimum=0.0,
+        above_minimum=True,
+        maximum=360.0,
+        below_maximum=True,
+        default_text="not turned",
+        example=180.0,
+        later=True,
+    )
     exclude: tuple[Exclusion, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check every parameter against its range."""
+        check_parameters(self)

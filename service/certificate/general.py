@@ -41,7 +41,7 @@ def list_sections(certificate: Node, preview: str) -> list[Node]:
     return [
         section("Result", [_drawn(certificate), facts(_conditions(certificate))]),
         *([section("Further coefficients", [_tabulate(spec, others)])] if others else []),
-        *(section(f"Uncertainty, {budget['band']}", [_budget(budget)]) for budget in certificate["budgets"]),
+        *_budgets(certificate),
         *([section("Panel", list(_panels(certificate)))] if certificate["panels"] else []),
         section("Region", region_blocks(certificate, preview)),
         *_frames(certificate),
@@ -123,20 +123,30 @@ def _format(value: object) -> str:
     return plain(value, 6) if isinstance(value, int | float) else str(value)
 
 
-def _budget(budget: Node) -> Node:
+def _budgets(certificate: Node) -> Iterator[Node]:
+    """Yield the budgets of the headline coefficients: a table each, or all as rows where there are many."""
+    budgets = certificate["budgets"]
+    if not budgets:
+        return
+    names = sorted(get_method(certificate["method"]).certificate.headlines)
+    caption = (
+        f"Uncertainty budget of {', '.join(names)}. Type A: from scatter; type B: from other information."
+    )
+    head = ["valid for", "source", "type", "u, relative", "u", "fraction of u²"]
     rows = [
         [
+            _holds_for({"model": "", **budget}) if line is budget["lines"][0] else "",
             line["source"],
             line["kind"],
             percent(line["u_rel"]),
             plain(line["u"], 3),
             percent(line["variance_share"]),
         ]
+        for budget in budgets
         for line in budget["lines"]
     ]
-    caption = "Uncertainty budget of K. Type A: from scatter; type B: from other information."
-    head = ["source", "type", "u(K)/K", "u(K)", "fraction of u²"]
-    return table(head, rows, align="llrrr", widths=[3, 0.6, 1.2, 1.2, 1.2], caption=caption)
+    widths = [1.4, 2.6, 0.6, 1.2, 1.2, 1.2]
+    yield section("Uncertainty", [table(head, rows, align="lllrrr", widths=widths, caption=caption)])
 
 
 def _panels(certificate: Node) -> Iterator[Node]:

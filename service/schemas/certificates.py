@@ -136,10 +136,12 @@ class CertifiedCoefficient(Answer):
 
 
 class Budget(Answer):
-    """Of the coefficient at an ISO value, or of a band."""
+    """Of the coefficient at an ISO value or f-number, of a band or channel."""
 
     iso: float | None = None
+    f_number: float | None = None
     band: str | None = None
+    channel: str | None = None
     lines: list[dict[str, Any]]
 
 

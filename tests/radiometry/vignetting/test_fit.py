@@ -14,9 +14,12 @@ from radiometry.findings import InputRejected
 from radiometry.fitting.evidence import Exclusion
 from radiometry.frame.packing import unpack
 from radiometry.vignetting import method as vignetting
+from radiometry.vignetting.application import evaluate
+from radiometry.vignetting.curve import evaluate_curve
 from radiometry.vignetting.fit import fit_channel
 from radiometry.vignetting.grid import Site
-from radiometry.vignetting.solving import is_gradient_significant, solve_falloff
+from radiometry.vignetting.solution import CENTRE_U, EVEN, UNKNOWN
+from radiometry.vignetting.solving import solve_falloff
 from simulation.camera import change, take
 from simulation.flats import FALLOFFS, FAST_LENS, plan_flats
 from tests.radiometry.vignetting.flats import (
@@ -77,7 +80,7 @@ def test_truth_comes_back_within_its_error(fitted):
         distances.append(float(pull @ np.linalg.solve(np.array(found.covariance), pull)))
         off = found.corner_falloff - true_corner(LENS, found.f_number)
         assert abs(off) < 4 * found.corner_falloff_standard_uncertainty
-        assert found.corner_falloff_standard_uncertainty < 0.002
+        assert found.corner_falloff_standard_uncertainty < 0.005
     assert len(distances) == 16
     assert max(distances) < chi2.ppf(1 - 1e-4 / 16, 5)
     assert chi2.ppf(1e-3, 80) < sum(distances) < chi2.ppf(1 - 1e-3, 80)
@@ -133,12 +136,10 @@ def test_exact_light_gives_exact_parameters_and_transposes(gradient, height, wid
     centre = (where[0] * height, where[1] * width)
     here = Site(row0=site[0], col0=site[1], step=2)
     there = Site(row0=site[1], col0=site[0], step=2)
-    found = solve_falloff(exact_blocks(grid, k, centre, gradient=gradient, site=here), with_gradient=True)
-    other = solve_falloff(
-        exact_blocks(turned, k, centre[::-1], gradient=gradient[::-1], site=there), with_gradient=True
-    )
+    found = solve_falloff(exact_blocks(grid, k, centre, gradient=gradient, site=here), UNKNOWN)
+    other = solve_falloff(exact_blocks(turned, k, centre[::-1], gradient=gradient[::-1], site=there), UNKNOWN)
     # 1e-3 of noise was claimed; what is left is a ten-thousandth of what that would allow
-    errors = np.sqrt(np.diag(found.covariance))
+    errors = np.sqrt(np.diag(found.find_covariance_of_lens()))
     assert (np.abs(np.array([*found.k, *found.centre_px]) - [*k, *centre]) < 1e-3 * errors + 1e-9).all()
     assert found.gradient == pytest.approx(gradient, abs=1e-5)
     assert other.centre_px[::-1] == pytest.approx(found.centre_px, abs=0.01)
@@ -180,7 +181,7 @@ def test_uneven_light_is_told_from_an_off_centre_lens():
     # the plain fit would put the light's slope into the centre, many errors away
     plain = solve_falloff(
         exact_blocks(grid_of(320, 480), FALLOFFS[1.4], (171.0, 222.0), gradient=(0.02, 0.03)),
-        with_gradient=False,
+        EVEN,
     )
     assert abs(plain.centre_px[0] - 171.0) > 3.0
 
@@ -198,6 +199,72 @@ def test_what_no_curve_describes_is_said_and_counted(depth, flagged):
     assert ("vignetting_misfit" in flags_of(found.flags)) is flagged
 
 
+def cover(f_numbers, plane, turns, *, runs=16):
+    """Return, of the last f-number, the rms of u(V) and the shares of V and of the centre within 2 u."""
+    random, found = np.random.default_rng(21), []
+    grid = grid_of(240, 360)
+    radius = grid.half_diagonal_px
+    rows, cols = np.linspace(0, 239, 9)[:, None], np.linspace(0, 359, 13)[None]
+    for _ in range(runs):
+        centre = grid.middle_px + 0.05 * radius * random.standard_normal(2)
+        way, known = random.uniform(0.0, 2.0 * np.pi), None
+        for f_number in f_numbers:
+            flats = []
+            for turn in np.radians(turns) + way + 0.03 * random.standard_normal(len(turns)):
+                extent = abs(np.cos(turn)) * 240 / radius + abs(np.sin(turn)) * 360 / radius
+                gradient = plane / extent * np.array([np.cos(turn), np.sin(turn)])
+                exact = exact_blocks(grid, FALLOFFS[f_number], centre, gradient=gradient)
+                noisy = exact.light * (1.0 + 1e-3 * random.standard_normal(exact.light.shape))
+                error = 1e-3 * exact.light
+                flats.append(dataclasses.replace(exact, light=noisy, standard_error=error))
+            fit = fit_channel(flats, f_number=f_number, channel="g", turns_deg=turns, known=known)
+            known = known or fit.alone
+        found_v = evaluate([fit.fit.coefficient], rows, cols, channel="g", f_number=f_number)
+        squared = ((rows - centre[0]) ** 2 + (cols - centre[1]) ** 2) / radius**2
+        off = np.abs(found_v.share - evaluate_curve(squared, FALLOFFS[f_number]))
+        errors = np.sqrt(np.diag(np.array(fit.fit.coefficient.covariance))[3:])
+        at = np.abs(np.array(fit.fit.coefficient.centre_px) - centre)
+        u = found_v.standard_uncertainty
+        found.append((np.mean(u**2), np.mean(off < 2.0 * u), np.mean(at < 2.0 * errors)))
+    u_squared, of_v, of_centre = np.mean(found, axis=0)
+    return np.sqrt(u_squared), of_v, of_centre
+
+
+@pytest.mark.parametrize(
+    ("f_numbers", "plane", "turns", "largest_u"),
+    [
+        ((8.0,), 0.02, (0.0,), 0.004),
+        ((2.0,), 0.05, (0.0,), 0.002),
+        ((1.4, 8.0), 0.02, (0.0, 0.0), 0.001),
+        ((8.0,), 0.02, (0.0, 90.0, 180.0, 270.0), 0.0006),
+        ((8.0,), 0.05, (0.0, 180.0), 0.001),
+    ],
+)
+def test_a_plane_of_light_is_within_the_uncertainty_of_v(f_numbers, plane, turns, largest_u):
+    u, of_v, of_centre = cover(f_numbers, plane, turns)
+    assert of_v > 0.75
+    assert of_centre > 0.75
+    assert u < largest_u
+
+
+def test_light_that_turns_with_the_camera_is_found_out():
+    blocks = exact_blocks(grid_of(320, 480), FALLOFFS[1.4], (171.0, 222.0), gradient=(0.02, 0.03))
+    found = fit_channel([blocks] * 3, f_number=1.4, channel="G1", turns_deg=(0.0, 90.0, 180.0))
+    assert found.not_turned
+    assert found.solution.gradient == pytest.approx((0.02, 0.03), abs=1e-3)
+    turned = fit_channel([blocks] * 3, f_number=1.4, channel="G1")
+    assert turned.fit.coefficient == found.fit.coefficient
+
+
+def test_the_budget_of_the_corner_adds_up(fitted):
+    for each in fitted.channel_fits:
+        total = sum(line.variance for line in each.corner_variances)
+        assert total == pytest.approx(each.coefficient.corner_falloff_standard_uncertainty**2, rel=1e-6)
+    wide, narrow = (of(fitted, f_number).corner_variances for f_number in (8.0, 1.4))
+    assert [line.source for line in wide] == [line.source for line in narrow]
+    assert {line.source: line.variance for line in wide}["centre of the falloff"] > 0.0
+
+
 def test_noise_alone_makes_no_gradient():
     """Of 60 drawn flats 0.16 should pass the limit of three standard errors: three would be a fault."""
     random, found = np.random.default_rng(8), 0
@@ -206,8 +273,7 @@ def test_noise_alone_makes_no_gradient():
         noisy = dataclasses.replace(
             exact, light=exact.light + 1e-3 * random.standard_normal(exact.light.shape)
         )
-        plain, tilted = (solve_falloff(noisy, with_gradient=each) for each in (False, True))
-        found += is_gradient_significant(plain, tilted)
+        found += solve_falloff(noisy).has_gradient
     assert found < 3
 
 
@@ -216,10 +282,11 @@ def test_the_centre_is_held_where_there_is_no_falloff():
     noisy = dataclasses.replace(
         blocks, light=blocks.light + 1e-3 * np.random.default_rng(1).standard_normal(blocks.light.shape)
     )
-    found = solve_falloff(noisy, with_gradient=False)
+    found = solve_falloff(noisy)
     assert found.centre_held
-    assert found.centre_px == (99.5, 149.5)
-    assert found.covariance[3, 3] == pytest.approx(200**2 / 12)
+    error = CENTRE_U * noisy.grid.half_diagonal_px
+    assert found.centre_px == pytest.approx((99.5, 149.5), abs=2 * error)
+    assert found.find_covariance_of_lens()[3, 3] > 0.2 * error**2
     fit = fit_channel([noisy], f_number=8.0, channel="grey").fit
     assert abs(fit.coefficient.corner_falloff) < 4 * fit.coefficient.corner_falloff_standard_uncertainty
 
@@ -294,7 +361,8 @@ def test_from_which_f_number_on(fitted):
     assert [round(true_corner(LENS, f), 3) for f in F_NUMBERS] == [0.57, 0.356, 0.094, 0.035]
     two, ten = fitted.thresholds
     assert (two.falloff, two.lowest_f_number, two.from_f_number, two.is_sure) == (0.02, None, None, True)
-    assert (ten.falloff, ten.lowest_f_number, ten.from_f_number, ten.is_sure) == (0.1, 4.0, 4.0, True)
+    # 9.4 % at f/4 is within two standard uncertainties of 10 %
+    assert (ten.falloff, ten.lowest_f_number, ten.from_f_number, ten.is_sure) == (0.1, 4.0, 4.0, False)
 
 
 def test_a_falloff_that_grows_again_is_said_and_ends_the_range():
