@@ -1,15 +1,25 @@
 """Fit of one calibration curve: points with shared errors, a model, and its parameters."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import LinAlgError
 from scipy.special import stdtrit
 
 from radiometry.fitting import models
-from radiometry.fitting.gls import Component, Matrix, Solution, Vector, are_separable, solve
-from radiometry.fitting.sources import DARK_CURRENT, READING, SCATTER, TAIL_FACTOR, Curve, list_sources
+from radiometry.fitting.components import Matrix, Vector, index_labels
+from radiometry.fitting.gls import leave_groups_out, solve
+from radiometry.fitting.prediction import Converged, Prediction, Rows, predict_errors
+from radiometry.fitting.sources import F_NUMBER, READING, SCATTER, TAIL_FACTOR, Curve, list_sources
+from radiometry.fitting.variances import are_separable
 
+F_NUMBER_U_REL = 0.015
+"""Relative standard uncertainty of a nominal f-number that nothing is known of. Nominal values are rounded by
+up to 2.8 % (f/11 for 11.314), which as a rectangular distribution is 2.8 / sqrt(3) %."""
+
+_FEWEST_F_NUMBERS = 3
 _MAX_ITERATIONS = 200
 _RELATIVE_TOLERANCE = 1e-11
 _COVERAGE = 0.95
@@ -33,12 +43,15 @@ class CurveFit:
         For each source, its kind (A or B) and the relative variance that it
         contributes to the first parameter. The excess from the Birge ratio is one
         of them.
-    k_uncertainty_of_variance : float
-        Half the variance of the relative variance of K, for the effective degrees
-        of freedom.
+    predictions : tuple of Prediction
+        Errors at any f-number, then at each f-number of the points, rising; the first
+        alone for "semilog", and for points that do not tell f-numbers apart.
     repeatability_u_rel : float or None
         Relative standard uncertainty of one meter reading, given or estimated; None
         if the model does not use one.
+    f_number_u_rel : float or None
+        Relative standard uncertainty of a nominal f-number, given or estimated; None
+        for "semilog".
     scatter_u_rel : float
         Relative scatter between frames; 0 if the other sources explain the scatter
         of the points.
@@ -65,8 +78,9 @@ class CurveFit:
     covariance: Matrix
     k_weights: Vector
     k_shares: dict[str, tuple[str, float]]
-    k_uncertainty_of_variance: float
+    predictions: tuple[Prediction, ...]
     repeatability_u_rel: float | None
+    f_number_u_rel: float | None
     scatter_u_rel: float
     scatter_errors_rel: Vector
     dark_rate_dn_per_s: float
@@ -79,7 +93,7 @@ class CurveFit:
     free_parameters: int
 
     def effective_dof(self, common_variance_rel: float = 0.0) -> float:
-        """Return the degrees of freedom of K's variance after Welch and Satterthwaite [1]_.
+        """Return the degrees of freedom of K's variance, as `Prediction.effective_dof`.
 
         Parameters
         ----------
@@ -90,15 +104,8 @@ class CurveFit:
         -------
         float
             At least 1; infinite if the variance of K is known exactly.
-
-        References
-        ----------
-        .. [1] JCGM 100:2008, G.4.1, doi:10.59161/JCGM100-2008E
         """
-        variance = sum(share for _, share in self.k_shares.values()) + common_variance_rel
-        if self.k_uncertainty_of_variance == 0.0:
-            return math.inf
-        return max(1.0, variance**2 / self.k_uncertainty_of_variance)
+        return self.predictions[0].effective_dof(common_variance_rel)
 
 
 def coverage_factor(dof: float) -> float:
@@ -115,80 +122,6 @@ def coverage_factor(dof: float) -> float:
         Quantile of Student's t; 1.96 for infinite degrees of freedom.
     """
     return float(stdtrit(dof, (1 + _COVERAGE) / 2))
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Converged:
-    """Last iteration of a fit that converged."""
-
-    linear: models.LinearModel
-    components: list[Component]
-    solution: Solution
-
-    @property
-    def dof(self) -> int:
-        """Points minus parameters."""
-        return self.linear.response.size - self.solution.parameters.size
-
-    def find_u(self, source: str) -> float:
-        """Return a source's standard uncertainty, 0 if it is not among the components.
-
-        Parameters
-        ----------
-        source : str
-            Name of the source.
-
-        Returns
-        -------
-        float
-            Square root of the source's variance.
-        """
-        variances = zip(self.components, self.solution.variances, strict=True)
-        return math.sqrt(sum(variance for component, variance in variances if component.source == source))
-
-    def predict_scatter(self, weights: Vector) -> Vector:
-        """Return the best linear prediction of each point's own scatter, relative, (n,).
-
-        Parameters
-        ----------
-        weights : ndarray of float64
-            Weight of each point's scatter, (n,).
-
-        Returns
-        -------
-        ndarray of float64
-            Zeros if the points do not scatter beyond the stated sources.
-        """
-        variance: Vector = self.find_u(SCATTER) ** 2 / weights
-        return variance * self.linear.per_relative_x * self.solution.projected
-
-    def predict_dark_rate(self, curve: Curve) -> tuple[float, float]:
-        """Return the best linear prediction of the dark current's rate, and its standard uncertainty [DN/s].
-
-        Parameters
-        ----------
-        curve : Curve
-            Points of the fit.
-
-        Returns
-        -------
-        tuple[float, float]
-            0 and the given uncertainty if the rate is not among the components.
-
-        Notes
-        -----
-        With z the sensitivity of the response to the rate, v its variance and P as in
-        the fit, the prediction is v z'P y, and its variance v - v^2 z'P z.
-        """
-        variance = self.find_u(DARK_CURRENT) ** 2
-        if not variance:
-            return 0.0, curve.dark_rate_u_dn_per_s
-        sensitivity = self.linear.per_dn / curve.lens_shares * curve.dark_lever_s
-        variances = zip(self.components, self.solution.variances, strict=True)
-        known = [replace(component, variance=each) for component, each in variances]
-        projected = solve(self.linear.design, sensitivity, known).projected
-        left = 1.0 - variance * float(sensitivity @ projected)
-        return variance * float(sensitivity @ self.solution.projected), math.sqrt(variance * max(left, 0.0))
 
 
 def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
@@ -217,7 +150,12 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
         V_ik = (u(N_i)^2 [i=k] + u(D)^2) / (K^2 X_i X_k) + u_r^2 / m_s [same scene]
              + 4 u_f^2 [same f-number] + u_t^2 [same time] + u_s^2 [i=k]
 
-    plus u(V_i) u(V_k) / (V_i V_k) [same f-number] where N was divided by the
+    u_f may be None if it is not known. It is then estimated together with u_r, from
+    the scatter between f-numbers, if there are at least three and the points separate
+    it from u_r; else it is `F_NUMBER_U_REL`. The error of each f-number is predicted
+    from the points in the same pass [4]_.
+
+    To V are added u(V_i) u(V_k) / (V_i V_k) [same f-number] where N was divided by the
     vignetting V; u(N) and u(D) are then divided by V too. X has errors as well, so
     V_ik depends on K and is updated until K converges. u_s enters only if the other
     sources leave chi^2 / dof > 1; it and an u_r that is not given are estimated
@@ -234,10 +172,13 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     .. [2] H. D. Patterson, R. Thompson, Biometrika 58, 545 (1971),
            doi:10.1093/biomet/58.3.545
     .. [3] R. T. Birge, Phys. Rev. 40, 207 (1932), doi:10.1103/PhysRev.40.207
+    .. [4] G. K. Robinson, Statistical Science 6, 15 (1991),
+           doi:10.1214/ss/1177011926
     """
     if len(curve.rhs) <= len(models.PARAMETER_NAMES[model]):
         return None
     start = models.start(model, curve.rhs, curve.signal_dn)
+    curve = _complete(curve, model, start)
     stated = _converge(curve, model, start, scattered=False)
     if stated is not None and (model == "semilog" or stated.solution.chi_squared <= stated.dof):
         return _judge(curve, model, stated, stated.solution.chi_squared)
@@ -248,21 +189,34 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     return None if stated is None else _judge(curve, model, stated, stated.solution.chi_squared)
 
 
-def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> _Converged | None:
+def _complete(curve: Curve, model: str, theta: Vector) -> Curve:
+    """Return the curve with the usual uncertainty of an f-number where the points do not determine it."""
+    if curve.f_number_u_rel is not None:
+        return curve
+    linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
+    if linear is not None and len(set(curve.f_numbers)) >= _FEWEST_F_NUMBERS and model != "semilog":
+        components = list_sources(curve, linear, model=model, scattered=False)
+        if are_separable(linear.design, [each for each in components if each.variance is None]):
+            return curve
+    return replace(curve, f_number_u_rel=F_NUMBER_U_REL)
+
+
+def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> Converged | None:
     """Update the weights until the parameters converge; None if they do not, or if no weights are left."""
+    start: Sequence[float] | None = None
     for _ in range(_MAX_ITERATIONS):
         linear = _linearise(curve, model, theta)
         if linear is None:
             return None
         components = list_sources(curve, linear, model=model, scattered=scattered)
         try:
-            solution = solve(linear.design, linear.response, components)
-        except np.linalg.LinAlgError:
+            solution = solve(linear.design, linear.response, components, start=start)
+        except LinAlgError:
             return None
         step = np.abs(linear.design @ (solution.parameters - theta))
-        theta = solution.parameters
+        theta, start = solution.parameters, solution.variances
         if model == "semilog" or np.max(step) < _RELATIVE_TOLERANCE:
-            return _Converged(linear=linear, components=components, solution=solution)
+            return Converged(linear=linear, components=components, solution=solution)
     return None
 
 
@@ -275,49 +229,50 @@ def _linearise(curve: Curve, model: str, theta: Vector) -> models.LinearModel | 
     return replace(linear, response=linear.response + back)
 
 
-def _add_scatter(curve: Curve, model: str, theta: Vector) -> _Converged | None:
+def _add_scatter(curve: Curve, model: str, theta: Vector) -> Converged | None:
     """Fit with the scatter between frames estimated too; None if the points do not determine it."""
     linear = _linearise(curve, model, theta)
     if linear is None or curve.scatter_u_rel is not None:
         return None
     components = list_sources(curve, linear, model=model, scattered=True)
-    unknown = [component.structure for component in components if component.variance is None]
-    if not are_separable(linear.design, unknown):
+    if not are_separable(linear.design, [each for each in components if each.variance is None]):
         return None
     found = _converge(curve, model, theta, scattered=True)
     return found if found is not None and found.find_u(SCATTER) > 0.0 else None
 
 
-def _by_stated(converged: _Converged) -> float:
+def _by_stated(converged: Converged) -> float:
     """Return chi^2 without the scatter between frames, each other source with the variance found for it."""
     variances = zip(converged.components, converged.solution.variances, strict=True)
     known = [replace(part, variance=variance) for part, variance in variances if part.source != SCATTER]
     return solve(converged.linear.design, converged.linear.response, known).chi_squared
 
 
-def _judge(curve: Curve, model: str, converged: _Converged, stated_chi_squared: float) -> CurveFit:
+def _judge(curve: Curve, model: str, converged: Converged, stated_chi_squared: float) -> CurveFit:
     """Compare the scatter with the uncertainties, and list the contributions to K's variance."""
     solution, dof, theta = converged.solution, converged.dof, converged.solution.parameters
     weighed = model != "semilog"
     excess = max(1.0, solution.chi_squared / dof) if weighed else 1.0
     # weights that were chosen by the residuals claim too much of the scatter
-    tails = TAIL_FACTOR if np.ptp(curve.scatter_weights) else 1.0
-    factors = [
-        (1.0 if part.common else excess) * (tails if part.source == SCATTER else 1.0)
-        for part in converged.components
-    ]
-    covariance: Matrix = np.sum([f * c for f, c in zip(factors, solution.contributions, strict=True)], axis=0)
-    shares, doubt = _k_variance(converged, excess=excess, tails=tails, model=model)
-    estimated = sum(component.variance is None for component in converged.components)
+    factors = excess, TAIL_FACTOR if np.ptp(curve.scatter_weights) else 1.0
+    shares, general = predict_errors(converged, model, factors)
     rate, u_rate = converged.predict_dark_rate(curve)
+    f_numbers = sorted(set(curve.f_numbers)) if weighed else []
+    estimated = sum(component.variance is None for component in converged.components)
     return CurveFit(
         model=model,
         parameters=models.from_theta(model, theta),
-        covariance=models.covariance_from_theta(model, theta, covariance),
+        covariance=np.sum(
+            [np.array(general.fit), np.array(general.f_numbers), _square(general.times)], axis=0
+        ),
         k_weights=solution.weights[0],
         k_shares=shares,
-        k_uncertainty_of_variance=doubt,
-        repeatability_u_rel=_repeatability(curve, converged) if weighed else None,
+        predictions=(
+            general,
+            *(predict_errors(converged, model, factors, at)[1] for at in enumerate(f_numbers)),
+        ),
+        repeatability_u_rel=converged.find_u(READING) if weighed else None,
+        f_number_u_rel=converged.find_u(F_NUMBER) if weighed else None,
         scatter_u_rel=converged.find_u(SCATTER),
         scatter_errors_rel=converged.predict_scatter(curve.scatter_weights),
         dark_rate_dn_per_s=rate,
@@ -331,44 +286,62 @@ def _judge(curve: Curve, model: str, converged: _Converged, stated_chi_squared: 
     )
 
 
-def _repeatability(curve: Curve, converged: _Converged) -> float:
-    given = curve.repeatability_u_rel
-    return converged.find_u(READING) if given is None else given
+def _square(rows: Rows) -> Matrix:
+    matrix = np.array(rows)
+    return np.asarray(matrix @ matrix.T, np.float64)
 
 
-def _k_variance(
-    converged: _Converged, *, excess: float, tails: float, model: str
-) -> tuple[dict[str, tuple[str, float]], float]:
-    """Return the sources' shares of K's relative variance, and half the variance of their sum.
+def leave_scenes_out(fit: CurveFit, curve: Curve) -> list[float] | None:
+    """Compute the error of the luminance of each point, predicted from the other scenes.
+
+    Parameters
+    ----------
+    fit : CurveFit
+        A model fitted to the curve.
+    curve : Curve
+        The same curve.
+
+    Returns
+    -------
+    list of float or None
+        (L_fit - L_meter) / L_meter by scene; t, S and f are the same on both sides, so
+        that X stands for L. None if the other scenes do not determine the model.
 
     Notes
     -----
-    A share v_j with nu_j degrees of freedom has variance 2 v_j^2 / nu_j. The share
-    of an estimated component is v_j w'Q_j w, with cov(v) from the information
-    matrix. Birge's ratio multiplies by chi^2 / dof, which has itself a relative
-    variance of 2 / dof.
+    The covariance, and the linearisation of a model that is not linear in ln N, are
+    those of the whole curve; the parameters and the errors of the f-numbers are
+    fitted again.
     """
-    solution = converged.solution
-    scale = models.relative_scale(model, solution.parameters)
-    weight = solution.weights[0]
-    shares: dict[str, tuple[str, float]] = {}
-    slopes: list[float] = []
-    doubt = testable = given = 0.0
-    for component, contribution in zip(converged.components, solution.contributions, strict=True):
-        tail = tails if component.source == SCATTER else 1.0
-        share = max(0.0, tail * scale * float(contribution[0, 0]))  # rounding can leave less than nothing
-        shares[component.source] = (component.kind, share)
-        if component.common:
-            continue
-        testable += share
-        if component.variance is None:
-            slopes.append(tail * scale * float(weight @ component.structure @ weight))
-        else:
-            given += share
-            doubt += (excess * share) ** 2 / component.dof
-    slope = np.array(slopes)
-    doubt += excess**2 * float(slope @ solution.covariance_of_estimates @ slope) / 2
-    if excess > 1.0:
-        shares["scatter beyond these"] = ("A", (excess - 1.0) * testable)
-        doubt += (excess * given) ** 2 / converged.dof
-    return shares, doubt
+    theta = models.to_theta(fit.model, fit.parameters)
+    linear = _linearise(curve, fit.model, theta)
+    scenes = index_labels(curve.scenes)
+    counts = np.bincount(scenes)
+    if linear is None or len(scenes) - counts.max() <= theta.size:
+        return None
+    known = replace(
+        curve,
+        repeatability_u_rel=fit.repeatability_u_rel,
+        f_number_u_rel=fit.f_number_u_rel,
+        scatter_u_rel=fit.scatter_u_rel,
+    )
+    components = list_sources(known, linear, model=fit.model, scattered=False)
+    try:
+        rest = leave_groups_out(linear.design, linear.response, components, scenes)
+    except LinAlgError:
+        return None
+    f_numbers = index_labels(curve.f_numbers)
+    errors: list[float] = []
+    for scene, (parameters, predicted) in enumerate(rest):
+        out = scenes == scene
+        x_error = (
+            2.0 * predicted[F_NUMBER][f_numbers[out]] if F_NUMBER in predicted else np.zeros(counts[scene])
+        )
+        found = models.from_theta(fit.model, parameters).tolist()
+        errors += [
+            models.invert(fit.model, found, signal) / x / math.exp(error) - 1.0
+            for x, signal, error in zip(
+                curve.rhs[out].tolist(), curve.signal_dn[out].tolist(), x_error.tolist(), strict=True
+            )
+        ]
+    return errors if all(map(math.isfinite, errors)) else None

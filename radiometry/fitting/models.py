@@ -164,50 +164,8 @@ def from_theta(model: str, theta: Vector) -> Vector:
     return np.concatenate([np.exp(theta[:1]), theta[1:]])
 
 
-def covariance_from_theta(model: str, theta: Vector, covariance: Matrix) -> Matrix:
-    """Propagate a covariance through `from_theta`.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    theta : ndarray of float64
-        Solution of the linear problem, (p,).
-    covariance : ndarray of float64
-        Covariance of theta, (p, p).
-
-    Returns
-    -------
-    ndarray of float64
-        Covariance of the parameters, (p, p).
-    """
-    if model not in _IN_LOG_K:
-        return covariance
-    jacobian = np.ones_like(theta)
-    jacobian[0] = math.exp(theta[0])
-    return covariance * np.outer(jacobian, jacobian)
-
-
-def relative_scale(model: str, theta: Vector) -> float:
-    """Return the factor from the variance of theta's first element to K's relative variance.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    theta : ndarray of float64
-        Solution of the linear problem, (p,).
-
-    Returns
-    -------
-    float
-        1 if the model solves for ln K, else 1 / theta_0^2.
-    """
-    return 1.0 if model in _IN_LOG_K else 1.0 / float(theta[0]) ** 2
-
-
-def predict(model: str, parameters: Vector, rhs: Vector) -> Vector:
-    """Compute the signal above dark at X.
+def to_theta(model: str, parameters: Vector) -> Vector:
+    """Convert the parameters of a model to the solution of its linear problem: the inverse of `from_theta`.
 
     Parameters
     ----------
@@ -215,7 +173,48 @@ def predict(model: str, parameters: Vector, rhs: Vector) -> Vector:
         Name of the model.
     parameters : ndarray of float64
         Parameters as named by `PARAMETER_NAMES`, (p,).
-    rhs : ndarray of float64
+
+    Returns
+    -------
+    ndarray of float64
+        Solution of the linear problem, (p,).
+    """
+    if model not in _IN_LOG_K:
+        return parameters
+    return np.concatenate([np.log(parameters[:1]), parameters[1:]])
+
+
+def find_jacobian(model: str, theta: Vector) -> Vector:
+    """Return the derivative of each parameter with respect to its element of theta.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    theta : ndarray of float64
+        Solution of the linear problem, (p,).
+
+    Returns
+    -------
+    ndarray of float64
+        Diagonal of the Jacobian of `from_theta`, (p,).
+    """
+    jacobian = np.ones_like(theta)
+    if model in _IN_LOG_K:
+        jacobian[0] = math.exp(theta[0])
+    return jacobian
+
+
+def predict(model: str, parameters: Vector | Sequence[float], rhs: Vector | float) -> Vector:
+    """Compute the signal above dark at X.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    parameters : ndarray of float64 or sequence of float
+        Parameters as named by `PARAMETER_NAMES`, (p,).
+    rhs : ndarray of float64 or float
         Right-hand side X, (n,).
 
     Returns

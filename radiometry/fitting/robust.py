@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from radiometry.fitting.components import Vector
 from radiometry.fitting.curve import fit_curve
-from radiometry.fitting.gls import Vector
 from radiometry.fitting.sources import TAIL_DOF, Curve
 
 _SMALLEST_SCATTER_REL = 1e-3

@@ -2,18 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.fitting.gls import Component, Vector, shared_structure
+from radiometry.fitting.components import Component, Vector, index_labels
 from radiometry.fitting.models import LinearModel
 
 READING = "meter repeatability"
-SCATTER = "scatter between frames"
 DARK_CURRENT = "dark current"
 LAMP = "lamp drift"
+F_NUMBER = "f-number"
+TIME = "exposure time"
 
 TAIL_DOF = 4.0
 """Degrees of freedom of Student's t, which a robust fit takes the scatter between frames to follow."""
@@ -24,6 +25,7 @@ TAIL_FACTOR = (TAIL_DOF + 3.0) / (TAIL_DOF + 1.0)
 IMPLAUSIBLE_SCATTER_REL = 0.05
 """Scatter between readings or frames of one surface beyond which something else than a meter or a shutter
 is at work: meters repeat to 1 %, shutters and apertures to 2 %."""
+SCATTER = "scatter between frames"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +49,11 @@ class Curve:
     dark_u_dn, dark_dof : float
         Standard uncertainty of the dark signal that all points share [DN], and its
         degrees of freedom.
-    f_number_u_rel, time_u_rel : float
-        Relative standard uncertainties of f-number and exposure time.
+    f_number_u_rel : float or None
+        Relative standard uncertainty of a nominal f-number; None if it is estimated
+        from the scatter between f-numbers.
+    time_u_rel : float
+        Relative standard uncertainty of the exposure time.
     repeatability_u_rel : float or None
         Relative standard uncertainty of one meter reading; None if it is estimated
         from the scatter between scenes.
@@ -90,7 +95,7 @@ class Curve:
     readings: NDArray[np.int64]
     dark_u_dn: float
     dark_dof: float
-    f_number_u_rel: float
+    f_number_u_rel: float | None
     time_u_rel: float
     repeatability_u_rel: float | None
     lens_shares: Vector
@@ -103,45 +108,6 @@ class Curve:
     dark_rate_shift_dn_per_s: float = 0.0
     dark_rate_measured: bool = False
     scatter_u_rel: float | None = None
-
-    def take(
-        self, keep: NDArray[np.bool_], *, repeatability_u_rel: float | None, scatter_u_rel: float
-    ) -> "Curve":
-        """Return some of the points, with repeatability and scatter now known.
-
-        Parameters
-        ----------
-        keep : ndarray of bool
-            True for the points to keep, (n,).
-        repeatability_u_rel : float or None
-            Relative standard uncertainty of one meter reading.
-        scatter_u_rel : float
-            Relative scatter between frames.
-
-        Returns
-        -------
-        Curve
-            The points that are kept, in the same order.
-        """
-        chosen = np.flatnonzero(keep)
-        return replace(
-            self,
-            rhs=self.rhs[keep],
-            signal_dn=self.signal_dn[keep],
-            signal_u_dn=self.signal_u_dn[keep],
-            scenes=tuple(self.scenes[i] for i in chosen),
-            f_numbers=tuple(self.f_numbers[i] for i in chosen),
-            times_s=tuple(self.times_s[i] for i in chosen),
-            readings=self.readings[keep],
-            repeatability_u_rel=repeatability_u_rel,
-            lens_shares=self.lens_shares[keep],
-            lens_u_rel=self.lens_u_rel[keep],
-            dark_lever_s=self.dark_lever_s[keep],
-            lamp_u_rel=self.lamp_u_rel[keep],
-            scatter_weights=self.scatter_weights[keep],
-            lamp_labels=tuple(self.lamp_labels[i] for i in chosen),
-            scatter_u_rel=scatter_u_rel,
-        )
 
 
 def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bool) -> list[Component]:
@@ -166,37 +132,38 @@ def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bo
     n = len(curve.rhs)
     if model == "semilog":
         spread = _ordinary_variance(linear)
-        return [Component(source="scatter", kind="A", structure=np.eye(n), variance=spread, dof=n - 2)]
-    reading = linear.per_relative_x / np.sqrt(curve.readings)
-    given = curve.repeatability_u_rel
-    by_dark = linear.per_dn / curve.lens_shares
+        return [Component(source="scatter", kind="A", sensitivity=np.ones(n), variance=spread, dof=n - 2)]
+    x, by_dark = linear.per_relative_x, linear.per_dn / curve.lens_shares
     return [
         Component(
-            source="signal noise",
-            kind="A",
-            structure=np.diag((linear.per_dn * curve.signal_u_dn) ** 2),
-            variance=1.0,
+            source="signal noise", kind="A", sensitivity=linear.per_dn * curve.signal_u_dn, variance=1.0
         ),
         Component(
             source="dark signal",
             kind="A" if math.isfinite(curve.dark_dof) else "B",
-            structure=np.outer(by_dark, by_dark),
+            sensitivity=by_dark,
+            labels=np.zeros(n, np.intp),
             variance=curve.dark_u_dn**2,
             dof=curve.dark_dof,
         ),
         *_of_dark_current(curve, by_dark * curve.dark_lever_s),
         Component(
             source=READING,
-            kind="A" if given is None else "B",
-            structure=shared_structure(curve.scenes, reading),
-            variance=None if given is None else given**2,
+            kind="A" if curve.repeatability_u_rel is None else "B",
+            sensitivity=x / np.sqrt(curve.readings),
+            labels=index_labels(curve.scenes),
+            variance=_square(curve.repeatability_u_rel),
         ),
-        _relative("f-number", curve.f_numbers, 2 * linear.per_relative_x, curve.f_number_u_rel),
-        _relative("exposure time", curve.times_s, linear.per_relative_x, curve.time_u_rel),
+        _relative(F_NUMBER, curve.f_numbers, 2 * x, curve.f_number_u_rel),
+        _relative(TIME, curve.times_s, x, curve.time_u_rel),
         *_of_lamp(curve, linear),
         *_of_lens(curve),
         *_of_frames(curve, linear, scattered=scattered),
     ]
+
+
+def _square(u_rel: float | None) -> float | None:
+    return None if u_rel is None else u_rel**2
 
 
 def _of_dark_current(curve: Curve, sensitivity: Vector) -> list[Component]:
@@ -208,7 +175,8 @@ def _of_dark_current(curve: Curve, sensitivity: Vector) -> list[Component]:
         Component(
             source=DARK_CURRENT,
             kind="A" if measured else "B",
-            structure=np.outer(sensitivity, sensitivity),
+            sensitivity=sensitivity,
+            labels=np.zeros(sensitivity.size, np.intp),
             variance=curve.dark_rate_u_dn_per_s**2,
             dof=curve.dark_dof if measured else math.inf,
         )
@@ -224,8 +192,8 @@ def _of_frames(curve: Curve, linear: LinearModel, *, scattered: bool) -> list[Co
         Component(
             source=SCATTER,
             kind="A",
-            structure=np.diag(linear.per_relative_x**2 / curve.scatter_weights),
-            variance=None if given is None else given**2,
+            sensitivity=linear.per_relative_x / np.sqrt(curve.scatter_weights),
+            variance=_square(given),
         )
     ]
 
@@ -238,7 +206,8 @@ def _of_lamp(curve: Curve, linear: LinearModel) -> list[Component]:
         Component(
             source=LAMP,
             kind="B",
-            structure=shared_structure(curve.lamp_labels, linear.per_relative_x * curve.lamp_u_rel),
+            sensitivity=linear.per_relative_x * curve.lamp_u_rel,
+            labels=index_labels(curve.lamp_labels),
             variance=1.0,
             common=len(set(curve.lamp_labels)) == 1 and not np.ptp(curve.lamp_u_rel),
         )
@@ -253,19 +222,21 @@ def _of_lens(curve: Curve) -> list[Component]:
         Component(
             source="vignetting",
             kind="B",
-            structure=shared_structure(curve.f_numbers, curve.lens_u_rel),
+            sensitivity=curve.lens_u_rel,
+            labels=index_labels(curve.f_numbers),
             variance=1.0,
             common=len(set(curve.f_numbers)) == 1,
         )
     ]
 
 
-def _relative(source: str, labels: Sequence[float], sensitivity: Vector, u_rel: float) -> Component:
+def _relative(source: str, labels: Sequence[float], sensitivity: Vector, u_rel: float | None) -> Component:
     return Component(
         source=source,
-        kind="B",
-        structure=shared_structure(labels, sensitivity),
-        variance=u_rel**2,
+        kind="A" if u_rel is None else "B",
+        sensitivity=sensitivity,
+        labels=index_labels(labels),
+        variance=_square(u_rel),
         common=len(set(labels)) == 1,
     )
 

@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting import models
@@ -12,11 +14,12 @@ from radiometry.frame.exposure import Exposure, Settings, require_plausible
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
-from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
+from radiometry.luminance.results import Aperture, AppliedLuminance, Coefficient, Effect, Rows
 from radiometry.vignetting.lens import LensShare
 
 NOISE = "pixel noise"
 _SAME_TIME_REL = 0.02
+_SAME_SETTING_REL = 1e-3
 
 
 def apply_coefficient(
@@ -44,7 +47,8 @@ def apply_coefficient(
     -------
     AppliedLuminance
         Luminance with its effects, and the flags `outside_exposure_times`,
-        `outside_f_numbers`, `outside_signals`, `saturated`, `below_detection`.
+        `outside_f_numbers`, `f_number_not_calibrated`, `outside_signals`,
+        `saturated`, `below_detection`.
 
     Raises
     ------
@@ -61,7 +65,10 @@ def apply_coefficient(
         L = (N - D) f^2 / (K t S)
         (u_L/L)^2 = (u_K/K)^2 + (u_t/t)^2 + (u_S/S)^2 + 4 (u_f/f)^2 + (u_N^2 + u_D^2) / (N - D)^2
 
-    For other models the covariance of their parameters is propagated through their
+    K is that of the frame's f-number if it was calibrated, so that only the rest of
+    the f-number's error counts; else it is K of the ISO value. The error of an
+    exposure time that was calibrated is in K too, and cancels as far as it is. For
+    other models the covariance of their parameters is propagated through their
     inverse [1]_. Nothing is clipped: a signal below dark gives a negative luminance
     with its uncertainty.
 
@@ -122,9 +129,19 @@ def apply_to_signal(
     coefficient = coefficient.at(settings.exposure_time_s)
     above_dark = signal.value_dn - coefficient.dark_signal_dn
     adjusted = above_dark / share.value if share else above_dark
-    rhs = _invert(coefficient, adjusted)
+    aperture = find_aperture(coefficient, settings)
+    rhs = _invert(coefficient, adjusted) / (aperture.x_factor if aperture else 1.0)
     scale = settings.f_number**2 / (settings.exposure_time_s * settings.iso)
-    effects = _effects(coefficient, signal, share, adjusted_dn=adjusted, scale=scale, iso_u_rel=iso_u_rel)
+    effects = _effects(
+        coefficient,
+        signal,
+        share,
+        adjusted_dn=adjusted,
+        conversion=_Conversion(
+            settings, aperture, rhs * scale, scale / (aperture.x_factor if aperture else 1.0)
+        ),
+        iso_u_rel=iso_u_rel,
+    )
     u_above_dark = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
     return AppliedLuminance(
         luminance_cd_m2=Quantity(
@@ -139,6 +156,48 @@ def apply_to_signal(
         flags=tuple(_flags(coefficient, settings, signal, above_dark, u_above_dark)),
         lens_share=share.quantity if share else None,
     )
+
+
+def find_aperture(coefficient: Coefficient, settings: Settings) -> Aperture | None:
+    """Return the calibration of a frame's f-number.
+
+    Parameters
+    ----------
+    coefficient : Coefficient
+        Coefficient for the frame's ISO value.
+    settings : Settings
+        Settings of the frame on the coefficient's basis.
+
+    Returns
+    -------
+    Aperture or None
+        None if the f-number was not calibrated, or the version is older.
+    """
+    for aperture in coefficient.apertures or ():
+        if math.isclose(aperture.f_number, settings.f_number, rel_tol=_SAME_SETTING_REL):
+            return aperture
+    return None
+
+
+def foresee_k(coefficients: Sequence[Coefficient], *, iso: float) -> float:
+    """Return the standard uncertainty of K at an f-number that was not calibrated.
+
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per ISO value.
+    iso : float
+        ISO value.
+
+    Returns
+    -------
+    float
+        Standard uncertainty, in the unit of K: the f-number's own error is added.
+    """
+    coefficient = choose_coefficient(coefficients, iso=iso)
+    slope = coefficient.parameters[1] if coefficient.model == "power" else 1.0
+    by_f_number = 2.0 * slope * coefficient.luminance_k * coefficient.f_number_u_rel
+    return math.hypot(coefficient.luminance_k_standard_uncertainty, by_f_number)
 
 
 def require_alike(coefficient: Coefficient, *, corrected: bool) -> None:
@@ -213,7 +272,7 @@ def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
     Returns
     -------
     float
-        f^2 / (K t S) [cd/m2 per DN above dark].
+        f^2 / (K t S) [cd/m2 per DN above dark], with K at the frame's f-number.
 
     Raises
     ------
@@ -227,7 +286,8 @@ def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
             f"A map needs a calibration with the proportional model; this one is {coefficient.model}.",
         )
     settings = exposure.on_basis(coefficient.exposure_basis)
-    return settings.f_number**2 / (coefficient.luminance_k * settings.exposure_time_s * settings.iso)
+    k = (find_aperture(coefficient, settings) or coefficient).luminance_k
+    return settings.f_number**2 / (k * settings.exposure_time_s * settings.iso)
 
 
 def _invert(coefficient: Coefficient, adjusted_dn: float) -> float:
@@ -241,31 +301,40 @@ def _invert(coefficient: Coefficient, adjusted_dn: float) -> float:
     return rhs
 
 
+@dataclass(frozen=True)
+class _Conversion:
+    """A frame's settings, what was calibrated of them, its luminance and luminance per X [cd/m2]."""
+
+    settings: Settings
+    aperture: Aperture | None
+    luminance: float
+    scale: float
+
+
 def _effects(
     coefficient: Coefficient,
     signal: Signal,
     share: LensShare | None,
     *,
     adjusted_dn: float,
-    scale: float,
+    conversion: _Conversion,
     iso_u_rel: float,
 ) -> tuple[Effect, ...]:
     """List each source's effect on L = X scale [cd/m2]; correlated parameters as independent combinations."""
     by_signal, by_parameters = models.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
-    variances, directions = np.linalg.eigh(np.array(coefficient.covariance))
-    combined = by_parameters @ (directions * np.sqrt(np.maximum(variances, 0.0)))
-    luminance = _invert(coefficient, adjusted_dn) * scale
+    scale, luminance = conversion.scale, conversion.luminance
     through = share.value if share else 1.0
     by_lens = [-by_signal * adjusted_dn * effect / through for effect in share.effects] if share else []
     # semilog has no K that scales with the meter
     meter_u_rel = coefficient.meter_calibration_u_rel if coefficient.model != "semilog" else 0.0
     dark_u_dn = coefficient.dark_signal_standard_uncertainty_dn
+    settled = _settle(coefficient, by_parameters * scale, conversion)
     shared = [
-        *(("fit of K", float(effect) * scale) for effect in combined),
+        *(("fit of K", effect) for effect in settled[0]),
         ("meter calibration", luminance * meter_u_rel),
         ("dark signal", -by_signal * dark_u_dn / through * scale),
-        ("exposure time", luminance * coefficient.exposure_time_u_rel),
-        ("f-number", 2.0 * luminance * coefficient.f_number_u_rel),
+        *(("exposure time", effect) for effect in settled[1]),
+        *(("f-number", effect) for effect in settled[2]),
         ("ISO setting", luminance * iso_u_rel),
         *(("vignetting", effect * scale) for effect in by_lens),
     ]
@@ -273,6 +342,45 @@ def _effects(
         source=NOISE, shared=False, effect_cd_m2=by_signal * signal.standard_uncertainty_dn / through * scale
     )
     return (*(Effect(source=name, shared=True, effect_cd_m2=effect) for name, effect in shared), noise)
+
+
+def _settle(
+    coefficient: Coefficient, by_parameters: NDArray[np.float64], conversion: _Conversion
+) -> tuple[list[float], list[float], list[float]]:
+    """Return the effects of the fit, of the exposure times and of the f-numbers [cd/m2].
+
+    Notes
+    -----
+    An error that the calibration's frames had as well is in K already. With g the share
+    of it in ln K, its effect on L is L (1 - g), and nothing if all frames had it.
+    """
+    aperture, luminance = conversion.aperture, conversion.luminance
+    by_time, by_f_number = (
+        luminance * coefficient.exposure_time_u_rel,
+        2.0 * luminance * coefficient.f_number_u_rel,
+    )
+    errors = aperture.errors if aperture else coefficient.errors
+    if errors is None:
+        return _combine(coefficient.covariance, by_parameters), [by_time], [by_f_number]
+    gradient = np.append(by_parameters, -luminance) if aperture else by_parameters
+    times = (gradient @ np.array(errors.exposure_times)).tolist()
+    met = [
+        math.isclose(time, conversion.settings.exposure_time_s, rel_tol=_SAME_SETTING_REL)
+        for time in coefficient.exposure_times_s
+    ]
+    if any(met):
+        times[met.index(True)] += by_time
+    else:
+        times.append(by_time)
+    f_numbers = _combine(errors.f_numbers, gradient)
+    return _combine(errors.fit, gradient), times, f_numbers if aperture else [*f_numbers, by_f_number]
+
+
+def _combine(covariance: Rows, gradient: NDArray[np.float64]) -> list[float]:
+    """Return the effects of independent combinations of correlated errors."""
+    variances, directions = np.linalg.eigh(np.array(covariance))
+    found: list[float] = (gradient @ (directions * np.sqrt(np.maximum(variances, 0.0)))).tolist()
+    return found
 
 
 def _flags(
@@ -290,6 +398,13 @@ def _flags(
         if not low <= value <= high:
             detail = f"{value:g}{unit}; calibrated: {low:g} to {high:g}{unit}."
             raised.append(flag.at("", detail))
+        elif (
+            flag is codes.OUTSIDE_F_NUMBERS
+            and coefficient.apertures
+            and not find_aperture(coefficient, settings)
+        ):
+            known = ", ".join(f"{aperture.f_number:g}" for aperture in coefficient.apertures)
+            raised.append(codes.F_NUMBER_NOT_CALIBRATED.at("", f"{value:g}; calibrated: {known}."))
     if signal.saturated_share > MOST_SATURATED_SHARE:
         detail = f"{signal.saturated_share:.2%} of the samples."
         raised.append(shared.SATURATED.at("", detail))

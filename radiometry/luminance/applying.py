@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from radiometry.luminance import application, change, lens, maps, measurement, surface
+from radiometry.luminance import application, change, codes, lens, maps, measurement, surface
 from radiometry.luminance.conditions import FieldConditions
 from radiometry.specification.application import SurfaceApplication
 
@@ -21,5 +21,7 @@ APPLICATION: Final = SurfaceApplication(
     measure=measurement.measure,
     compute_map=maps.compute_map,
     change=change.change_luminance,
+    foresee=application.foresee_k,
+    unforeseen=codes.F_NUMBER_NOT_CALIBRATED,
     rim_px=maps.RIM_PX,
 )

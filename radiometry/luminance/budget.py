@@ -70,7 +70,10 @@ def explain_budget(iso_fit: IsoFit) -> tuple[BudgetLine, ...]:
     inputs = {
         "dark signal": (coefficient.dark_signal_standard_uncertainty_dn, "DN"),
         DARK_CURRENT: (coefficient.dark_rate_standard_uncertainty_dn_per_s or 0.0, "DN/s"),
-        "f-number": (coefficient.f_number_u_rel, "1"),
+        "f-number": (
+            coefficient.f_number_u_rel if chosen.f_number_u_rel is None else chosen.f_number_u_rel,
+            "1",
+        ),
         "exposure time": (coefficient.exposure_time_u_rel, "1"),
         "meter calibration": (coefficient.meter_calibration_u_rel, "1"),
     }

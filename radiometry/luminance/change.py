@@ -7,7 +7,8 @@ from radiometry.fitting import models
 from radiometry.fitting.comparison import PERCENT, MeasuredChange
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
-from radiometry.luminance.results import Coefficient
+from radiometry.luminance.application import find_aperture
+from radiometry.luminance.results import Aperture, Coefficient
 
 
 def change_luminance(
@@ -70,12 +71,13 @@ def change_luminance(
             return MeasuredChange.untold(
                 "The measured signal was not kept; K alone tells the change for proportional models."
             )
-        ratio = before.luminance_k / after.luminance_k
+        ratio = _k(before, exposure).luminance_k / _k(after, exposure).luminance_k
     else:
         ratio = _ratio(before, after, exposure, signal_dn, lens_share)
     if not math.isfinite(ratio):
         return MeasuredChange.untold("The signal is so near the dark signal that a ratio says nothing.")
-    u_rel = math.sqrt(max(0.0, _k_u_rel(before) ** 2 + _k_u_rel(after) ** 2 - 2.0 * common_u_rel**2))
+    squares = [_k_u_rel(_k(each, exposure)) ** 2 for each in (before, after)]
+    u_rel = math.sqrt(max(0.0, math.fsum(squares) - 2.0 * common_u_rel**2))
     change = Quantity(
         value=100.0 * (ratio - 1.0), standard_uncertainty=100.0 * abs(ratio) * u_rel, unit=PERCENT
     )
@@ -93,12 +95,19 @@ def _luminance(coefficient: Coefficient, exposure: Exposure, signal_dn: float, l
     settings = exposure.on_basis(coefficient.exposure_basis)
     dark_dn = coefficient.at(settings.exposure_time_s).dark_signal_dn
     adjusted_dn = (signal_dn - dark_dn) / lens_share
+    aperture = find_aperture(coefficient, settings)
     rhs = models.invert(coefficient.model, coefficient.parameters, adjusted_dn)
+    rhs /= aperture.x_factor if aperture else 1.0
     return rhs * settings.f_number**2 / (settings.exposure_time_s * settings.iso)
 
 
-def _k_u_rel(coefficient: Coefficient) -> float:
-    return coefficient.luminance_k_standard_uncertainty / abs(coefficient.luminance_k)
+def _k(coefficient: Coefficient, exposure: Exposure) -> Coefficient | Aperture:
+    """Return what has the K of the frame: its f-number if that was calibrated, else the ISO value."""
+    return find_aperture(coefficient, exposure.on_basis(coefficient.exposure_basis)) or coefficient
+
+
+def _k_u_rel(held: Coefficient | Aperture) -> float:
+    return held.luminance_k_standard_uncertainty / abs(held.luminance_k)
 
 
 def _at_iso(coefficients: Sequence[Coefficient], iso: float) -> Coefficient | None:

@@ -117,6 +117,13 @@ OUTSIDE_F_NUMBERS = flag(
     "Calibrate with this f-number as well, or use one within the range.",
     "measurement",
 )
+F_NUMBER_NOT_CALIBRATED = flag(
+    "f_number_not_calibrated",
+    "The f-number is within the calibrated range but was not calibrated: K of the ISO value is used, and the "
+    "budget contains the whole uncertainty of a nominal f-number.",
+    "Calibrate with this f-number as well, or use a calibrated one.",
+    "measurement",
+)
 OUTSIDE_SIGNALS = flag(
     "outside_signals",
     "The signal is outside the calibrated range, where linearity was not tested.",

@@ -9,16 +9,23 @@ import numpy as np
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting import models
-from radiometry.fitting.curve import CurveFit, coverage_factor, fit_curve
+from radiometry.fitting.components import Vector
+from radiometry.fitting.curve import (
+    F_NUMBER_U_REL,
+    CurveFit,
+    coverage_factor,
+    fit_curve,
+    leave_scenes_out,
+)
 from radiometry.fitting.evidence import BudgetEntry, Quantity
-from radiometry.fitting.gls import Vector
+from radiometry.fitting.prediction import Prediction
 from radiometry.fitting.robust import weigh_points
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.conditions import CalibrationConditions
 from radiometry.luminance.decision import compute_risk, decide
 from radiometry.luminance.points import Candidate, IsoSeries
-from radiometry.luminance.results import Coefficient, IsoFit, ModelFit, Point
+from radiometry.luminance.results import Aperture, Coefficient, ErrorSplit, IsoFit, ModelFit, Point
 from radiometry.luminance.rows import Model, Params
 
 _MOST_ROUNDS, _SETTLED = 30, 0.01
@@ -199,7 +206,7 @@ def _curve(series: IsoSeries, params: Params) -> Curve:
 
 
 def _report(fit: CurveFit, curve: Curve) -> ModelFit:
-    largest, rms = _leave_scenes_out(fit, curve)
+    left_out = leave_scenes_out(fit, curve)
     dof = fit.effective_dof()
     return ModelFit(
         model=fit.model,
@@ -213,10 +220,11 @@ def _report(fit: CurveFit, curve: Curve) -> ModelFit:
         birge_ratio=fit.birge_ratio,
         effective_dof=_finite(dof),
         meter_repeatability_rel=fit.repeatability_u_rel,
-        left_out_max_rel=largest,
-        left_out_rms_rel=rms,
+        left_out_max_rel=max(map(abs, left_out)) if left_out else None,
+        left_out_rms_rel=math.hypot(*left_out) / math.sqrt(len(left_out)) if left_out else None,
         frame_scatter_rel=fit.scatter_u_rel or None,
         stated_chi_squared=fit.stated_chi_squared if fit.scatter_u_rel else None,
+        f_number_u_rel=fit.f_number_u_rel,
     )
 
 
@@ -251,42 +259,12 @@ def _aicc(fit: CurveFit, n: int) -> float | None:
     return 2 * q - 2 * fit.log_likelihood + 2 * q * (q + 1) / (n - q - 1)
 
 
-def _leave_scenes_out(fit: CurveFit, curve: Curve) -> tuple[float | None, float | None]:
-    """Compute the leave-one-scene-out error of the luminance: largest and rms, relative to the meter.
-
-    The variance components stay as the whole curve gave them; the parameters are
-    fitted again.
-    """
-    scenes = np.array(curve.scenes)
-    errors: list[float] = []
-    for scene in dict.fromkeys(curve.scenes):
-        out = scenes == scene
-        known = curve.take(~out, repeatability_u_rel=fit.repeatability_u_rel, scatter_u_rel=fit.scatter_u_rel)
-        rest = fit_curve(known, model=fit.model)
-        if rest is None:
-            return None, None
-        errors += _luminance_errors(rest.model, rest.parameters, curve.rhs[out], curve.signal_dn[out])
-    if not all(math.isfinite(error) for error in errors):
-        return None, None
-    return max(map(abs, errors)), math.hypot(*errors) / math.sqrt(len(errors))
-
-
-def _luminance_errors(model: str, parameters: Vector, rhs: Vector, signal_dn: Vector) -> list[float]:
-    """Compute (L_fit - L_meter) / L_meter: t, S and f are the same on both sides, so X stands for L."""
-    return [
-        models.invert(model, parameters.tolist(), float(signal)) / float(x) - 1.0
-        for x, signal in zip(rhs, signal_dn, strict=True)
-    ]
-
-
 def _coefficient(series: IsoSeries, params: Params, fit: CurveFit, calibration_u_rel: float) -> Coefficient:
     used = series.used
     k = float(fit.parameters[0])
     # semilog has no K that scales with the meter: its slope is in DN
     calibration = calibration_u_rel if fit.model != "semilog" else 0.0
-    u_k = math.sqrt(float(fit.covariance[0, 0]) + (k * calibration) ** 2)
-    dof = fit.effective_dof(calibration**2)
-    factor = coverage_factor(dof)
+    u_k, factor, dof = _expand(fit.predictions[0], k, calibration)
     adjusted = [c.above_dark_dn for c in used]
     rhs = [c.rhs for c in used if c.rhs is not None]
     return Coefficient(
@@ -311,7 +289,7 @@ def _coefficient(series: IsoSeries, params: Params, fit: CurveFit, calibration_u
         parameters=tuple(float(value) for value in fit.parameters),
         covariance=tuple(tuple(float(value) for value in row) for row in fit.covariance),
         meter_calibration_u_rel=calibration_u_rel,
-        f_number_u_rel=params.f_number_u_rel,
+        f_number_u_rel=_foresee(params, fit),
         exposure_time_u_rel=params.exposure_time_u_rel,
         exposure_times_s=tuple(sorted({c.settings.exposure_time_s for c in used})),
         f_number_range=_range([c.settings.f_number for c in used]),
@@ -319,6 +297,47 @@ def _coefficient(series: IsoSeries, params: Params, fit: CurveFit, calibration_u
         rhs_range=_range(rhs),
         vignetting=params.vignetting,
         conditions=_find_conditions(used, params),
+        errors=_split(fit.predictions[0]) if fit.model != "semilog" else None,
+        apertures=tuple(_aperture(each, fit, used, calibration) for each in fit.predictions[1:]) or None,
+    )
+
+
+def _expand(prediction: Prediction, k: float, calibration_u_rel: float) -> tuple[float, float, float]:
+    """Return u(K) with the meter's calibration, its coverage factor and its degrees of freedom."""
+    dof = prediction.effective_dof(calibration_u_rel**2)
+    u_rel = math.sqrt(prediction.k_variance_rel + calibration_u_rel**2)
+    return abs(k) * u_rel, coverage_factor(dof), dof
+
+
+def _foresee(params: Params, fit: CurveFit) -> float:
+    """Return u(f) / f of an aperture that was not calibrated: it may be rounded as any nominal value is."""
+    if params.f_number_u_rel is not None:
+        return params.f_number_u_rel
+    return max(fit.f_number_u_rel or 0.0, F_NUMBER_U_REL)
+
+
+def _split(prediction: Prediction) -> ErrorSplit:
+    return ErrorSplit(fit=prediction.fit, f_numbers=prediction.f_numbers, exposure_times=prediction.times)
+
+
+def _aperture(
+    prediction: Prediction, fit: CurveFit, used: Sequence[Candidate], calibration_u_rel: float
+) -> Aperture:
+    slope = float(fit.parameters[1]) if fit.model == "power" else 1.0
+    k = float(fit.parameters[0]) * math.exp(slope * prediction.x_error)
+    u_k, factor, dof = _expand(prediction, k, calibration_u_rel)
+    scenes = [c.scene for c in used if c.settings.f_number == prediction.f_number]
+    return Aperture(
+        f_number=prediction.f_number or 0.0,
+        scenes=len(set(scenes)),
+        frames=len(scenes),
+        luminance_k=k,
+        luminance_k_standard_uncertainty=u_k,
+        expanded_uncertainty=factor * u_k,
+        coverage_factor=factor,
+        effective_dof=_finite(dof),
+        x_factor=math.exp(prediction.x_error),
+        errors=_split(prediction),
     )
 
 
@@ -360,25 +379,33 @@ def _points(series: IsoSeries, fit: CurveFit, robust: Vector | None) -> tuple[Po
     names = [c.frame for c in series.used]
     weights = dict(zip(names, fit.k_weights.tolist(), strict=True))
     weighed = {} if robust is None else dict(zip(names, robust.tolist(), strict=True))
+    factors = {each.f_number: math.exp(each.x_error) for each in fit.predictions[1:]}
+    parameters = fit.parameters.tolist()
     return tuple(
-        _point(series, fit, c, weights.get(c.frame, 0.0), weighed.get(c.frame)) for c in series.candidates
+        replace(
+            _point(series.iso, fit.model, parameters, c, factors.get(c.settings.f_number)),
+            weight=weights.get(c.frame, 0.0),
+            robust_weight=weighed.get(c.frame),
+        )
+        for c in series.candidates
     )
 
 
 def _point(
-    series: IsoSeries, fit: CurveFit, candidate: Candidate, weight: float, robust_weight: float | None
+    iso: float, model: str, parameters: list[float], candidate: Candidate, x_factor: float | None
 ) -> Point:
     adjusted = candidate.adjusted_dn
+    factor = 1.0 if x_factor is None else x_factor
     fitted = error = None
     if candidate.rhs is not None:
-        fitted = _finite(float(models.predict(fit.model, fit.parameters, np.array([candidate.rhs]))[0]))
-        rhs = models.invert(fit.model, fit.parameters.tolist(), adjusted)
+        fitted = _finite(float(models.predict(model, parameters, candidate.rhs * factor)))
+        rhs = models.invert(model, parameters, adjusted) / factor
         error = _finite(rhs / candidate.rhs - 1.0) if not candidate.left_out else None
     luminance = candidate.luminance_cd_m2
     return Point(
         frame=candidate.frame,
         scene=candidate.scene,
-        iso=series.iso,
+        iso=iso,
         exposure_time_s=candidate.settings.exposure_time_s,
         f_number=candidate.settings.f_number,
         used=not candidate.left_out,
@@ -395,7 +422,7 @@ def _point(
         if luminance is not None and error is not None
         else None,
         residual_rel=error,
-        weight=weight,
+        weight=0.0,
         lens_share=candidate.lens_share,
-        robust_weight=robust_weight,
+        x_factor=x_factor,
     )

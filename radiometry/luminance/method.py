@@ -258,7 +258,7 @@ def _judge_spectrum(params: Params) -> SpectralQuality | None:
 
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
-    """List K of every ISO value, then the dark signals, by rising ISO value.
+    """List K of every ISO value, K of each of its f-numbers, then the dark signals, by rising ISO value.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     where: dict[str, list[str]] = {raised.where: [] for raised in fitted.flags}
     for raised in fitted.flags:
         where[raised.where].append(raised.flag)
-    ks, darks = [], []
+    ks, apertures, darks = [], [], []
     for coefficient in sorted((each.coefficient for each in fitted.iso_fits), key=lambda each: each.iso):
         flags = sorted({*where.get("", []), *where.get(f"iso {coefficient.iso:g}", [])})
         held: dict[str, Any] = {
@@ -293,6 +293,19 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
                 **held,
             )
         )
+        apertures += [
+            CoefficientValue(
+                name="luminance_k",
+                value=aperture.luminance_k,
+                standard_uncertainty=aperture.luminance_k_standard_uncertainty,
+                unit=coefficient.luminance_k_unit,
+                f_number=aperture.f_number,
+                effective_dof=aperture.effective_dof,
+                coverage_factor=aperture.coverage_factor,
+                **held,
+            )
+            for aperture in coefficient.apertures or ()
+        ]
         darks.append(
             CoefficientValue(
                 name="dark_signal_dn",
@@ -302,7 +315,7 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
                 **held,
             )
         )
-    return (*ks, *darks)
+    return (*ks, *apertures, *darks)
 
 
 def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -> list[Raised]:

@@ -11,6 +11,64 @@ from radiometry.specification.stored import LATER
 K_UNIT = "DN*m2/(cd*s)"
 
 
+Rows = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorSplit:
+    """Errors of a calibration by what causes them: those of a frame's own settings meet the same ones.
+
+    Attributes
+    ----------
+    fit, f_numbers : tuple of tuple of float
+        Covariance of the model's parameters, and for one aperture of ln X as a last
+        row, by the errors of all f-numbers and by all other sources but the exposure
+        times.
+    exposure_times : tuple of tuple of float
+        Effect on each of them of one standard uncertainty of each exposure time, in
+        the order of `Coefficient.exposure_times_s`.
+    """
+
+    fit: Rows
+    f_numbers: Rows
+    exposure_times: Rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aperture:
+    """K at one f-number of an ISO value: the true f-number differs from the nominal one, always alike.
+
+    Attributes
+    ----------
+    f_number : float
+        Nominal f-number.
+    scenes, frames : int
+        Numbers of scenes and of frames at this f-number.
+    luminance_k, luminance_k_standard_uncertainty : float
+        K at this f-number and its standard uncertainty, in the unit of the ISO
+        value's K.
+    expanded_uncertainty, coverage_factor : float
+        Expanded uncertainty for a coverage probability of 95 %, and its factor k.
+    effective_dof : float or None
+        Effective degrees of freedom; None if infinite.
+    x_factor : float
+        Light of a frame at this f-number relative to the nominal one, predicted.
+    errors : ErrorSplit
+        Errors of the parameters and of ln `x_factor`.
+    """
+
+    f_number: float
+    scenes: int
+    frames: int
+    luminance_k: float
+    luminance_k_standard_uncertainty: float
+    expanded_uncertainty: float
+    coverage_factor: float
+    effective_dof: float | None
+    x_factor: float
+    errors: ErrorSplit
+
+
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
     """Luminance calibration of one ISO value: all that `apply` needs, in plain fields.
@@ -49,8 +107,10 @@ class Coefficient:
         Covariance of `parameters`, without the meter's calibration.
     meter_calibration_u_rel : float
         Relative standard uncertainty of the meter's calibration.
-    f_number_u_rel, exposure_time_u_rel : float
-        Relative standard uncertainties of f-number and exposure time.
+    f_number_u_rel : float
+        Relative standard uncertainty of an f-number that was not calibrated.
+    exposure_time_u_rel : float
+        Relative standard uncertainty of the exposure time.
     exposure_times_s : tuple of float
         Each exposure time that was used [s].
     f_number_range : tuple[float, float]
@@ -67,6 +127,10 @@ class Coefficient:
         Exposure time at which `dark_signal_dn` holds [s], and the rate at which the
         dark signal grows with it, with its standard uncertainty [DN/s]; None in
         older versions, whose dark signal does not depend on time.
+    errors : ErrorSplit or None
+        Errors of the parameters; None for semilog, and for older versions.
+    apertures : tuple of Aperture or None
+        K at each f-number of the points used, rising; None where `errors` is.
     """
 
     iso: float
@@ -98,6 +162,8 @@ class Coefficient:
     dark_time_s: float | None = field(default=None, metadata=LATER)
     dark_rate_dn_per_s: float | None = field(default=None, metadata=LATER)
     dark_rate_standard_uncertainty_dn_per_s: float | None = field(default=None, metadata=LATER)
+    errors: ErrorSplit | None = field(default=None, metadata=LATER)
+    apertures: tuple[Aperture, ...] | None = field(default=None, metadata=LATER)
 
     def at(self, time_s: float) -> "Coefficient":
         """Return the coefficient with the dark signal of an exposure time.
@@ -161,6 +227,8 @@ class ModelFit:
         Estimated relative scatter between frames; None if not needed.
     stated_chi_squared : float or None
         chi^2 without that scatter; None if not needed.
+    f_number_u_rel : float or None
+        Relative standard uncertainty of a nominal f-number, given or estimated.
     """
 
     model: str
@@ -178,6 +246,7 @@ class ModelFit:
     left_out_rms_rel: float | None
     frame_scatter_rel: float | None = field(default=None, metadata=LATER)
     stated_chi_squared: float | None = field(default=None, metadata=LATER)
+    f_number_u_rel: float | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,11 +283,11 @@ class Point:
     adjusted_signal_dn : float
         (N - D) / V [DN]; N - D without vignetting correction.
     fitted_signal_dn : float or None
-        Signal above dark of the curve at X [DN].
+        Signal above dark of the curve at X and the f-number [DN].
     fitted_luminance_cd_m2 : float or None
         Luminance of the curve at the signal [cd/m2].
     residual_rel : float or None
-        (L_fit - L_meter) / L_meter.
+        (L_fit - L_meter) / L_meter, with K at the point's f-number.
     weight : float
         Weight in K: adjusted signal times weight, summed, is K; 0 if left out.
     lens_share : Quantity or None
@@ -226,6 +295,9 @@ class Point:
     robust_weight : float or None
         Weight of the point's scatter in a robust fit: about 1, near 0 for an outlier;
         None in a fit by least squares.
+    x_factor : float or None
+        Light at the f-number relative to the nominal one; None where there is no K at
+        f-numbers.
     """
 
     frame: str
@@ -248,6 +320,7 @@ class Point:
     weight: float
     lens_share: Quantity | None = field(default=None, metadata=LATER)
     robust_weight: float | None = field(default=None, metadata=LATER)
+    x_factor: float | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

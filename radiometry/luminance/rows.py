@@ -72,11 +72,14 @@ class Params:
         maximum=1.0,
         below_maximum=True,
     )
-    f_number_u_rel: float = parameter(
-        0.015,
+    f_number_u_rel: float | None = parameter(
+        None,
         label="Uncertainty of the f-number",
-        description="Relative standard uncertainty of a nominal f-number. Nominal values are rounded by up "
-        "to 2.8 % (f/11 for 11.314), which as a rectangular distribution is 2.8 / sqrt(3) %.",
+        description="Relative standard uncertainty of a nominal f-number. Estimated only from three "
+        "f-numbers on; else it is 1.5 %: nominal values are rounded by up to 2.8 % (f/11 for 11.314), "
+        "which as a rectangular distribution is 2.8 / sqrt(3) %.",
+        default_text="estimated from the scatter between f-numbers",
+        example=0.015,
         minimum=0.0,
         maximum=1.0,
         below_maximum=True,

@@ -70,6 +70,11 @@ class SurfaceApplication(Application):
 
     Attributes
     ----------
+    foresee : callable
+        ``(coefficients, *, iso) -> float``, the standard uncertainty of the headline coefficient at an
+        f-number that was not calibrated, in its unit.
+    unforeseen : str
+        Code of the flag of such an f-number.
     rim_px : int
         Pixels around a block that `compute_map` needs.
     """
@@ -84,6 +89,8 @@ class SurfaceApplication(Application):
     measure: Function
     compute_map: Function
     change: Function
+    foresee: Function
+    unforeseen: str
     rim_px: int
 
 

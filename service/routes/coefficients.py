@@ -1,5 +1,7 @@
 """What is in force, and the flat rows that dashboards draw."""
 
+import math
+from collections.abc import Iterator
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -8,6 +10,8 @@ from fastapi.responses import JSONResponse
 from sqlalchemy import RowMapping
 
 from radiometry.findings import interface
+from radiometry.methods import get_method
+from radiometry.specification.application import SurfaceApplication
 from service.auth import Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
@@ -21,10 +25,13 @@ from service.schemas.calibrations import (
 )
 from service.schemas.series import SeriesAnswer, SeriesRow
 from service.tabular import write_csv
+from store.applied import read_applied
 from store.columns import utc_now
 from store.publications import InForce, in_force, show_instant
 from store.queries.calibrations import coefficients_of, series
 from store.tables import Camera, CoefficientRow
+
+_SAME_F_NUMBER_REL = 1e-3
 
 router = APIRouter(prefix="/v1", tags=["coefficients"])
 
@@ -40,25 +47,47 @@ class Wanted(Form):
     at: Instant | None = None
     known_at: Instant | None = None
 
-    def matches(self, row: CoefficientRow) -> bool:
-        """Whether a row has every property that was asked for."""
-        asked = ("name", "iso", "f_number", "band")
-        return all(getattr(self, n) is None or getattr(row, n) == getattr(self, n) for n in asked)
+    def choose(self, rows: list[CoefficientRow]) -> list[CoefficientRow]:
+        """The rows with what was asked for.
+
+        What is known both in general and at f-numbers is answered at the f-number asked for if it is known
+        there, else in general.
+        """
+        asked = [n for n in ("name", "iso", "band") if getattr(self, n) is not None]
+        rows = [row for row in rows if all(getattr(row, n) == getattr(self, n) for n in asked)]
+        if self.f_number is None:
+            general = {_key(row) for row in rows if row.f_number is None}
+            return [row for row in rows if row.f_number is None or _key(row) not in general]
+        at = {_key(row) for row in rows if self.meets(row)}
+        return [row for row in rows if self.meets(row) or (row.f_number is None and _key(row) not in at)]
+
+    def meets(self, row: CoefficientRow) -> bool:
+        """Whether a row is of the f-number that was asked for, as it is written on the lens."""
+        return None not in (row.f_number, self.f_number) and math.isclose(
+            row.f_number or 0.0, self.f_number or 0.0, rel_tol=_SAME_F_NUMBER_REL
+        )
+
+
+def _key(row: CoefficientRow) -> tuple[object, ...]:
+    return row.name, row.iso, row.band, row.channel, row.model
 
 
 @router.get("/cameras/{camera_id}/coefficients", response_model=CoefficientsAnswer, responses=problems(404))
 def get_coefficients(
     camera_id: Id, wanted: Annotated[Wanted, Query()], caller: Reader, context: UsesContext
 ) -> Response:
-    """The coefficients in force at a time, as known at a time; both default to now. None is a 404."""
+    """The coefficients in force at a time, as known at a time; both default to now. None is a 404.
+
+    With `f_number`, a coefficient that was calibrated at that f-number is the one there. At another f-number
+    it is the general one, with the uncertainty that it has there and the flag `f_number_not_calibrated`.
+    Without `f_number`, a coefficient that has a general value is answered with it alone.
+    """
     at = wanted.at or utc_now()
     with context.database.reading() as session:
         owned(session, Camera, camera_id, caller)
         found = in_force(session, camera_id=camera_id, method=wanted.method, at=at, known_at=wanted.known_at)
         rows = coefficients_of(session, [held.calibration.id for held in found])
-    items = [
-        _in_force(row, held) for held in found for row in rows[held.calibration.id] if wanted.matches(row)
-    ]
+    items = [item for held in found for item in _list_items(wanted, held, rows[held.calibration.id])]
     if not items:
         raise Problem(interface.NO_CALIBRATION_IN_FORCE, _explain_none(wanted, at, found, rows))
     return CoefficientsAnswer(items=items).respond()
@@ -92,6 +121,29 @@ def get_coefficient_series(
     if format == "csv":
         return Response(write_csv(rows, list(SeriesRow.model_fields)), media_type="text/csv")
     return JSONResponse({"rows": rows})
+
+
+def _list_items(wanted: Wanted, held: InForce, rows: list[CoefficientRow]) -> Iterator[CoefficientInForce]:
+    application = get_method(wanted.method).application
+    for row in wanted.choose(rows):
+        item = _in_force(row, held)
+        if (
+            wanted.f_number is None
+            or row.f_number is not None
+            or not isinstance(application, SurfaceApplication)
+            or row.name != get_method(wanted.method).coefficients[0].name
+        ):
+            yield item
+            continue
+        u = application.foresee(read_applied(held.calibration), iso=row.iso)
+        changes = {
+            "f_number": wanted.f_number,
+            "standard_uncertainty": u,
+            "flags": [*row.flags, application.unforeseen],
+            "why": f"{item.why}; f/{wanted.f_number:g} was not calibrated: the value is that of the ISO "
+            "value, and its uncertainty contains that of a nominal f-number",
+        }
+        yield item.model_copy(update=changes)
 
 
 def _in_force(row: CoefficientRow, held: InForce) -> CoefficientInForce:

@@ -17,6 +17,7 @@ def k(
     camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Its id or serial number.")],
     method: Annotated[str, typer.Option(help="Method of the coefficients.")] = DEFAULT_METHOD,
     iso: Annotated[float | None, typer.Option(help="Only this ISO value.")] = None,
+    f_number: Annotated[float | None, typer.Option(help="At this f-number; default: in general.")] = None,
     at: Annotated[str | None, typer.Option(help="In force at this time; default: now.")] = None,
     known_at: Annotated[str | None, typer.Option(help="As known at this time; default: now.")] = None,
 ) -> None:
@@ -30,6 +31,7 @@ def k(
             method=method,
             name=read_methods()[method]["coefficients"][0]["name"] if method == DEFAULT_METHOD else None,
             iso=iso,
+            f_number=f_number,
             at=read_moment(at),
             known_at=read_moment(known_at),
         )

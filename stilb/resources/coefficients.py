@@ -21,14 +21,17 @@ class Coefficients(Equipment):
         method: str = DEFAULT_METHOD,
         name: str | None = None,
         iso: float | None = None,
+        f_number: float | None = None,
         at: Moment | None = None,
         known_at: Moment | None = None,
     ) -> list[Coefficient]:
         """What is in force at ``at`` (now), as it was known at ``known_at`` (now).
 
+        With ``f_number``, what was calibrated at that f-number; where it was not, the general value with the
+        uncertainty that it has there, flagged.
         Raises ``Problem`` with the code "no_calibration_in_force" where nothing is.
         """
-        query = {"method": method, "name": name, "iso": iso}
+        query = {"method": method, "name": name, "iso": iso, "f_number": f_number}
         times = {"at": _text_of(at), "known_at": _text_of(known_at)}
         rows = self._transport.items(address("cameras", camera_id, "coefficients"), {**query, **times})
         return [Coefficient.of(row) for row in rows]
@@ -38,15 +41,19 @@ class Coefficients(Equipment):
         camera: str,
         *,
         iso: float | None = None,
+        f_number: float | None = None,
         at: Moment | None = None,
         known_at: Moment | None = None,
     ) -> Coefficient:
         """The luminance coefficient K [DN*m2/(cd*s)] of a camera, by its id or its serial.
 
-        ``iso`` may be left out where there is one K; else ``Unclear`` names the ISO values. Nothing in force:
-        ``Problem`` with the code "no_calibration_in_force".
+        With ``f_number``, K at that f-number; see `coefficients`. ``iso`` may be left out where there is
+        one K; else ``Unclear`` names the ISO values. Nothing in force: ``Problem`` with the code
+        "no_calibration_in_force".
         """
-        found = self.coefficients(self.find_camera(camera).id, name=_K, iso=iso, at=at, known_at=known_at)
+        found = self.coefficients(
+            self.find_camera(camera).id, name=_K, iso=iso, f_number=f_number, at=at, known_at=known_at
+        )
         if len(found) > 1:
             isos = ", ".join(f"{one.iso:g}" for one in found if one.iso is not None)
             raise Unclear(f"K is in force for several ISO values: {isos}. Give one with iso.")

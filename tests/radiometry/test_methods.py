@@ -74,13 +74,18 @@ def test_the_figures_of_luminance_are_k_and_dark_by_rising_iso(drawn):
     fit = luminance.fit(drawn.rows, drawn.readings, luminance.Params())
     figures = luminance.list_coefficients(fit)
     count = len(fit.iso_fits)
-    assert [figure.name for figure in figures] == ["luminance_k"] * count + ["dark_signal_dn"] * count
+    apertures = [(f.coefficient.iso, a.f_number) for f in fit.iso_fits for a in f.coefficient.apertures]
+    assert [(f.name, f.iso, f.f_number) for f in figures] == [
+        *(("luminance_k", f.coefficient.iso, None) for f in fit.iso_fits),
+        *(("luminance_k", *at) for at in apertures),
+        *(("dark_signal_dn", f.coefficient.iso, None) for f in fit.iso_fits),
+    ]
     coefficient = min((each.coefficient for each in fit.iso_fits), key=lambda each: each.iso)
     assert (figures[0].value, figures[0].standard_uncertainty, figures[0].iso) == (
         coefficient.luminance_k,
         coefficient.luminance_k_standard_uncertainty,
         coefficient.iso,
     )
-    assert figures[count].value == coefficient.dark_signal_dn
+    assert figures[-count].value == coefficient.dark_signal_dn
     raised = {flag.flag for flag in fit.flags if flag.where in ("", f"iso {coefficient.iso:g}")}
     assert set(figures[0].flags) == raised

@@ -68,7 +68,7 @@ def test_a_hundred_thousand_rows_are_one_answer(house, measured):
         session.execute(insert(CoefficientRow), rows)
     answer = house.http.get("/v1/series/coefficients", params={"format": "csv"})
     lines = list(csv.DictReader(io.StringIO(answer.text)))
-    assert len(lines) == 100_002
+    assert len(lines) == len(measured["coefficients"]) + 100_000
     assert float(lines[-1]["value"]) == 30.0 + 99_999
     assert lines[-1]["valid_from"] == "2026-05-01T00:00:00Z"
 
@@ -117,5 +117,5 @@ def test_the_notebook_runs(house, measured, capsys, monkeypatch):
             if cell["cell_type"] == "code":
                 exec(compile("".join(cell["source"]), "notebook", "exec"), names)
         names["client"].close()
-    (coefficient,) = [row for row in measured["coefficients"] if row["name"] == "luminance_k"]
+    coefficient = next(row for row in measured["coefficients"] if row["name"] == "luminance_k")
     assert f"luminance_k {coefficient['value']:.3f}" in capsys.readouterr().out

@@ -59,7 +59,7 @@ def test_a_revoked_version_lists_its_measurements_with_what_the_next_would_say(h
     assert touched["change"]["value"] == pytest.approx(5.0, abs=0.5)
     assert touched["change"]["unit"] == "%"
     # both hang on one certificate of 1 %, which scales them alike
-    k = [v["coefficients"][0] for v in (first, second)]
+    k = [next(c for c in v["coefficients"] if c.get("f_number") == 4.0) for v in (first, second)]
     squares = sum((c["standard_uncertainty"] / c["value"]) ** 2 for c in k) - 2 * 0.01**2
     assert touched["change"]["standard_uncertainty"] == pytest.approx(
         (100 + touched["change"]["value"]) * squares**0.5, rel=1e-9
@@ -123,7 +123,12 @@ def test_the_impact_names_every_change(house, pair):
     assert found["against"]["calibration_id"] == first["id"]
     assert found["against"]["valid_from"] == APRIL
     k = next(row for row in found["coefficients"] if row["name"] == "luminance_k")
-    assert [row["iso"] for row in found["coefficients"]] == [3200, 3200]
+    assert [(row["iso"], row.get("f_number")) for row in found["coefficients"]] == [
+        (3200, None),
+        (3200, 4.0),
+        (3200, 5.6),
+        (3200, None),
+    ]
     assert k["old"]["value"] == pytest.approx(K_TRUE, rel=0.02)
     assert k["new"]["value"] == pytest.approx(k["old"]["value"] / 1.05, rel=1e-9)
     assert k["change"]["value"] == pytest.approx(100 * (1 / 1.05 - 1), rel=1e-9)

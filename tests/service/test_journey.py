@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 import xml.etree.ElementTree as ET
 
 import pytest
@@ -24,7 +25,10 @@ def test_a_campaign_becomes_coefficients_in_force(house):
     assert version["state"] == "draft"
     assert version["version"] == 1
     ks = [c for c in version["coefficients"] if c["name"] == "luminance_k"]
-    assert [c["iso"] for c in ks] == list(ISOS)
+    assert [c["iso"] for c in ks if "f_number" not in c] == list(ISOS)
+    assert [(c["iso"], c["f_number"]) for c in ks if "f_number" in c] == [
+        (iso, f_number) for iso in ISOS for f_number in (4.0, 5.6)
+    ]
     for k in ks:
         assert abs(k["value"] - K_TRUE) <= 3 * k["standard_uncertainty"]
         assert k["unit"] == "DN*m2/(cd*s)"
@@ -41,6 +45,17 @@ def test_a_campaign_becomes_coefficients_in_force(house):
     )["items"]
     assert [i["name"] for i in items] == ["luminance_k", "dark_signal_dn"]
     assert items[0]["value"] == ks[0]["value"]
+    path = f"/v1/cameras/{camera}/coefficients"
+    wanted = {"method": "luminance", "iso": 3200, "name": "luminance_k", "at": "2026-06-01T00:00:00Z"}
+    (there,) = house.get(path, f_number=5.6, **wanted)["items"]
+    assert (there["f_number"], there["value"], there["flags"]) == (5.6, ks[3]["value"], ks[3]["flags"])
+    (elsewhere,) = house.get(path, f_number=5.0, **wanted)["items"]
+    assert elsewhere["value"] == ks[0]["value"]
+    assert "f_number_not_calibrated" in elsewhere["flags"]
+    u_f_rel = version["diagnostics"]["iso_fits"][0]["coefficient"]["f_number_u_rel"]
+    assert elsewhere["standard_uncertainty"] == pytest.approx(
+        math.hypot(ks[0]["standard_uncertainty"], 2 * u_f_rel * ks[0]["value"])
+    )
     assert "version 1 is in force from 2026-05-01T00:00:00Z on" in items[0]["why"]
 
 
@@ -115,10 +130,11 @@ def test_the_series_is_flat_and_whole(house, staged, form):
     version = staged(published_campaign)
     answer = house.http.get("/v1/series/coefficients", params={"format": form})
     rows = answer.json()["rows"] if form == "json" else list(csv.DictReader(io.StringIO(answer.text)))
-    assert [(r["name"], float(r["iso"])) for r in rows] == [
-        ("luminance_k", 3200.0),
-        ("luminance_k", 6400.0),
-        ("dark_signal_dn", 3200.0),
-        ("dark_signal_dn", 6400.0),
+    assert [(r["name"], float(r["iso"]), float(r.get("f_number") or 0)) for r in rows] == [
+        ("luminance_k", 3200.0, 0.0),
+        ("luminance_k", 6400.0, 0.0),
+        *(("luminance_k", iso, f_number) for iso in (3200.0, 6400.0) for f_number in (4.0, 5.6)),
+        ("dark_signal_dn", 3200.0, 0.0),
+        ("dark_signal_dn", 6400.0, 0.0),
     ]
     assert [float(r["value"]) for r in rows] == [c["value"] for c in version["coefficients"]]

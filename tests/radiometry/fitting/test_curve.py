@@ -216,14 +216,15 @@ def test_explained_scatter_changes_no_bit():
 
 
 def test_a_frame_of_half_its_light_is_scatter_and_no_reason_to_give_up():
-    """Noise of 10 ppm alone weighs the points so unlike that the iteration does not settle."""
+    """Noise of 10 ppm alone weighs the points so unlike that the fit means nothing."""
     errors = np.zeros(12)
     errors[3] = -0.5
     points = curve(
         "aaabbbcccddd", [2, 4, 8] * 4, errors=errors, f_number_u_rel=0.015, repeatability_u_rel=None
     )
     points = dataclasses.replace(points, signal_u_dn=1e-5 * points.signal_dn)
-    assert fit_curve(dataclasses.replace(points, scatter_u_rel=0.0), model="proportional") is None
+    without = fit_curve(dataclasses.replace(points, scatter_u_rel=0.0), model="proportional")
+    assert without is None or without.birge_ratio > 1e4
     fit = fit_curve(points, model="proportional")
     assert u_rel(fit) == pytest.approx(math.hypot(math.log(2) / 12, 0.03 / math.sqrt(3)), rel=0.05)
     assert fit.stated_chi_squared > 1e6
@@ -232,8 +233,6 @@ def test_a_frame_of_half_its_light_is_scatter_and_no_reason_to_give_up():
 def test_known_scatter_is_a_source_like_the_others():
     points = curve("abcd", [4] * 4, u_dn=1e-6, scatter_u_rel=0.02)
     assert u_rel(fit_curve(points, model="proportional")) == pytest.approx(0.01, rel=1e-6)
-    kept = points.take(np.array([True, True, True, False]), repeatability_u_rel=0.0, scatter_u_rel=0.03)
-    assert u_rel(fit_curve(kept, model="proportional")) == pytest.approx(0.03 / math.sqrt(3), rel=1e-6)
 
 
 @given(st.permutations(range(8)))

@@ -1,16 +1,122 @@
 """Generalised least squares against cases whose answer is known in closed form."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from radiometry.fitting.gls import Component, are_separable, estimate_variances, shared_structure, solve
+from radiometry.fitting.components import Component, index_labels
+from radiometry.fitting.factoring import Problem
+from radiometry.fitting.gls import leave_groups_out, solve
+from radiometry.fitting.variances import are_separable, estimate_variances
 
 ONES = np.ones((4, 1))
 
 
-def independent(*sigmas):
-    return Component(source="noise", kind="A", structure=np.diag(np.square(sigmas)), variance=1.0)
+def independent(*sigmas, variance=1.0):
+    return Component(source="noise", kind="A", sensitivity=np.array(sigmas, float), variance=variance)
+
+
+def shared(labels, variance, *, sensitivity=1.0, source="shared"):
+    labels = index_labels(list(labels))
+    sensitivity = sensitivity * np.ones(labels.size)
+    return Component(source=source, kind="B", sensitivity=sensitivity, labels=labels, variance=variance)
+
+
+def estimate(design, response, *components):
+    """The estimated variances alone, with their covariance."""
+    problem = Problem(design, response, components)
+    variances, covariance = estimate_variances(problem)
+    return variances[list(problem.unknown)], covariance
+
+
+class Dense:
+    """The same problem with its matrices written out."""
+
+    def __init__(self, design, response, components, variances):
+        self.design, self.response = design, response
+        self.columns = [each.columns() for each in components]
+        self.structures = [z @ z.T for z in self.columns]
+        self.covariance = sum(v * q for v, q in zip(variances, self.structures, strict=True))
+        inverse = np.linalg.inv(self.covariance)
+        information = design.T @ inverse @ design
+        self.weights = np.linalg.solve(information, design.T @ inverse)
+        self.projection = inverse - inverse @ design @ self.weights
+        self.variances = variances
+
+    def check_estimates(self, unknown, covariance):
+        """Newton's next step from here, relative to each variance."""
+        p, left = self.projection, self.projection @ self.response
+        structures = [self.structures[i] for i in unknown]
+        slope = np.array([left @ q @ left - np.trace(p @ q) for q in structures]) / 2
+        expected = np.array([[np.trace(p @ q @ p @ r) for r in structures] for q in structures]) / 2
+        average = np.array([[left @ q @ p @ r @ left for r in structures] for q in structures])
+        sizes = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+        np.testing.assert_allclose(covariance / sizes, np.linalg.inv(expected) / sizes, rtol=0, atol=1e-9)
+        return np.linalg.solve(average - expected, slope) / [self.variances[i] for i in unknown]
+
+
+@pytest.fixture
+def campaign():
+    """Readings, f-numbers and a scatter to estimate, a dark signal and times that are known: 48 points."""
+    random = np.random.default_rng(8)
+    n = 48
+    scenes, f_numbers = random.integers(0, 7, n), random.integers(0, 5, n)
+    design = np.column_stack([np.ones(n), random.normal(0, 1, n)])
+    response = 3.4 + 0.02 * random.normal(size=7)[scenes] + 0.03 * random.normal(size=5)[f_numbers]
+    response = response + random.normal(0, 0.004, n) + 0.2 * design[:, 1]
+    return (
+        design,
+        response,
+        [
+            independent(*random.uniform(1e-3, 3e-3, n)),
+            shared(np.zeros(n), 1e-6, sensitivity=random.uniform(0.1, 2, n), source="dark"),
+            shared(scenes, None, sensitivity=random.uniform(0.5, 1, n), source="reading"),
+            shared(f_numbers, None, sensitivity=2.0, source="f-number"),
+            shared(random.integers(0, 2, n), 1e-5, source="time"),
+            independent(*np.ones(n), variance=None),
+        ],
+    )
+
+
+def test_the_solution_is_that_of_the_dense_matrices(campaign):
+    design, response, components = campaign
+    solution = solve(design, response, components)
+    dense = Dense(design, response, components, solution.variances)
+    assert min(solution.variances) > 0.0
+    assert np.abs(dense.check_estimates([2, 3, 5], solution.covariance_of_estimates)).max() < 1e-9
+    np.testing.assert_allclose(solution.weights, dense.weights, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(solution.parameters, dense.weights @ response, rtol=1e-9)
+    for part, variance, q in zip(solution.contributions, solution.variances, dense.structures, strict=True):
+        np.testing.assert_allclose(
+            part, variance * dense.weights @ q @ dense.weights.T, rtol=1e-9, atol=1e-18
+        )
+    residual = response - design @ solution.parameters
+    assert solution.chi_squared == pytest.approx(
+        residual @ np.linalg.solve(dense.covariance, residual), rel=1e-9
+    )
+    density = multivariate_normal(design @ solution.parameters, dense.covariance).logpdf(response)
+    assert solution.log_likelihood == pytest.approx(density, rel=1e-9)
+    for index in (2, 3, 4):
+        expected = solution.variances[index] * dense.columns[index].T @ dense.projection
+        np.testing.assert_allclose(solution.predict(components[index]), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_leaving_a_group_out_is_solving_without_it(campaign):
+    design, response, components = campaign
+    known = [dataclasses.replace(c, variance=1e-4 if c.variance is None else c.variance) for c in components]
+    scenes = known[2].labels
+    rest = leave_groups_out(design, response, known, scenes)
+    assert len(rest) == scenes.max() + 1
+    for scene, (parameters, predicted) in enumerate(rest):
+        keep = scenes != scene
+        dense = Dense(design, response, known, [c.variance for c in known])
+        v, y, a = dense.covariance[np.ix_(keep, keep)], response[keep], design[keep]
+        expected = np.linalg.solve(a.T @ np.linalg.solve(v, a), a.T @ np.linalg.solve(v, y))
+        np.testing.assert_allclose(parameters, expected, rtol=1e-9)
+        blup = 1e-4 * dense.columns[3][keep].T @ np.linalg.solve(v, y - a @ expected)
+        np.testing.assert_allclose(predicted["f-number"], blup, rtol=1e-9, atol=1e-12)
 
 
 def test_independent_points_give_the_weighted_mean():
@@ -21,37 +127,32 @@ def test_independent_points_give_the_weighted_mean():
 
 
 def test_a_shared_error_does_not_average_down():
-    shared = Component(
-        source="shared", kind="B", structure=shared_structure("aaaa", np.ones(4)), variance=0.25
-    )
-    solution = solve(ONES, np.arange(4.0), [independent(1, 1, 1, 1), shared])
+    common = shared("aaaa", 0.25)
+    solution = solve(ONES, np.arange(4.0), [independent(1, 1, 1, 1), common])
     assert solution.covariance[0, 0] == pytest.approx(1 / 4 + 0.25)
     assert [float(part[0, 0]) for part in solution.contributions] == pytest.approx([1 / 4, 0.25])
 
 
 def test_a_crowded_block_weighs_less_than_its_points():
     """Three points share an error, one stands alone: means 0 and 1 with variances 1/3 + 1 and 1 + 1."""
-    shared = Component(
-        source="shared", kind="B", structure=shared_structure("aaab", np.ones(4)), variance=1.0
-    )
-    solution = solve(ONES, np.array([0.0, 0, 0, 1]), [independent(1, 1, 1, 1), shared])
+    common = shared("aaab", 1.0)
+    solution = solve(ONES, np.array([0.0, 0, 0, 1]), [independent(1, 1, 1, 1), common])
     assert solution.parameters[0] == pytest.approx((4 / 3) / (4 / 3 + 2))
 
 
-def test_shared_structure_by_hand():
-    np.testing.assert_array_equal(
-        shared_structure((1.7, 4.0, 1.7), np.array([2.0, 3.0, 5.0])), [[4, 0, 10], [0, 9, 0], [10, 0, 25]]
-    )
+def test_groups_are_gathered_and_spread_by_hand():
+    part = shared((4.0, 1.7, 4.0), 1.0, sensitivity=np.array([2.0, 3.0, 5.0]))
+    np.testing.assert_array_equal(part.columns(), [[0, 2], [3, 0], [0, 5]])
+    np.testing.assert_array_equal(part.gather(np.array([1.0, 10.0, 100.0])), [30, 502])
+    np.testing.assert_array_equal(part.spread(np.array([1.0, 10.0])), [20, 3, 50])
 
 
 def test_likelihood_is_the_normal_density():
     design, response = np.column_stack([np.ones(4), np.arange(4.0)]), np.array([0.1, 1.3, 1.9, 3.2])
-    shared = Component(
-        source="shared", kind="B", structure=shared_structure("aabb", np.ones(4)), variance=0.3
-    )
-    parts = [independent(0.1, 0.2, 0.3, 0.4), shared]
+    common = shared("aabb", 0.3)
+    parts = [independent(0.1, 0.2, 0.3, 0.4), common]
     solution = solve(design, response, parts)
-    covariance = sum(part.variance * part.structure for part in parts)
+    covariance = sum(part.variance * part.columns() @ part.columns().T for part in parts)
     expected = multivariate_normal(design @ solution.parameters, covariance).logpdf(response)
     assert solution.log_likelihood == pytest.approx(expected)
 
@@ -64,30 +165,27 @@ def balanced():
     response = np.repeat(random.normal(0, 1.0, groups), per_group) + random.normal(
         0, noise, groups * per_group
     )
-    structure = shared_structure(list(np.repeat(np.arange(groups), per_group)), np.ones(response.size))
-    return response, structure, noise, groups, per_group
+    group = shared(np.repeat(np.arange(groups), per_group), None)
+    return response, group, noise, groups, per_group
 
 
 def test_estimated_variance_is_the_analysis_of_variance(balanced):
-    response, structure, noise, groups, per_group = balanced
+    response, group, noise, groups, per_group = balanced
     means = response.reshape(groups, per_group).mean(axis=1)
-    (estimate,), ((uncertainty,),) = estimate_variances(
-        np.ones((response.size, 1)), response, known=noise**2 * np.eye(response.size), structures=[structure]
+    (found,), ((uncertainty,),) = estimate(
+        np.ones((response.size, 1)), response, independent(*[noise] * response.size), group
     )
-    assert estimate == pytest.approx(np.var(means, ddof=1) - noise**2 / per_group, rel=1e-9)
+    assert found == pytest.approx(np.var(means, ddof=1) - noise**2 / per_group, rel=1e-9)
     assert uncertainty == pytest.approx(2 * np.var(means, ddof=1) ** 2 / (groups - 1), rel=1e-9)
 
 
 def test_estimated_variance_reaches_the_parameter(balanced):
-    response, structure, noise, groups, per_group = balanced
+    response, group, noise, groups, per_group = balanced
     means = response.reshape(groups, per_group).mean(axis=1)
     solution = solve(
         np.ones((response.size, 1)),
         response,
-        [
-            independent(*[noise] * response.size),
-            Component(source="group", kind="A", structure=structure, variance=None),
-        ],
+        [independent(*[noise] * response.size), group],
     )
     assert solution.covariance[0, 0] == pytest.approx(np.var(means, ddof=1) / groups, rel=1e-9)
     assert solution.chi_squared == pytest.approx(
@@ -96,28 +194,25 @@ def test_estimated_variance_reaches_the_parameter(balanced):
 
 
 def test_no_variance_is_found_where_noise_explains_the_scatter():
-    (estimate,), ((uncertainty,),) = estimate_variances(
-        ONES,
-        np.array([0.0, 0.1, 0.0, 0.1]),
-        known=np.eye(4),
-        structures=[shared_structure("aabb", np.ones(4))],
+    (found,), ((uncertainty,),) = estimate(
+        ONES, np.array([0.0, 0.1, 0.0, 0.1]), independent(1, 1, 1, 1), shared("aabb", None)
     )
-    assert estimate == 0.0
+    assert found == 0.0
     assert uncertainty > 0.0
 
 
 def test_two_variances_are_the_analysis_of_variance(balanced):
     """Noise and groups both unknown: the mean squares, with their variances and covariance."""
-    response, structure, _, groups, per_group = balanced
+    response, group, _, groups, per_group = balanced
     table = response.reshape(groups, per_group)
     within = np.sum(np.var(table, axis=1, ddof=1)) / groups
     among = per_group * np.var(table.mean(axis=1), ddof=1)
     n = response.size
-    (group, noise), covariance = estimate_variances(
-        np.ones((n, 1)), response, known=1e-12 * np.eye(n), structures=[structure, np.eye(n)]
+    (between, noise), covariance = estimate(
+        np.ones((n, 1)), response, independent(*[1e-6] * n), group, independent(*np.ones(n), variance=None)
     )
     assert noise == pytest.approx(within, rel=1e-9)
-    assert group == pytest.approx((among - within) / per_group, rel=1e-9)
+    assert between == pytest.approx((among - within) / per_group, rel=1e-9)
     of_within = 2 * within**2 / (n - groups)
     of_among = 2 * among**2 / (groups - 1)
     expected = [
@@ -130,10 +225,8 @@ def test_two_variances_are_the_analysis_of_variance(balanced):
 def test_a_variance_that_would_be_negative_is_none():
     """Groups alike to the last digit: all scatter is noise, pooled over all points."""
     response = np.tile([1.0, -1.0, 2.0, -2.0], 3)
-    structure = shared_structure("aaaabbbbcccc", np.ones(12))
-    (group, noise), _ = estimate_variances(
-        np.ones((12, 1)), response, known=1e-12 * np.eye(12), structures=[structure, np.eye(12)]
-    )
+    unknown = shared("aaaabbbbcccc", None), independent(*np.ones(12), variance=None)
+    (group, noise), _ = estimate(np.ones((12, 1)), response, independent(*[1e-6] * 12), *unknown)
     assert group == 0.0
     assert noise == pytest.approx(np.var(response, ddof=1))
 
@@ -141,10 +234,8 @@ def test_a_variance_that_would_be_negative_is_none():
 def test_groups_may_differ_where_points_scatter_by_no_more_than_known():
     """Two points a group, alike within the known noise: all that is found lies between the groups."""
     response = np.repeat([1.0, -1.0, 2.0, -2.0], 2)
-    structure = shared_structure("aabbccdd", np.ones(8))
-    (group, noise), _ = estimate_variances(
-        np.ones((8, 1)), response, known=0.01 * np.eye(8), structures=[structure, np.eye(8)]
-    )
+    unknown = shared("aabbccdd", None), independent(*np.ones(8), variance=None)
+    (group, noise), _ = estimate(np.ones((8, 1)), response, independent(*[0.1] * 8), *unknown)
     assert noise == 0.0
     assert group == pytest.approx(np.var(response[::2], ddof=1) - 0.01 / 2)
 
@@ -153,6 +244,6 @@ def test_groups_may_differ_where_points_scatter_by_no_more_than_known():
     ("labels", "separable"), [("aabb", True), ("abcc", True), ("abcd", False), ("aaaa", False)]
 )
 def test_variances_are_told_apart_where_some_points_share_an_error_and_others_do_not(labels, separable):
-    structures = [shared_structure(labels, np.ones(4)), np.eye(4)]
-    assert are_separable(ONES, structures) is separable
-    assert are_separable(ONES, structures[1:])
+    components = [shared(labels, None), independent(1, 1, 1, 1)]
+    assert are_separable(ONES, components) is separable
+    assert are_separable(ONES, components[1:])

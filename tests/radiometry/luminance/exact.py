@@ -56,7 +56,7 @@ def dark(name, *, mean_dn=DARK, time_s=0.1, iso=3200.0):
 LIGHTS = tuple(light(scene, f) for scene in SCENES for f in (5.6, 8.0, 16.0))
 DARKS = tuple(dark(f"dark-{t:g}-{n}", time_s=t) for t in (0.01, 0.1, 1.0) for n in range(2))
 ROWS = LIGHTS + DARKS
-PARAMS = Params(meter_repeatability_rel=0.01)
+PARAMS = Params(meter_repeatability_rel=0.01, f_number_u_rel=0.015)
 
 
 def fit(rows=ROWS, readings=READINGS, params=PARAMS):

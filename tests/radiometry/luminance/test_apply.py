@@ -17,10 +17,12 @@ from simulation.luminance import X5S
 from simulation.targets import Surface
 from tests.radiometry.luminance.exact import (
     DARK,
+    DARKS,
     LIGHTS,
     PARAMS,
     K,
     fit,
+    light,
     statistics,
 )
 
@@ -34,27 +36,65 @@ def apply(mean_dn, *, exposure=None, model="proportional", **changes):
 
 
 def test_apply_by_hand():
+    """At a calibrated f-number its error is in K; of three times' errors K has a third each."""
     applied, coefficient = apply(DARK + 300.0)
     assert applied.luminance_cd_m2.value == pytest.approx(300.0 * 64 / (K * 0.1 * 3200))
     u_n = math.sqrt(20.0**2 / 10000)
     expected = math.sqrt(
-        (coefficient.luminance_k_standard_uncertainty / coefficient.luminance_k) ** 2
-        + 0.005**2
-        + 4 * 0.015**2
+        0.015**2
+        + 0.01**2 / 3
+        + 0.005**2 * ((1 - 1 / 3) ** 2 + 2 / 9)
+        + (PARAMS.lamp_drift_u_rel / 2) ** 2
         + (u_n**2 + coefficient.at(0.1).dark_signal_standard_uncertainty_dn ** 2) / 300.0**2
     )
-    assert applied.luminance_cd_m2.standard_uncertainty / applied.luminance_cd_m2.value == pytest.approx(
-        expected
-    )
+    u_rel = applied.luminance_cd_m2.standard_uncertainty / applied.luminance_cd_m2.value
+    assert u_rel == pytest.approx(expected, rel=2e-3)
     assert applied.luminance_cd_m2.unit == "cd/m2"
     assert applied.flags == ()
+
+
+def test_an_f_number_that_was_not_calibrated_has_its_whole_error():
+    """At another f-number and another time K's own errors come first, then those of the frame's settings."""
+    applied, coefficient = apply(
+        DARK + 300.0, exposure=Exposure(exposure_time_s=0.5, f_number=11.0, iso=3200.0)
+    )
+    u_rel = applied.luminance_cd_m2.standard_uncertainty / applied.luminance_cd_m2.value
+    expected = math.hypot(coefficient.luminance_k_standard_uncertainty / K, 2 * 0.015, 0.005)
+    assert u_rel == pytest.approx(expected, rel=2e-3)
+    assert {raised.flag for raised in applied.flags} == {"f_number_not_calibrated", "outside_exposure_times"}
+
+
+def test_the_error_of_an_f_number_is_corrected_and_an_older_version_measures_as_before():
+    """Frames at f/8 have 3 % more light. Without K per f-number L is wrong by it."""
+    rows = [light(r.scene, 8.0, k=1.03 * K) if r.exposure.f_number == 8.0 else r for r in LIGHTS]
+    coefficient = fit((*rows, *DARKS)).iso_fits[0].coefficient
+    old = dataclasses.replace(coefficient, errors=None, apertures=None)
+    exposure = Exposure(exposure_time_s=0.1, f_number=8.0, iso=3200.0)
+    found, before = (
+        luminance.apply(statistics(DARK + 300.0), exposure=exposure, coefficients=[each])
+        for each in (coefficient, old)
+    )
+    truth = 300.0 * 64 / (1.03 * K * 0.1 * 3200)
+    assert found.luminance_cd_m2.value == pytest.approx(truth, rel=3e-3)
+    assert before.luminance_cd_m2.value == pytest.approx(truth * 1.03 ** (2 / 3), rel=3e-3)
+    assert before.luminance_cd_m2.standard_uncertainty / truth == pytest.approx(
+        math.hypot(coefficient.luminance_k_standard_uncertainty / K, 0.03, 0.005), rel=0.02
+    )
+    aperture = next(each for each in coefficient.apertures if each.f_number == 8.0)
+    assert luminance.luminance_per_dn(coefficient, exposure) * 300.0 == pytest.approx(
+        found.luminance_cd_m2.value, rel=1e-12
+    )
+    assert aperture.luminance_k == pytest.approx(1.03 * K, rel=3e-3)
+    assert luminance.luminance_per_dn(old, exposure) == pytest.approx(
+        64 / (coefficient.luminance_k * 0.1 * 3200), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("model", ["affine", "power"])
 def test_other_models_apply_to_the_same_luminance(model):
     applied, _ = apply(DARK + 300.0, model=model)
     assert applied.luminance_cd_m2.value == pytest.approx(300.0 * 64 / (K * 0.1 * 3200), rel=1e-6)
-    assert 0.03 < applied.luminance_cd_m2.standard_uncertainty / applied.luminance_cd_m2.value < 0.1
+    assert 0.015 < applied.luminance_cd_m2.standard_uncertainty / applied.luminance_cd_m2.value < 0.1
 
 
 def test_a_signal_below_dark_is_not_clipped():

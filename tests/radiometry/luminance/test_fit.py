@@ -7,6 +7,7 @@ import random as python_random
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 from scipy.stats import multivariate_normal
 
 from radiometry.luminance import codes as luminance_codes
@@ -82,7 +83,7 @@ def test_results_are_plain_finite_json(drawn, model):
     result = luminance.fit(drawn.rows, drawn.readings, Params(model=model))
     text = json.dumps(dataclasses.asdict(result), allow_nan=False)
     back = json.loads(text)["iso_fits"][0]["coefficient"]
-    again = luminance.Coefficient(**back)
+    again = TypeAdapter(luminance.Coefficient).validate_python(back)
     assert again.luminance_k == result.iso_fits[0].coefficient.luminance_k
     exposure = drawn.rows[0].exposure
     luminance.apply(drawn.rows[0].statistics, exposure=exposure, coefficients=[again])

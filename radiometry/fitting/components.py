@@ -1,0 +1,127 @@
+"""Sources of error of a linear problem: each point's own errors, and errors that points share."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+Labels = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Component:
+    """One source of error and its part of the covariance, V_j = variance * Z_j Z_j'.
+
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    kind : str
+        "A" (evaluated from scatter) or "B" (evaluated by other means).
+    sensitivity : ndarray of float64
+        Change s of the response per unit of the error, (n,).
+    variance : float or None
+        Variance v_j; None if it is to be estimated from the scatter.
+    labels : ndarray of intp or None, default: None
+        Index of each point's group, (n,), from `index_labels`: points of one group
+        share one error. None if each point has its own.
+    dof : float, default: math.inf
+        Degrees of freedom of a given variance.
+    common : bool, default: False
+        True if all points have the same error, so that their scatter does not test
+        it.
+    """
+
+    source: str
+    kind: str
+    sensitivity: Vector
+    variance: float | None
+    labels: Labels | None = None
+    dof: float = math.inf
+    common: bool = False
+
+    @cached_property
+    def _transposed(self) -> Any:  # noqa: ANN401  a sparse array
+        """Z', (levels, n)."""
+        n = self.sensitivity.size
+        rows = np.arange(n) if self.labels is None else self.labels
+        return csr_array((self.sensitivity, (rows, np.arange(n))), shape=(int(rows.max()) + 1, n))
+
+    def gather(self, values: Matrix) -> Matrix:
+        """Return Z' values: the sums over the points of each group, weighted with the sensitivity.
+
+        Parameters
+        ----------
+        values : ndarray of float64
+            One row per point, (n,) or (n, k).
+
+        Returns
+        -------
+        ndarray of float64
+            One row per group, (levels,) or (levels, k).
+        """
+        return np.asarray(self._transposed @ values, np.float64)
+
+    def spread(self, errors: Matrix) -> Matrix:
+        """Return Z errors: the effect of the groups' errors on each point.
+
+        Parameters
+        ----------
+        errors : ndarray of float64
+            One row per group, (levels,) or (levels, k).
+
+        Returns
+        -------
+        ndarray of float64
+            One row per point, (n,) or (n, k).
+        """
+        return np.asarray(self._transposed.T @ errors, np.float64)
+
+    def columns(self) -> Matrix:
+        """Return Z, (n, levels)."""
+        return np.asarray(self._transposed.T.toarray(), np.float64)
+
+
+def index_labels(labels: Sequence[Any]) -> Labels:
+    """Return the index of each label among the sorted different ones.
+
+    Parameters
+    ----------
+    labels : sequence of str or float
+        Label of each point, n in all.
+
+    Returns
+    -------
+    ndarray of intp
+        Index of each point's group, (n,).
+    """
+    return np.unique(np.asarray(labels), return_inverse=True)[1].astype(np.intp)
+
+
+def contribute(component: Component, weights: Matrix, target: Matrix | None = None) -> Matrix:
+    """Return the effects of a component's errors on linear combinations of the response.
+
+    Parameters
+    ----------
+    component : Component
+        Source of error.
+    weights : ndarray of float64
+        One combination per row, (r, n).
+    target : ndarray of float64 or None, default: None
+        What each combination predicts of the same errors, (r, levels); None for
+        nothing.
+
+    Returns
+    -------
+    ndarray of float64
+        Error of each combination per unit error of each group, (r, levels).
+    """
+    effects = component.gather(weights.T).T
+    return effects if target is None else effects - target
