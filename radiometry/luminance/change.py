@@ -58,14 +58,25 @@ def change_luminance(
     if before is None or after is None:
         lacking = "The version used" if before is None else "The version that would take its place"
         return MeasuredChange.untold(f"{lacking} holds no coefficient for ISO {exposure.iso:g}.")
-    if before.channel != after.channel:
-        return MeasuredChange.untold(
-            f"One version takes the {before.channel} signal, the other {after.channel}."
-        )
-    if before.vignetting != after.vignetting:
-        return MeasuredChange.untold(
-            "The versions are corrected with different vignetting, or one of them with none."
-        )
+    for was, becomes, why in (
+        (
+            before.channel,
+            after.channel,
+            f"One version takes the {before.channel} signal, the other {after.channel}.",
+        ),
+        (
+            before.vignetting,
+            after.vignetting,
+            "The versions are corrected with different vignetting, or one of them with none.",
+        ),
+        (
+            before.conditions,
+            after.conditions,
+            "The versions state different lamps, responses or distances: measure again to correct for them.",
+        ),
+    ):
+        if was != becomes:
+            return MeasuredChange.untold(why)
     if signal_dn is None:
         if {before.model, after.model} != {"proportional"}:
             return MeasuredChange.untold(

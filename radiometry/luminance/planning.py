@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from radiometry.findings import shared
 from radiometry.luminance import codes
 from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
+from radiometry.luminance.corrections import compute_flicker
 from radiometry.luminance.dark import check_dark
+from radiometry.luminance.messages import show_time
 from radiometry.luminance.points import (
     FEW_POINTS,
     FEWEST_SCENES,
@@ -27,6 +29,9 @@ GOOD_SPAN = 10.0
 """Ratio of the brightest usable level to the darkest, per ISO value. Five levels over a decade whose readings
 err by 1 % fix the exponent of the power model to 0.006, so that the 0.02 which is flagged as nonlinear stands
 out three times; over a factor of three it would be 0.012."""
+
+# the repeatability of a good meter: less is not seen beside it
+_FLICKER = 0.01
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
@@ -58,7 +63,9 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
     found += [f"no dark frames at ISO {iso:g}" for iso in sorted(light - darks)]
     for one in series.values():
         found += _plan_darks(one) + _plan_levels(one) + _plan_settings(one)
-        found += _doubt_readings(one)
+        found += _plan_times(one, params) + _doubt_readings(one)
+    if params.camera_response is not None and params.lamp is None:
+        found.append("the lamp is not stated: without it no spectral mismatch can be corrected")
     return (*found, *_plan_readings(rows, readings, params))
 
 
@@ -119,6 +126,23 @@ def _plan_settings(series: IsoSeries) -> list[str]:
         found.append(error)
     if 0 < count < FEW_POINTS:
         found.append(f"{where} has {count} usable frames: add {FEW_POINTS - count} more")
+    return found
+
+
+def _plan_times(series: IsoSeries, params: Params) -> list[str]:
+    """Name the exposure times that catch a part of a period of the lamp's flicker."""
+    mains, depth = params.mains_frequency_hz, params.lamp_modulation
+    if mains is None:
+        return []
+    found = []
+    for time_s in sorted({candidate.settings.exposure_time_s for candidate in series.used}):
+        error = (1.0 if depth is None else depth) * compute_flicker(time_s, mains_frequency_hz=mains)
+        if error > _FLICKER:
+            found.append(
+                f"{show_time(time_s)} at ISO {series.iso:g} is no whole number of half periods of "
+                f"{mains:g} Hz mains: flicker errs by up to {error:.1%}, use multiples of "
+                f"1/{2 * mains:g} s"
+            )
     return found
 
 

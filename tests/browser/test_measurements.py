@@ -118,7 +118,11 @@ def test_two_dates_are_chosen_and_compared(night_page, night):
     night_page.wait_for_url("**/measurements/comparison?**")
     night_page.goto(f"/measurements/comparison?old={night.old.id}&new={night.new.id}")
     settle(night_page)
-    expect(night_page.locator("#verdict")).to_contain_text("a significant change")
+    expect(night_page.locator("#verdict")).to_contain_text("not a significant change")
+    night_page.get_by_role("link", name="The same lamps lit both").click()
+    settle(night_page)
+    expect(night_page.locator("#verdict")).to_contain_text(": a significant change")
+    expect(night_page.locator("#verdict")).to_contain_text("spectral mismatch")
     expect(night_page.locator("#verdict")).to_contain_text("fit of K")
     expect(night_page.locator(".map-over")).to_have_count(2)
     # the lamp in the middle fell out: only cells near it are marked
@@ -149,12 +153,23 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     corners.press("Tab")
     night_page.get_by_label("Rows of cells").fill("2")
     night_page.get_by_label("Columns of cells").fill("2")
+    night_page.get_by_text("Light and surroundings").click()
+    night_page.get_by_label("Light source", exact=True).fill("LED-B3")
+    night_page.get_by_label("Distance [m]").fill("30")
+    night_page.get_by_label("Mains frequency [Hz]").fill("50")
+    night_page.get_by_label("Glare [%]").fill("2")
     check_access(night_page)
     look(night_page, "measurement-new")
     night_page.get_by_role("button", name="Measure").click()
     night_page.wait_for_url(re.compile("/measurements/msr_"))
     settle(night_page)
     expect(night_page.locator("#grid").get_by_role("row")).to_have_count(1 + 2)
+    # the campaign states no lamp; 2 % of the frame's mean is subtracted
+    for said in (
+        "the calibration's lamp, the camera's response not known",
+        "2.00% of the frame's mean",
+    ):
+        expect(night_page.locator("#with")).to_contain_text(said)
 
 
 def test_what_is_missing_is_said_before_anything_is_sent(night_page, night):

@@ -7,6 +7,7 @@ import pytest
 from radiometry.fitting.evidence import Exclusion
 from radiometry.luminance import method as luminance
 from radiometry.luminance.planning import plan
+from radiometry.luminance.points import collect_series
 from radiometry.luminance.rows import Params
 from tests.radiometry import evidence
 from tests.radiometry.evidence import dark, light
@@ -191,3 +192,25 @@ def test_a_meter_without_a_certificate():
 def test_an_empty_campaign_gets_no_advice():
     """What it lacks is in the other list."""
     assert advice((), []) == ()
+
+
+def test_times_that_catch_a_part_of_the_mains_period_are_named():
+    stated = Params(mains_frequency_hz=50.0)
+    # 0.01, 0.1 and 1 s are whole multiples of 1/100 s, 0.025 and 0.25 s of 1/40 s
+    times = {
+        candidate.settings.exposure_time_s
+        for one in collect_series(GOOD, READ, stated)
+        for candidate in one.used
+    }
+    found = [each for each in advice(params=stated) if "mains" in each]
+    assert len(found) == len([t for t in times if abs(t * 100 - round(t * 100)) > 1e-9 and t < 0.3])
+    assert all("use multiples of 1/100 s" in each for each in found)
+    assert advice(params=dataclasses.replace(stated, lamp_modulation=0.0)) == ()
+
+
+def test_known_response_asks_for_the_lamp():
+    known = Params(camera_response="Nikon D5100")
+    assert advice(params=known) == (
+        "the lamp is not stated: without it no spectral mismatch can be corrected",
+    )
+    assert advice(params=dataclasses.replace(known, lamp="A")) == ()

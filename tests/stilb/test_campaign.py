@@ -57,6 +57,16 @@ def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
     assert "version 1 is in force" in shown.out
 
 
+def test_lamp_is_a_name_or_a_file(handful):
+    path = handful / "campaign.toml"
+    (handful / "lamp.csv").write_text("380,1\n780,1\n")
+    said = '[campaign]\nlamp = "lamp.csv"\ncamera_response = "Nikon D5100"\nfocus_distance_m = 1.5'
+    path.write_text(path.read_text().replace("[campaign]", said, 1))
+    plan = read_plan(handful)
+    assert plan.campaign["lamp"] == "380,1\n780,1\n"
+    assert plan.campaign["camera_response"] == "Nikon D5100"
+
+
 def test_once_more_changes_nothing(signed_in, card, team):
     first = signed_in("campaign", "run", card, "--json").json
     again = signed_in("campaign", "run", card, "--json").json

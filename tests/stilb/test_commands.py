@@ -96,6 +96,13 @@ def test_measure_a_frame_and_save_its_map(command, calibrated, tmp_path):
     refused = command("compare", item["id"], grid["id"])
     assert (refused.code, "--other-region" in refused.err) == (Exit.REFUSED, True)
     assert "The two regions differ" in command("compare", item["id"], grid["id"], "--other-region").out
+    (tmp_path / "road.csv").write_text("nm,value\n" + "".join(f"{nm},1\n" for nm in range(380, 781, 10)))
+    stated = ("--light", tmp_path / "road.csv", "--mains", 50, "--glare", 0.01, "--mismatch", 0.03)
+    (lit,) = command("measure", field.id, *stated, "--json").json["items"]
+    assert lit["parameters"]["conditions"]["light_source"].startswith("nm,value")
+    assert {each["source"]: each["u_rel"] for each in lit["corrections"]}["spectral mismatch"] == 0.03
+    assert lit["mean"]["value"] < mean["value"]
+    assert command("measure", field.id, "--light", "HP9").code == Exit.REFUSED
     shown = command("measure", field.id, "--region", "10,10 20,10 20,20", "--reflectance", 0.1).out
     assert "field.DNG" in shown
     assert "cd/m2" in shown

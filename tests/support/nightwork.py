@@ -47,7 +47,9 @@ def work_a_night(team: Team, folder: Path) -> Night:
     version = team.client.calibrate(campaign.id, model="proportional")
     team.client.publish(version.id, valid_from="2026-04-01T00:00:00Z", reason="spring, reviewed by A. Meier")
     old, new = (
-        team.client.measure(frame.id, polygon=ROAD, grid=GRID, reflectance=0.08, with_map=True)
+        team.client.measure(
+            frame.id, polygon=ROAD, grid=GRID, reflectance=0.08, mains_frequency_hz=50.0, with_map=True
+        )
         for frame in field
     )
     return Night(

@@ -32,7 +32,7 @@ export function drawVerdict(calibration) {
 }
 
 /** One curve for each ISO value, against a tolerance. */
-function curves({ diagnostics, coefficients: rows }) {
+function curves({ diagnostics, coefficients: rows, parameters }) {
   const fits = diagnostics.iso_fits;
   const tolerance = percent(diagnostics.tolerance_rel);
   const failing = fits.filter((fit) => !fit.passed);
@@ -49,7 +49,16 @@ function curves({ diagnostics, coefficients: rows }) {
   const note = failing.length
     ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
     : h("p", { class: "note good" }, h("strong", {}, ["", "Passed. ", "Both ISO values pass. "][fits.length] ?? `All ${fits.length} ISO values pass. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
-  return [note, table(columns, fits, { caption: "K of each ISO value" })];
+  return [note, conditions(diagnostics, parameters), table(columns, fits, { caption: "K of each ISO value" })];
+}
+
+/** The light that K holds for, and the rule of the verdict, as far as the campaign states them. */
+function conditions({ spectral, iso_fits: fits }, { acceptance }) {
+  const said = [
+    spectral ? `Lamp: ${spectral.lamp}. Camera response: ${spectral.camera_response}${spectral.f1_prime === undefined ? "" : `, f₁′ ${percent(spectral.f1_prime)}`}.` : null,
+    acceptance ? `Decision rule: ${words(acceptance)}; U of K up to ${percent(Math.max(...fits.map((fit) => fit.expanded_u_rel)))}, beyond the tolerance with a probability of up to ${percent(Math.max(...fits.map((fit) => fit.beyond_tolerance_risk)))}.` : null,
+  ].filter(Boolean);
+  return said.length ? h("p", { class: "small muted" }, said.join(" ")) : null;
 }
 
 function coefficients({ coefficients: rows, method }) {

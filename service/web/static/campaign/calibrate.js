@@ -1,13 +1,13 @@
 // The fit: its parameters, its progress, and the resulting versions.
 
-import { all, post } from "../api.js";
+import { all, patch, post } from "../api.js";
 import { fill, h, may, table } from "../dom.js";
 import { ago, number, quantity, tag } from "../format.js";
 import { followJob } from "../live.js";
 import { coefficientLabel } from "../methods.js";
 import { act, empty, load } from "../states.js";
 import { sentence } from "./overview.js";
-import { parametersFold } from "./parameters.js";
+import { parametersFold, statedPart } from "./parameters.js";
 
 export function calibrateSection(state) {
   const versions = h("div");
@@ -18,6 +18,8 @@ export function calibrateSection(state) {
 
 function starter(state, show) {
   const parameters = parametersFold(state.method, state.campaign.camera_id);
+  const given = state.method.parameters.filter((each) => each.given_by === "campaign");
+  const stated = statedPart(given, Object.fromEntries(given.map((each) => [each.field, state.campaign[each.name]])));
   const progress = h("div", { role: "status" });
   const lacking = h("div");
   const button = h("button", { class: "primary", type: "submit" }, "Calibrate");
@@ -29,6 +31,8 @@ function starter(state, show) {
   draw();
   const start = async () => {
     fill(progress);
+    const changed = Object.entries(stated.read()).filter(([name, value]) => value !== state.campaign[name]);
+    if (changed.length) state.campaign = await patch(state.path, Object.fromEntries(changed));
     const begun = await post(`${state.path}/calibrations`, parameters.read()).catch((error) => {
       throw withMissing(error);
     });
@@ -48,6 +52,7 @@ function starter(state, show) {
     { class: "card", onsubmit: (event) => (event.preventDefault(), act(button, start)) },
     h("h3", {}, "New version"),
     lacking,
+    given.length ? h("details", { class: "fold" }, h("summary", {}, "Light, distance and verdict"), stated.element) : null,
     parameters.element,
     h("p", { class: "actions" }, button),
     progress,
