@@ -5,6 +5,7 @@ import io
 import pytest
 from PIL import Image
 
+from store.tables import FrameRow
 from tests.support.data import data_file
 from tests.worker.decode.spectral_tiff import make_tiff, write_micasense_xmp, write_sequoia_xmp
 
@@ -107,3 +108,16 @@ def test_what_cannot_be_used_is_refused_before_a_region_is_drawn(sqlite_house, c
     )
     assert (frame["state"], frame["refusal"]["code"]) == ("refused", "sensor_model_unusable")
     assert said in frame["refusal"]["detail"]
+
+
+def test_a_frame_that_an_older_reader_did_not_know_is_read_again(sqlite_house, frames):
+    """Its stored metadata had no band: a region drawn now must not be refused for that."""
+    with sqlite_house.database.writing("test") as session:
+        row = session.get_one(FrameRow, frames["red"]["id"])
+        row.header = row.header | {"multispectral": None}
+    region = {"polygon": [[660, 510], [900, 510], [900, 700], [660, 700]]}
+    assert sqlite_house.http.put(f"/v1/frames/{frames['red']['id']}/roi", json=region).status_code == 200
+    sqlite_house.work()
+    frame = sqlite_house.get(f"/v1/frames/{frames['red']['id']}")
+    assert (frame["state"], frame["band"]) == ("extracted", "red")
+    assert 240 * 190 in {row["n"] for row in frame["statistics"]}

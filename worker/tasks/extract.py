@@ -114,7 +114,10 @@ def _copy(session: Session, extraction: Extraction) -> _Extracted:
 
 def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -> _Found:
     frame, room = subject.frame, methods.get_method(subject.campaign.method)
-    header = decode_header(frame.header) if frame.header else context.decoders.read_header(file)
+    header = decode_header(frame.header) if frame.header else None
+    if header is None or (header.container == "tiff" and header.cfa == "grey"):
+        # of a band more is read now than when its frame was first read, which may be years ago
+        header = context.decoders.read_header(file)
     acceptance = accept_frame(
         header,
         role=frame.role,
