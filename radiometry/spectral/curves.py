@@ -208,7 +208,8 @@ def _parse(text: str, columns: int) -> Matrix:
     # a spectrometer's dark noise is as often negative; more than that is another quantity
     if np.any(values.min(axis=0) < -0.02 * values.max(axis=0)) or np.any(values.max(axis=0) <= 0.0):
         raise codes.SPECTRUM_INVALID.refuse("A column has negative values, or is 0 everywhere.")
-    return np.column_stack([_resample(wavelengths, column) for column in np.maximum(values, 0.0).T])
+    scaled = np.maximum(values, 0.0) / values.max()
+    return np.column_stack([_resample(wavelengths, column) for column in scaled.T])
 
 
 def _resample(wavelengths_nm: Vector, values: Vector) -> Vector:

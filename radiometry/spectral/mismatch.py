@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from radiometry.spectral.codes import SPECTRUM_INVALID
 from radiometry.spectral.curves import (
     Vector,
     list_lamps,
@@ -28,6 +29,8 @@ _WEIGHTS = {"green": np.array([0.0, 1.0, 0.0]), "grey": np.array([0.25, 0.5, 0.2
 _SHIFT_STEPS = 0.4  # 2 nm of the grid
 _LAMP_KIND_REL = 0.15
 _MARGIN = 0.1
+# Of what V sees: less is a wrong column, not a camera.
+_LEAST_RESPONSE = 1e-6
 
 
 def compute_mismatch(response: str, *, channel: str, calibrated: str, measured: str) -> float:
@@ -241,9 +244,17 @@ def fit_colour_remedy(response: str, *, channel: str, calibrated: str) -> Colour
 
 def _compute_factor(s: Vector, c: Vector, z: Vector) -> float:
     v = read_observer()
-    return float((z @ v) / (z @ s) * (c @ s) / (c @ v))
+    return float((z @ v) / _integrate(z, s) * _integrate(c, s) / (c @ v))
 
 
 def _read_colour(rgb: Vector, lamp: Vector) -> Vector:
-    red, green, blue = lamp @ rgb
+    red, green, blue = (_integrate(lamp, channel) for channel in rgb.T)
     return np.log([red / green, blue / green])
+
+
+def _integrate(lamp: Vector, s: Vector) -> float:
+    """Integrate the response to a lamp, and refuse a pair without any."""
+    found = float(lamp @ s)
+    if found <= _LEAST_RESPONSE * float(lamp @ read_observer()):
+        raise SPECTRUM_INVALID.refuse("A channel of the camera's response does not see a lamp at all.")
+    return found

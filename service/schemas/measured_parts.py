@@ -20,7 +20,7 @@ class CalibrationUsed(Answer):
 
 class FlagAnswer(Answer):
     flag: str
-    where: str = Field(description='"" for the whole, "grid" for its cells.')
+    where: str = Field(description='"" for the whole, "grid" for its cells, "min" for dark parts.')
     detail: str
 
 

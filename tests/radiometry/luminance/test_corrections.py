@@ -229,10 +229,11 @@ EVERYTHING = frozenset(
 )
 
 
-def test_interval_holds_the_truth_of_a_night():
-    """120 nights: 89 % or more are within 2u in 998 of 1000 runs if 95 % are; uncorrected 1 % are."""
+@pytest.mark.parametrize("told", [EVERYTHING, EVERYTHING - {"light_source"}], ids=["all", "but-the-light"])
+def test_interval_holds_the_truth_of_a_night(told):
+    """80 nights: 87 % or more are within 2u in 997 of 1000 runs if 95 % are; uncorrected 1 % are."""
     random = np.random.default_rng(11)
-    errors, us = np.array([measure_night(random, EVERYTHING) for _ in range(120)]).T
-    assert np.mean(np.abs(errors) <= 2 * us) >= 0.89
-    # not by a wide interval: the glare of the dark half alone is up to 6 % of it, flicker up to 16 %
+    errors, us = np.array([measure_night(random, told) for _ in range(80)]).T
+    assert np.mean(np.abs(errors) <= 2 * us) >= 0.87
+    # not by a wide interval: the glare of the dark half alone is up to 18 % of it, flicker up to 16 %
     assert np.mean(us) < 0.1

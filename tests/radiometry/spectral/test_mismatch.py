@@ -68,6 +68,11 @@ def test_mismatch_by_hand():
     ramp = "\n".join(f"{nm},0.1,{1 + (nm - 500) / 100 if nm >= 400 else 0},0.1" for nm in range(380, 781))
     factor = compute_mismatch(ramp, channel="green", calibrated=lines[0], measured=lines[1])
     assert factor == pytest.approx((0.631 / 2) * (1 / 0.323))
+    huge = lines[1].replace(",1", ",1e308")
+    assert compute_mismatch(ramp, channel="green", calibrated=lines[0], measured=huge) == factor
+    blind = "\n".join(f"{nm},0.1,{1 if nm < 550 else 0},0.1" for nm in range(380, 781))
+    with pytest.raises(InputRejected):
+        compute_mismatch(blind, channel="green", calibrated=lines[0], measured=lines[1])
 
 
 @pytest.mark.parametrize(
@@ -120,7 +125,8 @@ def test_names_and_models():
 
 
 def test_own_table_is_read_in_the_forms_of_spreadsheets():
-    assert read_lamp(f"nm;value\n{FLAT.replace(',', ';').replace(';1', ';0,5')}")[4] == pytest.approx(0.5)
+    german = FLAT.replace(",", ";").replace("400;1", "400;0,5")
+    assert read_lamp(f"nm;value\n{german}")[4] == pytest.approx(0.5)
     assert read_lamp(FLAT.replace(",", "\t"))[5] == pytest.approx(1.0)
 
 
