@@ -14,7 +14,7 @@ _STEP_NM = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class Field:
-    """What differs between a calibration and a measurement.
+    """Differences between a calibration and a measurement.
 
     Attributes
     ----------

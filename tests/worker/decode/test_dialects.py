@@ -127,6 +127,18 @@ def test_mavic_3_by_hand(read, save):
     assert (tagged.black_level_dn, review(tagged)) == ((4973.25,), ["black_level_disagrees"])
 
 
+def test_offsets_of_bands_are_taken_from_a_p4_alone(read):
+    """Of a Mavic, whose bands lie by CalibratedHMatrix, they have not been tried."""
+    lens = {
+        "DewarpData": "2019-03-07;1959.9,1951.1,4.9,-31.7,-0.41,0.35,0.0009,0.0009,-0.37",
+        **{f"RelativeOpticalCenter{axis}": "2.5" for axis in "XY"},
+    }
+    assert read(write_dji_xmp(**lens), **MAVIC).multispectral.geometry.offset_px == (2.5, 2.5)
+    lens["CalibratedHMatrix"] = "1,0,3,0,1,4,0,0,1"
+    found = read(write_dji_xmp(**lens), **MAVIC).multispectral.geometry
+    assert (found.offset_px, found.homography) == (None, (1, 0, 3, 0, 1, 4, 0, 0, 1))
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

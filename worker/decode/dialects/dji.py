@@ -105,8 +105,10 @@ def _read_geometry(packet: Packet, x_px: float, y_px: float) -> RigGeometry | No
         lens = tuple(float(word) for word in rest.split(","))
     except ValueError:
         lens = ()
-    offset = [xmp.number(f"drone-dji:RelativeOpticalCenter{axis}") for axis in "XY"]
-    matrix = xmp.numbers("drone-dji:DewarpHMatrix") or xmp.numbers("drone-dji:CalibratedHMatrix")
+    # tried on files of a P4 alone: of a Mavic, whose guide aligns by CalibratedHMatrix, no offset is taken
+    later = xmp.numbers("drone-dji:CalibratedHMatrix")
+    offset = [None if later else xmp.number(f"drone-dji:RelativeOpticalCenter{axis}") for axis in "XY"]
+    matrix = later or xmp.numbers("drone-dji:DewarpHMatrix")
     if len(lens) != _DEWARP_NUMBERS or not all(map(math.isfinite, lens)):
         return read_geometry(packet, reference=False)
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = lens
