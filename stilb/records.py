@@ -252,6 +252,7 @@ class Coefficient(Record):
     version: int | None = None
     valid_from: datetime | None = None
     valid_to: datetime | None = None
+    uncertainty_scope: str | None = None  # traceable | relative_only: holds for ratios alone
     flags: tuple[str, ...] = ()
     why: str | None = None
 
@@ -288,6 +289,7 @@ class Measurement(Record):
     l_av_cd_m2: Quantity | None = None
     u_o: Quantity | None = None
     illuminance: Quantity | None = None
+    uncertainty_scope: str | None = None  # traceable | relative_only: holds for ratios alone
     created_at: datetime | None = None
 
     @property

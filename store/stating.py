@@ -19,6 +19,8 @@ _IDENTITY = ("name", "iso", "f_number", "band", "channel", "model")
 def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> list[Json]:
     """The figures of a version, each with its expanded uncertainty, coverage factor and degrees of freedom.
 
+    One that is relative only has no expanded uncertainty: nobody may take it for traceable.
+
     ``figures`` : with the names of `radiometry.fitting.evidence.CoefficientValue`
     """
     spec = get_method(method)
@@ -36,7 +38,12 @@ def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> li
             "coverage_factor": factor,
             "effective_dof": dof if dof is None or math.isfinite(dof) else None,
         }
-        rows.append(drop_absent({**figure, **stated}))
+        scope = spec.find_scope(figure["name"], figure["flags"])
+        rows.append(
+            drop_absent(
+                {**figure, **({} if scope == "relative_only" else stated), "uncertainty_scope": scope}
+            )
+        )
     return rows
 
 

@@ -213,6 +213,7 @@ SCATTER_IMPLAUSIBLE = flag(
     "The points scatter by more than 5 %, which no meter and no shutter does: the model does not hold.",
     "Check for surfaces of different colours (spectral mismatch), an offset (stray light, wrong dark "
     "signal), and frames or readings of a wrong scene.",
+    *("calibration", "measurement"),
 )
 FIT_INCOMPLETE = error(
     "fit_incomplete",

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from radiometry.findings import shared
 from radiometry.fitting.evidence import Extracted
 from radiometry.luminance import codes, method
 from radiometry.luminance.applying import APPLICATION
@@ -25,6 +26,13 @@ SPEC: Final = MethodSpec(
     reference="meter",
     has_checklist=True,
     reading=method.Reading,
+    passed_on=(
+        codes.METER_CERTIFICATE_MISSING,
+        codes.OFFSET_SIGNIFICANT,
+        shared.SCATTER_IMPLAUSIBLE,
+        shared.BLACK_LEVEL_ASSUMED,
+    ),
+    untraced=codes.METER_CERTIFICATE_MISSING,
     coefficients=(
         CoefficientKind(
             name="luminance_k",

@@ -51,6 +51,7 @@ OFFSET_SIGNIFICANT = flag(
     "The affine model is better than the proportional one by more than 10 in AICc: the signal has an offset.",
     "Look for stray light, a wrong dark signal or a wrong black level, and take the frames again; until then "
     "weak signals are wrong by about the offset.",
+    *("calibration", "measurement"),
 )
 OUTLIERS_DISCOUNTED = flag(
     "outliers_discounted",
@@ -69,9 +70,10 @@ METER_REPEATABILITY_ESTIMATED = flag(
 )
 METER_CERTIFICATE_MISSING = flag(
     "meter_certificate_missing",
-    "A reading names no meter, or its meter has no certificate: u(K) lacks the meter's calibration.",
-    "Register the meter with its certificate, and fit again.",
-    *("calibration", "certificate"),
+    "A reading names no meter, or its meter has no certificate: K is relative only, its uncertainty lacks "
+    "the error of the meter's scale.",
+    "Register the meter with its certificate, and fit again; until then use ratios of luminances.",
+    *("calibration", "measurement", "certificate"),
 )
 APEX_MISSING = flag(
     "apex_missing",

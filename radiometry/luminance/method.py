@@ -10,6 +10,7 @@ K that is to be fitted, and is not implemented. The weighting of
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -82,6 +83,7 @@ _IMPLAUSIBLE_RATIO = 4.0
 _CHANCE = 0.01
 _AICC_DIFFERENCE = 10.0
 _DISCOUNTED = 0.1
+_USUAL_CERTIFICATE_U_REL = 0.015
 _MOST_NAMES = 3
 
 
@@ -232,7 +234,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
             named = f"{', '.join(outliers[:_MOST_NAMES])}{' and more' if len(outliers) > _MOST_NAMES else ''}"
             flags.append(codes.OUTLIERS_DISCOUNTED.at(f"iso {one.iso:g}", f"{len(outliers)}: {named}."))
     if not certified:
-        flags.append(codes.METER_CERTIFICATE_MISSING.at("", "A reading's meter has no certificate."))
+        flags.append(codes.METER_CERTIFICATE_MISSING.at("", _weigh_certificate(iso_fits)))
     if params.model == "semilog":
         flags.append(codes.SEMILOG_MODEL.at("", "Chosen by the parameters of this fit."))
     return Fit(
@@ -316,6 +318,20 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
             )
         )
     return (*ks, *apertures, *darks)
+
+
+def _weigh_certificate(iso_fits: Sequence[IsoFit]) -> str:
+    """State the expanded uncertainty of K without a meter certificate, and with a usual one."""
+    widest = max(
+        (each.coefficient for each in iso_fits), key=lambda c: c.expanded_uncertainty / abs(c.luminance_k)
+    )
+    u_rel = widest.luminance_k_standard_uncertainty / abs(widest.luminance_k)
+    factor = widest.coverage_factor
+    with_it = factor * math.hypot(u_rel, _USUAL_CERTIFICATE_U_REL)
+    return (
+        f"Without the meter's scale, U(K) is {factor * u_rel:.1%} at ISO {widest.iso:g}. With a meter "
+        f"certificate of U = {2 * _USUAL_CERTIFICATE_U_REL:.0%} (k = 2) it would be {with_it:.1%}, traceable."
+    )
 
 
 def _check_series(series: IsoSeries, rows: Sequence[FrameRow], params: Params) -> list[Raised]:

@@ -1,6 +1,6 @@
 """The specification of a calibration method: all that the rest of the product may know of it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
@@ -13,6 +13,7 @@ from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.roles import Role
 
 Reference = Literal["meter", "panel"]
+Scope = Literal["traceable", "relative_only"]
 ToleranceUnit = Literal["%", "px"]
 
 
@@ -150,6 +151,11 @@ class MethodSpec:
         Frozen dataclass of one reading of the reference.
     coefficients : tuple of CoefficientKind
         What the method reports, the most looked-for first.
+    passed_on : tuple of Finding
+        Flags of a fit that hold for everything that is measured with it too.
+    untraced : Finding or None
+        Flag of a fit whose headline coefficients are relative only: their uncertainty lacks that of the
+        reference's scale. None if the method states no traceability to one.
     has_checklist : bool
         True if the procedure has a checklist that an operator ticks and signs.
     whole_frame : bool
@@ -231,6 +237,8 @@ class MethodSpec:
     target_example: Mapping[str, Any] | None = None
     reference: Reference | None = None
     reading: type[Any] = field(default=type(None))
+    passed_on: tuple[Finding, ...] = ()
+    untraced: Finding | None = None
     has_checklist: bool = False
     whole_frame: bool = False
     finds_region: bool = False
@@ -242,6 +250,25 @@ class MethodSpec:
     find_region: Callable[..., FoundRegion | None] = field(default=_nothing)
     make_row: Callable[..., Any] = field(default=_same)
     configure: Callable[..., Mapping[str, Any]] = field(default=_empty)
+
+    def find_scope(self, name: str, flags: Collection[str]) -> Scope | None:
+        """Return the scope of a coefficient's uncertainty.
+
+        Parameters
+        ----------
+        name : str
+            Name of the coefficient.
+        flags : collection of str
+            Flags that apply to it.
+
+        Returns
+        -------
+        {"traceable", "relative_only"} or None
+            None for a coefficient that does not depend on a reference whose certificate is checked.
+        """
+        if self.untraced is None or name not in self.certificate.headlines:
+            return None
+        return "relative_only" if self.untraced.code in flags else "traceable"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

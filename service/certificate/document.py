@@ -46,6 +46,8 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
     spec = get_method(row.method)
     result, text = drop_absent(row.result), spec.certificate
     vignetting = format_vignetting(spec, row.parameters.get("vignetting"))
+    coefficients = _coefficients(record)
+    scope = next((each.uncertainty_scope for each in coefficients if each.uncertainty_scope), None)
     certificate = CertificateAnswer(
         schema_version=SCHEMA_VERSION,
         title="Certificate of calibration",
@@ -62,14 +64,15 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         work=describe_work(record),
         meters=meters,
         panels=panels,
-        traceability=format_traceability(spec, meters, panels),
+        traceability=format_traceability(spec, meters, panels, scope),
+        uncertainty_scope=scope,
         readings=_readings(record),
         regions=_regions(record),
         frames=[_frame(record, used) for used in row.inputs["frames"]],
         target=row.inputs.get("target"),
         parameters=drop_absent(row.parameters),
         result=result,
-        coefficients=_coefficients(record),
+        coefficients=coefficients,
         budgets=[Budget(**budget) for budget in state_budgets(row.method, row.result)],
         vignetting=vignetting,
         falloff=row.inputs.get("vignetting"),

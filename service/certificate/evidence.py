@@ -116,5 +116,5 @@ def _dark(certificate: Node) -> Node:
         shown = ", ".join(plain(time) for time in times) or "no dark frames; black level of the files"
         rows.append([plain(c["iso"]), value, u, str(len(found)), shown])
     head = ["ISO", "D [DN]", "u(D)", "frames", "exposure times [s]"]
-    caption = "Dark signal per ISO value: median of the frames taken with the lamp off."
+    caption = "Dark signal per ISO value: median of the frames taken with the lamp off, at their mean time."
     return table(head, rows, align="rrrrl", widths=[1, 1, 1, 1, 4], caption=caption)

@@ -92,13 +92,15 @@ def _summary(certificate: Node) -> Node:
         c = fit["coefficient"]
         k, u = in_step(c["luminance_k"], c["luminance_k_standard_uncertainty"])
         _, expanded = in_step(c["luminance_k"], c["expanded_uncertainty"])
+        if certificate.get("uncertainty_scope") == "relative_only":
+            expanded = "relative only"
         rows.append(
             [
                 plain(c["iso"]),
                 k,
                 u,
                 expanded,
-                f"{c['coverage_factor']:.2f}",
+                "-" if expanded == "relative only" else f"{c['coverage_factor']:.2f}",
                 degrees(c),
                 in_print(c["luminance_k_unit"]),
                 percent(fit["largest_residual_rel"]),

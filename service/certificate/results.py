@@ -21,11 +21,18 @@ def _iso(certificate: Node, fit: Node, budget: list[Node]) -> Node:
     c = fit["coefficient"]
     k, u = in_step(c["luminance_k"], c["luminance_k_standard_uncertainty"])
     dark, u_dark = in_step(c["dark_signal_dn"], c["dark_signal_standard_uncertainty_dn"])
+    growth = ""
+    if "dark_rate_dn_per_s" in c:
+        rate, u_rate = in_step(c["dark_rate_dn_per_s"], c["dark_rate_standard_uncertainty_dn_per_s"])
+        growth = (
+            f", at {plain(c['dark_time_s'], 3)} s; it grows by {rate} DN/s with the exposure time, standard "
+            f"uncertainty {u_rate} DN/s"
+        )
     parameters = zip(c["parameter_names"], c["parameters"], strict=True)
     covariance = "; ".join(", ".join(f"{value:.4e}" for value in row) for row in c["covariance"])
     rows = [
         ["K", f"{k} {in_print(c['luminance_k_unit'])}, standard uncertainty {u}"],
-        ["Dark signal", f"{dark} DN, standard uncertainty {u_dark} DN"],
+        ["Dark signal", f"{dark} DN, standard uncertainty {u_dark} DN{growth}"],
         ["Parameters", ", ".join(f"{name} = {plain(value, 8)}" for name, value in parameters)],
         ["Covariance", f"{covariance} (of the parameters, without the meter's calibration)"],
         ["Valid for", _range(c, certificate["vignetting"])],
@@ -61,7 +68,7 @@ def _budget(lines: list[Node], unit: str) -> Node:
         [
             line["source"],
             line["kind"],
-            f"{plain(line['input_uncertainty'], 3)}{' DN' if line['input_unit'] == 'DN' else ''}",
+            f"{plain(line['input_uncertainty'], 3)} {line['input_unit']}".removesuffix(" 1"),
             plain(line["sensitivity"], 3) if "sensitivity" in line else "-",
             percent(line["u_rel"]),
             plain(line["u"], 3),

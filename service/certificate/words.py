@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from radiometry.specification.method import MethodSpec
+from radiometry.specification.method import MethodSpec, Scope
 from service.schemas.certificates import UsedMeter, UsedPanel
 from store.stating import COVERAGE_FACTOR
 
@@ -29,6 +29,12 @@ _SUFFICE = (
     "The frames, readings, regions and parameters listed here are sufficient to recompute every value. Each "
     "frame is identified by its SHA-256."
 )
+_RELATIVE = (
+    "Relative only. Traceability is not demonstrated: not every luminance meter of these readings is "
+    "registered with a certificate. K and its standard uncertainty u(K) are valid for ratios of luminances; "
+    "the error of the meter's scale is unknown, so that no expanded uncertainty of K is stated. What a meter "
+    "certificate would give is stated under Flags."
+)
 _WHOLE = "This certificate may be reproduced only in full."
 
 
@@ -48,8 +54,12 @@ def list_statements(
     ]
 
 
-def format_traceability(spec: MethodSpec, meters: Sequence[UsedMeter], panels: Sequence[UsedPanel]) -> str:
+def format_traceability(
+    spec: MethodSpec, meters: Sequence[UsedMeter], panels: Sequence[UsedPanel], scope: Scope | None
+) -> str:
     """Return the sentence on the certificates that link the coefficients to their units."""
+    if scope == "relative_only":
+        return _RELATIVE
     if spec.reference == "meter":
         return _through_meters(meters)
     return _through_panels(panels) if spec.reference == "panel" else spec.certificate.traceability
@@ -73,8 +83,6 @@ def _through_meters(meters: Sequence[UsedMeter]) -> str:
         for meter in luminance
         if meter.certificate
     ]
-    if not named:
-        return "Not demonstrated: no luminance meter of these readings is registered with a certificate."
     return f"Luminance is traceable through {'; '.join(named)}."
 
 

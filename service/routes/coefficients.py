@@ -151,6 +151,7 @@ def _in_force(row: CoefficientRow, held: InForce) -> CoefficientInForce:
     known_from = show_instant(publication.known_from)
     return CoefficientInForce(
         **Coefficient.restate(row).model_dump(),
+        uncertainty_scope=get_method(held.calibration.method).find_scope(row.name, row.flags),
         calibration_id=held.calibration.id,
         version=held.calibration.version,
         valid_from=publication.valid_from,

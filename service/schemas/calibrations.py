@@ -4,12 +4,18 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from radiometry.methods import get_method
+from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Form, Instant, LongText, Method
 from store.codec import drop_absent
 from store.queries.calibrations import VersionStatus
 from store.tables import Calibration, CoefficientRow
 
 IN_FORCE = "in_force"
+SCOPE_MEANING = (
+    "`traceable`, or `relative_only`: the standard uncertainty lacks the error of the reference's scale, and "
+    "holds for ratios alone. Absent where the method checks no certificate of a reference."
+)
 State = Literal["draft", "published", "superseded", "revoked"]
 
 
@@ -38,6 +44,7 @@ class Coefficient(
 
 
 class CoefficientInForce(Coefficient):
+    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
     calibration_id: str
     version: int
     valid_from: Instant
@@ -63,6 +70,7 @@ class CalibrationAnswer(
     "created_at created_by valid_from valid_to superseded_by revoked_reason",
 ):
     method: Method
+    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
     coefficients: list[Coefficient]
     parameters: dict[str, Any]
     diagnostics: dict[str, Any] | None = None
@@ -81,5 +89,13 @@ class CalibrationAnswer(
         if whole:
             result = drop_absent(row.result)
             detail = {"points": result.pop("points", []), "diagnostics": result}
-        parameters = drop_absent(row.parameters)
-        return cls.restate(row, status, parameters=parameters, coefficients=coefficients, **detail)
+        parameters, spec = drop_absent(row.parameters), get_method(row.method)
+        scopes = [scope for each in coefficients if (scope := spec.find_scope(each.name, each.flags))]
+        return cls.restate(
+            row,
+            status,
+            parameters=parameters,
+            coefficients=coefficients,
+            uncertainty_scope=scopes[0] if scopes else None,
+            **detail,
+        )

@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Instant, Method
 from service.schemas.calibrations import Gap
 from service.schemas.equipment import Certificate as MeterCertificate
@@ -117,14 +118,15 @@ class CertifiedCoefficient(Answer):
     """A coefficient with its expanded uncertainty U = k u; what it does not depend on is absent.
 
     `effective_dof`: degrees of freedom from which k follows by the t distribution; absent where the method
-    states none.
+    states none. What is `relative_only` has no U.
     """
 
     name: str
     value: float
     standard_uncertainty: float
-    expanded_uncertainty: float
-    coverage_factor: float
+    uncertainty_scope: Scope | None = None
+    expanded_uncertainty: float | None = None
+    coverage_factor: float | None = None
     effective_dof: float | None = None
     unit: str
     iso: float | None = None
@@ -206,6 +208,11 @@ class CertificateAnswer(Answer):
     meters: list[UsedMeter]
     panels: list[UsedPanel]
     traceability: str
+    uncertainty_scope: Scope | None = Field(
+        default=None,
+        description="`relative_only`: the error of the reference's scale is unknown. Absent where the method "
+        "checks no certificate of a reference.",
+    )
     readings: list[UsedReading]
     regions: list[Region]
     frames: list[UsedFrame]

@@ -9,7 +9,9 @@ from radiometry.findings.advice import advise
 from radiometry.methods import get_method
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.application import PictureApplication, SurfaceApplication
+from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Instant, Quantity
+from service.schemas.calibrations import SCOPE_MEANING
 from service.schemas.measured_parts import (
     BandAnswer,
     BudgetRow,
@@ -42,6 +44,7 @@ class MeasurementAnswer(Answer):
     altitude_m: float | None = None
     method: str
     calibration: CalibrationUsed
+    uncertainty_scope: Scope | None = Field(default=None, description=SCOPE_MEANING)
     region: list[list[float]] = Field(
         description="Outline [x, y] in px of what mean, median, min, max, percentiles and illuminance are of."
     )
@@ -111,7 +114,10 @@ class MeasurementAnswer(Answer):
         repeats = row.parameters.get("repeats", [])
         place: dict[str, Any] = {name: header.get(name) for name in _FROM_HEADER}
         flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]]
-        flags += _flags_of(status) + _flags_of_vignetting(of_vignetting)
+        flags += _flags_of_fit(calibration, frame) + _flags_of(status) + _flags_of_vignetting(of_vignetting)
+        spec = get_method(row.method)
+        told = {raised.flag for raised in flags}
+        scopes = [spec.find_scope(name, told) for name in sorted(spec.certificate.headlines)]
         budget = [(share["source"], share["variance_share"]) for share in result.get("budget", [])]
         return cls(
             **{name: getattr(row, name) for name in _FROM_ROW},
@@ -121,6 +127,7 @@ class MeasurementAnswer(Answer):
             frame_ids=[row.frame_id, *(each["frame_id"] for each in repeats)] if repeats else None,
             filename=frame.filename,
             calibration=CalibrationUsed.restate(calibration, status, why=result["why"]),
+            uncertainty_scope=scopes[0] if scopes else None,
             region=row.parameters["polygon"],
             region_origin=row.parameters["region_origin"],
             budget=result.get("budget", []),
@@ -200,6 +207,18 @@ def _links(row: Measurement) -> dict[str, str]:
     if row.map_tif_sha256 is not None:
         links |= {"map_tif": f"{own}/map.tif", "map_png": f"{own}/map.png"}
     return links
+
+
+def _flags_of_fit(calibration: Calibration, frame: FrameRow) -> list[FlagAnswer]:
+    """The flags of the version that go on in what is measured with it, at the frame's ISO value."""
+    iso = (frame.exposure or {}).get("iso")
+    places = {"", *([f"iso {iso:g}"] if iso else [])}
+    passed_on = get_method(calibration.method).passed_on
+    return [
+        FlagAnswer.model_validate(raised)
+        for raised in calibration.result["flags"]
+        if raised["where"] in places and raised["flag"] in passed_on
+    ]
 
 
 def _flags_of_vignetting(status: VersionStatus | None) -> list[FlagAnswer]:

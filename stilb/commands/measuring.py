@@ -9,7 +9,7 @@ import typer
 from stilb.commands.calibration import read_polygon
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
-from stilb.commands.tables import figure, table
+from stilb.commands.tables import figure, show_scope, table
 from stilb.field.plan import read_spreadsheet
 from stilb.records import Grid, MeasureDetails, Measurement
 
@@ -138,7 +138,7 @@ def _table(found: list[Measurement]) -> Any:  # noqa: ANN401
             (
                 one.id,
                 one.filename + (f" and {len(one.frame_ids) - 1} more" if one.frame_ids else ""),
-                figure(one.mean) if one.mean else "",
+                figure(one.mean) + show_scope(one.uncertainty_scope) if one.mean else "",
                 one.region_origin.replace("_", " "),
                 f"{one.u_o.value:.3f}" if one.u_o else "",
                 " ".join(dict.fromkeys(one.flags)),

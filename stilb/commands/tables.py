@@ -38,6 +38,11 @@ def figure(quantity: Quantity | Coefficient) -> str:
     return f"{value:.{decimals}f} ± {uncertainty:.{decimals}f} {quantity.unit}"
 
 
+def show_scope(scope: str | None) -> str:
+    """Return the remark on a value whose uncertainty lacks the error of the scale of its reference."""
+    return " (relative only)" if scope == "relative_only" else ""
+
+
 def of_coefficients(rows: Iterable[Coefficient]) -> Table:
     """The coefficients of one or several versions, with what each holds for."""
     found = list(rows)
@@ -45,7 +50,12 @@ def of_coefficients(rows: Iterable[Coefficient]) -> Table:
     return table(
         ("name", *held.values(), "value", "flags"),
         [
-            (row.name, *(_plain(getattr(row, name)) for name in held), figure(row), " ".join(row.flags))
+            (
+                row.name,
+                *(_plain(getattr(row, name)) for name in held),
+                figure(row) + show_scope(row.uncertainty_scope),
+                " ".join(row.flags),
+            )
             for row in found
         ],
     )

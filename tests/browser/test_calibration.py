@@ -66,7 +66,7 @@ def test_what_was_found_stands_there_with_its_uncertainty(shown):
     expect(rows.filter(has_text="3200").first).to_contain_text(
         re.compile(r"2\.0\d+ ± 0\.0\d+ DN·m²/\(cd·s\)")
     )
-    expect(shown.locator("#flags")).to_contain_text("lacks the meter's calibration")
+    expect(shown.locator("#flags")).to_contain_text("lacks the error of the meter's scale")
     models = shown.locator("#models").get_by_role("row")
     expect(models).to_have_count(1 + 4 * len(ISOS))
     expect(models.filter(has_text="reported")).to_have_count(len(ISOS))

@@ -1,12 +1,15 @@
 """What is on a certificate: who, what, with what, how sure; its gaps; its tag; publishing with it."""
 
 import copy
+import math
+import re
 
 import pytest
 
 from radiometry.findings import gaps
 from radiometry.methods.findings import FINDINGS
 from service.certificate.gaps import list_gaps
+from service.certificate.pages import lay_out
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import LEVELS, ROI, SETTINGS, calibrate, calibrated_campaign
 from tests.support.certificates import METER, WORK, certificate_of, complete_version
@@ -248,7 +251,24 @@ def test_a_meters_certificate_must_hold_on_the_day_of_use(house, changes, taken_
     else:
         meter["certificate"] |= changes
     version = complete_version(house, meter=meter, taken_at=taken_at)
-    assert codes(certificate_of(house, version)) == expected
+    certificate = certificate_of(house, version)
+    assert codes(certificate) == expected
+    stated = {row["name"]: row for row in certificate["coefficients"]}
+    scope = "traceable" if changes else "relative_only"
+    assert scope == certificate["uncertainty_scope"] == version["uncertainty_scope"]
+    assert stated["luminance_k"]["uncertainty_scope"] == scope
+    # without a certificate no U of K is stated; the dark signal depends on no meter
+    assert ("expanded_uncertainty" in stated["luminance_k"]) is (scope == "traceable")
+    assert "expanded_uncertainty" in stated["dark_signal_dn"]
+    page = lay_out(certificate, "")
+    assert ("relative only" in page["results"]["rows"][0]) is (scope == "relative_only")
+    assert certificate["traceability"].startswith("Relative only.") is (scope == "relative_only")
+    (flag,) = [each for each in certificate["flags"] if each["flag"] == "meter_certificate_missing"] or [None]
+    assert (flag is None) is (scope == "traceable")
+    if flag is not None:
+        lacking, with_it = map(float, re.findall(r"([\d.]+)%(?: at|, traceable)", flag["detail"]))
+        factor = certificate["result"]["iso_fits"][0]["coefficient"]["coverage_factor"]
+        assert with_it == pytest.approx(math.hypot(lacking, factor * 1.5), abs=0.06)
 
 
 def certificate_without(complete, place):

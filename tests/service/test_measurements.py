@@ -77,6 +77,10 @@ def test_a_frame_of_known_luminance_comes_back_within_its_uncertainty(house, ver
     assert by_k == pytest.approx(mean["value"] * k["standard_uncertainty"] / k["value"], rel=1e-9)
     assert (found["region_origin"], found["vignetting"]) == ("campaign", "none")
     assert {"no_vignetting_correction", "observer_differs"} <= flags(found)
+    # the readings of its calibration name no meter
+    assert found["uncertainty_scope"] == "relative_only"
+    (raised,) = (each for each in found["flags"] if each["flag"] == "meter_certificate_missing")
+    assert "With a meter certificate of U = 3% (k = 2) it would be" in raised["detail"]
     assert any("flat fields" in sentence for sentence in found["to_do_better"])
     assert found["min"]["value"] < found["percentiles"][0]["luminance"]["value"] < found["median"]["value"]
     single = found["min"]["standard_uncertainty"]

@@ -32,7 +32,7 @@ export function drawVerdict(calibration) {
 }
 
 /** One curve for each ISO value, against a tolerance. */
-function curves({ diagnostics, coefficients: rows, parameters }) {
+function curves({ diagnostics, coefficients: rows, parameters, uncertainty_scope: scope }) {
   const fits = diagnostics.iso_fits;
   const tolerance = percent(diagnostics.tolerance_rel);
   const failing = fits.filter((fit) => !fit.passed);
@@ -42,7 +42,7 @@ function curves({ diagnostics, coefficients: rows, parameters }) {
     { head: "Verdict", cell: (fit) => (fit.passed ? tag("pass") : tag("beyond tolerance", "bad")) },
     { head: "Largest residual", class: "number", cell: (fit) => percent(fit.largest_residual_rel) },
     { head: "u(K)", class: "number", cell: ({ coefficient: c }) => relative(c.luminance_k, c.luminance_k_standard_uncertainty) },
-    { head: "U, 95 %", class: "number", cell: ({ coefficient: c }) => h("span", { title: `coverage factor ${number(c.coverage_factor, 3)}` }, number(c.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(c.coverage_factor, 3)}`)) },
+    { head: "U, 95 %", class: "number", cell: ({ coefficient: c }) => (scope === "relative_only" ? tag("relative only", "warn") : h("span", { title: `coverage factor ${number(c.coverage_factor, 3)}` }, number(c.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(c.coverage_factor, 3)}`))) },
     { head: "Dark signal", class: "number", cell: ({ coefficient: c }) => h("span", {}, withUncertainty(c.dark_signal_dn, c.dark_signal_standard_uncertainty_dn), h("span", { class: "unit" }, " DN")) },
     { head: "Flags", class: "wide-only", cell: ({ coefficient }) => flagsOf(rows.find((row) => row.iso === coefficient.iso)) },
   ];

@@ -16,7 +16,7 @@ export function drawFigures(found) {
 
 function figures(found) {
   const { mean, grid } = found;
-  const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `u is ${relative(mean.value, mean.standard_uncertainty)}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
+  const rows = [[found.index ? titleOf(found) : "Mean", quantity(mean), found.index ? "of the region’s mean reflectances" : `u is ${relative(mean.value, mean.standard_uncertainty)}${found.uncertainty_scope === "relative_only" ? ", relative only: no meter certificate" : ""}${found.pixels ? `; ${number(found.pixels, 9)} pixels` : ""}`]];
   if (found.median) rows.push(["Median", quantity(found.median)]);
   if (found.min) rows.push(["Range of pixels", h("span", { class: "nowrap" }, `${number(found.min.value, 3)} – ${number(found.max.value, 3)}`), mean.unit === "1" ? "" : unit(mean.unit)]);
   if (grid) rows.push(["Overall uniformity U_o", quantity(found.u_o), "smallest / mean of the cells"], ["Range of cells", `${number(found.l_min_cd_m2.value, 3)} – ${number(found.l_max_cd_m2.value, 3)}`, "cd/m²"]);
