@@ -39,10 +39,10 @@ chromium:
 audit: $(VENV)/run  ## is the audit trail whole, and every row as it says? (HEAD=seq:hash compares a head noted before)
 	@python -m store.audit_check $(HEAD)
 
-export: $(VENV)/run  ## what a version rests on, into a folder: CAL=<id> URL=<service> KEY=<key> TO=<folder>
-	@STILB_KEY="$(KEY)" python -m stilb export "$(CAL)" "$(TO)" --url "$(URL)"
+export: $(VENV)/run  ## what a version or measurement depends on, into a folder: CAL=<id> or MSR=<id> URL=<service> KEY=<key> TO=<folder>
+	@STILB_KEY="$(KEY)" python -m stilb export $(if $(MSR),--measurement) "$(or $(MSR),$(CAL))" "$(TO)" --url "$(URL)"
 
-verify: $(VENV)/run  ## compute a certificate anew: CERT=<file or address> DATA=<folder or service> [KEY=<key>]
+verify: $(VENV)/run  ## recompute a certificate or measurement: CERT=<file or address> DATA=<folder or service> [KEY=<key>]
 	@STILB_KEY="$(KEY)" python -m verify "$(CERT)" --data "$(DATA)"
 
 verify-backup: $(VENV)/run  ## can a backup be restored? FROM=<folder> [DATABASE=<restored PostgreSQL>] [BLOBS=<s3://...>]

@@ -1,10 +1,11 @@
-"""Everything that a calibration rests on, in a folder. Begun again, it fetches only what is not there yet.
+"""Everything that a calibration or a measurement depends on, in a folder; a repeated export fetches the rest.
 
 certificate.json  certificate.pdf   as the service gives them
 readings.json     roi.json          the meter readings and regions that went in
 panels.json                         the reflectance panels, where there are any
 frames/<hash>-<name>                every frame, byte for byte
 SHA256SUMS                          for `sha256sum --check` of the frames
+record.json       map.tif           of a measurement, in place of the others
 """
 
 import json
@@ -17,6 +18,7 @@ from typing import Any
 from stilb.transport import Call, Transport, address, hash_file
 
 CERTIFICATE, READINGS, PANELS, REGIONS = "certificate.json", "readings.json", "panels.json", "roi.json"
+RECORD, MAP = "record.json", "map.tif"
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 # What a certificate adds where two frames share a file name.
@@ -78,6 +80,24 @@ def export(transport: Transport, calibration_id: str, folder: Path, on_progress:
     sums = "".join(f"{frame['sha256']}  {frame_path(frame)}\n" for frame in frames)
     (folder / "SHA256SUMS").write_text(sums, encoding="utf-8")
     (folder / CERTIFICATE).write_bytes(content)  # last: where it lies, the rest lies too
+    return folder
+
+
+def export_measurement(transport: Transport, measurement_id: str, folder: Path) -> Path:
+    """Fetch a measurement's record, its frames and its map; begun again, only what is not there yet."""
+    (folder / "frames").mkdir(parents=True, exist_ok=True)
+    of_measurement = address("measurements", measurement_id)
+    content = transport.send(Call(method="GET", path=f"{of_measurement}/{RECORD}")).content
+    record = json.loads(content)
+    for frame in record["frames"]:
+        named = frame | {"frame": frame["filename"]}
+        _fetch_frame(transport, named, folder / frame_path(named))
+    if "map_sha256" in record and not (
+        (folder / MAP).exists() and hash_file(folder / MAP) == record["map_sha256"]
+    ):
+        call = Call(method="GET", path=f"{of_measurement}/{MAP}")
+        transport.download(call, folder / MAP, sha256=record["map_sha256"])
+    (folder / RECORD).write_bytes(content)  # last, as the certificate
     return folder
 
 

@@ -1,4 +1,4 @@
-"""``make verify CERT=... DATA=... [KEY=...]``: says whether a certificate's every figure comes out again.
+"""``make verify CERT=... DATA=... [KEY=...]``: recompute every quantity of a certificate or a measurement.
 
 The exit code is 0 when all agree to the last bit or to rounding, 1 when something differs, 2 when nothing can
 be compared.
@@ -12,7 +12,18 @@ from rich.console import Console
 
 import stilb
 from verify.checks import check
-from verify.data import Unusable, is_address, open_data, read_certificate, split_address
+from verify.compare import Row
+from verify.data import (
+    Node,
+    Unusable,
+    is_address,
+    is_measurement,
+    open_data,
+    open_measurement,
+    read_certificate,
+    split_address,
+)
+from verify.measurement import verify_measurement
 from verify.recompute import recompute
 from verify.report import conclude, tabulate
 from worker.decode.pool import DecoderKilled, DecoderPool, DecoderUnavailable
@@ -35,6 +46,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _verify(place: str, data_place: str, key: str, console: Console) -> int:
     certificate = read_certificate(place, key)
+    if is_measurement(certificate):
+        with open_measurement(data_place, key, certificate["id"]) as folder, DecoderPool(1) as decoders:
+            return _report(certificate, verify_measurement(certificate, folder, decoders), console)
     with (
         open_data(data_place, key, certificate["calibration_id"]) as data,
         DecoderPool(1) as decoders,
@@ -46,6 +60,10 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
 
         found = recompute(certificate, data, decoders, tell)
         rows = check(certificate, data, found)
+    return _report(certificate, rows, console)
+
+
+def _report(certificate: Node, rows: list[Row], console: Console) -> int:
     console.print(tabulate(certificate, rows))
     console.print(conclude(rows), markup=False)
     return 1 if any(row.agreement == "different" for row in rows) else 0
@@ -53,7 +71,7 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
 
 def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m verify", description="Compute a certificate anew.")
-    parser.add_argument("certificate", help="certificate.json, or its address on a server")
+    parser.add_argument("certificate", help="certificate.json or record.json, or an address on a server")
     parser.add_argument("--data", default="", help="an export's folder, or a server's address")
     parser.add_argument("--key", default=os.environ.get("STILB_KEY", ""), help="for a server; or STILB_KEY")
     asked = parser.parse_args(arguments)

@@ -31,22 +31,31 @@ class Data:
 
     def path(self, frame: Node) -> Path:
         """Where a frame of a certificate lies, if it is there; earlier exports named some differently."""
-        path = self.folder / frame_path(frame)
-        return path if path.exists() else next(path.parent.glob(f"{frame['sha256'][:12]}-*"), path)
+        return find_frame(self.folder, frame)
+
+
+def find_frame(folder: Path, frame: Node) -> Path:
+    """Where a frame lies in an export, by its hash and name."""
+    path = folder / frame_path(frame)
+    return path if path.exists() else next(path.parent.glob(f"{frame['sha256'][:12]}-*"), path)
 
 
 def read_certificate(place: str, key: str) -> Node:
-    """From a file, or from an address that ends in /v1/calibrations/<id>/certificate.json."""
+    """Read a certificate or the record of a measurement, from a file or a server's address."""
     if not is_address(place):
         return _checked(_read_json(Path(place)), place)
     server, path = split_address(place)
     parts = path.strip("/").split("/")
-    if len(parts) != 4 or parts[:2] != ["v1", "calibrations"]:
-        raise Unusable(
-            f"{place} is not the address of a certificate: .../v1/calibrations/<id>/certificate.json"
-        )
     with stilb.Client(server, key) as client:
-        return _checked(client.certificate(parts[2]), place)
+        match parts:
+            case ["v1", "calibrations", calibration_id, _]:
+                return _checked(client.certificate(calibration_id), place)
+            case ["v1", "measurements", measurement_id, *_]:
+                return _checked(client.measurement_record(measurement_id), place)
+    raise Unusable(
+        f"{place} is not the address of a certificate (.../v1/calibrations/<id>/certificate.json) or of a "
+        "measurement (.../v1/measurements/<id>)"
+    )
 
 
 @contextmanager
@@ -58,6 +67,22 @@ def open_data(place: str, key: str, calibration_id: str) -> Iterator[Data]:
     server, _ = split_address(place)
     with tempfile.TemporaryDirectory(prefix="stilb-verify-") as folder, stilb.Client(server, key) as client:
         yield _read_folder(client.export(calibration_id, folder))
+
+
+def is_measurement(certificate: Node) -> bool:
+    """Return True if what was read is the record of a measurement."""
+    return "calibration" in certificate
+
+
+@contextmanager
+def open_measurement(place: str, key: str, measurement_id: str) -> Iterator[Path]:
+    """Return the folder of a measurement's export; a server's is fetched for as long as this context."""
+    if not is_address(place):
+        yield Path(place)
+        return
+    server, _ = split_address(place)
+    with tempfile.TemporaryDirectory(prefix="stilb-verify-") as folder, stilb.Client(server, key) as client:
+        yield client.export_measurement(measurement_id, folder)
 
 
 def is_address(place: str) -> bool:

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from radiometry.methods import get_method
 from verify.compare import Agreement, Row
-from verify.data import Node
+from verify.data import Node, is_measurement
 
 _HEADLINES = {
     "luminance_k": "K",
@@ -20,6 +20,9 @@ _HEADLINES = {
 }
 _HELD_FOR = ("iso", "f_number", "band", "channel")
 _MOST_IN_GROUP = 12
+_OF_MEASUREMENT = tuple(
+    f"{name}.{part}" for name in ("mean", "value") for part in ("value", "standard_uncertainty")
+)
 _WORDS: Final[dict[Agreement, str]] = {
     "same": "the same",
     "rounding": "to rounding",
@@ -29,7 +32,7 @@ _WORDS: Final[dict[Agreement, str]] = {
 
 def tabulate(certificate: Node, rows: list[Row]) -> Table:
     """Return the table: quantity, certificate, recomputed, same or not."""
-    table = Table(title=f"Certificate {certificate['number']}", title_justify="left")
+    table = Table(title=_name(certificate), title_justify="left")
     for name in ("quantity", "certificate", "recomputed", "same?"):
         table.add_column(name, overflow="fold")
     for name, row in _list_headlines(certificate, rows):
@@ -58,6 +61,10 @@ def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, R
     """The results by name: of luminance per ISO value, of other methods every coefficient with u."""
     # the whole certificate is compared with the data's copy too, under the same names
     figures = {row.quantity: row for row in rows if row.group in ("iso_fits", "coefficients")}
+    if is_measurement(certificate):
+        means = {row.quantity: row for row in rows if row.group == "result"}
+        yield from ((name, means[name]) for name in _OF_MEASUREMENT if name in means)
+        return
     if get_method(certificate["method"]).certificate.layout == "curve":
         for index, fit in enumerate(certificate["result"]["iso_fits"]):
             for name, symbol in _HEADLINES.items():
@@ -72,6 +79,11 @@ def _list_headlines(certificate: Node, rows: list[Row]) -> Iterator[tuple[str, R
             row = figures.get(f"coefficients[{index}].{name}")
             if row is not None:
                 yield symbol, row
+
+
+def _name(certificate: Node) -> str:
+    named = f"Measurement {certificate['id']}" if is_measurement(certificate) else ""
+    return named or f"Certificate {certificate['number']}"
 
 
 def conclude(rows: list[Row]) -> str:

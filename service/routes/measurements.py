@@ -10,7 +10,7 @@ from radiometry.findings import InputRejected, interface
 from radiometry.frame.grid import Grid
 from service.auth import Caller, Reader, Uploader
 from service.context import Context, UsesContext
-from service.immutable import not_modified, send_blob
+from service.immutable import immutable_headers, not_modified, send_blob
 from service.lookup import Id, owned
 from service.measurements import OfCalibration, answer_measurements
 from service.paging import Cursor, Limit, Page, page
@@ -27,6 +27,7 @@ from service.schemas.measurements import (
     NewMeasurement,
     NotMeasured,
 )
+from service.schemas.records import MeasurementRecord
 from service.writing import Reply, Writes
 from store import jobs
 from store.errors import Conflict
@@ -144,6 +145,30 @@ def get_measurement(measurement_id: Id, request: Request, caller: Reader, contex
     response = not_modified(request, tag) or answer.respond({"ETag": f'"{tag}"'})
     response.headers["Cache-Control"] = "private, no-cache"
     return response
+
+
+@router.get(
+    "/measurements/{measurement_id}/record.json",
+    response_model=MeasurementRecord,
+    responses={**UNCHANGED, **problems(404)},
+)
+def get_measurement_record(
+    measurement_id: Id, request: Request, caller: Reader, context: UsesContext
+) -> Response:
+    """A measurement as stored, with all that `make verify` needs to recompute it but the frames' files.
+
+    It never changes. `stilb export --measurement` downloads it with the frames and the map.
+    """
+    with context.database.reading() as session:
+        row = owned(session, Measurement, measurement_id, caller)
+        unchanged = not_modified(request, tag := f"{row.content_sha256}-record")
+        if unchanged is not None:
+            return unchanged
+        calibration = session.get_one(Calibration, row.calibration_id)
+        more = [*row.parameters.get("repeats", []), *filter(None, [row.parameters.get("other")])]
+        ids = [row.frame_id, *(named["frame_id"] for named in more)]
+        frames = [session.get_one(FrameRow, frame_id) for frame_id in ids]
+        return MeasurementRecord.of(row, frames, calibration).respond(immutable_headers(tag))
 
 
 @router.get(

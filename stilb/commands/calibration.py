@@ -130,19 +130,24 @@ def publish(
 @command
 def export(
     output: Output,
-    calibration: CalibrationId,
+    calibration: Annotated[str, typer.Argument(metavar="ID", help="Of a calibration version.")],
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Created if it does not exist.")],
+    *,
+    measurement: Annotated[bool, typer.Option(help="ID is that of a measurement.")] = False,
 ) -> None:
     """Download everything that a version depends on.
 
-    Its certificate, readings, regions and every frame.
+    Its certificate, readings, regions and every frame; of a measurement its record, frames and map.
     """
 
     def tell(progress: ExportProgress) -> None:
         output.note(f"{progress.files_done}/{progress.files_total} {progress.filename}")
 
     with output.client() as client:
-        client.export(calibration, folder, on_progress=tell)
+        if measurement:
+            client.export_measurement(calibration, folder)
+        else:
+            client.export(calibration, folder, on_progress=tell)
     output.answer({"folder": str(folder)}, str(folder))
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
+from stilb.export import export_measurement
 from stilb.records import Comparison, Job, MeasureDetails, Measurement
 from stilb.resources.campaigns import region
 from stilb.resources.jobs import Jobs
@@ -35,6 +36,14 @@ class Measurements(Jobs):
 
     def measurement(self, measurement_id: str) -> Measurement:
         return Measurement.of(self._get(address("measurements", measurement_id)))
+
+    def measurement_record(self, measurement_id: str) -> dict[str, Any]:
+        """A measurement as stored, with all that recomputing it needs but the files."""
+        return self._get(address("measurements", measurement_id, "record.json"))
+
+    def export_measurement(self, measurement_id: str, folder: PathLike) -> Path:
+        """Download a measurement's record, frames and map, for `make verify`. Safe to call again."""
+        return export_measurement(self._transport, measurement_id, Path(folder))
 
     def measurements(
         self,

@@ -97,7 +97,7 @@ PLACES = [
     ("frames", 2, "statistics", 0, "std_dn"),
     ("frames", 2, "exposure", "exposure_time_s"),
     ("readings", 1, "value"),
-    ("parameters", "f_number_u_rel"),
+    ("parameters", "exposure_time_u_rel"),
     ("meters", 0, "certificate", "expanded_uncertainty_rel"),
     ("regions", 0, "points", 0, 0),
 ]

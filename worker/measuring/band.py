@@ -1,7 +1,6 @@
 """A band's reflectance: its region and its map; or an index of two bands of one capture."""
 
 import tempfile
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from store.applied import read_applied
 from store.codec import decode_header, encode
 from store.measuring.record import Products
 from store.software import read_version
-from store.tables import FrameRow
 from worker.maps.making import Made, Subject, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import REFLECTANCE, Style
@@ -60,9 +58,7 @@ def _region(task: Task) -> Polygon:
 def _read_region(task: Task) -> Frame:
     header = task.header
     window = bounding_window(_region(task), height_px=header.height_px, width_px=header.width_px)
-    return task.context.decoders.read_window(
-        task.file, (window.row0, window.col0, window.height, window.width)
-    )
+    return task.decoders.read_window(task.file, (window.row0, window.col0, window.height, window.width))
 
 
 def _map_band(task: Task, application: BandApplication) -> tuple[Made, Products]:
@@ -121,31 +117,27 @@ def _draw(
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"
         made = make_map(
-            task.context.decoders,
+            task.decoders,
             subject,
             facts,
             target,
             style=style,
             caption=f"{task.frame.filename}, calibration version {task.calibration.version}",
         )
-        blobs = task.context.blobs
+        blobs = task.blobs
         return made, Products(tif=keep_file(blobs, target), png=keep(blobs, made.picture))
 
 
 def _measure_index(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
     """``task.frame`` shows the near infrared; the plan names the other band's frame."""
-    with task.context.database.reading() as session:
-        other_row = session.get_one(FrameRow, task.parameters["other"]["frame_id"])
-    index = task.parameters["index"]
-    with ExitStack() as stack:
-        file = stack.enter_context(task.context.files.local(other_row.sha256))
-        stack.enter_context(task.context.decoders.hold(file))
+    index, named = task.parameters["index"], task.parameters["other"]
+    with task.lend(named["frame_id"]) as (row, file), task.decoders.hold(file):
         other = replace(
             task,
-            frame=other_row,
-            header=decode_header(other_row.header or {}),
+            frame=row,
+            header=decode_header(row.header or {}),
             file=file,
-            parameters=task.parameters | {"polygon": task.parameters["other"]["polygon"]},
+            parameters=task.parameters | {"polygon": named["polygon"]},
         )
         result: dict[str, Any] = encode(
             application.measure_index(index, _apply(task, application), _apply(other, application))
@@ -165,7 +157,7 @@ def _measure_index(task: Task, application: BandApplication) -> tuple[dict[str, 
         report=lambda share: task.report(0.6 + 0.4 * share),
     )
     style = Style(unit=index.upper(), unknown="none", ends=_INDEX_ENDS)
-    description = _describe(task, task.header, quantity=index, other=task.parameters["other"])
+    description = _describe(task, task.header, quantity=index, other=named)
     # of two bands: neither's name is the map's
     packet = write_packet(task.header.attitude)
     _, products = _draw(task, subject, task.header, style, description, packet)
@@ -193,7 +185,7 @@ def _whole(task: Task, application: BandApplication) -> Any:  # noqa: ANN401  th
     )
     plane = np.empty((header.height_px, header.width_px), np.float32)
     for top, height in cut_strips(header):
-        frame = task.context.decoders.read_window(task.file, (top, 0, height, header.width_px))
+        frame = task.decoders.read_window(task.file, (top, 0, height, header.width_px))
         computed = application.compute_map(frame, header=header, exposure=exposure, scale=scale)
         plane[top : top + height] = computed.reflectance
     return application.band_map(header=header, reflectance=plane)

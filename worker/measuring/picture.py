@@ -61,7 +61,7 @@ def measure(task: Task, application: PictureApplication) -> tuple[dict[str, Any]
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"
         write_picture(target, found.samples_dn, facts)
-        blobs = task.context.blobs
+        blobs = task.blobs
         picture = draw_preview(found.samples_dn, linear=not header.rendered)
         products = Products(tif=keep_file(blobs, target), png=keep(blobs, picture))
     return {"undistorted": undistorted, "flags": []}, products
@@ -70,7 +70,7 @@ def measure(task: Task, application: PictureApplication) -> tuple[dict[str, Any]
 def _read(task: Task) -> Frame:
     """The whole frame, strip by strip: a decoder is asked for no more at once."""
     frames = [
-        task.context.decoders.read_window(task.file, (top, 0, height, task.header.width_px))
+        task.decoders.read_window(task.file, (top, 0, height, task.header.width_px))
         for top, height in cut_strips(task.header)
     ]
     first = frames[0]

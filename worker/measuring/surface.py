@@ -45,7 +45,7 @@ def make_subject(
 def _measure(task: Task, application: SurfaceApplication) -> Any:  # noqa: ANN401  the method's own
     request, header = read_request(application, task.parameters), task.header
     window = application.find_window(request, height_px=header.height_px, width_px=header.width_px)
-    decoders, part = task.context.decoders, (window.row0, window.col0, window.height, window.width)
+    decoders, part = task.decoders, (window.row0, window.col0, window.height, window.width)
     lens, falloff = read_lens(task.calibration, task.exposure), _find_correction(task)
     return application.measure(
         decoders.read_window(task.file, part),
@@ -90,16 +90,16 @@ def _map(task: Task, application: SurfaceApplication, measured: Any) -> Products
     if "repeats" in task.parameters:
         more = f" and {len(task.parameters['repeats'])} more"
         repeats = (make_subject(application, file, task.header, scale) for file in task.open_repeats())
-        subject = average_maps(task.context.decoders, subject, repeats)
+        subject = average_maps(task.decoders, subject, repeats)
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"
         made = make_map(
-            task.context.decoders,
+            task.decoders,
             subject,
             facts,
             target,
             style=LUMINANCE,
             caption=f"{task.frame.filename}{more}, calibration version {task.calibration.version}",
         )
-        blobs = task.context.blobs
+        blobs = task.blobs
         return Products(tif=keep_file(blobs, target), png=keep(blobs, made.picture))

@@ -1,29 +1,36 @@
-"""What every method's measuring is given, and the products that it leaves."""
+"""Input of every method's measuring, and the products that it leaves."""
 
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
-from store.blobs import Blobs, StoredBlob, StoredFile
+from store.blobs import Blobs, StoredBlob
 from store.codec import decode_exposure
 from store.software import MEASURER, read_version
 from store.tables import Calibration, FrameRow
-from worker.context import Context
+from worker.decode.pool import DecoderPool, Readable
 
 _COPY_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """A frame, its file and what the plan says. ``report`` is told the share that is done."""
+    """A frame, its file and its plan; the verifier measures with one too, without a database.
 
-    context: Context
+    ``lend`` : another frame of the plan with its file, by the frame's id
+    ``report`` : is told the share that is done
+    """
+
+    decoders: DecoderPool
+    blobs: Blobs
+    lend: Callable[[str], AbstractContextManager[tuple[FrameRow, Readable]]]
     frame: FrameRow
     header: FrameHeader
-    file: StoredFile
+    file: Readable
     calibration: Calibration
     parameters: dict[str, Any]
     report: Callable[[float], None]
@@ -36,10 +43,10 @@ class Task:
     def wants_map(self) -> bool:
         return "map" in self.parameters["products"]
 
-    def open_repeats(self) -> Iterator[StoredFile]:
+    def open_repeats(self) -> Iterator[Readable]:
         """Return the files of further frames with which the frame is averaged, one open at a time."""
         for repeat in self.parameters.get("repeats", []):
-            with self.context.files.local(repeat["sha256"]) as file, self.context.decoders.hold(file):
+            with self.lend(repeat["frame_id"]) as (_, file), self.decoders.hold(file):
                 yield file
 
     def describe(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401

@@ -1,5 +1,7 @@
 """A frame measured with a version: its region, its figures, its map."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -14,7 +16,7 @@ from store.measuring.plan import read_proof, require_whole
 from store.measuring.record import Products, find_measurement, has_lost_products, write_measurement
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context
-from worker.decode.pool import DecoderCrashed
+from worker.decode.pool import DecoderCrashed, Readable
 from worker.measuring import band, picture, surface
 from worker.measuring.task import Task
 from worker.tasks.outcome import Outcome
@@ -31,9 +33,7 @@ def measure(context: Context, claim: Claim) -> Outcome:
         return Outcome(store=lambda _session: _links(found))
     try:
         with context.files.local(frame.sha256) as file, context.decoders.hold(file):
-            doubts = _find_doubts(context, claim, frame, file)
-            measured, products = _measure(_make_task(context, claim, frame, calibration, file))
-            measured["flags"] = [*measured["flags"], *doubts]
+            measured, products = measure_frame(_make_task(context, claim, frame, calibration, file))
     except DecoderCrashed as crash:
         # as in extract: only a whole file is blamed
         context.files.prove(frame.sha256)
@@ -49,41 +49,59 @@ def measure(context: Context, claim: Claim) -> Outcome:
     return Outcome(store=store)
 
 
-def _find_doubts(context: Context, claim: Claim, frame: FrameRow, file: StoredFile) -> list[dict[str, Any]]:
-    """What is doubted in the frame, and in those that are measured with it, and was asked for all the same.
-
-    A frame that was read before there were proofs is read as a whole here.
+def measure_frame(task: Task) -> tuple[dict[str, Any], Products | None]:
+    """Measure as the plan says; the result as it is stored, and the map where one was asked for.
 
     Raises InputRejected(incomplete_image | image_part_empty)
     """
-    allowed = claim.parameters.get("allow", [])
-    proof = read_proof(frame) or context.decoders.inspect(file)[1]
-    require_whole(frame, proof, allowed)
-    proofs = [(frame, proof)]
-    for named in [*claim.parameters.get("repeats", []), *filter(None, [claim.parameters.get("other")])]:
-        with context.database.reading() as session:
-            other = session.get_one(FrameRow, named["frame_id"])
-        with context.files.local(other.sha256) as there:
-            proof = read_proof(other) or context.decoders.inspect(there)[1]
-        require_whole(other, proof, allowed)
-        proofs.append((other, proof))
-    return [
-        encode(
-            shared.IMAGE_PART_EMPTY.at(
-                f"frame {each.filename}",
-                f"In frame {each.filename} {found.describe_doubt(decode_header(each.header or {}))}.",
-            )
-        )
-        for each, found in proofs
-        if found.wholeness.empty
-    ]
+    doubts = list(_find_doubts(task))
+    match get_method(task.calibration.method).application:
+        case SurfaceApplication() as application:
+            measured, products = surface.measure(task, application)
+        case BandApplication() as application:
+            measured, products = band.measure(task, application)
+        case PictureApplication() as application:
+            measured, products = picture.measure(task, application)
+        case _:
+            raise AssertionError(f"the plan let a frame be measured by {task.calibration.method}")
+    measured["flags"] = [*measured["flags"], *doubts]
+    return measured, products
+
+
+def _find_doubts(task: Task) -> Iterator[dict[str, Any]]:
+    """Flag doubts about the frame, and about those that are measured with it, that the request allowed.
+
+    A frame that was read before there were proofs is read as a whole here.
+    """
+    yield from _find_doubt(task, task.frame, task.file)
+    for named in [*task.parameters.get("repeats", []), *filter(None, [task.parameters.get("other")])]:
+        with task.lend(named["frame_id"]) as (row, file):
+            yield from _find_doubt(task, row, file)
+
+
+def _find_doubt(task: Task, row: FrameRow, file: Readable) -> Iterator[dict[str, Any]]:
+    proof = read_proof(row) or task.decoders.inspect(file)[1]
+    require_whole(row, proof, task.parameters.get("allow", []))
+    if proof.wholeness.empty:
+        doubt = proof.describe_doubt(decode_header(row.header or {}))
+        where, detail = f"frame {row.filename}", f"In frame {row.filename} {doubt}."
+        yield encode(shared.IMAGE_PART_EMPTY.at(where, detail))
 
 
 def _make_task(
     context: Context, claim: Claim, frame: FrameRow, calibration: Calibration, file: StoredFile
 ) -> Task:
+    @contextmanager
+    def lend(frame_id: str) -> Iterator[tuple[FrameRow, Readable]]:
+        with context.database.reading() as session:
+            row = session.get_one(FrameRow, frame_id)
+        with context.files.local(row.sha256) as there:
+            yield row, there
+
     return Task(
-        context=context,
+        decoders=context.decoders,
+        blobs=context.blobs,
+        lend=lend,
         frame=frame,
         header=decode_header(frame.header or {}),
         file=file,
@@ -91,17 +109,6 @@ def _make_task(
         parameters=claim.parameters,
         report=lambda share: context.leases.report(claim, min(share, 0.99)),
     )
-
-
-def _measure(task: Task) -> tuple[dict[str, Any], Products | None]:
-    match get_method(task.calibration.method).application:
-        case SurfaceApplication() as application:
-            return surface.measure(task, application)
-        case BandApplication() as application:
-            return band.measure(task, application)
-        case PictureApplication() as application:
-            return picture.measure(task, application)
-    raise AssertionError(f"the plan let a frame be measured by {task.calibration.method}")
 
 
 def _links(row: Measurement) -> dict[str, Any]:
