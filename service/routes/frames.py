@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
+from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
 from service.context import Context, UsesContext
@@ -182,6 +183,8 @@ def set_frame_roi(frame_id: Id, body: NewRoi, caller: Calibrator, writing: Write
 
     def change(session: Session) -> Reply:
         frame = owned(session, FrameRow, frame_id, caller)
+        if header := frame.header:
+            bounding_window(drawing.polygon, height_px=header["height_px"], width_px=header["width_px"])
         roi = find_or_add_roi(session, caller.organisation_id, drawing)
         return _read_again(session, frame, caller, changed=describe_anew(frame, {"roi_id": roi.id}))
 

@@ -1,6 +1,8 @@
 """Measurements with a calibrated camera: one frame, or every field frame of a campaign."""
 
-from typing import Annotated
+from pathlib import PurePath
+from typing import Annotated, Literal
+from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy import select
@@ -184,8 +186,7 @@ def get_measurement_map(
     A luminance in cd/m2; a band's reflectance or an index without unit. Of a geometry campaign's frame: its
     undistorted picture, uint16.
     """
-    row = _owned(context, measurement_id, caller)
-    return _blob(request, context, row.map_tif_sha256, "image/tiff", f"{measurement_id}.tif")
+    return _send_map(request, context, _owned(context, measurement_id, caller), "tif")
 
 
 @router.get(
@@ -200,8 +201,7 @@ def get_measurement_picture(
 
     Of a geometry campaign's frame: its undistorted picture, to look at.
     """
-    row = _owned(context, measurement_id, caller)
-    return _blob(request, context, row.map_png_sha256, "image/png", f"{measurement_id}.png")
+    return _send_map(request, context, _owned(context, measurement_id, caller), "png")
 
 
 def _read_asked(body: MeasurementOptions) -> Asked:
@@ -262,9 +262,14 @@ def _owned(context: Context, measurement_id: str, caller: Caller) -> Measurement
         return owned(session, Measurement, measurement_id, caller)
 
 
-def _blob(request: Request, context: Context, sha256: str | None, media_type: str, filename: str) -> Response:
+def _send_map(request: Request, context: Context, row: Measurement, kind: Literal["tif", "png"]) -> Response:
+    """Send the map or its picture under the name of the frame."""
+    sha256 = row.map_tif_sha256 if kind == "tif" else row.map_png_sha256
     if sha256 is None:
         detail = 'This measurement was made without a map: ask for one with "products": ["map"].'
         raise Problem(interface.NOT_FOUND, detail)
-    headers = {"Content-Disposition": f'inline; filename="{filename}"'}
-    return send_blob(request, context.files, sha256, media_type, headers)
+    with context.database.reading() as session:
+        frame = session.get_one(FrameRow, row.frame_id)
+    name = quote(f"{PurePath(frame.filename).stem}-{row.id}.{kind}", safe="")
+    headers = {"Content-Disposition": f"inline; filename*=UTF-8''{name}"}
+    return send_blob(request, context.files, sha256, f"image/{kind.replace('tif', 'tiff')}", headers)

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, create_model, model_validator
 
 from radiometry.methods import METHODS
 from service.schemas.base import Answer, Form, FrameRole, Instant, LongText, Method, Number, Text
@@ -137,7 +137,9 @@ class NewReading(Form):
     scene: Text
     quantity: Literal["luminance", "illuminance"]
     value: Annotated[Number, Field(gt=0, lt=1e9)]
-    unit: Literal["cd/m2", "fL", "lx", "fc"]
+    unit: Annotated[
+        Literal["cd/m2", "cd/m²", "fL", "lx", "fc"], AfterValidator(lambda unit: unit.replace("²", "2"))
+    ]
     meter_id: Text | None = None
     taken_at: Instant | None = None
 

@@ -1,7 +1,7 @@
 """Measurements of field frames in physical units."""
 
 import re
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Any, cast
 
 import typer
@@ -63,6 +63,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     """Measure frames with a calibrated camera."""
     if bool(frames) == (campaign is not None):
         raise typer.BadParameter("give frames, or --campaign")
+    for frame in frames or ():
+        _refuse_file(frame)
     if average and len(frames or ()) < 2:
         raise typer.BadParameter("--average needs two frames or more")
     if light is not None and light.lower().endswith(".csv"):
@@ -94,13 +96,26 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         if save_map is not None:
             save_map.mkdir(parents=True, exist_ok=True)
             for one in found:
-                output.note(str(client.save_map(one.id, save_map / f"{one.id}.tif")))
+                name = f"{PurePath(one.filename).stem}-{one.id}.tif"
+                output.note(str(client.save_map(one.id, save_map / name)))
     told = {"items": [one.raw for one in found], "not_measured": refused}
     output.answer(
         told, _table(found), *(f"{each['filename']} not measured: {each['detail']}" for each in refused)
     )
     if refused:
         raise typer.Exit(Exit.FINDINGS)
+
+
+def _refuse_file(frame: str) -> None:
+    """Refuse the name of a file in place of the id of a frame, and say how to get one."""
+    path = Path(frame)
+    if frame.startswith("frm_") or not (path.suffix or path.exists()):
+        return
+    raise typer.BadParameter(
+        f"{frame} is {'a file' if path.exists() else 'the name of a file, which is not here,'} and not the "
+        "id of a frame. Send its folder first: stilb push FOLDER --campaign CAMPAIGN --role field. Then "
+        "measure its frames: stilb measure --campaign CAMPAIGN."
+    )
 
 
 @command

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from radiometry.findings import shared
 from radiometry.fitting.evidence import Region
 from radiometry.frame.roi import Polygon
 from store import jobs
@@ -121,9 +122,28 @@ def set_roi(session: Session, campaign: Campaign, roi: Roi, *, by: str) -> list[
     """Set the region of a campaign; return the jobs that recompute each frame without its own region."""
     if campaign.roi_id == roi.id:
         return []
+    _refuse_outside(session, campaign, roi)
     campaign.roi_id = roi.id
     session.flush()
     return renew_extractions(session, campaign, by=by, own_region=False)
+
+
+def _refuse_outside(session: Session, campaign: Campaign, roi: Roi) -> None:
+    """Refuse a region that fits in no frame that has been read; frames of other sizes have their verdicts."""
+    width, height = (FrameRow.header[name].as_integer() for name in ("width_px", "height_px"))
+    read = select(width, height).where(
+        FrameRow.campaign_id == campaign.id, FrameRow.state.in_(("read", "extracted"))
+    )
+    sizes = sorted((row[0], row[1]) for row in session.execute(read.distinct()))
+    xs, ys = zip(*roi.points, strict=True)
+    inside = min(*xs, *ys) >= 0
+    if not sizes or (inside and any(max(xs) <= size[0] and max(ys) <= size[1] for size in sizes)):
+        return
+    said = " or ".join(f"{width_px} x {height_px}" for width_px, height_px in sizes)
+    raise shared.ROI_OUTSIDE_FRAME.refuse(
+        f"The region goes from x {min(xs):g}, y {min(ys):g} to x {max(xs):g}, y {max(ys):g}; the frames of "
+        f"this campaign have {said} pixels."
+    )
 
 
 def renew_extractions(session: Session, campaign: Campaign, *, by: str, own_region: bool = True) -> list[Job]:

@@ -211,6 +211,10 @@ def test_a_region_that_does_not_fit_its_frame_is_said_at_the_frame(house, polygo
     assert code in frame["warnings"]
     set_roi(house, campaign, {"polygon": ROI})
     house.work()
+    far = {"polygon": [[0, 0], [97, 0], [90, 40]]}
+    assert "have 96 x 64 pixels" in set_roi(house, campaign, far, status=422)["detail"]
+    refused = house.http.put(f"/v1/frames/{frame['id']}/roi", json=far)
+    assert (refused.status_code, refused.json()["code"]) == (422, "roi_outside_frame")
     assert get(house, frame)["state"] == "extracted"
     assert code not in get(house, frame)["warnings"]
 

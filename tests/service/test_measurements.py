@@ -157,6 +157,7 @@ def test_a_map_holds_every_pixel_and_names_what_made_it(house, version):
         "image/tiff",
         True,
     )
+    assert answer.headers["Content-Disposition"].endswith(f"''field-{found['id']}.tif")
     again = house.http.get(links["map_tif"], headers={"If-None-Match": answer.headers["ETag"]})
     assert (again.status_code, again.content) == (304, b"")
     with tifffile.TiffFile(io.BytesIO(answer.content)) as file:

@@ -46,7 +46,7 @@ def test_american_units_are_kept_and_converted(house):
 @pytest.mark.parametrize(
     "text",
     [
-        "scene,quantity,value,unit\nlevel-1,luminance,54.4,cd/m2\nlevel-1,illuminance,120,lx\n",
+        "scene,quantity,value,unit\nlevel-1,luminance,54.4,cd/m²\nlevel-1,illuminance,120,lx\n",
         "scene;quantity;value;unit\nlevel-1;luminance;54,4;cd/m2\nlevel-1;illuminance;120;lx\n",
         "scene;quantity;value;unit\nlevel-1;luminance;54.4;cd/m2\nlevel-1;illuminance;120,0;lx\n",
         "scene\tquantity\tvalue\tunit\nlevel-1\tluminance\t54,4\tcd/m2\nlevel-1\tilluminance\t120\tlx\n",

@@ -89,7 +89,7 @@ def test_measure_a_frame_and_save_its_map(command, calibrated, tmp_path):
     (item,) = command("measure", field.id, "--map", tmp_path / "maps", "--json").json["items"]
     mean = item["mean"]
     assert abs(mean["value"] - 80.0) <= 3 * mean["standard_uncertainty"]
-    assert (tmp_path / "maps" / f"{item['id']}.tif").read_bytes()[:2] in {b"II", b"MM"}
+    assert (tmp_path / "maps" / f"field-{item['id']}.tif").read_bytes()[:2] in {b"II", b"MM"}
     grid = command("measure", field.id, "--grid", "2x3 10,10 80,10 80,50 10,50", "--json").json["items"][0]
     assert [len(row) for row in grid["grid"]["cells"]] == [3, 3]
     assert (item["region_origin"], grid["region_origin"]) == ("campaign", "grid")
@@ -118,6 +118,8 @@ def test_measure_a_campaign(command, calibrated):
     ("arguments", "message"),
     [
         (("measure",), "give frames, or --campaign"),
+        (("measure", "a.JPG"), "a.JPG is the name of a file, which is not here, and not the id of a frame"),
+        (("measure", "f", "--average"), "--average needs two frames or more"),
         (("measure", "f", "--grid", "3x5 1,2"), "--grid needs rows x columns and four corners"),
         (("measure", "f", "--region", "1,2"), "--polygon needs three corners or more"),
         (("roi", "c", "--polygon", "1,2 3,4 5,6", "--imagej", "makePolygon()"), "give either"),
