@@ -12,8 +12,8 @@ from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
 from radiometry.specification.application import BandApplication, SurfaceApplication
 from radiometry.spectral.codes import SPECTRAL_MISMATCH_UNKNOWN
+from radiometry.spectral.mismatch import DEFAULT_U_REL, find_confusion
 from radiometry.spectral.mismatch import SOURCE as SPECTRUM
-from radiometry.spectral.mismatch import find_confusion
 from store.applied import read_applied
 from store.codec import decode_exposure
 from store.errors import Conflict
@@ -197,6 +197,9 @@ def _budget(side: Side) -> Budgeted:
     for share in side.result.get("budget", []):
         u = share.get("standard_uncertainty_cd_m2", share.get("standard_uncertainty"))
         uncertainties[share["source"]] = u
+    if _is_lit(side) and "conditions" not in side.measurement.parameters:
+        # made before spectra could be stated: its budget has no line of it
+        uncertainties[SPECTRUM] = DEFAULT_U_REL * abs(mean["value"])
     if not uncertainties:
         uncertainties["all"] = mean["standard_uncertainty"]
     return Budgeted(

@@ -9,6 +9,7 @@ from radiometry.fitting.comparison import compare_quantities
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.luminance.change import change_luminance
+from radiometry.luminance.conditions import CalibrationConditions
 from tests.radiometry.coefficients import COEFFICIENT
 
 EXPOSURE = Exposure(
@@ -107,3 +108,9 @@ def test_where_there_is_no_answer_the_reason_is_one(old, new, signal_dn, said):
     found = change(old, new, signal_dn)
     assert found.change is None
     assert said in found.why
+
+
+def test_versions_of_other_lamps_are_not_compared_by_k():
+    found = change(with_k(30.0), with_k(30.0, conditions=CalibrationConditions(lamp="A")))
+    assert found.change is None
+    assert "different lamps" in found.why

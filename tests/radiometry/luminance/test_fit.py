@@ -10,6 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 from scipy.stats import multivariate_normal
 
+from radiometry.findings import InputRejected
 from radiometry.luminance import codes as luminance_codes
 from radiometry.luminance import method as luminance
 from radiometry.luminance.method import Params
@@ -157,6 +158,36 @@ def test_verdict_is_the_largest_error_against_the_tolerance():
     assert not result.passed
     assert raised(result, luminance_codes.TOLERANCE_EXCEEDED) == ["iso 3200"]
     assert fit(rows, params=dataclasses.replace(PARAMS, tolerance_rel=0.07)).passed
+
+
+def test_guard_band_needs_the_tolerance_for_error_and_uncertainty_together():
+    rows = (*LIGHTS[1:], light("bright", 5.6, k=K * 1.02), *DARKS)
+    for rule, tolerance in (("guarded", 0.02), ("guarded", 0.2), ("shared_risk", 0.04), ("shared_risk", 0.2)):
+        stated = dataclasses.replace(PARAMS, acceptance=rule, tolerance_rel=tolerance)
+        result = fit(rows, params=stated)
+        (one,) = result.iso_fits
+        k = one.coefficient
+        assert one.expanded_u_rel == k.expanded_uncertainty / k.luminance_k
+        assert one.largest_residual_rel < 0.02
+        passes = one.largest_residual_rel + one.expanded_u_rel <= tolerance
+        assert result.passed is (passes if rule == "guarded" else one.expanded_u_rel <= tolerance)
+        assert 0.0 <= one.beyond_tolerance_risk < 0.5
+        if not result.passed:
+            (flag,) = [each for each in result.flags if each.flag == luminance_codes.TOLERANCE_EXCEEDED]
+            assert f"U {one.expanded_u_rel:.1%}" in flag.detail
+    assert fit(rows).iso_fits[0].expanded_u_rel is None
+
+
+def test_lamp_response_and_colour_are_kept_with_k():
+    stated = dataclasses.replace(PARAMS, lamp="A", camera_response="Nikon D5100", focus_distance_m=1.5)
+    result = fit(params=stated)
+    assert (result.spectral.lamp, result.spectral.camera_response) == ("A", "Nikon D5100")
+    assert result.spectral.f1_prime == pytest.approx(0.65, abs=0.006)
+    kept = result.iso_fits[0].coefficient.conditions
+    assert (kept.lamp, kept.focus_distance_m, kept.colour) == ("A", 1.5, None)  # these frames are grey
+    assert (fit().spectral, fit().iso_fits[0].coefficient.conditions) == (None, None)
+    with pytest.raises(InputRejected):
+        dataclasses.replace(PARAMS, lamp="candle")
 
 
 def test_points_carry_their_numbers():
