@@ -225,13 +225,18 @@ def get_frame_preview(frame_id: Id, request: Request, caller: Reader, context: U
     """A picture to draw the region on; its width against `width_px` is the scale."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
+    return send_blob(request, context.files, require_preview(frame), "image/png", {})
+
+
+def require_preview(frame: FrameRow) -> str:
+    """The hash of a frame's preview."""
     if frame.preview_sha256 is None:
         raise Problem(
             interface.PREVIEW_NOT_READY,
             "This frame has no preview: it has not been read yet, or it was refused.",
             retryable=frame.state == "received",
         )
-    return send_blob(request, context.files, frame.preview_sha256, "image/png", {})
+    return frame.preview_sha256
 
 
 def _check_campaign(context: Context, campaign_id: str, caller: Caller) -> None:

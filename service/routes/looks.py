@@ -1,20 +1,24 @@
 """What the pages ask while somebody draws and while frames arrive: quick looks that record nothing."""
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
 from radiometry.frame.roi import Polygon, bounding_window
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
+from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
 from service.problems import Problem
-from service.routes import problems
+from service.routes import problems, sends_stored_file
+from service.routes.frames import require_preview
 from service.schemas.jobs import JobAnswer
 from service.schemas.looks import NewLook, VerdictsAnswer
+from service.thumbnails import draw_thumbnail, tag_of
 from service.writing import Reply, Writes
 from store import jobs
 from store.judging import judge_frames
+from store.queries.frames import current_roi
 from store.tables import Campaign, FrameRow
 
 router = APIRouter(prefix="/v1", tags=["frames"])
@@ -64,3 +68,21 @@ def list_verdicts(campaign_id: Id, caller: Reader, context: UsesContext) -> Resp
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
         return VerdictsAnswer.of(judge_frames(session, campaign)).respond()
+
+
+@router.get(
+    "/frames/{frame_id}/thumbnail.png", response_class=Response, responses=sends_stored_file("image/png")
+)
+def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+    """A picture for lists, at most 320 px wide and 40 kB, with the region that holds for the frame."""
+    with context.database.reading() as session:
+        frame = owned(session, FrameRow, frame_id, caller)
+        roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
+    preview_sha256 = require_preview(frame)
+    headers = standing_headers(tag_of(frame, roi))
+    unchanged = not_modified(request, tag_of(frame, roi), headers)
+    if unchanged is not None:
+        return unchanged
+    _, pieces = context.files.open(preview_sha256)
+    png = draw_thumbnail(b"".join(pieces), (frame.header or {})["width_px"], roi)
+    return Response(png, headers=headers, media_type="image/png")

@@ -65,7 +65,7 @@ export function framesSection(state) {
           } })
         : null,
       isRead(frame)
-        ? h("img", { src: `/v1/frames/${frame.id}/preview.png`, alt: "", loading: "lazy", decoding: "async", width: 60, height: 42 })
+        ? h("img", { src: `/v1/frames/${frame.id}/thumbnail.png`, alt: "", loading: "lazy", decoding: "async", width: 60, height: 42 })
         : h("span", { class: "no-picture", "aria-hidden": "true" }),
       [
         h("button", { type: "button", class: "link", onclick: () => showFrame(state, frame.id) }, filename(frame.filename)),

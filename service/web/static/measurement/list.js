@@ -67,7 +67,7 @@ const none = (filtered) =>
 function draw() {
   const columns = [
     { head: h("span", { class: "hidden" }, "Compare"), class: "pick", cell: box },
-    { head: h("span", { class: "hidden" }, "Image"), class: "thumb wide-only", cell: (row) => h("img", { src: `/v1/frames/${row.frame_id}/preview.png`, alt: "", loading: "lazy", width: 72, height: 48 }) },
+    { head: h("span", { class: "hidden" }, "Image"), class: "thumb wide-only", cell: (row) => h("img", { src: `/v1/frames/${row.frame_id}/thumbnail.png`, alt: "", loading: "lazy", width: 72, height: 48 }) },
     { head: "Frame", header: true, class: "frame-name", cell: (row) => [h("a", { href: `/measurements/${row.id}` }, filename(row.filename)), h("span", { class: "sub narrow-only" }, [titleOf(row), row.taken_at?.slice(0, 10)].filter(Boolean).join(", "))] },
     { head: "Mean", class: "number", cell: (row) => quantity(row.mean) },
     { head: "What", class: "wide-only", cell: titleOf },
