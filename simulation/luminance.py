@@ -136,7 +136,7 @@ def plan_campaign(
 
 def clock(scene: str, after_s: float) -> str:
     """Return the time of day of a frame or reading of a scene, one scene an hour."""
-    start = datetime(2026, 3, 2, int(scene.rpartition("-")[2]), tzinfo=UTC)
+    start = datetime(2026, 3, 2, tzinfo=UTC) + timedelta(hours=int(scene.rpartition("-")[2]))
     return (start + timedelta(seconds=after_s)).isoformat()
 
 

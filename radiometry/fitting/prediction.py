@@ -29,6 +29,8 @@ class Prediction:
     times : tuple of tuple of float
         Effect on each of them of one standard uncertainty of each exposure time, by
         rising time.
+    f_number_u_rel : float
+        Part of K's relative standard uncertainty that the errors of the f-numbers cause.
     k_variance_rel : float
         Relative variance of K at the f-number.
     k_uncertainty_of_variance : float
@@ -40,6 +42,7 @@ class Prediction:
     fit: Rows
     f_numbers: Rows
     times: Rows
+    f_number_u_rel: float
     k_variance_rel: float
     k_uncertainty_of_variance: float
 
@@ -231,6 +234,7 @@ def predict_errors(
         fit=_plain(fit),
         f_numbers=_plain(f_numbers),
         times=_plain(times),
+        f_number_u_rel=math.sqrt(max(0.0, float(gradient @ f_numbers @ gradient))),
         k_variance_rel=total + (excess - 1.0) * testable,
         k_uncertainty_of_variance=doubt,
     )

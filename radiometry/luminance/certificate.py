@@ -49,9 +49,9 @@ def state_conditions(parameters: Mapping[str, Any], result: Mapping[str, Any]) -
 
 
 CERTIFICATE: Final = CertificateText(
-    procedure="Luminance coefficient K of a camera against a luminance meter, one per ISO value, "
-    "following the standard operating procedure “Drone Camera Calibration”; K fitted by generalised least "
-    "squares",
+    procedure="Luminance coefficient K of a camera against a luminance meter, one per ISO value and one at "
+    "each f-number, following the standard operating procedure “Drone Camera Calibration”; K fitted by "
+    "generalised least squares",
     equation="N - D = K X,  X = t S L / f²",
     headlines=frozenset({"luminance_k"}),
     layout="curve",

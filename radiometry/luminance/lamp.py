@@ -2,6 +2,7 @@
 
 import math
 import statistics as python_statistics
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -76,10 +77,14 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
     times = _find_times(light, readings)
     spreads = {name: _find_repeatability(name, readings, params) for name in ("luminance", "illuminance")}
     found: dict[str, Change] = {}
-    for scene in sorted({row.scene or "" for row in light}):
-        frames = [row.frame for row in light if row.scene == scene]
-        here = [reading for reading in readings if reading.scene == scene]
-        found |= _follow_scene(scene, {name: times.get(name) for name in frames}, here, spreads, params)
+    frames: dict[str, dict[str, float | None]] = defaultdict(dict)
+    read: dict[str, list[Reading]] = defaultdict(list)
+    for row in light:
+        frames[row.scene or ""][row.frame] = times.get(row.frame)
+    for reading in readings:
+        read[reading.scene].append(reading)
+    for scene in sorted(frames):
+        found |= _follow_scene(scene, frames[scene], read[scene], spreads, params)
     return found
 
 

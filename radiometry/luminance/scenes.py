@@ -1,6 +1,7 @@
 """Meter readings of the scenes: averaged, with their spread, and with checks of the lamp."""
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 
 from radiometry.findings import Raised
@@ -28,13 +29,16 @@ def summarise_scenes(readings: Sequence[Reading], *, panel_rho: float | None) ->
     tuple of SceneSummary
         One summary per scene; a scene without a luminance reading has none.
     """
+    by_scene: dict[str, list[Reading]] = defaultdict(list)
+    for reading in readings:
+        by_scene[reading.scene].append(reading)
     scenes = sorted({reading.scene for reading in readings if reading.quantity == "luminance"})
-    return tuple(_summarise(scene, readings, panel_rho) for scene in scenes)
+    return tuple(_summarise(scene, by_scene[scene], panel_rho) for scene in scenes)
 
 
 def _summarise(scene: str, readings: Sequence[Reading], panel_rho: float | None) -> SceneSummary:
-    luminances = _values(readings, scene, "luminance")
-    illuminances = _values(readings, scene, "illuminance")
+    luminances = _values(readings, "luminance")
+    illuminances = _values(readings, "illuminance")
     mean_lx = math.fsum(illuminances) / len(illuminances) if illuminances else None
     return SceneSummary(
         scene=scene,
@@ -49,8 +53,8 @@ def _summarise(scene: str, readings: Sequence[Reading], panel_rho: float | None)
     )
 
 
-def _values(readings: Sequence[Reading], scene: str, quantity: str) -> list[float]:
-    return sorted(r.value for r in readings if r.scene == scene and r.quantity == quantity)
+def _values(readings: Sequence[Reading], quantity: str) -> list[float]:
+    return sorted(r.value for r in readings if r.quantity == quantity)
 
 
 def _spread(ordered: Sequence[float]) -> float:

@@ -1,7 +1,7 @@
 """Result sections of a luminance certificate: fit, budget and range per ISO value, models and points."""
 
 from radiometry.methods import get_method
-from service.certificate.figures import extent, in_print, in_step, percent, plain
+from service.certificate.figures import degrees, extent, in_print, in_step, percent, plain
 from service.certificate.sheet import Node, facts, figure, section, table
 
 
@@ -44,8 +44,61 @@ def _iso(certificate: Node, fit: Node, budget: list[Node]) -> Node:
         f"ISO {plain(c['iso'])}: fit against X and ln X, and its residuals. Hollow: excluded or rejected. "
         f"Dashed: tolerance of {percent(result['tolerance_rel'])}."
     )
-    blocks = [facts(rows), _budget(budget, in_print(c["luminance_k_unit"])), figure(plot, caption, width=1.0)]
+    blocks = [facts(rows), _budget(budget, in_print(c["luminance_k_unit"])), *_apertures(c)]
+    blocks.append(figure(plot, caption, width=1.0))
     return section(f"ISO {plain(c['iso'])}", blocks)
+
+
+def _apertures(c: Node) -> list[Node]:
+    """Return the table of K at each f-number; nothing where a version has none."""
+    rows = []
+    for aperture in c.get("apertures", []):
+        k, u = in_step(aperture["luminance_k"], aperture["luminance_k_standard_uncertainty"])
+        _, expanded = in_step(aperture["luminance_k"], aperture["expanded_uncertainty"])
+        rows.append(
+            [
+                f"f/{plain(aperture['f_number'])}",
+                str(aperture["scenes"]),
+                str(aperture["frames"]),
+                k,
+                u,
+                expanded,
+                f"{aperture['coverage_factor']:.2f}",
+                degrees(aperture),
+                percent(aperture["f_number_u_rel"]),
+                f"{100 * (aperture['luminance_k'] / c['luminance_k'] - 1):+.2f} %",
+            ]
+        )
+    head = [
+        "f-number",
+        "scenes",
+        "frames",
+        "K",
+        "u(K)",
+        "U(K)",
+        "k",
+        "dof",
+        "of it f-number",
+        "from K of the ISO",
+    ]
+    caption = (
+        f"K at each calibrated f-number [{in_print(c['luminance_k_unit'])}], which a measurement at this "
+        "f-number uses. At another f-number it uses K of the ISO value, with an f-number uncertain by "
+        f"{percent(c['f_number_u_rel'])}."
+    )
+    return (
+        [
+            table(
+                head,
+                rows,
+                align="lrrrrrrrrr",
+                widths=[1, 0.8, 0.8, 1, 0.9, 0.9, 0.6, 0.8, 1.2, 1.4],
+                caption=caption,
+            )
+        ]
+        if rows
+        else []
+    )
 
 
 def _drawn(result: Node) -> list[Node]:
@@ -78,8 +131,8 @@ def _budget(lines: list[Node], unit: str) -> Node:
     ]
     head = ["source", "type", "u(x)", "sensitivity", "u(K)/K", f"u(K) [{unit}]", "fraction of u²"]
     caption = (
-        "Uncertainty budget. u(x) without a unit is relative. Type A: from scatter; type B: from other "
-        "information."
+        "Uncertainty budget of K of the ISO value. u(x) without a unit is relative. Type A: from scatter; "
+        "type B: from other information."
     )
     return table(head, rows, align="llrrrrr", widths=[2, 0.6, 1.2, 1.1, 1.1, 2, 1.2], caption=caption)
 
@@ -121,4 +174,6 @@ def _points(result: Node) -> Node:
         for point in result["points"]
     ]
     head = ["frame", "scene", "ISO", "t [s]", "f/", "L [cd/m²]", "X", "N - D [DN]", "error in L"]
-    return table(head, rows, align="llrrrrrrr", widths=[2.2, 1.4, 0.8, 0.9, 0.6, 1, 1, 1.2, 1.4])
+    caption = "error in L: against the meter, with K at the f-number of the point."
+    widths = [2.2, 1.4, 0.8, 0.9, 0.6, 1, 1, 1.2, 1.4]
+    return table(head, rows, align="llrrrrrrr", widths=widths, caption=caption)

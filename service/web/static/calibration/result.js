@@ -49,7 +49,7 @@ function curves({ diagnostics, coefficients: rows, parameters, uncertainty_scope
   const note = failing.length
     ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
     : h("p", { class: "note good" }, h("strong", {}, ["", "Passed. ", "Both ISO values pass. "][fits.length] ?? `All ${fits.length} ISO values pass. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
-  return [note, conditions(diagnostics, parameters), table(columns, fits, { caption: "K of each ISO value" })];
+  return [note, conditions(diagnostics, parameters), table(columns, fits, { caption: "K of each ISO value" }), apertures(fits)];
 }
 
 /** The light that K holds for, and the rule of the verdict, as far as the campaign states them. */
@@ -59,6 +59,22 @@ function conditions({ spectral, iso_fits: fits }, { acceptance }) {
     acceptance ? `Decision rule: ${words(acceptance)}; U of K up to ${percent(Math.max(...fits.map((fit) => fit.expanded_u_rel)))}, beyond the tolerance with a probability of up to ${percent(Math.max(...fits.map((fit) => fit.beyond_tolerance_risk)))}.` : null,
   ].filter(Boolean);
   return said.length ? h("p", { class: "small muted" }, said.join(" ")) : null;
+}
+
+/** K at the f-numbers of the calibration; a version from before they were fitted has none. */
+function apertures(fits) {
+  const rows = fits.flatMap(({ coefficient: c }) => (c.apertures ?? []).map((aperture) => ({ ...aperture, c })));
+  if (!rows.length) return null;
+  const columns = [
+    { head: "ISO", header: true, class: "number", cell: ({ c }) => number(c.iso, 6) },
+    { head: "f-number", class: "number", cell: (row) => `f/${number(row.f_number, 3)}` },
+    { head: "K", class: "number", cell: (row) => quantity({ value: row.luminance_k, standard_uncertainty: row.luminance_k_standard_uncertainty, unit: row.c.luminance_k_unit }) },
+    { head: "u(K)", class: "number", cell: (row) => relative(row.luminance_k, row.luminance_k_standard_uncertainty) },
+    { head: "U, 95 %", class: "number wide-only", cell: (row) => h("span", { title: `coverage factor ${number(row.coverage_factor, 3)}` }, number(row.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(row.coverage_factor, 3)}`)) },
+    { head: "From K of the ISO", class: "number", cell: (row) => percent(row.luminance_k / row.c.luminance_k - 1) },
+    { head: "Scenes", class: "number wide-only", cell: (row) => row.scenes },
+  ];
+  return h("div", {}, shorten(rows, (some) => table(columns, some, { caption: "K at each f-number, used by measurements at it" })));
 }
 
 function coefficients({ coefficients: rows, method }) {
