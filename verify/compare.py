@@ -127,9 +127,13 @@ def _scale_members(values: list[Any]) -> Sequence[Any]:
     if values and all(isinstance(value, dict) for value in values):
         names = {name for value in values for name in value} - _QUANTITY
         return [{name: _find_largest([value.get(name) for value in values]) for name in names}] * len(values)
-    if _is_matrix(values):
-        roots = [sqrt(abs(values[index][index])) for index in range(len(values))]
-        return [[left * right for right in roots] for left in roots]
+    if values and all(isinstance(row, list) and all(map(_is_number, row)) for row in values):
+        if _is_covariance(values):
+            roots = [sqrt(values[index][index]) for index in range(len(values))]
+            return [[left * right for right in roots] for left in roots]
+        # of a table: what cancels in one of its numbers has the size of the others
+        largest = _find_largest([number for row in values for number in row])
+        return [[largest] * len(row) for row in values]
     return [_find_largest(values) if len(values) >= _SERIES else 0.0] * len(values)
 
 
@@ -137,9 +141,12 @@ def _find_largest(values: list[Any]) -> float:
     return float(max((abs(value) for value in values if _is_number(value)), default=0.0))
 
 
-def _is_matrix(values: list[Any]) -> bool:
-    return bool(values) and all(
-        isinstance(row, list) and len(row) == len(values) and all(map(_is_number, row)) for row in values
+def _is_covariance(rows: list[list[float]]) -> bool:
+    """Return True for a square table that is symmetric to rounding, with a diagonal not below 0."""
+    return all(len(row) == len(rows) and row[index] >= 0.0 for index, row in enumerate(rows)) and all(
+        abs(value - rows[other][index]) <= ROUNDING_REL * sqrt(row[index] * rows[other][other])
+        for index, row in enumerate(rows)
+        for other, value in enumerate(row)
     )
 
 
