@@ -382,13 +382,7 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
         flags.append(codes.IMPLAUSIBLE_K.at(where, f"K {k:.4g}, expected {iso_fit.expected_k:.4g}."))
     flags += _check_scatter(by_model[params.model], where)
     flags += _check_offset(by_model, series, iso_fit.coefficient, where)
-    if params.meter_repeatability_rel is None and params.model != "semilog":
-        estimate = by_model[params.model].meter_repeatability_rel or 0.0
-        if estimate > IMPLAUSIBLE_SCATTER_REL:
-            detail = f"Estimated from the scatter between scenes: {estimate:.0%} for one meter reading."
-            flags.append(shared.SCATTER_IMPLAUSIBLE.at(where, detail))
-        else:
-            flags.append(codes.METER_REPEATABILITY_ESTIMATED.at(where, f"Estimated: {estimate:.2%}."))
+    flags += _check_repeatability(by_model[params.model], params, where)
     if not iso_fit.passed:
         width = f", U {iso_fit.expanded_u_rel:.1%}" if iso_fit.expanded_u_rel is not None else ""
         detail = (
@@ -397,6 +391,17 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
         )
         flags.append(codes.TOLERANCE_EXCEEDED.at(where, detail))
     return flags
+
+
+def _check_repeatability(chosen: ModelFit, params: Params, where: str) -> list[Raised]:
+    """Name a scatter that no meter or shutter has; else, that the meter's repeatability was estimated."""
+    given = params.meter_repeatability_rel is not None or chosen.meter_repeatability_rel is None
+    reading = 0.0 if given else chosen.meter_repeatability_rel or 0.0
+    frame = chosen.frame_scatter_rel or 0.0
+    if max(reading, frame) > IMPLAUSIBLE_SCATTER_REL:
+        detail = f"Estimated: {reading:.1%} for one meter reading, {frame:.1%} between frames."
+        return [shared.SCATTER_IMPLAUSIBLE.at(where, detail)]
+    return [] if given else [codes.METER_REPEATABILITY_ESTIMATED.at(where, f"Estimated: {reading:.2%}.")]
 
 
 def _check_offset(

@@ -28,6 +28,7 @@ def params(errors, *, given):
         meter_repeatability_rel=errors.repeatability if given else None,
         f_number_u_rel=errors.f_number,
         exposure_time_u_rel=errors.exposure_time,
+        lamp_drift_u_rel=0.0,  # the simulated lamp is steady
     )
 
 
@@ -56,13 +57,12 @@ def test_the_interval_holds_the_truth(errors, given):
 
 def scatter(series, rel, random):
     """Give every light frame an error of its own, as shutter, aperture and lamp make it."""
-    dark = series.dark.signal_dn
 
-    def spoil(signal):
-        factor = random.normal(1.0, rel)
-        return dataclasses.replace(signal, value_dn=dark + (signal.value_dn - dark) * factor)
+    def spoil(candidate):
+        value = candidate.dark.signal_dn + candidate.above_dark_dn * random.normal(1.0, rel)
+        return dataclasses.replace(candidate, signal=dataclasses.replace(candidate.signal, value_dn=value))
 
-    spoilt = tuple(dataclasses.replace(c, signal=spoil(c.signal)) for c in series.candidates)
+    spoilt = tuple(map(spoil, series.candidates))
     return dataclasses.replace(series, candidates=spoilt)
 
 
