@@ -31,6 +31,8 @@ _BY_SOURCE = {
     "sunshine sensor is the largest source.",
     "sunshine gain": "Take the panel in the light of the flight, so that the sunshine sensor chooses the "
     "same gain: the gain's ratio is the largest source.",
+    "scatter between repeats": "Keep the light and the camera still and average more frames: what the frames "
+    "scatter is the largest source.",
     "pixel noise": "Average several frames or a larger region: the noise of the pixels is the largest "
     "source.",
 }

@@ -91,7 +91,13 @@ def test_the_colours_are_those_of_the_picture(shown):
 
 def test_figures_cells_and_what_to_know_stand_there(shown, night):
     figures = shown.locator("#figures")
-    for word in ("Mean", "Overall uniformity", "Illuminance", "Range of pixels"):
+    for word in (
+        "of the region drawn for this measurement",
+        "Mean",
+        "Overall uniformity",
+        "Illuminance",
+        "Range of pixels",
+    ):
         expect(figures).to_contain_text(word)
     expect(shown.locator("#grid").get_by_role("row")).to_have_count(1 + 3)
     expect(shown.locator("#with").get_by_role("link")).to_have_attribute(
@@ -132,6 +138,19 @@ def test_two_dates_are_chosen_and_compared(night_page, night):
     look(night_page, "contrast")
 
 
+def test_other_outlines_are_compared_only_if_asked_for(night_page, night):
+    part = night.team.client.measure(night.field[0].id, polygon=[(40, 24), (90, 24), (90, 90)])
+    night_page.goto(f"/measurements/comparison?old={part.id}&new={night.new.id}")
+    settle(night_page)
+    expect(night_page.locator("#verdict")).to_contain_text("The two outlines differ.")
+    assert all("409" in said for said in night_page.context.complaints)
+    night_page.context.complaints.clear()
+    night_page.get_by_role("link", name="Compare nevertheless").click()
+    settle(night_page)
+    expect(night_page.locator("#verdict")).to_contain_text("The two regions differ")
+    check_access(night_page)
+
+
 def test_a_filter_says_so_when_nothing_is_left(night_page, night):
     night_page.goto("/measurements?camera_id=none")
     settle(night_page)
@@ -145,6 +164,10 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     night_page.goto(f"/measurements/new?frame={night.field[0].id}")
     settle(night_page)
     expect(night_page.get_by_label("Frame", exact=True)).to_have_value(night.field[0].id)
+    # nothing is drawn yet: the campaign's region lies where the calibration was made
+    expect(night_page.get_by_role("radio", name="New region")).to_be_checked()
+    expect(night_page.get_by_role("textbox", name="Corners")).to_have_value("")
+    night_page.get_by_label("Average with").select_option(label="road-june.DNG")
     night_page.get_by_role("radio", name="Surface with cells").check()
     night_page.get_by_role("button", name="Rectangle").click()
     corners = night_page.get_by_role("textbox", name="Corners")
@@ -164,6 +187,9 @@ def test_a_frame_is_measured_from_the_page(night_page, night):
     night_page.wait_for_url(re.compile("/measurements/msr_"))
     settle(night_page)
     expect(night_page.locator("#grid").get_by_role("row")).to_have_count(1 + 2)
+    expect(night_page.locator("#figures")).to_contain_text("of the outline of the surface with cells")
+    expect(night_page.locator("#made")).to_contain_text("averaged with 1 more")
+    expect(night_page.locator("#flags")).to_contain_text("differ beyond their noise")
     # the campaign states no lamp; 2 % of the frame's mean is subtracted
     for said in (
         "the calibration's lamp, the camera's response not known",

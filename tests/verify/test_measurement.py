@@ -20,8 +20,10 @@ GRID = {"corners": [[8, 8], [88, 8], [88, 56], [8, 56]], "rows": 2, "columns": 3
 KINDS = ("luminance", "reflectance", "geometry")
 
 
-def measure(house, version, frame, **asked):
-    body = {"frame_id": frame["id"], "calibration_id": version["id"], "products": ["map"], **asked}
+def measure(house, version, *frames, **asked):
+    ids = [frame["id"] for frame in frames]
+    named = {"frame_ids": ids} if len(ids) > 1 else {"frame_id": ids[0]}
+    body = {**named, "calibration_id": version["id"], "products": ["map"], **asked}
     job = house.post("/v1/measurements", body, status=202)
     house.work()
     return house.get(f"/v1/jobs/{job['id']}")["result"]["measurement_id"]
@@ -42,6 +44,11 @@ def measured(migrated_sqlite, tmp_path_factory):
             else:
                 frame = house.get(f"/v1/campaigns/{version['campaign_id']}/frames")["items"][0]
             export_measurement(InHouse(house), measure(house, version, frame, **asked), folder / kind)
+            if kind == "luminance":
+                pair = frame, field_frame(house, version["campaign_id"], seed=10)
+                export_measurement(
+                    InHouse(house), measure(house, version, *pair, **asked), folder / "average"
+                )
     database.dispose()
     return folder
 
@@ -51,7 +58,7 @@ def run(capsys, folder):
     return code, " ".join(capsys.readouterr().out.split())
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, "average"])
 def test_an_untouched_measurement_agrees(capsys, measured, kind, monkeypatch):
     monkeypatch.setenv("COLUMNS", "250")
     code, said = run(capsys, measured / kind)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from radiometry.findings.advice import advise
 from radiometry.frame.grid import Grid
 from radiometry.frame.statistics import Signal
 from radiometry.luminance.averaging import SCATTER, average_signals
@@ -53,12 +54,17 @@ def test_changing_light_is_in_the_budget_and_cancels_between_cells():
         for first, *repeats in (frames([1000.0] * 4), frames([940.0, 980.0, 1020.0, 1060.0]))
     )
     assert flags(rising) - flags(steady) == {"frames_disagree"}
+    assert "what the frames scatter is the largest source" in advise_on(rising)[-1]
     # s / sqrt(4) with Student's t for three degrees of freedom
     expected = 3.182 / 1.96 * np.std([940, 980, 1020, 1060], ddof=1) / 2 * PER_DN
     assert budget(rising)[SCATTER] == pytest.approx(expected, rel=0.03)
     for found in (rising.surface.l_av_cd_m2, rising.surface.cells[0][0], rising.median, rising.smallest):
         assert found.standard_uncertainty > expected * 0.9
     assert rising.surface.u_o.standard_uncertainty < 2 * steady.surface.u_o.standard_uncertainty
+
+
+def advise_on(found):
+    return advise([], budget=[(share.source, share.variance_share) for share in found.budget])
 
 
 def test_a_cell_that_changes_has_the_uncertainty_alone():
