@@ -11,8 +11,9 @@ DARK = "dark signal"
 NOISE = "pixel noise"
 STRAY = "stray light"
 FOCUS = "focus distance"
-_SUBTRACTED = frozenset({DARK, STRAY})
-_OF_VALUE_ALONE = frozenset({*_SUBTRACTED, NOISE})
+SUBTRACTED = frozenset({DARK, STRAY})
+"""Sources that do not scale with a luminance, but are subtracted from it."""
+_OF_VALUE_ALONE = frozenset({*SUBTRACTED, NOISE})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +56,7 @@ def sign_effects(value: float, uncertainties: Mapping[str, float]) -> dict[str, 
     From L = (N - D) f^2 / (K t S): dL/dD < 0 for any L, the others have the sign of L.
     """
     return {
-        source: -u if source in _SUBTRACTED else math.copysign(u, value)
-        for source, u in uncertainties.items()
+        source: -u if source in SUBTRACTED else math.copysign(u, value) for source, u in uncertainties.items()
     }
 
 

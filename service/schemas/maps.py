@@ -7,12 +7,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, WithJsonSchema
 
+from radiometry.fitting.shared_errors import SUBTRACTED
 from service.map_values import Layout, Values, Window
 from service.schemas.base import Answer, Form
 from store.tables import Measurement
-
-_DARK = "dark signal"
-
 
 _Pixel = Annotated[int, Field(ge=0, lt=1_000_000)]
 _Size = Annotated[int | None, Field(ge=1, lt=1_000_000, description="Left out: up to the border.")]
@@ -40,7 +38,7 @@ class ValueUncertainty(Answer):
     """Of one value v of the map: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
 
     u_rel: float = Field(description="Of K, meter, time, f-number: the same share in every pixel.")
-    u_constant: float = Field(description="Of the dark signal: the same in every pixel.")
+    u_constant: float = Field(description="Of the dark signal and of stray light: the same in every pixel.")
     u_pixel: float = Field(
         description="A single pixel's own, as it was found in the measured region; a mean over a square "
         "of n x n pixels has about 1/n of it."
@@ -78,7 +76,7 @@ class MapValuesAnswer(Answer):
 
 
 def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
-    """From a stored budget: all that is shared scales with the value, but for the dark signal."""
+    """From a stored budget: all that is shared scales with the value, but for what is subtracted."""
     if "budget" not in result:
         return None
     mean, smallest = result["mean"]["value"], result["smallest"]
@@ -89,7 +87,7 @@ def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
     }
     if not mean:
         return None
-    constant = shared.pop(_DARK, 0.0)
+    constant = math.hypot(*(shared.pop(source, 0.0) for source in SUBTRACTED))
     relative = math.hypot(*shared.values()) / abs(mean)
     known = math.hypot(relative * smallest["value"], constant)
     noise = math.sqrt(max(0.0, smallest["standard_uncertainty"] ** 2 - known**2))

@@ -40,8 +40,11 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
         "Model": "FC6520",
         "Serial number": "0K1XE8",
         "Project number": "P-17",
+        "Focus distance [m]": "1.5",
     }.items():
         page.get_by_role("textbox", name=label, exact=True).fill(text)
+    page.get_by_role("combobox", name="Lamp", exact=True).fill("A")
+    page.get_by_label("Decision rule").select_option("guarded")
     check_access(page)
     look(page, "campaign-new")
     page.get_by_role("button", name="Create campaign").click()
@@ -49,6 +52,9 @@ def test_patterns_say_what_the_camera_s_files_are(page, shots):
     settle(page)
     check_access(page)
     look(page, "campaign-empty")
+    page.get_by_text("Light, distance and verdict").click()
+    for label, text in {"Lamp": "A", "Focus distance [m]": "1.5", "Decision rule": "guarded"}.items():
+        expect(page.get_by_label(label, exact=True).first).to_have_value(text)
 
     page.get_by_label("Files to send").set_input_files([shot.path for shot in shots])
     page.get_by_text("Role and scene by pattern").click()
