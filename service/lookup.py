@@ -20,6 +20,7 @@ from store.tables import (
     Panel,
     Reading,
     Recall,
+    Rig,
     WebSession,
 )
 
@@ -39,6 +40,7 @@ _WORDS: dict[type[Base], str] = {
     Panel: "panel",
     Recall: "recall",
     Reading: "reading",
+    Rig: "rig",
     WebSession: "session",
 }
 

@@ -29,6 +29,7 @@ from stilb.records import (
     Quantity,
     Reading,
     Reason,
+    Rig,
 )
 from stilb.upload import Progress, Upload
 
@@ -57,6 +58,7 @@ __all__ = [
     "Quantity",
     "Reading",
     "Reason",
+    "Rig",
     "Unclear",
     "Upload",
 ]

@@ -258,6 +258,13 @@ class Coefficient(Record):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Rig(Record):
+    id: str
+    name: str
+    camera_ids: tuple[str, ...] = ()  # the reference first
+
+
+@dataclass(frozen=True, kw_only=True)
 class Calibration(Record):
     id: str
     method: str

@@ -26,6 +26,7 @@ Prefix = Literal[
     "prg",
     "prt",
     "ses",
+    "rig",
 ]
 
 

@@ -157,6 +157,15 @@ def _result(fit: Any, evidence: Evidence) -> dict[str, Any]:  # noqa: ANN401
     return result
 
 
+def read_result(calibration: Calibration) -> Any:  # noqa: ANN401 (the method's own)
+    """The fit as the science gave it: the store adds each point's frame by id."""
+    points = [
+        {name: value for name, value in point.items() if name != "frame_id"}
+        for point in calibration.result["points"]
+    ]
+    return decode(methods.get_method(calibration.method).result, {**calibration.result, "points": points})
+
+
 def _configuration(camera: Camera) -> dict[str, Any]:
     """What else a version holds for: the lens, where it is named."""
     lens = {"make": camera.lens_make, "model": camera.lens_model, "serial": camera.lens_serial}

@@ -200,6 +200,12 @@ PANEL_DIFFERS = _refusal(
     "Send the new values with the day on which they were measured; or compare the numbers with the panel's "
     "certificate.",
 )
+RIG_DIFFERS = _refusal(
+    409,
+    "rig_differs",
+    "A rig of this name is registered with other cameras, or in another order.",
+    "Send another name: a rig whose cameras were exchanged is another rig.",
+)
 METHOD_MISMATCH = _refusal(
     409,
     "method_mismatch",

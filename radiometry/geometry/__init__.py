@@ -8,9 +8,14 @@ from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE
 from radiometry.geometry.effects import DISTORTION, move_corner
 from radiometry.geometry.plot import draw
+from radiometry.geometry.rig.codes import FINDINGS as RIG_FINDINGS
+from radiometry.geometry.rig.exports import EXPORTS as RIG_EXPORTS
+from radiometry.geometry.rig.members import count_shared, list_quantities, orient_members
+from radiometry.geometry.rig.results import RigFit
 from radiometry.geometry.written import EXPORTS
 from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_readings
+from radiometry.specification.rig import RigSpec
 from radiometry.specification.roles import CHART
 
 __all__ = ["SPEC"]
@@ -56,7 +61,7 @@ SPEC: Final = MethodSpec(
             name="lateral_colour_px", label="Lateral colour against green, in the corner", units=("px",)
         ),
     ),
-    findings=codes.FINDINGS,
+    findings=(*codes.FINDINGS, *RIG_FINDINGS),
     extract=method.extract,
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
@@ -66,6 +71,13 @@ SPEC: Final = MethodSpec(
     draw=draw,
     certificate=CERTIFICATE,
     exports=EXPORTS,
+    rig=RigSpec(
+        result=RigFit,
+        orient=orient_members,
+        count_shared=count_shared,
+        list_quantities=list_quantities,
+        exports=RIG_EXPORTS,
+    ),
     application=PictureApplication(
         quantity="undistorted picture",
         unit="DN",

@@ -10,6 +10,7 @@ from radiometry.specification.application import Application, Correction, FoundR
 from radiometry.specification.certificate import CertificateText
 from radiometry.specification.exports import Export
 from radiometry.specification.parameters import Parameter, list_parameters
+from radiometry.specification.rig import RigSpec
 from radiometry.specification.roles import Role
 
 Reference = Literal["meter", "panel"]
@@ -203,6 +204,8 @@ class MethodSpec:
         What a version corrects the signals of another method with, None if it corrects none.
     exports : tuple of Export
         Forms in which other programs read a version.
+    rig : RigSpec or None
+        Orientation of cameras that are mounted together, None if versions say nothing of it.
     measure_light : callable or None
         ``(band) -> light``, the light that a multispectral frame's own sensor recorded. Raises InputRejected.
     configure : callable
@@ -230,6 +233,7 @@ class MethodSpec:
     applied: str = ""
     correction: Correction | None = None
     exports: tuple[Export, ...] = ()
+    rig: RigSpec | None = None
     measure_light: Callable[..., Any] | None = None
     applied_roles: tuple[Role, ...] = ()
     features: type[Any] | None = None

@@ -19,7 +19,7 @@ from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_file
 from service.schemas.base import Form, PositiveText, Text
 from service.schemas.exports import CameraFile, DngVignetteAnswer
-from store.codec import decode
+from store.fitting import read_result
 from store.tables import Calibration, Camera
 
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])
@@ -54,8 +54,7 @@ def _add(method: str, export: Export) -> None:
             lens_model=camera.lens_model,
             pixel_pitch_um=camera.pixel_pitch_um,
         )
-        fitted = decode(get_method(method).result, _without_ids(calibration))
-        written = export.write(fitted, subject, query.model_dump())
+        written = export.write(read_result(calibration), subject, query.model_dump())
         content = _write_tiff(written) if isinstance(written, Picture) else written
         return Response(content, headers=immutable_headers(tag), media_type=export.media_type)
 
@@ -91,15 +90,6 @@ def _require(calibration: Calibration, camera: Camera, method: str, export: Expo
             f"{export.label} needs the sensor's size: register the camera again, with its pixel_pitch_um."
         )
         raise Problem(interface.VALIDATION_FAILED, detail)
-
-
-def _without_ids(calibration: Calibration) -> dict[str, object]:
-    """The fit as the science gave it: the store adds each point's frame by id."""
-    points = [
-        {name: value for name, value in point.items() if name != "frame_id"}
-        for point in calibration.result["points"]
-    ]
-    return {**calibration.result, "points": points}
 
 
 def _write_tiff(picture: Picture) -> bytes:

@@ -7,7 +7,18 @@ from typing import Annotated
 
 import typer
 
-from stilb.commands import calibration, campaign, coefficients, doctor, jobs, measuring, motion, push, session
+from stilb.commands import (
+    calibration,
+    campaign,
+    coefficients,
+    doctor,
+    jobs,
+    measuring,
+    motion,
+    push,
+    rig,
+    session,
+)
 from stilb.commands.exits import Exit, exit_of, next_step
 from stilb.commands.output import print_json
 from stilb.problem import Problem, Unclear
@@ -52,6 +63,7 @@ app.command("k")(coefficients.k)
 app.command("measure")(measuring.measure)
 app.command("compare")(measuring.compare)
 app.command("motion")(motion.motion)
+app.command("rig")(rig.rig)
 app.command("export")(calibration.export)
 app.command("jobs")(jobs.jobs)
 app.command("retry")(jobs.retry)

@@ -18,7 +18,7 @@ def list_determinations(
     A version is dated by its campaign, else by the earliest time for which it was published. Its lens is, in
     this order: the one said in ``lenses`` (by version), that of the campaign's first frame, the camera's own.
     """
-    sources = _list_sources(session, cameras, method, lenses)
+    sources = list_sources(session, cameras, method, lenses)
     rows = coefficients_of(session, [source.version for source in sources])
     return [
         Determination(
@@ -29,7 +29,7 @@ def list_determinations(
     ]
 
 
-def _list_sources(
+def list_sources(
     session: Session, cameras: Sequence[Camera], method: str, lenses: Mapping[str, str]
 ) -> list[Source]:
     serials = {camera.id: camera.serial for camera in cameras}

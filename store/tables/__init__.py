@@ -4,7 +4,7 @@ from store.tables.audit import AuditEntry, AuditHead
 from store.tables.base import Audited, Base
 from store.tables.calibration import Calibration, CoefficientRow, Publication, Revocation, Slot
 from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameRow, Reading, Roi
-from store.tables.equipment import Camera, Meter, Panel
+from store.tables.equipment import Camera, Meter, Panel, Rig
 from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage, WebSession
 from store.tables.job import Job
 from store.tables.measurement import Measurement
@@ -38,6 +38,7 @@ __all__ = [
     "Reading",
     "Recall",
     "Revocation",
+    "Rig",
     "Roi",
     "Slot",
     "Usage",

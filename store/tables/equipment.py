@@ -73,3 +73,17 @@ class Panel(Audited, Base):
     bands: Mapped[list[Any]]
     """Of each band its name, its reflectance and, where stated, the standard uncertainty of that."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+
+class Rig(Audited, Base):
+    """Cameras that are mounted together; with another camera it is another rig."""
+
+    __tablename__ = "rig"
+    __table_args__ = (UniqueConstraint("organisation_id", "name"),)
+
+    id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("rig"))
+    organisation_id: Mapped[str] = mapped_column(ForeignKey("organisation.id"))
+    name: Mapped[str]
+    camera_ids: Mapped[list[str]]
+    """The reference first."""
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)

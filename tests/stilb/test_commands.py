@@ -11,6 +11,7 @@ import stilb
 from stilb.commands.doctor import examine_health
 from stilb.commands.exits import Exit, exit_of, next_step
 from stilb.commands.moments import read_moment
+from stilb.commands.rig import list_reasons, show_rig
 from store.software import read_version
 from tests.support.campaigns import K_TRUE
 from tests.support.compose import ROOT
@@ -347,3 +348,32 @@ def test_times_as_people_type_them():
     assert read_moment("2026-05-01T20:00:00+02:00") == "2026-05-01T20:00:00+02:00"
     assert abs(datetime.fromisoformat(read_moment("now")) - datetime.now(UTC)) < timedelta(minutes=1)
     assert read_moment(None) is None
+
+
+def test_a_rig_is_registered_and_named_again(command, calibrated):
+    client = calibrated[0].client
+    other = client.create_camera("DJI", "FC6520", "second head")
+    ended = command("rig", "head", "--camera", "0K1XE8", "--camera", other.id, "--json")
+    assert (ended.json["sets"], ended.json["stability"]) == ([], [])
+    assert client.find_rig("head").camera_ids[1] == other.id
+    assert "none" in command("rig", "head").out
+    missing = command("rig", "wing")
+    assert (missing.code, "Registered: head." in missing.err) == (Exit.NOT_FOUND, True)
+
+
+def test_the_table_of_a_rig():
+    number = {"value": 11.2345, "standard_uncertainty": 0.012, "unit": "deg"}
+    pose = {"camera": "R1", **dict.fromkeys(("yaw", "pitch", "roll", "x", "y", "z"), number)}
+    flag = {"flag": "few_triggers", "where": "camera R1", "detail": "Triggers: 3."}
+    answer = {
+        "sets": [{"orientation": {"poses": [pose], "flags": [flag]}}],
+        "stability": [
+            {"camera": "R1", "name": name, "verdict": "cannot_tell"}
+            for name in ("yaw", "pitch", "roll", "x", "y", "z")
+        ],
+        "left_out": [{"calibration_id": "cal_1", "why": "No triggers."}],
+    }
+    assert list_reasons(answer) == ["few_triggers: camera R1 Triggers: 3.", "cal_1: No triggers."]
+    columns = show_rig(answer).columns
+    assert next(iter(columns[2].cells)).plain == "11.235 ± 0.012 deg"
+    assert next(iter(columns[3].cells)).plain == "cannot tell"

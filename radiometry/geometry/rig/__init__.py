@@ -1,0 +1,1 @@
+"""Relative orientation of the cameras of a rig, from pictures of one board taken together."""

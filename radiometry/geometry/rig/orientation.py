@@ -1,0 +1,344 @@
+"""Relative orientation of the cameras of a rig by least squares over all corners of all triggers."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from radiometry.findings import Raised
+from radiometry.geometry.camera import PARAMETERS, CameraModel, project
+from radiometry.geometry.descent import Linear, Minimum, minimise, reduce
+from radiometry.geometry.rig import codes
+from radiometry.geometry.rig.angles import describe_pose
+from radiometry.geometry.rig.pairing import BoardPicture, Trigger, pair_pictures
+from radiometry.geometry.rig.results import RigFit, RigPoint
+from radiometry.geometry.rig.scatter import Scatter, estimate_scatter
+from radiometry.geometry.rig.starting import compose, invert, start_rig
+from radiometry.geometry.solving import find_pose
+
+FEWEST_TRIGGERS: Final = 3
+GOOD_TRIGGERS: Final = 6
+OUTLIER_RATIO: Final = 4.0
+_FLOOR: Final = 3.0  # of an outlier, in units of the corners' own scatter
+_POSE: Final = 6
+_CAMERA: Final = len(PARAMETERS)
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RigCamera:
+    """Calibrated camera of a rig.
+
+    Attributes
+    ----------
+    serial : str
+        Serial number.
+    model : CameraModel
+        Camera as its geometry version states it.
+    covariance : ndarray of float64
+        Covariance of PARAMETERS, (9, 9).
+    noise_px : float
+        Standard deviation of a corner in row and in col [px].
+    """
+
+    serial: str
+    model: CameraModel
+    covariance: Matrix
+    noise_px: float
+
+
+def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -> RigFit:
+    """Find the pose of every camera against the first from pictures taken together.
+
+    Parameters
+    ----------
+    cameras : sequence of RigCamera
+        Cameras, the reference first.
+    pictures : sequence of BoardPicture
+        Pictures of one set.
+
+    Returns
+    -------
+    RigFit
+        Poses with uncertainties, every picture, and flags.
+
+    Raises
+    ------
+    InputRejected
+        `rig_incomplete` if fewer than three triggers link a camera to the others.
+
+    Notes
+    -----
+    With the cameras fixed at their calibrations, the poses x of the cameras and one pose of the board per
+    trigger minimise the sum of squared distances of all corners, each over its camera's noise. Then::
+
+        C = s^2 H^-1 + H^-1 (sum H_k T H_k) H^-1 + G C_cameras G'
+
+    H_k is the information of trigger k on x, its board's pose eliminated, and H their sum; s^2 the scatter
+    of corners about poses that are free in each trigger; T the variance of the orientation from trigger to
+    trigger beyond it (REML); G the change of x with the cameras' parameters. That the corners of the
+    calibrations are used again costs nothing: what they tell of the cameras is orthogonal to what they tell
+    of the poses.
+    """
+    triggers, why = pair_pictures(pictures)
+    start, triggers = start_rig([each.model for each in cameras], triggers)
+    if len(start) < len(cameras):
+        lacking = ", ".join(each.serial for number, each in enumerate(cameras) if number not in start)
+        raise codes.RIG_INCOMPLETE.refuse(f"No trigger links camera {lacking} to the others.")
+    shared = np.concatenate([start[number] for number in range(1, len(cameras))])
+    kept, rejected = list(triggers), list[tuple[BoardPicture, float]]()
+    while True:
+        _require_triggers(cameras, kept)
+        found = _solve(cameras, kept, shared)
+        misses = _measure_misses(kept, found)
+        typical = float(np.median([miss for each in misses for miss in each.values()]))
+        worst = max(range(len(kept)), key=lambda place: max(misses[place].values()))
+        if max(misses[worst].values()) <= max(OUTLIER_RATIO * typical, _FLOOR):
+            break
+        others = [each for place, each in enumerate(kept) if place != worst]
+        _require_triggers(cameras, others)
+        found = _solve(cameras, others, found.shared)
+        kept[worst : worst + 1], gone = _split(
+            cameras, kept[worst], found.shared, max(OUTLIER_RATIO * typical, _FLOOR)
+        )
+        rejected += gone
+    flags = []
+    for picture, px in rejected:
+        fits = _find_fitting(cameras, picture, kept, found)
+        why[picture.frame] = f"the rig's other pictures put its board {px:.1f} px from where it shows it" + (
+            f"; it fits trigger {fits}" if fits else ""
+        )
+        detail = f"Camera {cameras[picture.camera].serial}: {why[picture.frame]}."
+        flags.append(codes.TRIGGER_LEFT_OUT.at(f"frame {picture.frame}", detail))
+    return _conclude(cameras, pictures, kept, found, why, flags, misses)
+
+
+def _require_triggers(cameras: Sequence[RigCamera], triggers: Sequence[Trigger]) -> None:
+    for number, each in enumerate(cameras):
+        count = sum(number in {picture.camera for picture in trigger.pictures} for trigger in triggers)
+        if count < FEWEST_TRIGGERS:
+            raise codes.RIG_INCOMPLETE.refuse(
+                f"Camera {each.serial} has {count} triggers that can be used; {FEWEST_TRIGGERS} are needed."
+            )
+
+
+def _linearise(
+    cameras: Sequence[RigCamera], trigger: Trigger, shared: Matrix, board: Matrix, *, whole: bool = False
+) -> Linear:
+    """Return residuals over noise and derivatives; ``whole`` adds those by the parameters of all cameras."""
+    poses = _POSE * (len(cameras) - 1)
+    residuals, of_shared, of_board = [], [], []
+    for picture in trigger.pictures:
+        number, camera = picture.camera, cameras[picture.camera]
+        placed, by_board, by_camera = board, np.eye(_POSE), np.zeros((_POSE, _POSE))
+        if number:
+            mine = shared[_POSE * (number - 1) : _POSE * number]
+            parts = cv2.composeRT(board[:3], board[3:], mine[:3], mine[3:])
+            placed = np.concatenate((np.ravel(parts[0]), np.ravel(parts[1])))
+            by_board = np.block([[parts[2], parts[3]], [parts[6], parts[7]]])
+            by_camera = np.block([[parts[4], parts[5]], [parts[8], parts[9]]])
+        seen, jacobian = cv2.projectPoints(
+            picture.view.points_mm, placed[:3], placed[3:], camera.model.matrix, camera.model.distortion
+        )
+        slopes = np.asarray(jacobian, np.float64) / camera.noise_px
+        residual = picture.view.seen_px[:, ::-1] - np.asarray(seen).reshape(-1, 2)
+        rows = np.zeros((len(slopes), poses + (_CAMERA * len(cameras) if whole else 0)))
+        if number:
+            rows[:, _POSE * (number - 1) : _POSE * number] = slopes[:, :_POSE] @ by_camera
+        if whole:
+            rows[:, poses + _CAMERA * number : poses + _CAMERA * (number + 1)] = slopes[:, _POSE:]
+        residuals.append(residual.ravel() / camera.noise_px)
+        of_shared.append(rows)
+        of_board.append(slopes[:, :_POSE] @ by_board)
+    return Linear(np.concatenate(residuals), np.concatenate(of_shared), np.concatenate(of_board))
+
+
+def _solve(cameras: Sequence[RigCamera], triggers: Sequence[Trigger], shared: Matrix) -> Minimum:
+    boards = [_find_board(cameras, trigger.pictures, shared) for trigger in triggers]
+    return minimise(
+        lambda block, values, board: _linearise(cameras, triggers[block], values, board),
+        shared,
+        np.array(boards),
+    )
+
+
+def _pose(shared: Matrix, number: int) -> Matrix:
+    return shared[_POSE * (number - 1) : _POSE * number] if number else np.zeros(_POSE)
+
+
+def _find_board(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture], shared: Matrix) -> Matrix:
+    first = pictures[0]
+    seen = find_pose(cameras[first.camera].model, first.view).vector
+    return compose(seen, invert(_pose(shared, first.camera)))
+
+
+def _measure_misses(triggers: Sequence[Trigger], found: Minimum) -> list[dict[int, float]]:
+    """Return, per trigger, the rms of each camera's corners over its noise."""
+    misses = []
+    for trigger, block in zip(triggers, found.linear, strict=True):
+        ends = np.cumsum([2 * len(each.view.points_mm) for each in trigger.pictures])[:-1]
+        parts = np.split(block.residuals, ends)
+        misses.append(
+            {
+                each.camera: math.sqrt(float(part @ part) / (len(part) / 2))
+                for each, part in zip(trigger.pictures, parts, strict=True)
+            }
+        )
+    return misses
+
+
+def _miss_px(cameras: Sequence[RigCamera], picture: BoardPicture, board: Matrix, shared: Matrix) -> float:
+    placed = compose(board, _pose(shared, picture.camera))
+    there = project(cameras[picture.camera].model, picture.view.points_mm, placed[:3], placed[3:])
+    return math.sqrt(float(((picture.view.seen_px - there) ** 2).sum()) / len(there))
+
+
+def _split(
+    cameras: Sequence[RigCamera], trigger: Trigger, shared: Matrix, limit: float
+) -> tuple[list[Trigger], list[tuple[BoardPicture, float]]]:
+    """Return what is left of a trigger in which a picture is wrong, and the pictures that are left out.
+
+    Of three pictures the two that agree stay; of two, none can be told from the other.
+    """
+    gone: list[tuple[BoardPicture, float]] = []
+    kept = trigger
+    while len(kept.pictures) > 1:
+        trials = []
+        for picture in kept.pictures:
+            rest = replace(kept, pictures=tuple(each for each in kept.pictures if each is not picture))
+            alone = _fit_board(cameras, rest, shared)
+            misses = [
+                _miss_px(cameras, each, alone, shared) / cameras[each.camera].noise_px
+                for each in rest.pictures
+            ]
+            trials.append((max(misses), rest, picture, _miss_px(cameras, picture, alone, shared)))
+        left, rest, picture, px = min(trials, key=lambda trial: trial[0])
+        gone.append((picture, px))
+        if len(rest.pictures) == 1:
+            return [], [*gone, (rest.pictures[0], px)]
+        kept = rest
+        if left <= limit:
+            return [kept], gone
+    return [], gone
+
+
+def _fit_board(cameras: Sequence[RigCamera], trigger: Trigger, shared: Matrix) -> Matrix:
+    """Return the pose of the board that fits pictures of one trigger best, the rig fixed."""
+
+    def linearise(_: int, __: Matrix, board: Matrix) -> Linear:
+        residuals, of_shared, of_board = _linearise(cameras, trigger, shared, board)
+        return Linear(residuals, of_shared[:, :0], of_board)
+
+    board = _find_board(cameras, trigger.pictures, shared)
+    for _ in range(20):
+        residuals, _, of_board = linearise(0, shared, board)
+        board = board + np.linalg.lstsq(of_board, residuals, rcond=None)[0]
+    return board
+
+
+def _find_fitting(
+    cameras: Sequence[RigCamera], picture: BoardPicture, triggers: Sequence[Trigger], found: Minimum
+) -> str:
+    """Return the trigger whose board a picture shows, "" if there is none."""
+    misses = {
+        trigger.name: _miss_px(cameras, picture, board, found.shared)
+        for trigger, board in zip(triggers, found.poses, strict=True)
+    }
+    best = min(misses, key=lambda name: misses[name], default="")
+    return best if best and misses[best] <= OUTLIER_RATIO * _FLOOR * cameras[picture.camera].noise_px else ""
+
+
+def _conclude(
+    cameras: Sequence[RigCamera],
+    pictures: Sequence[BoardPicture],
+    triggers: Sequence[Trigger],
+    found: Minimum,
+    why: Mapping[str, str],
+    flags: list[Raised],
+    misses: Sequence[Mapping[int, float]],
+) -> RigFit:
+    reduced = [reduce(block)[:2] for block in found.linear]
+    count = [len(trigger.pictures) for trigger in triggers]
+    corners = sum(len(each.view.points_mm) for trigger in triggers for each in trigger.pictures)
+    scatter = estimate_scatter(
+        reduced,
+        within=(found.cost, 2 * corners - _POSE * sum(count)),
+    )
+    inner, total = _find_covariances(cameras, triggers, found, scatter)
+    poses = []
+    for number, camera in enumerate(cameras[1:], start=1):
+        mine = slice(_POSE * (number - 1), _POSE * number)
+        used = sum(number in each for each in misses)
+        poses.append(
+            describe_pose(
+                camera.serial, found.shared[mine], total[mine, mine], inner[mine, mine], triggers=used
+            )
+        )
+        if used < GOOD_TRIGGERS:
+            flags.append(codes.FEW_TRIGGERS.at(f"camera {camera.serial}", f"Triggers: {used}."))
+    if scatter.significant:
+        flags.append(
+            codes.RIG_NOT_RIGID.at(
+                "",
+                f"From trigger to trigger {math.degrees(scatter.rotation_rad):.2g} degrees about each axis "
+                f"and {scatter.translation_mm:.2g} mm.",
+            )
+        )
+    rms = {
+        picture.frame: miss * cameras[picture.camera].noise_px
+        for trigger, each in zip(triggers, misses, strict=True)
+        for picture, miss in zip(trigger.pictures, each.values(), strict=True)
+    }
+    names = {picture.frame: trigger.name for trigger in triggers for picture in trigger.pictures}
+    return RigFit(
+        reference=cameras[0].serial,
+        poses=tuple(poses),
+        corner_scatter_rel=scatter.scale,
+        scatter_deg=math.degrees(scatter.rotation_rad),
+        scatter_mm=scatter.translation_mm,
+        triggers=len(triggers),
+        corners=corners,
+        degrees_of_freedom=2 * corners - len(found.shared) - _POSE * len(triggers),
+        points=tuple(
+            RigPoint(
+                camera=cameras[each.camera].serial,
+                frame=each.frame,
+                trigger=names.get(each.frame, each.scene or ""),
+                used=each.frame in rms,
+                left_out=why.get(each.frame, ""),
+                rms_px=rms.get(each.frame),
+            )
+            for each in sorted(pictures, key=lambda each: (each.camera, each.frame))
+        ),
+        flags=tuple(flags),
+    )
+
+
+def _find_covariances(
+    cameras: Sequence[RigCamera], triggers: Sequence[Trigger], found: Minimum, scatter: Scatter
+) -> tuple[Matrix, Matrix]:
+    """Return the covariance of the poses with the cameras as calibrated, and with their uncertainties."""
+    size = len(found.shared)
+    blocks = [
+        reduce(_linearise(cameras, trigger, found.shared, board, whole=True))[0]
+        for trigger, board in zip(triggers, found.poses, strict=True)
+    ]
+    whole = np.sum(blocks, axis=0)
+    inverse = np.linalg.inv(whole[:size, :size])
+    spread = np.tile(
+        np.repeat([scatter.rotation_rad**2, scatter.translation_mm**2], _POSE // 2), size // _POSE
+    )
+    between = np.sum([block[:size, :size] * spread @ block[:size, :size] for block in blocks], axis=0)
+    inner = scatter.scale**2 * inverse + inverse @ between @ inverse
+    gain = -inverse @ whole[:size, size:]
+    own = np.zeros((_CAMERA * len(cameras),) * 2)
+    for number, camera in enumerate(cameras):
+        mine = slice(_CAMERA * number, _CAMERA * (number + 1))
+        own[mine, mine] = camera.covariance
+    total = inner + gain @ own @ gain.T
+    return (inner + inner.T) / 2.0, (total + total.T) / 2.0

@@ -1,0 +1,187 @@
+"""Rigs of cameras, and how they are oriented against each other: computed on request, nothing is stored."""
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.findings import InputRejected, interface
+from radiometry.fleet.determinations import LeftOut
+from radiometry.fleet.rigs import RigVersion, compare_sets, group_sets
+from radiometry.specification.rig import RigExport
+from service.auth import Calibrator, Caller, Reader
+from service.context import UsesContext
+from service.lookup import Id, owned
+from service.paging import Cursor, Limit, Page, page
+from service.problems import Problem, invalid
+from service.routes import problems, sends_file
+from service.schemas.base import PositiveText
+from service.schemas.rigs import NewRig, RigAnswer, RigFile, RigOrientationAnswer
+from service.writing import Reply, Writes
+from store.columns import utc_now
+from store.queries.rigs import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
+from store.tables import Calibration, Camera, Rig
+
+router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
+
+MOST_SETS = 20
+
+Versions = Annotated[
+    list[str] | None,
+    Query(
+        alias="calibration_id",
+        max_length=20,
+        description="One version of each camera, in any order, in place of the published ones; repeated.",
+    ),
+]
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=RigAnswer,
+    responses={
+        200: {"model": RigAnswer, "description": "It was registered already, with the same cameras."},
+        **problems(404, 409),
+    },
+)
+def create_rig(body: NewRig, caller: Calibrator, writing: Writes) -> Response:
+    """Register cameras that are mounted together, the reference first."""
+
+    def change(session: Session) -> Reply:
+        cameras = [owned(session, Camera, camera_id, caller) for camera_id in body.camera_ids]
+        serials = [camera.serial for camera in cameras]
+        if len(set(serials)) < len(serials):
+            message = "two cameras have one serial number, so that an answer could not tell them apart"
+            raise invalid([{"type": "rig", "loc": ("body", "camera_ids"), "msg": message}])
+        rig, new = find_or_add_rig(
+            session, caller.organisation_id, name=body.name, camera_ids=body.camera_ids
+        )
+        if rig.camera_ids != body.camera_ids:
+            raise Problem(
+                interface.RIG_DIFFERS,
+                f"Rig {rig.name} is registered with other cameras, or in another order: send another name.",
+            )
+        return Reply(status=201 if new else 200, body=RigAnswer.restate(rig))
+
+    return writing.run(caller, change)
+
+
+@router.get("", response_model=Page[RigAnswer], responses=problems())
+def list_rigs(
+    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+) -> Response:
+    """The rigs of your organisation, oldest entry first."""
+    rows = select(Rig).where(Rig.organisation_id == caller.organisation_id)
+    with context.database.reading() as session:
+        return page(
+            session,
+            request,
+            rows,
+            by=Rig.id,
+            limit=limit,
+            cursor=cursor,
+            shape=lambda found: [RigAnswer.restate(row) for row in found],
+        )
+
+
+@router.get("/{rig_id}", response_model=RigAnswer, responses=problems(404))
+def get_rig(rig_id: Id, caller: Reader, context: UsesContext) -> Response:
+    """One rig."""
+    with context.database.reading() as session:
+        return RigAnswer.restate(owned(session, Rig, rig_id, caller)).respond()
+
+
+@router.get("/{rig_id}/orientation", response_model=RigOrientationAnswer, responses=problems(404))
+def get_rig_orientation(
+    rig_id: Id,
+    caller: Reader,
+    context: UsesContext,
+    calibration_id: Versions = None,
+    tolerance_deg: Annotated[
+        PositiveText | None, Query(description="Largest accepted change of an angle over all sets.")
+    ] = None,
+    tolerance_m: Annotated[
+        PositiveText | None, Query(description="Largest accepted change of a place over all sets.")
+    ] = None,
+) -> Response:
+    """The orientation of a rig's cameras from board pictures taken together, by set, and its stability."""
+    _, sets, left_out = _find_sets(rig_id, caller, context, calibration_id)
+    found, why = [], list(left_out)
+    for members in sets[-MOST_SETS:]:
+        try:
+            found.append((members, SPEC.orient([each.member for each in members])))
+        except InputRejected as refusal:
+            if len(sets) == 1:
+                raise
+            why += [LeftOut(version=each.version, why=refusal.message) for each in members]
+    limits = {"deg": tolerance_deg, "m": tolerance_m}
+    stability = compare_sets(
+        [(members[0].at, SPEC.list_quantities(orientation)) for members, orientation in found],
+        limits={unit: limit for unit, limit in limits.items() if limit is not None},
+    )
+    return RigOrientationAnswer.restate(
+        rig_id=rig_id,
+        sets=[
+            {
+                "at": members[0].at,
+                "calibration_ids": [each.version for each in members],
+                "orientation": orientation,
+            }
+            for members, orientation in found
+        ],
+        stability=stability,
+        left_out=why,
+    ).respond()
+
+
+def _find_sets(
+    rig_id: str, caller: Caller, context: UsesContext, calibration_ids: list[str] | None
+) -> tuple[str, tuple[tuple[RigVersion, ...], ...], tuple[LeftOut, ...]]:
+    with context.database.reading() as session:
+        rig = owned(session, Rig, rig_id, caller)
+        cameras = list_cameras(session, rig)
+        if calibration_ids:
+            rows = [owned(session, Calibration, each, caller) for each in calibration_ids]
+            by_camera = {row.camera_id: row for row in rows if row.method == METHOD}
+            if len(rows) != len(cameras) or by_camera.keys() != set(rig.camera_ids):
+                message = f"must name one {METHOD} version of each of the rig's {len(cameras)} cameras"
+                raise invalid([{"type": "rig", "loc": ("query", "calibration_id"), "msg": message}])
+            members = tuple(
+                RigVersion(
+                    version=by_camera[camera.id].id,
+                    at=utc_now(),
+                    member=read_member(session, by_camera[camera.id], camera),
+                )
+                for camera in cameras
+            )
+            return rig.name, (members,), ()
+        versions, left_out = zip(*(list_versions(session, camera) for camera in cameras), strict=True)
+        name = rig.name
+    sets, others = group_sets(versions, SPEC.count_shared)
+    return name, sets, (*(each for group in left_out for each in group), *others)
+
+
+def _add_export(export: RigExport) -> None:
+    def send(rig_id: Id, caller: Reader, context: UsesContext, calibration_id: Versions = None) -> Response:
+        name, sets, _ = _find_sets(rig_id, caller, context, calibration_id)
+        if not sets:
+            raise Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
+        members = [each.member for each in sets[-1]]
+        return Response(export.write(SPEC.orient(members), members, name), media_type=export.media_type)
+
+    send.__name__, send.__doc__ = export.operation, export.description
+    answer = {"get_rig_json": RigFile}.get(export.operation)
+    stated: dict[str, Any] = (
+        {"response_model": answer, "responses": problems(404)}
+        if answer
+        else {"response_class": Response, "responses": sends_file(export.media_type)}
+    )
+    add: Callable[..., Any] = router.get(f"/{{rig_id}}/exports/{export.filename}", **stated)
+    add(send)
+
+
+for _export in SPEC.exports:
+    _add_export(_export)

@@ -1,0 +1,107 @@
+"""A rig over HTTP: registered, photographed in front of one board, oriented, exported and compared."""
+
+import cv2
+import numpy as np
+import pytest
+
+from radiometry.geometry.camera import CameraModel
+from radiometry.geometry.target import Target
+from simulation.boards import View, set_up
+from simulation.heads import Mounted, draw_boards
+from tests.support.frames import write_raw
+
+pytestmark = pytest.mark.either_database
+
+LENS = CameraModel(height_px=180, width_px=240, fx_px=230, fy_px=230, cx_px=123.0, cy_px=87.0, k1=-0.2)
+BOARD = Target(kind="checkerboard", columns=5, rows=4, square_size_mm=40.0)
+TARGET = {name: getattr(BOARD, name) for name in ("kind", "columns", "rows", "square_size_mm")}
+RIG = (Mounted(LENS, np.zeros(6)), Mounted(LENS, np.array([0.02, 0.1, 0.0, -80.0, 0.0, 10.0])))
+PARAMS = {"radial_terms": 1, "tangential": False, "corner_window": "fitted"}
+
+
+def photograph(house, camera, number, poses, *, scenes):
+    """Upload one camera's pictures of all triggers, fit and publish them."""
+    campaign = house.post(
+        "/v1/campaigns", {"camera_id": camera["id"], "method": "geometry", "target": TARGET}
+    )
+    studio = set_up(LENS, dark_dn=150.0, bright_dn=3000.0, noise_dn=10.0)
+    random = np.random.default_rng(number)
+    for name, pose in zip(scenes, poses, strict=True):
+        frame = studio.photograph(View(board=BOARD, pose=RIG[number].move(pose)), random)
+        path = write_raw(house.folder / "rig.dng", frame.samples_dn, serial=camera["serial"])
+        house.upload(
+            campaign, path.read_bytes(), role="chart", scene=name, filename=f"{camera['serial']}-{name}.DNG"
+        )
+    house.work()
+    job = house.post(f"/v1/campaigns/{campaign['id']}/calibrations", PARAMS, status=202)
+    house.work()
+    job = house.get(f"/v1/jobs/{job['id']}")
+    assert job["state"] == "succeeded", job
+    version = job["result"]["calibration_id"]
+    publication = {"valid_from": "2026-01-01T00:00:00Z", "reason": "rig"}
+    house.post(f"/v1/calibrations/{version}/publish", publication, status=200)
+    return campaign, version
+
+
+def test_a_rig_is_oriented_from_pictures_taken_together(house):
+    cameras = [house.camera(serial=f"R{number}") for number in range(2)]
+    body = {"name": "Four Vision", "camera_ids": [camera["id"] for camera in cameras]}
+    rig = house.post("/v1/rigs", body)
+    assert house.post("/v1/rigs", body, status=200)["id"] == rig["id"]
+    assert [each["id"] for each in house.get("/v1/rigs")["items"]] == [rig["id"]]
+    assert house.get(f"/v1/rigs/{rig['id']}")["camera_ids"] == body["camera_ids"]
+    turned = house.post("/v1/rigs", body | {"camera_ids": body["camera_ids"][::-1]}, status=409)
+    assert turned["code"] == "rig_differs"
+    path = f"/v1/rigs/{rig['id']}"
+    assert house.get(f"{path}/orientation")["sets"] == []
+    assert house.http.get(f"{path}/exports/rig.json").status_code == 404
+
+    poses = draw_boards(RIG, BOARD, np.random.default_rng(4), count=5)
+    scenes = [f"trigger-{number}" for number in range(5)]
+    made = [photograph(house, camera, number, poses, scenes=scenes) for number, camera in enumerate(cameras)]
+    found = house.get(f"{path}/orientation", tolerance_deg=0.1)
+    (one,) = found["sets"]
+    assert one["calibration_ids"] == [version for _, version in made]
+    (pose,) = one["orientation"]["poses"]
+    truth = np.degrees(RIG[1].pose[:3])
+    assert (pose["camera"], one["orientation"]["reference"]) == ("R1", "R0")
+    error = np.degrees(np.array(pose["rotation"])) - truth
+    u = np.degrees(np.sqrt(np.diag(pose["covariance"])))[:3]
+    assert np.all(np.abs(error) < 4 * u)
+    assert pose["yaw"]["unit"] == "deg"
+    assert {(each["name"], each["verdict"]) for each in found["stability"]} == {
+        (name, "cannot_tell") for name in ("yaw", "pitch", "roll", "x", "y", "z")
+    }
+
+    written = house.http.get(f"{path}/exports/opencv.yaml")
+    storage = cv2.FileStorage(written.text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    np.testing.assert_allclose(storage.getNode("R_1").mat(), pose["matrix"], atol=1e-12)
+    np.testing.assert_allclose(storage.getNode("T_1").mat().ravel(), pose["translation_m"], atol=1e-12)
+    exported = house.get(f"{path}/exports/rig.json")
+    assert [each["serial"] for each in exported["cameras"]] == ["R0", "R1"]
+
+    check_given_versions(house, path, made)
+    check_wrong_scene(house, path, made)
+
+
+def check_given_versions(house, path, made):
+    versions = [version for _, version in made]
+    given = house.http.get(
+        f"{path}/orientation", params=[("calibration_id", each) for each in versions[::-1]]
+    )
+    assert [each["calibration_ids"] for each in given.json()["sets"]] == [versions]
+    refused = house.http.get(f"{path}/orientation", params={"calibration_id": versions[0]})
+    assert (refused.status_code, "of each of the rig's 2 cameras" in refused.json()["detail"]) == (422, True)
+
+
+def check_wrong_scene(house, path, made):
+    """A frame's scene is corrected by hand: the pairing follows."""
+    campaign, _ = made[1]
+    frames = house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]
+    wrong = next(each for each in frames if each["scene"] == "trigger-2")
+    answer = house.http.patch(f"/v1/frames/{wrong['id']}", json={"scene": "nothing"})
+    assert answer.status_code == 200, answer.text
+    (one,) = house.get(f"{path}/orientation")["sets"]
+    left_out = {each["frame"]: each["left_out"] for each in one["orientation"]["points"] if not each["used"]}
+    assert left_out["R1-trigger-2.DNG"] == "no other camera has a picture of trigger nothing"
+    assert one["orientation"]["triggers"] == 4
