@@ -119,6 +119,8 @@ class Sensor:
         the next pixels that have room (blooming); the others are drained.
     dark_current_e_s : float
         Electrons without light [e/s]; with ``compensates_dark`` their mean is subtracted, their noise stays.
+    row_noise_e : float
+        Standard deviation of what the pixels of a row share in one readout [e].
     dsnu_e, prnu_rel : float
         Standard deviation of the dark offsets [e] and of the relative sensitivities of pixels.
     bend_rel : float
@@ -145,6 +147,7 @@ class Sensor:
     spill_share: float = 0.0
     dark_current_e_s: float = 0.0
     compensates_dark: bool = False
+    row_noise_e: float = 0.0
     dsnu_e: float = 0.0
     prnu_rel: float = 0.0
     bend_rel: float = 0.0
@@ -223,7 +226,7 @@ class Sensor:
         steps::
 
             e = min(Poisson(mean), Q) (1 - b min(Poisson(mean), Q) / Q_white)
-            y = clip(round(gain (e + o + read noise N(0, 1)) + black), 0, white)
+            y = clip(round(gain (e + o + read noise N(0, 1) + row noise N(0, 1)) + black), 0, white)
 
         References
         ----------
@@ -237,5 +240,8 @@ class Sensor:
             electrons = electrons * (1.0 - self.bend_rel * electrons / white_e)
         offset_e = self.pattern(window, dark=True) - (dark_e if self.compensates_dark else 0.0)
         electrons = electrons + offset_e + self.read_noise_e * random.standard_normal(mean_e.shape)
+        if self.row_noise_e:
+            shared = random.standard_normal((mean_e.shape[0], *(1,) * (mean_e.ndim - 1)))
+            electrons = electrons + self.row_noise_e * shared
         steps = np.round((self.black_level_dn + gain * electrons) / self.step_dn)
         return np.clip(steps * self.step_dn, 0.0, self.white_level_dn).astype(np.uint16)

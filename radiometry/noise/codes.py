@@ -26,8 +26,8 @@ FULL_WELL_NOT_REACHED = flag(
 )
 READ_NOISE_BELOW_ROUNDING = flag(
     "read_noise_below_rounding",
-    "Rounding hides the dark noise: the read noise is an upper limit, and may have any lower value.",
-    "Use a higher ISO value to resolve it.",
+    "Rounding hides most of the dark noise: the read noise is read off how often numbers change.",
+    "Its uncertainty states how well. Use a higher ISO value to resolve it.",
 )
 LINEARITY_ERROR_LARGE = flag(
     "linearity_error_large",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Reason, shared
-from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
 from radiometry.noise.rows import DARK
 from radiometry.noise.stacks import Stack
@@ -30,10 +30,13 @@ class DarkCurrent:
         Slope of the dark signal's mean [DN/s].
     from_variance : Quantity or None
         Slope of the dark noise's variance [DN^2/s]; None if it is not known.
+    dof : float
+        Degrees of freedom of the uncertainty of the first.
     """
 
     from_mean: Quantity
     from_variance: Quantity | None
+    dof: float
 
 
 def find_dark_current(stacks: Sequence[Stack]) -> DarkCurrent | None:
@@ -88,6 +91,7 @@ def find_dark_current(stacks: Sequence[Stack]) -> DarkCurrent | None:
         from_variance=Quantity(value=growing[0], standard_uncertainty=growing[1], unit="DN2/s")
         if growing
         else None,
+        dof=line[2],
     )
 
 
@@ -97,8 +101,8 @@ def _noise_dn2(stack: Stack, otherwise: float) -> float:
 
 def _fit_slope(
     points: Sequence[tuple[float, float, float]], *, fewest: int = 3
-) -> tuple[float, float] | None:
-    """Return slope and its standard uncertainty of a weighted line through (t, y, u)."""
+) -> tuple[float, float, float] | None:
+    """Return slope, its standard uncertainty and degrees of freedom of a weighted line through (t, y, u)."""
     if len(points) < fewest or len({time for time, _, _ in points}) < 2:
         return None
     t, y, u = (np.array(column) for column in zip(*points, strict=True))
@@ -112,7 +116,7 @@ def _fit_slope(
     residual = y - level - slope * (t - middle)
     dof = len(points) - 2
     excess = max(1.0, float(weights @ residual**2) / dof) if dof else 1.0
-    return slope, math.sqrt(excess / spread)
+    return slope, math.sqrt(excess / spread), float(dof) if excess > 1.0 else MOST_DOF
 
 
 def find_not_dark(stack: Stack) -> dict[str, Reason]:

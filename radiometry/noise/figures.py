@@ -10,11 +10,9 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.noise.darkness import DarkCurrent
 from radiometry.noise.propagation import propagate
 from radiometry.noise.results import DarkCurrentFigures, TransferFigures
+from radiometry.noise.rounding import estimate_rounded_noise, estimate_rounding_error
 from radiometry.noise.stacks import Stack
 from radiometry.noise.transfer import Saturation, Transfer
-
-ROUNDING_DOMINATES_DN2 = 0.24
-"""Below this variance rounding hides the noise, and the noise may be anything up to 0.40 steps [1, 6.6]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,17 +25,22 @@ class DarkNoise:
         Shortest dark stack.
     variance_dn2, variance_u_dn2 : float
         Variance and its standard uncertainty [DN^2].
+    dof : float
+        Degrees of freedom of that uncertainty.
     rounding_dn2 : float
         Variance due to rounding, sigma_q^2 [DN^2].
-    rounding_dominates : bool
-        True if the variance is a limit.
     """
 
     stack: Stack
     variance_dn2: float
     variance_u_dn2: float
+    dof: float
     rounding_dn2: float
-    rounding_dominates: bool
+
+    @property
+    def rounding_dominates(self) -> bool:
+        """True if rounding hides most of the noise."""
+        return self.stack.changes is not None
 
     def read_noise_dn(self, variance_dn2: float) -> float:
         """Return sqrt(sigma_y.dark^2 - sigma_q^2) [DN].
@@ -52,7 +55,7 @@ class DarkNoise:
         float
             Read noise [DN].
         """
-        return math.sqrt(variance_dn2 - self.rounding_dn2)
+        return math.sqrt(max(0.0, variance_dn2 - self.rounding_dn2))
 
 
 def measure_dark_noise(stack: Stack) -> DarkNoise:
@@ -66,21 +69,26 @@ def measure_dark_noise(stack: Stack) -> DarkNoise:
     Returns
     -------
     DarkNoise
-        Variance and the part of it due to rounding.
+        Variance and the part of it due to rounding. Where rounding hides the noise, it is that of
+        `estimate_rounded_noise`; else the error of the rounding is added.
     """
-    if stack.temporal is None:
+    if stack.temporal is None or stack.pattern is None:
         raise AssertionError("a dark stack has at least two frames")
-    least, rounding = ROUNDING_DOMINATES_DN2 * stack.step_dn**2, stack.step_dn**2 / 12
-    dominates = stack.temporal.value_dn2 < least
-    # then anything from no noise to the limit: a rectangle of the read noise, carried to the variance
-    limit_u = 2 * (least - rounding) / math.sqrt(12.0)
-    return DarkNoise(
-        stack=stack,
-        variance_dn2=least if dominates else stack.temporal.value_dn2,
-        variance_u_dn2=limit_u if dominates else stack.temporal.u_dn2,
-        rounding_dn2=rounding,
-        rounding_dominates=dominates,
-    )
+    rounding, step = stack.step_dn**2 / 12, stack.step_dn
+    variance, u, dof = stack.temporal.value_dn2, stack.temporal.u_dn2, stack.temporal.dof
+    if stack.changes is not None:
+        alone = variance * math.sqrt(2.0 / ((len(stack.frames) - 1) * (stack.samples - 1)))
+        noise, noise_u = estimate_rounded_noise(
+            stack.changes,
+            u_rel=max(1.0, u / alone) if alone else 1.0,
+            spread=math.sqrt(max(0.0, stack.pattern.value_dn2)) / step,
+        )
+        variance, u, dof = (noise * step) ** 2 + rounding, 2.0 * noise * noise_u * step**2, math.inf
+    else:
+        by_rounding = estimate_rounding_error(math.sqrt(variance - rounding) / step) * step**2
+        whole = math.hypot(u, by_rounding)
+        u, dof = whole, dof * (whole / u) ** 4
+    return DarkNoise(stack=stack, variance_dn2=variance, variance_u_dn2=u, dof=dof, rounding_dn2=rounding)
 
 
 def find_read_noise_dn(dark: DarkNoise) -> Quantity:
@@ -97,12 +105,12 @@ def find_read_noise_dn(dark: DarkNoise) -> Quantity:
         Read noise [DN].
     """
     variance = np.array([dark.variance_dn2])
-    return propagate(dark.read_noise_dn, variance, np.array([[dark.variance_u_dn2**2]]), unit="DN")
+    return propagate(dark.read_noise_dn, variance, np.array([[dark.variance_u_dn2**2]]), unit="DN")[0]
 
 
 def find_transfer_figures(
     dark: DarkNoise, transfer: Transfer, saturation: Saturation, *, dsnu_dn: Quantity
-) -> TransferFigures:
+) -> tuple[TransferFigures, dict[str, float]]:
     """Compute the coefficients that follow from K, sigma_y.dark^2 and mu_sat.
 
     Parameters
@@ -118,8 +126,8 @@ def find_transfer_figures(
 
     Returns
     -------
-    TransferFigures
-        Coefficients with their uncertainties.
+    tuple of (TransferFigures, dict of str to float)
+        Coefficients with their uncertainties, and effective degrees of freedom by name.
 
     Notes
     -----
@@ -132,34 +140,34 @@ def find_transfer_figures(
     ----------
     .. [1] EMVA Standard 1288, release 3.1
     """
-    gain = transfer.gain_dn_per_e
-    # where numbers are cut off at white, the maximum of the variance lies up to two sigma below it
-    top_noise = math.sqrt(dark.variance_dn2 + gain * saturation.signal_dn)
-    saturation_u = saturation.u_dn or 2 * top_noise / math.sqrt(3.0)
-    values = np.array([gain, dark.variance_dn2, saturation.signal_dn])
-    covariance = np.diag([transfer.gain_u**2, dark.variance_u_dn2**2, saturation_u**2])
+    values = np.array([transfer.gain_dn_per_e, dark.variance_dn2, saturation.signal_dn])
+    covariance = np.diag([transfer.gain_u**2, dark.variance_u_dn2**2, saturation.u_dn**2])
     if not dark.rounding_dominates:
         covariance[0, 1] = covariance[1, 0] = transfer.covariance_with(dark.stack)
-
-    def carry(figure: Callable[[float, float, float], float], unit: str) -> Quantity:
-        return propagate(figure, values, covariance, unit=unit)
-
+    dofs = np.array([transfer.dof, dark.dof, math.inf])
+    figures: dict[str, tuple[Callable[[float, float, float], float], str]] = {
+        "system_gain_dn_per_e": (lambda k, _v, _top: k, "DN/e-"),
+        "read_noise_e": (lambda k, v, _top: dark.read_noise_dn(v) / k, "e-"),
+        "sensitivity_threshold_e": (lambda k, v, _top: _threshold_e(k, v), "e-"),
+        "saturation_dn": (lambda _k, _v, top: top, "DN"),
+        "full_well_e": (lambda k, _v, top: top / k, "e-"),
+        "snr_max": (lambda k, _v, top: math.sqrt(top / k), "1"),
+        "dynamic_range": (_ratio, "1"),
+        "dynamic_range_db": (lambda k, v, top: 20 * math.log10(_ratio(k, v, top)), "dB"),
+        "dynamic_range_stops": (lambda k, v, top: math.log2(_ratio(k, v, top)), "stop"),
+    }
+    found = {
+        name: propagate(figure, values, covariance, unit=unit, dofs=dofs)
+        for name, (figure, unit) in figures.items()
+    }
     return TransferFigures(
-        system_gain_dn_per_e=carry(lambda k, _v, _top: k, "DN/e-"),
-        read_noise_e=carry(lambda k, v, _top: dark.read_noise_dn(v) / k, "e-"),
-        sensitivity_threshold_e=carry(lambda k, v, _top: _threshold_e(k, v), "e-"),
-        saturation_dn=carry(lambda _k, _v, top: top, "DN"),
+        **{name: quantity for name, (quantity, _) in found.items()},
         saturation_origin=saturation.origin,
-        full_well_e=carry(lambda k, _v, top: top / k, "e-"),
-        snr_max=carry(lambda k, _v, top: math.sqrt(top / k), "1"),
-        dynamic_range=carry(_ratio, "1"),
-        dynamic_range_db=carry(lambda k, v, top: 20 * math.log10(_ratio(k, v, top)), "dB"),
-        dynamic_range_stops=carry(lambda k, v, top: math.log2(_ratio(k, v, top)), "stop"),
         dsnu_e=_per_gain(dsnu_dn, transfer, power=1, unit="e-"),
         levels_used=len(transfer.levels),
         birge_ratio=transfer.birge_ratio,
         chi_squared=transfer.chi_squared,
-    )
+    ), {name: dof for name, (_, dof) in found.items()}
 
 
 def find_dark_current_figures(

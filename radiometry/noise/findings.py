@@ -114,7 +114,11 @@ def _check_transfer(each: FittedChannel) -> list[tuple[Finding, str]]:
 def _check_figures(each: FittedChannel) -> list[tuple[Finding, str]]:
     fit, found = each.fit, []
     if each.rounding_dominates:
-        detail = f"Given is the limit, {fit.read_noise_dn.value:.2g} DN."
+        low, high = (
+            max(0.0, fit.read_noise_dn.value + side * 1.96 * fit.read_noise_dn.standard_uncertainty)
+            for side in (-1.0, 1.0)
+        )
+        detail = f"It lies between {low:.2g} and {high:.2g} DN with a probability of 95 %."
         found.append((codes.READ_NOISE_BELOW_ROUNDING, detail))
     if fit.prnu_rel and fit.prnu_rel.value > UNEVEN_REL:
         found.append((codes.PRNU_LARGE, f"PRNU {fit.prnu_rel.value:.1%}."))

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.evidence import MOST_DOF, Quantity
 from radiometry.noise.darkness import find_dark_current
 from radiometry.noise.figures import (
     find_dark_current_figures,
@@ -53,9 +53,17 @@ def fit_channel(stacks: Sequence[Stack], params: Params) -> FittedChannel | None
     if not darks or dsnu is None:
         return None
     dark, levels = measure_dark_noise(darks[0]), list_levels(stacks, params)
-    saturation = find_saturation(levels, white_signal_dn=darks[0].white_level_dn - darks[0].mean_dn)
+    saturation = find_saturation(
+        levels,
+        white_signal_dn=darks[0].white_level_dn - darks[0].mean_dn,
+        largest_drift_rel=params.largest_drift_rel,
+    )
     transfer = fit_gain(levels, saturation, range_share=params.gain_range_share)
     linearity, prnu = _look_at_light(levels, saturation, transfer, params)
+    figures, dofs = (
+        find_transfer_figures(dark, transfer, saturation, dsnu_dn=dsnu[0]) if transfer else (None, {})
+    )
+    current = find_dark_current(stacks)
     fit = ChannelFit(
         iso=darks[0].setting.iso,
         channel=darks[0].setting.channel,
@@ -63,10 +71,13 @@ def fit_channel(stacks: Sequence[Stack], params: Params) -> FittedChannel | None
         read_noise_dn=find_read_noise_dn(dark),
         dsnu_dn=dsnu[0],
         prnu_rel=prnu[0] if prnu else None,
-        transfer=find_transfer_figures(dark, transfer, saturation, dsnu_dn=dsnu[0]) if transfer else None,
+        transfer=figures,
         linearity=_show(linearity) if linearity else None,
-        dark_current=find_dark_current_figures(find_dark_current(stacks), transfer),
+        dark_current=find_dark_current_figures(current, transfer),
         levels=tuple(_describe(level, transfer, linearity, saturation, params) for level in levels),
+        effective_dof=dofs
+        | {"read_noise_dn": min(MOST_DOF, dark.dof)}
+        | ({f"dark_current_{unit}_per_s": current.dof for unit in ("dn", "e")} if current else {}),
     )
     return FittedChannel(
         fit=fit,

@@ -16,7 +16,7 @@ References
 from collections.abc import Sequence
 
 from radiometry.findings import InputRejected, shared
-from radiometry.fitting.evidence import CoefficientValue, Extracted, Quantity, Region
+from radiometry.fitting.evidence import MOST_DOF, CoefficientValue, Extracted, Quantity, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
@@ -171,6 +171,7 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
             band=None if channel.channel in CHANNELS else channel.channel,
             channel=channel.channel,
             flags=_flags_of(fit, channel),
+            effective_dof=channel.effective_dof.get(name, MOST_DOF) if channel.effective_dof else None,
         )
         for channel in fit.channel_fits
         for quantities in (_list_quantities(channel),)

@@ -1,6 +1,6 @@
 """Results of a noise fit: plain numbers, ready for JSON; what does not exist is None."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
@@ -171,6 +171,9 @@ class ChannelFit:
         Dark current.
     levels : tuple of LevelResult
         Levels of the photon transfer.
+    effective_dof : dict of str to float, default: {}
+        Effective degrees of freedom of the uncertainties, by coefficient, at most 1e6;
+        empty in versions from before they were evaluated.
     """
 
     iso: float
@@ -183,6 +186,7 @@ class ChannelFit:
     linearity: LinearityFigures | None
     dark_current: DarkCurrentFigures | None
     levels: tuple[LevelResult, ...]
+    effective_dof: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radiometry.frame.packing import unpack
 from radiometry.noise.blocks import ChannelBlock, FrameRow
+from radiometry.noise.rounding import ROUNDING_DOMINATES, count_changes
 from radiometry.noise.rows import DARK
 
 Image = NDArray[np.float64]
@@ -53,10 +54,25 @@ class Setting:
 
 @dataclass(frozen=True, kw_only=True)
 class Variance:
-    """Variance [DN^2] with its standard uncertainty."""
+    """Variance [DN^2] with its standard uncertainty.
+
+    Attributes
+    ----------
+    value_dn2, u_dn2 : float
+        Variance and its standard uncertainty [DN^2].
+    of_mean : float, default: 1.0
+        Variance of a mean over the samples, relative to that of as many independent ones: rows and columns
+        share noise.
+    """
 
     value_dn2: float
     u_dn2: float
+    of_mean: float = 1.0
+
+    @property
+    def dof(self) -> float:
+        """Effective degrees of freedom."""
+        return 2.0 * (self.value_dn2 / self.u_dn2) ** 2 if self.u_dn2 else math.inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +113,9 @@ class Stack:
         Black level [DN].
     white_level_dn : float
         White level [DN].
+    changes : ndarray of int64 or None
+        Number of pixels with each pair of numbers in two frames, in steps from the lowest, (first, second);
+        None where rounding does not hide the noise.
     """
 
     setting: Setting
@@ -114,6 +133,7 @@ class Stack:
     step_dn: float
     black_level_dn: float
     white_level_dn: float
+    changes: NDArray[np.int64] | None = field(default=None, compare=False)
 
     @property
     def clipped(self) -> bool:
@@ -123,7 +143,9 @@ class Stack:
     @property
     def mean_variance_dn2(self) -> float:
         """Variance of the mean [DN^2], from the noise of its samples; that of a single frame is not known."""
-        return self.temporal.value_dn2 / (self.samples * len(self.frames)) if self.temporal else 0.0
+        if self.temporal is None:
+            return 0.0
+        return self.temporal.value_dn2 * self.temporal.of_mean / (self.samples * len(self.frames))
 
 
 def make_stacks(rows: Sequence[FrameRow]) -> tuple[Stack, ...]:
@@ -171,12 +193,17 @@ def _measure(setting: Setting, members: Sequence[tuple[str, ChannelBlock]]) -> S
         temporal = sum_l sum_p (y_lp - m_l - (y_p - m))^2 / ((L - 1)(n - 1))                          (1)
 
     For L = 2 this is half of the variance of the difference, its mean removed [1]_ (eq. 18), so that a lamp
-    that changed between the frames has no effect. A variance of nu degrees of freedom is known to sqrt(2 /
-    nu) of itself.
+    that changed between the frames has no effect. Rows and columns may share noise, so the sum of squares is
+    split into rows, columns and the rest [2]_, S = S_r + S_c + S_0 with nu_i degrees of freedom each::
+
+        u(variance)^2 = 2 sum (S_i^2 / nu_i) / nu^2
+
+    which is 2 / nu of its square where nothing is shared.
 
     References
     ----------
     .. [1] EMVA Standard 1288, release 3.1
+    .. [2] S. R. Searle, G. Casella, C. E. McCulloch, Variance Components, 4.7, doi:10.1002/9780470316856
     """
     kept, copies = _drop_copies(members)
     images = np.array([image for _, image in kept])
@@ -185,6 +212,8 @@ def _measure(setting: Setting, members: Sequence[tuple[str, ChannelBlock]]) -> S
     black = blocks[0].black_level_dn
     average = images.mean(axis=0)
     temporal = _temporal(images, means, average) if len(kept) > 1 else None
+    step_dn = _find_step(images)
+    rounded = temporal is not None and temporal.value_dn2 < ROUNDING_DOMINATES * step_dn**2
     return Stack(
         setting=setting,
         frames=tuple(name for name, _ in kept),
@@ -198,9 +227,10 @@ def _measure(setting: Setting, members: Sequence[tuple[str, ChannelBlock]]) -> S
         drift_rel=float(np.ptp(means) / max(1.0, float(means.mean()) - black)),
         clipped_share=max(block.clipped_share for block in blocks),
         zero_share=max(block.zero_share for block in blocks),
-        step_dn=_find_step(images),
+        step_dn=step_dn,
         black_level_dn=black,
         white_level_dn=min(block.white_level_dn for block in blocks),
+        changes=count_changes(images / step_dn) if rounded else None,
     )
 
 
@@ -225,11 +255,22 @@ def _drop_copies(
 
 
 def _temporal(images: Image, means: NDArray[np.float64], average: Image) -> Variance:
-    count, samples = images.shape[0], average.size
-    differences = images - average - (means - means.mean())[:, None, None]
-    dof = (count - 1) * (samples - 1)
-    value = float(np.sum(differences**2)) / dof
-    return Variance(value_dn2=value, u_dn2=value * math.sqrt(2.0 / dof))
+    """Return the temporal variance, with what rows and columns share of it."""
+    deviations = images - average - (means - means.mean())[:, None, None]
+    count, rows, cols = deviations.shape
+    squares = np.array(
+        [cols * np.sum(deviations.mean(axis=2) ** 2), rows * np.sum(deviations.mean(axis=1) ** 2), 0.0]
+    )
+    total = float(np.sum(deviations**2))
+    squares[2] = max(0.0, total - squares.sum())
+    dofs = (count - 1) * np.array([rows - 1, cols - 1, (rows - 1) * (cols - 1)])
+    value = total / float(dofs.sum())
+    by_row, by_col, rest = (squares / dofs).tolist()
+    return Variance(
+        value_dn2=value,
+        u_dn2=math.sqrt(2.0 * float(np.sum(squares**2 / dofs))) / float(dofs.sum()),
+        of_mean=max(1.0, (by_row + by_col - rest) / value) if value > 0.0 else 1.0,
+    )
 
 
 def _spatial(average: Image, temporal: Variance, count: int, *, detrend: bool) -> Variance:

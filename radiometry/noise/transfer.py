@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from radiometry.noise.levels import Level
 from radiometry.noise.stacks import Stack
@@ -15,6 +16,8 @@ FEWEST_LEVELS = 3
 _ROUNDS = 20
 _RELATIVE_TOLERANCE = 1e-12
 _FALL_IN_ERRORS = 3.0
+_COLLAPSED = 0.5
+"""Of the greatest variance: what is below it lies on a plateau."""
 
 SaturationOrigin = Literal["white_level", "variance_maximum", "white_level_assumed"]
 
@@ -28,8 +31,7 @@ class Saturation:
     signal_dn : float
         Signal at saturation [DN above dark].
     u_dn : float
-        For a variance maximum, standard uncertainty from the spacing of the levels
-        [DN]; else 0, and the noise adds to it later.
+        Its standard uncertainty, from the spacing of the levels or the width of the noise [DN].
     origin : SaturationOrigin
         "white_level": a level reaches white; "variance_maximum": the variance falls
         again below it; "white_level_assumed": no level came near either.
@@ -52,6 +54,8 @@ class Transfer:
         Birge ratio, 1 or more.
     chi_squared : float
         Weighted sum of squared residuals.
+    dof : float
+        Degrees of freedom of `gain_u`.
     weights : tuple of float
         Weight of each level's excess variance in K.
     levels : tuple of Level
@@ -62,6 +66,7 @@ class Transfer:
     gain_u: float
     birge_ratio: float
     chi_squared: float
+    dof: float
     weights: tuple[float, ...]
     levels: tuple[Level, ...]
 
@@ -86,8 +91,10 @@ class Transfer:
         return -math.fsum(served) * dark.temporal.u_dn2**2
 
 
-def find_saturation(levels: Sequence[Level], *, white_signal_dn: float) -> Saturation:
-    """Find where the temporal variance has its maximum [1]_ (6.6), or where the numbers end.
+def find_saturation(
+    levels: Sequence[Level], *, white_signal_dn: float, largest_drift_rel: float = math.inf
+) -> Saturation:
+    """Find where the temporal variance has its maximum [1]_ (6.6).
 
     Parameters
     ----------
@@ -95,6 +102,8 @@ def find_saturation(levels: Sequence[Level], *, white_signal_dn: float) -> Satur
         Levels in the order of signal.
     white_signal_dn : float
         White level above dark [DN].
+    largest_drift_rel : float, default: inf
+        Levels whose frames differ more do not count.
 
     Returns
     -------
@@ -103,30 +112,66 @@ def find_saturation(levels: Sequence[Level], *, white_signal_dn: float) -> Satur
 
     Notes
     -----
-    Levels may be a fifth apart in the field. If the brighter ones are cut off by white, the maximum lies at
-    white itself, within two standard deviations of noise.
+    Levels whose variance is within three errors of the greatest may all be the maximum. It lies between the
+    levels beside them, b and a. Levels may be a fifth apart in the field. Where the signal ends sharply, at
+    white or at a full well whose plateau brighter levels show, the maximum is computed: that of
+
+        E[s^2(m) v((end - m) / s(m))],    s^2(m) = variance at the maximum * m / signal at the maximum,
+
+    over the pixels' own levels m, with v(h) the variance of a standard normal number that is cut off at h. It
+    is taken if it lies between b and a, with the spread of noise and pixels as a rectangle; else the
+    greatest sampled variance, with (a - b) / 2.
 
     References
     ----------
-    .. [1] EMVA Standard 1288, release 3.1
+    .. [1] EMVA Standard 1288, release 4.0
     """
-    if any(level.lit.clipped for level in levels):
-        return Saturation(signal_dn=white_signal_dn, u_dn=0.0, origin="white_level")
-    seen = [level for level in levels if not level.left_out and level.lit.temporal]
-    variances = [level.lit.temporal for level in seen if level.lit.temporal]
-    if len(seen) > FEWEST_LEVELS:
-        top = max(range(len(seen)), key=lambda index: variances[index].value_dn2)
-        last = variances[-1]
-        fall = variances[top].value_dn2 - last.value_dn2
-        if fall > _FALL_IN_ERRORS * math.hypot(variances[top].u_dn2, last.u_dn2):
-            below = seen[max(0, top - 1)].signal_dn
-            above = seen[min(len(seen) - 1, top + 1)].signal_dn
-            return Saturation(
-                signal_dn=seen[top].signal_dn,
-                u_dn=(above - below) / 2 / math.sqrt(3.0),
-                origin="variance_maximum",
-            )
-    return Saturation(signal_dn=white_signal_dn, u_dn=0.0, origin="white_level_assumed")
+    seen = [
+        (level, level.lit.temporal)
+        for level in levels
+        if level.lit.temporal and level.signal_dn > 0.0 and level.lit.drift_rel <= largest_drift_rel
+    ]
+    clipped = any(level.lit.clipped for level, _ in seen)
+    if not seen:
+        return Saturation(signal_dn=white_signal_dn, u_dn=0.0, origin="white_level_assumed")
+    top, highest = max(seen, key=lambda pair: pair[1].value_dn2)
+    near = [
+        highest.value_dn2 - each.value_dn2 <= _FALL_IN_ERRORS * math.hypot(each.u_dn2, highest.u_dn2)
+        for _, each in seen
+    ]
+    first, last = near.index(True), len(near) - 1 - near[::-1].index(True)
+    falls = len(seen) > FEWEST_LEVELS and last < len(seen) - 1
+    plateau = falls and seen[-1][1].value_dn2 < _COLLAPSED * highest.value_dn2
+    end_dn = seen[-1][0].signal_dn if plateau and not clipped else white_signal_dn
+    expected, width = _expect_maximum(top, highest.value_dn2, end_dn)
+    low_dn = seen[first - 1][0].signal_dn if first else 0.0
+    high_dn = seen[last + 1][0].signal_dn if falls else math.inf
+    if falls and not ((plateau or clipped) and low_dn <= expected <= high_dn):
+        u_dn = (high_dn - low_dn) / 2.0 / math.sqrt(3.0)
+        return Saturation(signal_dn=top.signal_dn, u_dn=u_dn, origin="variance_maximum")
+    origin: SaturationOrigin = "variance_maximum" if plateau else "white_level_assumed"
+    return Saturation(
+        signal_dn=expected, u_dn=width / math.sqrt(3.0), origin="white_level" if clipped else origin
+    )
+
+
+def _expect_maximum(top: Level, variance_dn2: float, end_dn: float) -> tuple[float, float]:
+    """Return the signal of the greatest variance below a sharp end, and the spread of numbers there [DN]."""
+    slope = variance_dn2 / top.signal_dn
+    pattern = max(0.0, top.lit.pattern.value_dn2) if top.lit.pattern else 0.0
+    pixels = math.sqrt(pattern) * end_dn / top.signal_dn
+    width = math.hypot(math.sqrt(slope * end_dn), pixels)
+    mean = np.maximum(end_dn - np.linspace(-1.0, 6.0, 281) * width, end_dn / 100.0)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(21)
+    own = np.maximum(mean[:, None] + pixels * nodes, end_dn / 100.0)
+    noise = np.sqrt(slope * own)
+    h = (end_dn - own) / noise
+    below, density = ndtr(h), np.exp(-(h**2) / 2.0) / math.sqrt(2.0 * math.pi)
+    first = h * (1.0 - below) - density
+    second = below - h * density + h**2 * (1.0 - below)
+    weights = weights / weights.sum()
+    best = int(np.argmax((noise**2 * (second - first**2)) @ weights))
+    return float((own + noise * first)[best] @ weights), width
 
 
 def fit_gain(levels: Sequence[Level], saturation: Saturation, *, range_share: float) -> Transfer | None:
@@ -160,7 +205,7 @@ def fit_gain(levels: Sequence[Level], saturation: Saturation, *, range_share: fl
 
     References
     ----------
-    .. [1] EMVA Standard 1288, release 3.1
+    .. [1] EMVA Standard 1288, release 4.0
     """
     used = tuple(
         level
@@ -192,6 +237,7 @@ def fit_gain(levels: Sequence[Level], saturation: Saturation, *, range_share: fl
         gain_u=birge / math.sqrt(information),
         birge_ratio=birge,
         chi_squared=chi_squared,
+        dof=float(len(used) - 1) if birge > 1.0 else math.inf,
         weights=tuple(float(weight) for weight in weights),
         levels=used,
     )

@@ -11,6 +11,7 @@ from radiometry.frame.packing import pack
 from radiometry.noise import codes as noise_codes
 from radiometry.noise import method as noise
 from radiometry.noise.levels import list_levels
+from radiometry.noise.rounding import count_changes, estimate_rounded_noise
 from radiometry.noise.stacks import make_stacks
 from radiometry.noise.transfer import find_saturation, fit_gain
 from simulation.camera import change
@@ -20,6 +21,7 @@ from tests.radiometry.noise.series import (
     SMALL,
     TIMES,
     agrees,
+    find_variance_maximum,
     flags_of,
     make_row,
     only,
@@ -31,7 +33,7 @@ from tests.radiometry.noise.series import (
 
 def test_figures_scatter_as_they_say():
     """Fifty sensors of known gain: no tolerance but the predicted one."""
-    pulls = []
+    pulls, full_well_e = [], find_variance_maximum(SMALL)
     for seed in range(50):
         transfer = only(noise.fit(take(SMALL, seed, times=TIMES[1:]), PARAMS)).transfer
         gain, read = transfer.system_gain_dn_per_e, transfer.read_noise_e
@@ -40,7 +42,7 @@ def test_figures_scatter_as_they_say():
             (gain, 0.5),
             (read, 6.0),
             (threshold, math.sqrt(36.0 + 1 / 3) + 0.5),
-            (full, (16383 - 256) / 0.5),
+            (full, full_well_e),
         )
         pulls.append([(found.value - true) / found.standard_uncertainty for found, true in truths])
     pulls = np.array(pulls)
@@ -115,14 +117,43 @@ def test_numbers_in_steps_of_sixteen_are_the_same_electrons(read_noise_e):
         assert steps[name].standard_uncertainty == pytest.approx(expected, rel=1e-6)
 
 
-def test_noise_below_rounding_is_a_limit():
-    quiet = change(SMALL, gain_dn_per_e=0.05, read_noise_e=2.0)
-    fit = noise.fit(take(quiet, 6, light=10 * LIGHT), PARAMS)
+def test_noise_below_rounding_is_measured_by_its_changes():
+    """0.15 steps; the limit of 0.40 with an uncertainty of 0.11 would miss it."""
+    quiet = change(SMALL, gain_dn_per_e=0.3, read_noise_e=0.5, dsnu_e=0.5)
+    fit = noise.fit(take(quiet, 6, light=2 * LIGHT), PARAMS)
     channel = only(fit)
     assert noise_codes.READ_NOISE_BELOW_ROUNDING in flags_of(fit)
-    assert channel.read_noise_dn.value == pytest.approx(0.396, abs=0.001)
-    assert channel.transfer.read_noise_e.value > 2.0
-    agrees(channel.transfer.system_gain_dn_per_e, 0.05)
+    agrees(channel.read_noise_dn, 0.15, errors=3.0)
+    assert channel.read_noise_dn.standard_uncertainty < 0.04
+    agrees(channel.transfer.read_noise_e, 0.5, errors=3.0)
+    agrees(channel.transfer.system_gain_dn_per_e, 0.3)
+
+
+@pytest.mark.parametrize(("noise_steps", "spread"), [(0.15, 0.15), (0.3, 0.0), (0.15, 0.9), (0.3, 0.9)])
+def test_noise_below_rounding_is_within_its_interval(noise_steps, spread):
+    random, inside = np.random.default_rng(4), 0
+    runs = 12 if spread > 0.5 else 3
+    for _ in range(runs):
+        levels = 256.2 + spread * random.standard_normal((48, 48))
+        images = np.round(levels + noise_steps * random.standard_normal((2, 48, 48)))
+        value, u = estimate_rounded_noise(count_changes(images), u_rel=1.0, spread=spread)
+        inside += abs(value - noise_steps) < 2.0 * u
+        assert u < 0.05
+    assert inside >= 0.7 * runs
+
+
+def test_noise_that_rows_share_is_in_the_uncertainty():
+    """Rows of 8 e beside pixels of 4 e; pixels alone would state a third of the scatter."""
+    banded = change(SMALL, read_noise_e=4.0, row_noise_e=8.0)
+    pulls = []
+    for seed in range(40):
+        fit = only(noise.fit(take(banded, seed, times=(0.05, 0.2, 0.45)), PARAMS))
+        pulls.append(
+            (fit.transfer.read_noise_e.value - math.hypot(4.0, 8.0))
+            / fit.transfer.read_noise_e.standard_uncertainty
+        )
+        assert fit.effective_dof["read_noise_e"] < 200
+    assert abs(np.std(pulls) - 1.0) < 3.5 / math.sqrt(80)
 
 
 def test_a_full_well_below_white_is_where_the_variance_falls():
@@ -131,7 +162,8 @@ def test_a_full_well_below_white_is_where_the_variance_falls():
     fit = noise.fit(take(sensor, 7, times=times), PARAMS)
     transfer = only(fit).transfer
     assert transfer.saturation_origin == "variance_maximum"
-    agrees(transfer.full_well_e, 20_000.0, errors=2.0)
+    agrees(transfer.full_well_e, find_variance_maximum(sensor, end_e=20_000.0), errors=2.0)
+    assert transfer.saturation_dn.standard_uncertainty < 100.0
     assert noise_codes.FULL_WELL_NOT_REACHED not in flags_of(fit)
 
 
