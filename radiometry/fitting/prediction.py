@@ -10,6 +10,8 @@ from radiometry.fitting.components import Component, Matrix, Vector, contribute
 from radiometry.fitting.gls import Solution
 from radiometry.fitting.sources import DARK_CURRENT, F_NUMBER, SCATTER, TIME, Curve
 
+_NEGLIGIBLE_REL = 1e-4
+
 Rows = tuple[tuple[float, ...], ...]
 
 
@@ -29,8 +31,6 @@ class Prediction:
     times : tuple of tuple of float
         Effect on each of them of one standard uncertainty of each exposure time, by
         rising time.
-    f_number_u_rel : float
-        Part of K's relative standard uncertainty that the errors of the f-numbers cause.
     k_variance_rel : float
         Relative variance of K at the f-number.
     k_uncertainty_of_variance : float
@@ -42,7 +42,6 @@ class Prediction:
     fit: Rows
     f_numbers: Rows
     times: Rows
-    f_number_u_rel: float
     k_variance_rel: float
     k_uncertainty_of_variance: float
 
@@ -208,7 +207,10 @@ def predict_errors(
         if component.source == F_NUMBER:
             f_numbers = scaled @ scaled.T
         elif component.source == TIME:
-            times = scaled
+            # rounding alone is left of what cancels, and another processor rounds differently
+            sizes = np.max(np.abs(scaled), axis=1, keepdims=True)
+            sizes[len(jacobian) :] = math.sqrt(variance)
+            times = np.where(np.abs(scaled) < _NEGLIGIBLE_REL * sizes, 0.0, scaled)
         else:
             fit = fit + scaled @ scaled.T
         slope = float(np.sum((gradient @ effects) ** 2))
@@ -234,7 +236,6 @@ def predict_errors(
         fit=_plain(fit),
         f_numbers=_plain(f_numbers),
         times=_plain(times),
-        f_number_u_rel=math.sqrt(max(0.0, float(gradient @ f_numbers @ gradient))),
         k_variance_rel=total + (excess - 1.0) * testable,
         k_uncertainty_of_variance=doubt,
     )

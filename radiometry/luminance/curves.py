@@ -336,7 +336,6 @@ def _aperture(
         expanded_uncertainty=factor * u_k,
         coverage_factor=factor,
         effective_dof=_finite(dof),
-        f_number_u_rel=prediction.f_number_u_rel,
         x_factor=math.exp(prediction.x_error),
         errors=_split(prediction),
     )

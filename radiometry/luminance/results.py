@@ -51,8 +51,6 @@ class Aperture:
         Expanded uncertainty for a coverage probability of 95 %, and its factor k.
     effective_dof : float or None
         Effective degrees of freedom; None if infinite.
-    f_number_u_rel : float
-        Part of the relative standard uncertainty that the errors of f-numbers cause.
     x_factor : float
         Light of a frame at this f-number relative to the nominal one, predicted.
     errors : ErrorSplit
@@ -67,7 +65,6 @@ class Aperture:
     expanded_uncertainty: float
     coverage_factor: float
     effective_dof: float | None
-    f_number_u_rel: float
     x_factor: float
     errors: ErrorSplit
 

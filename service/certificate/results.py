@@ -65,7 +65,6 @@ def _apertures(c: Node) -> list[Node]:
                 expanded,
                 f"{aperture['coverage_factor']:.2f}",
                 degrees(aperture),
-                percent(aperture["f_number_u_rel"]),
                 f"{100 * (aperture['luminance_k'] / c['luminance_k'] - 1):+.2f} %",
             ]
         )
@@ -78,7 +77,6 @@ def _apertures(c: Node) -> list[Node]:
         "U(K)",
         "k",
         "dof",
-        "of it f-number",
         "from K of the ISO",
     ]
     caption = (
@@ -91,8 +89,8 @@ def _apertures(c: Node) -> list[Node]:
             table(
                 head,
                 rows,
-                align="lrrrrrrrrr",
-                widths=[1, 0.8, 0.8, 1, 0.9, 0.9, 0.6, 0.8, 1.2, 1.4],
+                align="lrrrrrrrr",
+                widths=[1, 0.8, 0.8, 1, 0.9, 0.9, 0.6, 0.8, 1.5],
                 caption=caption,
             )
         ]

@@ -10,7 +10,7 @@ import pytest
 
 from radiometry.fitting.curve import fit_curve
 from radiometry.luminance import curves
-from radiometry.luminance.method import Params
+from radiometry.luminance.method import Params, apply
 from radiometry.luminance.points import collect_series
 from simulation.luminance import Errors
 from tests.radiometry.campaigns import TRUE_K, draw
@@ -53,6 +53,27 @@ def test_the_interval_holds_the_truth(errors, given):
     assert 0.93 <= held <= 0.97
     assert abs(np.mean(deviations)) < 3 * claimed / np.sqrt(CAMPAIGNS)
     assert np.std(deviations) == pytest.approx(claimed, rel=0.15)
+
+
+@pytest.mark.parametrize("f_number", [0.003, 0.015, 0.03])
+def test_luminance_at_a_calibrated_f_number_does_not_have_its_error(f_number):
+    """Whatever the f-numbers are: 1.1 % in L, where K of the ISO value alone would err by up to 6 %."""
+    errors, deviations, stated = Errors(f_number=f_number), [], []
+    chosen = Params(lamp_drift_u_rel=0.0)
+    for seed in range(60):
+        drawn = draw(seed, errors=errors)
+        series = collect_series(drawn.rows, drawn.readings, chosen)[0]
+        coefficient, fitted = curves.fit_coefficient(series, chosen, calibration_u_rel=errors.calibration)
+        row = next(row for row in drawn.rows if row.frame == series.used[seed % len(series.used)].frame)
+        found = apply(row.statistics, exposure=row.exposure, coefficients=[coefficient]).luminance_cd_m2
+        truth = drawn.campaign.truth_cd_m2[row.scene]
+        deviations.append(found.value / truth - 1.0)
+        stated.append(found.standard_uncertainty / truth)
+        assert max(abs(p.residual_rel) for p in curves._points(series, fitted, None) if p.used) < 0.04
+    rms = np.sqrt(np.mean(np.square(deviations)))
+    assert rms < 0.013
+    assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(rms, rel=0.2)
+    assert 0.9 <= np.mean(np.abs(deviations) <= 2 * np.array(stated)) <= 0.99
 
 
 def scatter(series, rel, random):
