@@ -94,11 +94,10 @@ class Params:
         below_maximum=True,
     )
     lamp_drift_u_rel: float = parameter(
-        0.014,
+        0.02,
         label="Lamp drift",
         description="Relative standard uncertainty of the change of the lamp's luminance during a scene, "
-        "where its readings do not show it. 0.014 is 2 %, the drift that is flagged, as a U-shaped "
-        "distribution.",
+        "where its readings do not show it. 2 % is the drift that is flagged.",
         minimum=0.0,
         maximum=1.0,
         below_maximum=True,
