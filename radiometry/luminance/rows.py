@@ -94,10 +94,11 @@ class Params:
         below_maximum=True,
     )
     lamp_drift_u_rel: float = parameter(
-        0.02,
+        0.012,
         label="Lamp drift",
         description="Relative standard uncertainty of the change of the lamp's luminance during a scene, "
-        "where its readings do not show it. 2 % is the drift that is flagged.",
+        "where its readings do not show it. 0.012 is 2 %, the drift that is flagged, as a rectangular "
+        "distribution.",
         minimum=0.0,
         maximum=1.0,
         below_maximum=True,

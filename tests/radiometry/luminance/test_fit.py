@@ -41,14 +41,14 @@ def test_exact_points_give_k_and_no_flag():
 
 
 def test_uncertainty_by_hand():
-    """Three scenes at 1 %, f-numbers at 2 * 1.5 %, times at 0.5 % (one per scene); meter 1.5, lamp 1 %."""
+    """Three scenes at 1 %, f-numbers at 2 * 1.5 %, times at 0.5 % (one per scene); meter 1.5, lamp 0.6 %."""
     rows = tuple(
         dataclasses.replace(r, statistics=(dataclasses.replace(r.statistics[0], std_dn=1.0, n=10**8),))
         for r in ROWS
     )
     iso_fit = fit(rows).iso_fits[0]
     coefficient = iso_fit.coefficient
-    expected = math.sqrt((0.01**2 + 4 * 0.015**2 + 0.005**2) / 3 + 0.015**2 + 0.01**2)
+    expected = math.sqrt((0.01**2 + 4 * 0.015**2 + 0.005**2) / 3 + 0.015**2 + 0.006**2)
     assert coefficient.luminance_k_standard_uncertainty / K == pytest.approx(expected, rel=1e-4)
     assert coefficient.expanded_uncertainty == pytest.approx(1.96 * K * expected, rel=1e-3)
     budget = {entry.source: entry for entry in iso_fit.budget}
@@ -124,7 +124,7 @@ def test_aicc_by_hand():
         coefficient.dark_rate_standard_uncertainty_dn_per_s * (times - coefficient.dark_time_s),
     )
     covariance = (0.2**2 * np.eye(12) + u_dark**2 + np.outer(u_rate, u_rate)) / np.outer(fitted, fitted)
-    covariance += 0.01**2
+    covariance += 0.006**2
     covariance += report.frame_scatter_rel**2 * np.eye(12)
     density = multivariate_normal(np.log(fitted), covariance).logpdf(np.log(signal)) - np.log(signal).sum()
     assert report.aicc == pytest.approx(2 * 2 - 2 * density + 12 / 9)

@@ -51,19 +51,19 @@ def test_illuminance_shows_the_drift_of_a_single_luminance_reading():
 
 def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
     """Half of a scene between reading and frame; with times, from 0 to the whole of it."""
-    assert set(follow_lamp(LIGHTS, READINGS, PARAMS).values()) == {Change(u_rel=0.01)}
+    assert set(follow_lamp(LIGHTS, READINGS, PARAMS).values()) == {Change(u_rel=0.006)}
     rows = timed(LIGHTS[3:6])
     found = follow_lamp(rows, [read("middle", 5.0, "10:00:00")], PARAMS)
-    assert [found[row.frame] for row in rows] == [Change(u_rel=u) for u in (0.0, 0.01, 0.02)]
+    assert [found[row.frame] for row in rows] == [Change(u_rel=u) for u in (0.0, 0.006, 0.012)]
     years_ago = [dataclasses.replace(row, taken_at=row.taken_at.replace("2026", "2015")) for row in rows]
     assert set(follow_lamp(years_ago, [read("middle", 5.0, "10:00:00")], PARAMS).values()) == {
-        Change(u_rel=0.01)
+        Change(u_rel=0.006)
     }
 
 
 def test_drift_is_a_line_of_the_budget():
     budget = {line.source: line for line in fit().iso_fits[0].budget}
-    assert budget["lamp drift"].u_rel == pytest.approx(0.01)
+    assert budget["lamp drift"].u_rel == pytest.approx(0.006)
     assert budget["lamp drift"].kind == "B"
     steady = fit(params=dataclasses.replace(PARAMS, lamp_drift_u_rel=0.0))
     assert "lamp drift" not in {line.source for line in steady.iso_fits[0].budget}
