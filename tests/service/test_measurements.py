@@ -70,11 +70,12 @@ def test_a_frame_of_known_luminance_comes_back_within_its_uncertainty(house, ver
     assert (used["id"], used["version"], used["state"]) == (version["id"], 1, "published")
     assert "version 1 is in force from 2026-04-01T00:00:00Z on" in used["why"]
     assert used["why"].endswith(": spring")
-    k = next(c for c in version["coefficients"] if c["name"] == "luminance_k" and c["iso"] == 3200)
+    k = next(c for c in version["coefficients"] if (c["iso"], c.get("f_number")) == (3200, 4.0))
     shares = {row["source"]: row for row in found["budget"]}
     assert sum(row["variance_share"] for row in found["budget"]) == pytest.approx(1.0)
     by_k = np.hypot(*(shares[s]["standard_uncertainty_cd_m2"] for s in ("fit of K", "meter calibration")))
-    assert by_k == pytest.approx(mean["value"] * k["standard_uncertainty"] / k["value"], rel=1e-9)
+    # of K's uncertainty the parts of f-number and time meet the frame's own
+    assert 0.0 < by_k < mean["value"] * k["standard_uncertainty"] / k["value"]
     assert (found["region_origin"], found["vignetting"]) == ("campaign", "none")
     assert {"no_vignetting_correction", "observer_differs"} <= flags(found)
     # the readings of its calibration name no meter
@@ -446,4 +447,4 @@ def test_twice_the_time_with_the_same_pixels_is_half_the_luminance(house):
         )
         for time_s in (0.01, 0.02)
     )
-    assert short["mean"]["value"] == pytest.approx(2 * long["mean"]["value"], rel=1e-3)
+    assert short["mean"]["value"] == pytest.approx(2 * long["mean"]["value"], rel=3e-3)
