@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 
 from radiometry.findings import Finding, InputRejected, interface
-from service.wording import describe
+from service.messages import describe
 from store.blobs import BlobDamaged, StorageUnavailable
 from store.errors import Conflict
 from store.files import describe_damage

@@ -7,7 +7,7 @@ from store.codec import drop_absent, encode
 from store.fitting import hash_content
 from store.queries.frames import name_extractor
 from store.software import FIT_CODE_VERSION
-from store.stating import state_budgets, state_coefficients
+from store.statements import state_budgets, state_coefficients
 from verify.compare import ABSENT, Row, compare
 from verify.data import Data, Node
 from verify.recompute import Recomputed, hash_region, inputs_of

@@ -98,7 +98,7 @@ def conclude(reasons: Iterable[Reason]) -> Verdict:
     return Verdict(outcome=ordered[0].outcome if ordered else "pass", reasons=ordered)
 
 
-def give_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
+def assume_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
     """Return the frame with the whole image as its region if none is drawn and one is needed.
 
     Parameters

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from radiometry.findings import Reason
-from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, give_whole_frame, inspect_frames
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.geometry import codes
 from radiometry.geometry.features import Features
 from radiometry.geometry.rows import CHART, FrameRow
@@ -34,7 +34,7 @@ def judge_frames(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow]) -> d
     Reasons, in addition to those of any frame: board_not_found (fail), board_blurred and board_small
     (warn).
     """
-    reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
+    reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     for row in rows:
         if row.role == CHART and row.features is not None and row.frame in reasons:
             reasons[row.frame] += _inspect(row.features)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from radiometry.findings import Finding, Outcome, Reason, shared
-from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, give_whole_frame, inspect_frames
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.noise import codes
 from radiometry.noise.blocks import FrameRow
 from radiometry.noise.darkness import find_not_dark
@@ -31,7 +31,7 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
     dict of str to Verdict
         Verdict by name; a reason of several channels is listed once.
     """
-    reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
+    reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     found: dict[str, dict[Finding, Reason]] = {}
     for stacks in collect_stacks(rows, params).values():
         for stack in stacks:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from radiometry.findings import Reason, shared
-from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, give_whole_frame, inspect_frames
+from radiometry.frame.verdicts import ReviewedFrame, Verdict, assume_whole_frame, conclude, inspect_frames
 from radiometry.vignetting import codes
 from radiometry.vignetting.darkness import find_not_dark
 from radiometry.vignetting.features import FrameRow
@@ -38,7 +38,7 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
     dict of str to Verdict
         Verdict by name.
     """
-    reasons = inspect_frames([give_whole_frame(frame) for frame in frames])
+    reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     for candidate in collect_candidates(rows, params):
         if candidate.quality is not None:
             reasons[candidate.row.frame] += _inspect_flat(candidate.quality)

@@ -31,7 +31,7 @@ from service.schemas.certificates import (
 from service.schemas.equipment import CameraAnswer
 from store.codec import drop_absent, encode_statistics
 from store.queries.calibration_record import CalibrationRecord
-from store.stating import state_budgets, state_coefficients
+from store.statements import state_budgets, state_coefficients
 from store.tables import Calibration
 
 SCHEMA_VERSION = 1

@@ -5,7 +5,7 @@ from typing import Any
 
 from radiometry.specification.method import MethodSpec, Scope
 from service.schemas.certificates import UsedMeter, UsedPanel
-from store.stating import COVERAGE_FACTOR
+from store.statements import COVERAGE_FACTOR
 
 _RELATES = (
     "This certificate relates only to the item named on it, in the state in which it was calibrated, and "

@@ -28,9 +28,9 @@ from service.schemas.campaigns import (
 )
 from service.writing import Reply, Writes
 from store.codec import decode, read_strictly
-from store.judging import assess_readiness
 from store.queries.campaigns import Drawing, count, find_or_add_roi, renew_extractions, set_roi
 from store.tables import Camera, Campaign, Panel, Roi
+from store.verdicts import assess_readiness
 
 router = APIRouter(prefix="/v1/campaigns", tags=["campaigns"])
 

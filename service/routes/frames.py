@@ -27,7 +27,6 @@ from service.routes.campaigns import read_roi
 from service.schemas.campaigns import NewRoi, RoiAnswer
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow, Upload
 from service.writing import Reply, StreamWrites, Writes
-from store.judging import judge_alone, judge_frames
 from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
 from store.queries.frames import (
     NewFrame,
@@ -40,6 +39,7 @@ from store.queries.frames import (
 from store.queries.known import find_known
 from store.tables import Blob, Campaign, FrameRow, Job
 from store.usage import QuotaExceeded, charge, check_room, recount_if_old
+from store.verdicts import judge_alone, judge_frames
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 

@@ -17,9 +17,9 @@ from service.schemas.looks import NewLook, VerdictsAnswer
 from service.thumbnails import draw_thumbnail, tag_of
 from service.writing import Reply, Writes
 from store import jobs
-from store.judging import judge_frames
 from store.queries.frames import current_roi
 from store.tables import Campaign, FrameRow
+from store.verdicts import judge_frames
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 

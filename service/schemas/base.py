@@ -27,7 +27,7 @@ from radiometry.fitting import evidence
 from radiometry.frame.multispectral import name_band
 from radiometry.methods import METHODS
 from radiometry.specification.roles import ROLES
-from service.wording import SHA256
+from service.messages import SHA256
 
 # a NUL cannot be stored in PostgreSQL, and no honest name holds a control character
 Text = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")]

@@ -19,9 +19,9 @@ from pydantic_core import PydanticCustomError
 from radiometry import methods
 from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import Parameter
+from service.messages import AS_NUMBER, BY_NAME
 from service.problems import invalid, located
 from service.schemas.base import CurveText, Form, LongText, Text
-from service.wording import AS_NUMBER, BY_NAME
 
 NONE = "none"
 """Switches off a parameter that has a default."""

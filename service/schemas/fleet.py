@@ -9,8 +9,8 @@ from radiometry.fleet import results
 from radiometry.fleet.determinations import Determination, Key, LeftOut
 from radiometry.fleet.results import Deviation, Effect, FleetVerdict, ParameterVerdict
 from radiometry.fleet.verdicts import Outcome
+from service.messages import AS_NUMBER, BY_NAME
 from service.schemas.base import Answer, Form, Method, Positive, Quantity, Text
-from service.wording import AS_NUMBER, BY_NAME
 from store.tables import Camera
 
 MOST_CAMERAS = 100
