@@ -24,6 +24,7 @@ ANSWERS = {
     records.OwnKey: "OwnKeyAnswer",
     records.Panel: "PanelAnswer",
     records.Reason: "ReasonAnswer",
+    records.Rig: "RigAnswer",
 }
 FORMS = {
     records.CameraDetails: "NewCamera",
