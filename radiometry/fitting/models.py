@@ -249,14 +249,13 @@ def invert(model: str, parameters: Sequence[float], signal_dn: float) -> float:
         X; infinite or NaN where the model has none ("power": at dark and below).
     """
     first, second = (*parameters, 0.0)[:2]
-    with np.errstate(all="ignore"):
+    signal = np.float64(signal_dn)
+    with np.errstate(all="ignore"):  # K of points that disagree wildly may be 0 to rounding
         if model == "power":
-            return (
-                float(np.exp(np.log(np.float64(signal_dn / first)) / second)) if signal_dn > 0.0 else math.nan
-            )
+            return float(np.exp(np.log(signal / first) / second)) if signal_dn > 0.0 else math.nan
         if model == "semilog":
-            return float(np.exp(np.float64((signal_dn - second) / first)))
-    return (signal_dn - second) / first
+            return float(np.exp((signal - second) / first))
+        return float((signal - second) / first)
 
 
 def invert_gradient(model: str, parameters: Sequence[float], signal_dn: float) -> tuple[float, Vector]:
