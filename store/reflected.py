@@ -41,7 +41,7 @@ def touch_band(
             read_applied(old),
             read_applied(new),
             header=decode_header(frame.header or {}),
-            incidence_angle_deg=float(measurement.parameters.get("incidence_angle_deg", 0.0)),
+            incidence_angle_deg=measurement.parameters.get("incidence_angle_deg"),
             common_u_rel=compare_panels(old, new)[1].get(band, 0.0),
         )
     except InputRejected as refusal:

@@ -13,16 +13,18 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
-from radiometry.reflectance.clock import find_tilt, read_clock_s
+from radiometry.reflectance.clock import read_clock_s
 from radiometry.reflectance.evaluation import KAtTime, evaluate_k
 from radiometry.reflectance.features import Features
 from radiometry.reflectance.fit import find_scale
 from radiometry.reflectance.imaging import compute_signal, require_band
+from radiometry.reflectance.levelling import measure_light
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, require_flat_angle
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
-from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
+from radiometry.reflectance.sunshine import Sunshine
 
 _SAME_SCALE_REL = 0.01
+_SAME_ANGLE_DEG = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +47,8 @@ class Scale:
         Sunshine reading; None for a panel-only K.
     flags : tuple of Raised
         Flags of the frame.
+    i_ss_oriented : float or None, default: None
+        Sunshine reading as the sensor was oriented.
     """
 
     band: str
@@ -54,6 +58,7 @@ class Scale:
     reflectance_k: float
     i_ss: float | None
     flags: tuple[Raised, ...]
+    i_ss_oriented: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +82,7 @@ class ReflectanceMap:
 
 
 def find_scale_of_frame(
-    header: FrameHeader, *, coefficients: Sequence[Coefficient], incidence_angle_deg: float = 0.0
+    header: FrameHeader, *, coefficients: Sequence[Coefficient], incidence_angle_deg: float | None = None
 ) -> Scale:
     """Compute the factor from a frame's signal to reflectance.
 
@@ -87,41 +92,43 @@ def find_scale_of_frame(
         Metadata of the frame.
     coefficients : sequence of Coefficient
         Coefficients of the version, one per band.
-    incidence_angle_deg : float, default: 0.0
-        Angle between the light and the surface's normal [deg]; 0 if it is that of
-        the sunshine sensor.
+    incidence_angle_deg : float or None, default: None
+        Angle between the light and the surface's normal [deg]; None for that of the
+        fit.
 
     Returns
     -------
     Scale
-        Factor with its uncertainty. Flags: those of `measure_sunshine`, and
-        `panel_only`, `outside_panel_times`, `sensor_model_differs`,
+        Factor with its uncertainty. Flags: those of `measure_light`, and
+        `panel_only`, `incidence_angle_differs`, `outside_panel_times`, `sensor_model_differs`,
         `serial_unknown`, `sunshine_serial_unknown`.
 
     Raises
     ------
     InputRejected
         `band_not_calibrated`, `wrong_camera`, `wrong_sunshine_sensor`,
-        `sunshine_missing`, `panel_angle_too_large`, `tilt_not_correctable` or
-        `sensor_model_unusable`.
+        `sunshine_missing`, `panel_angle_too_large` or `sensor_model_unusable`.
 
     Notes
     -----
     With K at the frame's time; I_ss is left out with a panel-only K::
 
-        R = K I_sq / (I_ss cos(theta))        u_rel^2 = u_K^2 + sunshine^2 + gain^2
+        R = K I_sq / (I_ss cos(theta))        u_rel^2 = u_K^2 + sunshine^2 + tilt^2 + gain^2
 
     The error of a gain is in K and in I_ss alike: with the same gain index in both
     it cancels, otherwise both count.
     """
     band = require_band(header)
-    require_flat_angle(incidence_angle_deg)
     coefficient = choose_coefficient(coefficients, band=band.band)
+    angle_deg = choose_angle(coefficients, band=band.band, stated=incidence_angle_deg)
+    require_flat_angle(angle_deg)
     flags = _check_identity(header, band, coefficient)
+    if not math.isclose(angle_deg, coefficient.incidence_angle_deg, abs_tol=_SAME_ANGLE_DEG):
+        detail = f"{angle_deg:g} degrees; fitted with {coefficient.incidence_angle_deg:g}."
+        flags.append(codes.INCIDENCE_ANGLE_DIFFERS.at("", detail))
     sunshine = None
     if coefficient.normalisation == "sunshine":
-        tilt = find_tilt(header, coefficient.tilt)
-        sunshine = measure_sunshine(band, choice=coefficient.sunshine_choice, tilt=tilt)
+        sunshine = measure_light(header, choice=coefficient.sunshine_choice, params=coefficient.tilt)
         flags += sunshine.flags
     else:
         detail = "Its light was not compared with this frame's."
@@ -131,7 +138,7 @@ def find_scale_of_frame(
         detail = "The frame's time is not between two panel captures."
         flags.append(codes.OUTSIDE_PANEL_TIMES.at("", detail))
     sources = _list_sources(coefficient, k, sunshine)
-    cosine = math.cos(math.radians(incidence_angle_deg))
+    cosine = math.cos(math.radians(angle_deg))
     i_ss = sunshine.i_ss if sunshine else None
     return Scale(
         band=band.band,
@@ -141,7 +148,33 @@ def find_scale_of_frame(
         reflectance_k=k.value,
         i_ss=i_ss,
         flags=tuple(flags),
+        i_ss_oriented=sunshine.oriented if sunshine else None,
     )
+
+
+def choose_angle(coefficients: Sequence[Coefficient], *, band: str, stated: float | None) -> float:
+    """Return the angle of incidence of a measurement.
+
+    Parameters
+    ----------
+    coefficients : sequence of Coefficient
+        Coefficients of the version, one per band.
+    band : str
+        Name of the band.
+    stated : float or None
+        Angle that the measurement states [deg].
+
+    Returns
+    -------
+    float
+        The stated angle, else that of the fit [deg].
+
+    Raises
+    ------
+    InputRejected
+        `band_not_calibrated`.
+    """
+    return choose_coefficient(coefficients, band=band).incidence_angle_deg if stated is None else stated
 
 
 def choose_coefficient(coefficients: Sequence[Coefficient], *, band: str) -> Coefficient:
@@ -180,7 +213,7 @@ def apply_features(
     *,
     header: FrameHeader,
     coefficients: Sequence[Coefficient],
-    incidence_angle_deg: float = 0.0,
+    incidence_angle_deg: float | None = None,
 ) -> AppliedReflectance:
     """Compute the reflectance of a region with its uncertainty; nothing is clipped to [0, 1].
 
@@ -192,8 +225,9 @@ def apply_features(
         Metadata of the frame.
     coefficients : sequence of Coefficient
         Coefficients of the version, one per band.
-    incidence_angle_deg : float, default: 0.0
-        Angle between the light and the surface's normal [deg].
+    incidence_angle_deg : float or None, default: None
+        Angle between the light and the surface's normal [deg]; None for that of the
+        fit.
 
     Returns
     -------
@@ -224,6 +258,7 @@ def apply_features(
         i_ss=scale.i_ss,
         reflectance_k=scale.reflectance_k,
         effects=effects,
+        i_ss_oriented=scale.i_ss_oriented,
         flags=(*scale.flags, *_check_features(features, value, noise)),
     )
 
@@ -274,6 +309,7 @@ def _list_sources(
     return (
         ("K", k.u_rel),
         ("sunshine readings", sunshine.standard_uncertainty / sunshine.i_ss),
+        ("sunshine tilt", sunshine.level_u_rel),
         ("sunshine gain", gain),
     )
 

@@ -5,8 +5,13 @@ from datetime import UTC, datetime
 from radiometry.findings import InputRejected
 from radiometry.frame import FrameHeader
 from radiometry.reflectance import codes
-from radiometry.reflectance.sun import locate_sun
+from radiometry.reflectance.sun import SunPosition, locate_sun
 from radiometry.reflectance.tilt import Tilt, TiltParams, require_high_sun
+
+# A clock that was never set starts in 1970, or when a GPS week begins: 1980.
+EARLIEST_YEAR = 2000
+# A DJI camera writes the time of day of the place, without its offset.
+_LOCAL_CLOCKS = frozenset({"dji"})
 
 
 def read_clock(header: FrameHeader) -> datetime | None:
@@ -46,6 +51,49 @@ def read_clock_s(header: FrameHeader) -> float | None:
     return at.timestamp() if at is not None else None
 
 
+def locate_sun_of(header: FrameHeader) -> SunPosition | None:
+    """Return the position of the sun over a frame.
+
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the frame.
+
+    Returns
+    -------
+    SunPosition or None
+        By time and place, else as the file states it; None if neither is known: of a
+        clock before 2000, which was never set, or of a local time without offset.
+    """
+    at, band = read_clock(header), header.multispectral
+    if at is None or not has_set_clock(at) or _is_local(header):
+        at = None
+    if at is not None and header.latitude_deg is not None and header.longitude_deg is not None:
+        return locate_sun(at, latitude_deg=header.latitude_deg, longitude_deg=header.longitude_deg)
+    light = band.irradiance if band is not None else None
+    if light is None or light.solar_elevation_deg is None or light.solar_azimuth_deg is None:
+        return None
+    return SunPosition(elevation_deg=light.solar_elevation_deg, azimuth_deg=light.solar_azimuth_deg)
+
+
+def _is_local(header: FrameHeader) -> bool:
+    band, stated = header.multispectral, header.taken_at
+    if band is None or stated is None or band.system not in _LOCAL_CLOCKS:
+        return False
+    return datetime.fromisoformat(stated).tzinfo is None
+
+
+def has_set_clock(at: datetime) -> bool:
+    """Return False for a time before any of these cameras was built.
+
+    Parameters
+    ----------
+    at : datetime
+        Time of the camera's clock.
+    """
+    return at.year >= EARLIEST_YEAR
+
+
 def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:
     """Return the tilt correction of a frame with the position of the sun.
 
@@ -69,13 +117,12 @@ def find_tilt(header: FrameHeader, params: TiltParams | None) -> Tilt | None:
     """
     if params is None:
         return None
-    at = read_clock(header)
-    if at is None or header.latitude_deg is None or header.longitude_deg is None:
+    sun = locate_sun_of(header)
+    if sun is None:
         raise InputRejected(
             codes.TILT_NOT_CORRECTABLE,
-            "The file does not say when and where it was taken (no GPS fix): where the sun stood is not "
-            "known. Fit without the tilt correction.",
+            "The file does not state when and where it was taken (no GPS fix): the position of the sun is "
+            "not known.",
         )
-    sun = locate_sun(at, latitude_deg=header.latitude_deg, longitude_deg=header.longitude_deg)
     require_high_sun(sun)
     return Tilt(sun=sun, params=params)

@@ -23,7 +23,7 @@ SUNSHINE_GAIN_TABLE_MISSING = flag(
 )
 SUNSHINE_SINGLE_READING = flag(
     "sunshine_single_reading",
-    "There is one sunshine reading: its scatter is not known, and not in the uncertainty.",
+    "There is one sunshine reading, whose scatter is not known: 2 % was assumed.",
     "This is always so with a light sensor of MicaSense; otherwise use the mean of several readings.",
     *("calibration", "measurement"),
 )
@@ -39,6 +39,34 @@ SUNSHINE_SCALE_ASSUMED = flag(
     "The file does not state the unit of its irradiance: it was inferred from the light sensor's generation.",
     "Compare it with `panel_irradiance_w_m2_nm` of the version's points.",
     *("calibration", "measurement"),
+)
+TILT_NOT_CORRECTABLE = flag(
+    "tilt_not_correctable",
+    "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time "
+    "or attitude, or the sun is under 10 degrees. The tilt is in the uncertainty instead.",
+    "Wait for the GPS fix before the flight, and fly when the sun is higher.",
+    *("calibration", "measurement"),
+)
+SUNSHINE_TILTED = flag(
+    "sunshine_tilted",
+    "The sunshine sensor hung more than 3 degrees off level, and its reading was not converted to a level "
+    "surface. The tilt is in the uncertainty.",
+    "Fit with `sunshine_surface: level`, from files with position and time.",
+    *("calibration", "measurement"),
+)
+INCIDENCE_ANGLE_DIFFERS = flag(
+    "incidence_angle_differs",
+    "The angle of incidence stated for the measurement is not that of the fit: the reflectance differs by "
+    "the ratio of their cosines.",
+    "Leave the angle out unless the surface slopes against the panel.",
+    "measurement",
+)
+CLOCK_NOT_SET = flag(
+    "clock_not_set",
+    "The camera's clock was never set: the file's time lies before 2000. The position of the sun is not "
+    "known.",
+    "Set the clock of the camera, or wait for its GPS fix, before the panel is taken.",
+    *("frame", "calibration"),
 )
 SENSOR_MODEL_SCALE = flag(
     "sensor_model_scale",
@@ -176,12 +204,6 @@ WRONG_SUNSHINE_SENSOR = error(
     "The frames are of several sunshine sensors, or of another one than the version's; K belongs to one "
     "camera and one sensor.",
     "Leave the frames of the others out, or take the panel with this pair.",
-)
-TILT_NOT_CORRECTABLE = error(
-    "tilt_not_correctable",
-    "The tilt of the sunshine sensor cannot be corrected: the file lacks position, time or attitude, or the "
-    "sun is under 10 degrees.",
-    "Fit without the tilt correction.",
 )
 BAND_NOT_CALIBRATED = error(
     "band_not_calibrated",

@@ -16,7 +16,7 @@ def change_reflectance(
     new: Sequence[Coefficient],
     *,
     header: FrameHeader,
-    incidence_angle_deg: float = 0.0,
+    incidence_angle_deg: float | None = None,
     common_u_rel: float = 0.0,
 ) -> Quantity:
     """Compute R_new / R_old - 1 of a frame measured with `old` and with `new`.
@@ -28,8 +28,9 @@ def change_reflectance(
     header : FrameHeader
         Metadata of the frame; K is taken at its time, I_ss as each version chooses
         its readings.
-    incidence_angle_deg : float, default: 0.0
-        Angle between the light and the surface's normal [deg].
+    incidence_angle_deg : float or None, default: None
+        Angle between the light and the surface's normal [deg]; None for that of the
+        fit.
     common_u_rel : float, default: 0.0
         Relative standard uncertainty m of the panel's reflectance if both versions
         depend on the same panel.

@@ -6,6 +6,7 @@ from radiometry.findings import Raised, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
+from radiometry.reflectance.clock import has_set_clock, read_clock
 from radiometry.reflectance.imaging import describe_kind, find_black_dn, inspect_band
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
 from radiometry.reflectance.results import BandFit
@@ -59,14 +60,16 @@ def check_frame(header: FrameHeader, *, where: str = "") -> list[Raised]:
     Returns
     -------
     list of Raised
-        Flags `black_level_assumed`, `sensor_model_scale`, `black_level_disagrees`.
+        Flags `black_level_assumed`, `clock_not_set`, `sensor_model_scale`, `black_level_disagrees`.
     """
     if header.assumes_black:
         return [shared.BLACK_LEVEL_ASSUMED.at(where, "0 DN was subtracted from the signal.")]
     band = header.multispectral
     if band is None:
         return []
-    raised = []
+    raised, at = [], read_clock(header)
+    if at is not None and not has_set_clock(at):
+        raised.append(codes.CLOCK_NOT_SET.at(where, f"{at:%Y-%m-%d}."))
     if band.sensor_model is not None and band.sensor_model.a > _NEWER_SCALE:
         detail = f"A = {band.sensor_model.a:g}."
         raised.append(codes.SENSOR_MODEL_SCALE.at(where, detail))

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorModel
+from radiometry.reflectance.clock import locate_sun_of
 from radiometry.reflectance.evaluation import evaluate_k
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.points import Candidate
 from radiometry.reflectance.results import BandFit, Coefficient, Knot, Point
 from radiometry.reflectance.rows import Normalisation, Params
 
+# Beyond this zenith angle the light of a panel is mostly the sky's.
+_STEEPEST_DEG = 80.0
 # A difference that may lie anywhere between two visits, as a rectangular distribution.
 _RECTANGLE = 1.0 / math.sqrt(12.0)
 
@@ -26,6 +29,7 @@ class _Frame:
     k: float
     noise_u_rel: float
     sunshine_u_rel: float
+    level_u_rel: float
 
 
 @dataclass(frozen=True)
@@ -34,12 +38,13 @@ class _Own:
 
     noise: float
     sunshine: float
+    level: float
     repeat: float
     dof: float
 
     @property
     def total(self) -> float:
-        return self.noise + self.sunshine + self.repeat
+        return self.noise + self.sunshine + self.level + self.repeat
 
 
 def compute_k(*, reflectance: float, incidence_angle_deg: float, i_sq: float, i_ss: float | None) -> float:
@@ -89,13 +94,16 @@ def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
     K of a panel capture is the mean over its frames. K of the flight is the mean
     over the captures, or K(t) on straight lines between them::
 
-        u_rel(K)^2 = panel^2 + angle^2 + evenness^2 + gain^2 + drift^2 + (noise^2 + sunshine^2 + repeat^2)
+        u_rel(K)^2 = panel^2 + angle^2 + evenness^2 + gain^2 + drift^2
+                     + (noise^2 + sunshine^2 + tilt^2 + repeat^2)
 
         panel     u(R)/R
-        angle     tan(theta) u_theta and u_theta^2 / 2: the cosine's first and second order
+        angle     tan(theta) u_theta and u_theta^2 / 2: the cosine's first and second order;
+                  theta is the sun's zenith angle where none is stated
         evenness  gradient across the region / sqrt(12)
         gain      of the sunshine sensor's gain indices, which all frames share
         drift     |K_last - K_first| / (K sqrt(12)) of a constant K; K(t) follows it
+        tilt      of the sunshine sensor's attitude and the diffuse fraction, alike in a capture
         repeat    by how much the frames of a capture scatter beyond their noise
     """
     frames = [_measure(candidate, params) for candidate in used]
@@ -110,7 +118,7 @@ def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
     count = len(owns) ** 2
     sources = {
         "panel reflectance": ("B", _panel_u_rel(used)),
-        "panel angle": ("B", _angle_u_rel(params)),
+        "panel angle": ("B", _angle_u_rel(used, params)),
         "panel evenness": (
             "B",
             _RECTANGLE * statistics.fmean(f.candidate.features.gradient_rel for f in frames),
@@ -119,6 +127,7 @@ def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
         "drift": ("B", _RECTANGLE * abs(drift_rel or 0.0) if params.interpolation == "constant" else 0.0),
         "pixel noise": ("A", math.sqrt(sum(own.noise for own in owns) / count)),
         "sunshine readings": ("A", math.sqrt(sum(own.sunshine for own in owns) / count)),
+        "sunshine tilt": ("B", math.sqrt(sum(own.level for own in owns) / count)),
         "repeat of the panel": ("A", math.sqrt(sum(own.repeat for own in owns) / count)),
     }
     coefficient = _build(
@@ -150,6 +159,7 @@ def _measure(candidate: Candidate, params: Params) -> _Frame:
         k=k,
         noise_u_rel=features.i_sq_standard_uncertainty / features.i_sq,
         sunshine_u_rel=sunshine.standard_uncertainty / sunshine.i_ss if sunshine else 0.0,
+        level_u_rel=sunshine.level_u_rel if sunshine else 0.0,
     )
 
 
@@ -163,7 +173,10 @@ def _judge_visit(visit: Sequence[_Frame]) -> _Own:
         values = [frame.k for frame in visit]
         scatter = (statistics.stdev(values) / statistics.fmean(values)) ** 2 / n
     repeat = max(0.0, scatter - noise - sunshine)
-    return _Own(noise=noise, sunshine=sunshine, repeat=repeat, dof=n - 1.0 if repeat > 0.0 else math.inf)
+    level = statistics.fmean(frame.level_u_rel for frame in visit) ** 2
+    return _Own(
+        noise=noise, sunshine=sunshine, level=level, repeat=repeat, dof=n - 1.0 if repeat > 0.0 else math.inf
+    )
 
 
 def _knot(visit: Sequence[_Frame], own: _Own) -> Knot:
@@ -180,9 +193,11 @@ def _panel_u_rel(used: Sequence[Candidate]) -> float:
     return (panel.standard_uncertainty or 0.0) / panel.reflectance if panel else 0.0
 
 
-def _angle_u_rel(params: Params) -> float:
-    u = math.radians(params.incidence_angle_u_deg)
-    return math.hypot(math.tan(math.radians(params.incidence_angle_deg)) * u, u**2 / 2.0)
+def _angle_u_rel(used: Sequence[Candidate], params: Params) -> float:
+    suns = [sun for each in used if (sun := locate_sun_of(each.row.header)) is not None]
+    angle_deg = params.incidence_angle_deg or max((90.0 - sun.elevation_deg for sun in suns), default=0.0)
+    u, theta = math.radians(params.incidence_angle_u_deg), math.radians(min(angle_deg, _STEEPEST_DEG))
+    return math.hypot(math.tan(theta) * u, u**2 / 2.0)
 
 
 def _build(
@@ -211,7 +226,7 @@ def _build(
         normalisation=params.normalisation,
         sunshine_choice=params.sunshine_choice,
         interpolation=params.interpolation,
-        tilt=params.tilt,
+        tilt=params.levelling,
         camera_serial=first.row.header.serial,
         sunshine_serial=first.band.sunshine_serial if sunshine else None,
         wavelength_nm=first.band.wavelength_nm,
@@ -313,6 +328,7 @@ def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) ->
         gradient_rel=features.gradient_rel if features else None,
         saturated_share=features.statistics.saturated_share if features else None,
         i_ss=sunshine.i_ss if sunshine else None,
+        i_ss_oriented=sunshine.oriented if sunshine else None,
         sunshine_readings=sunshine.readings if sunshine else None,
         sunshine_spread_rel=sunshine.spread_rel if sunshine else None,
         panel_reflectance=panel.reflectance if panel else None,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,11 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.multispectral import Index
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import codes
-from radiometry.reflectance.application import apply_features
+from radiometry.reflectance.application import apply_features, choose_angle
 from radiometry.reflectance.features import extract_features
 from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
+from radiometry.specification.stored import LATER
 
 PERCENTILES = (5, 10, 90, 95)
 _OUTLIER_SIGMAS = 5.0
@@ -98,6 +99,8 @@ class MeasuredReflectance:
         Saturated fraction of the region, 0 to 1.
     flags : tuple of Raised
         Flags of the measurement.
+    i_ss_oriented : float or None
+        Sunshine reading as the sensor was oriented.
     """
 
     band: str
@@ -118,6 +121,7 @@ class MeasuredReflectance:
     above_one_share: float
     saturated_share: float
     flags: tuple[Raised, ...]
+    i_ss_oriented: float | None = field(default=None, metadata=LATER)
 
 
 def measure_region(
@@ -127,7 +131,7 @@ def measure_region(
     header: FrameHeader,
     exposure: Exposure,
     coefficients: Sequence[Coefficient],
-    incidence_angle_deg: float = 0.0,
+    incidence_angle_deg: float | None = None,
 ) -> MeasuredReflectance:
     """Measure the reflectance of a region.
 
@@ -143,8 +147,9 @@ def measure_region(
         Exposure of the frame.
     coefficients : sequence of Coefficient
         Coefficients of the version, one per band.
-    incidence_angle_deg : float, default: 0.0
-        Angle between the light and the surface's normal [deg].
+    incidence_angle_deg : float or None, default: None
+        Angle between the light and the surface's normal [deg]; None for that of the
+        fit.
 
     Returns
     -------
@@ -197,11 +202,12 @@ def measure_region(
         i_sq=applied.i_sq,
         i_ss=applied.i_ss,
         reflectance_k=applied.reflectance_k,
-        incidence_angle_deg=incidence_angle_deg,
+        incidence_angle_deg=choose_angle(coefficients, band=features.band, stated=incidence_angle_deg),
         below_zero_share=float(np.mean(values < 0.0)),
         above_one_share=float(np.mean(values > 1.0)),
         saturated_share=features.statistics.saturated_share,
         flags=applied.flags,
+        i_ss_oriented=applied.i_ss_oriented,
     )
 
 

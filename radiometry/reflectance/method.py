@@ -235,7 +235,6 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         extracted yet. `sunshine_missing` or `panel_saturated` if that is what keeps
         every frame out. `panel_angle_too_large`. `wrong_camera` or
         `wrong_sunshine_sensor` if the panel frames are of several.
-        `tilt_not_correctable`.
 
     Notes
     -----

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from radiometry.findings import Finding, InputRejected, Raised
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
-from radiometry.reflectance.clock import find_tilt, read_clock_s
+from radiometry.reflectance.clock import read_clock_s
 from radiometry.reflectance.features import Features
+from radiometry.reflectance.levelling import measure_light
 from radiometry.reflectance.rows import FrameRow, Params, Reading
-from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
+from radiometry.reflectance.sunshine import Sunshine
 
 PANEL = "panel"
 MOST_SATURATED_SHARE = 0.001
@@ -233,9 +234,11 @@ def _judge(
         left_out = NO_REFLECTANCE
     if not left_out and params.normalisation == "sunshine":
         try:
-            tilt = find_tilt(row.header, params.tilt)
-            sunshine = measure_sunshine(
-                band, choice=params.sunshine_choice, tilt=tilt, where=f"frame {row.frame}"
+            sunshine = measure_light(
+                row.header,
+                choice=params.sunshine_choice,
+                params=params.levelling,
+                where=f"frame {row.frame}",
             )
         except InputRejected as rejected:
             left_out, code = rejected.message, rejected.code

@@ -1,12 +1,13 @@
 """Results of a reflectance fit, ready for JSON; what does not exist is None."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
 from radiometry.reflectance.rows import Interpolation, Normalisation
 from radiometry.reflectance.sunshine import Choice
 from radiometry.reflectance.tilt import TiltParams
+from radiometry.specification.stored import LATER
 
 REFLECTANCE_UNIT = "1"
 
@@ -23,7 +24,7 @@ class Knot:
         K of the capture.
     u_rel : float
         Relative standard uncertainty that this capture does not share with others:
-        noise, sunshine scatter.
+        noise, sunshine scatter and tilt.
     """
 
     at_s: float | None
@@ -156,6 +157,8 @@ class Point:
         K of this frame.
     residual_rel : float or None
         K of this frame relative to the coefficient's at its time, minus 1.
+    i_ss_oriented : float or None
+        Sunshine reading as the sensor was oriented.
     """
 
     frame: str
@@ -176,6 +179,7 @@ class Point:
     panel_irradiance_w_m2_nm: float | None
     reflectance_k: float | None
     residual_rel: float | None
+    i_ss_oriented: float | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,6 +262,8 @@ class AppliedReflectance:
         Effects of the sources.
     flags : tuple of Raised
         Flags of the measurement.
+    i_ss_oriented : float or None
+        Sunshine reading as the sensor was oriented.
     """
 
     band: str
@@ -267,3 +273,4 @@ class AppliedReflectance:
     reflectance_k: float
     effects: tuple[Effect, ...]
     flags: tuple[Raised, ...]
+    i_ss_oriented: float | None = field(default=None, metadata=LATER)

@@ -12,6 +12,7 @@ from radiometry.reflectance.tilt import TiltParams
 from radiometry.specification.parameters import check_parameters, parameter
 
 Normalisation = Literal["sunshine", "panel_only"]
+Surface = Literal["level", "oriented"]
 Interpolation = Literal["constant", "linear"]
 
 
@@ -44,7 +45,8 @@ class Params:
         label="Incidence angle",
         description="Angle between the panel's normal and the sun. The procedure calls it the angle of "
         "observation; for a diffuse panel the cosine belongs to the incoming light. 0: the panel lies as the "
-        "sunshine sensor does, which is the usual way, and both see the same cosine.",
+        "sunshine sensor does, which is the usual way, and both see the same cosine. A measurement takes the "
+        "same angle unless it states another.",
         unit="deg",
         minimum=0.0,
         maximum=90.0,
@@ -53,24 +55,36 @@ class Params:
     incidence_angle_u_deg: float = parameter(
         2.0,
         label="Uncertainty of the incidence angle",
-        description="Its standard uncertainty; 2 degrees is a panel levelled by eye.",
+        description="Its standard uncertainty; 2 degrees is a panel levelled by eye. Its effect is that of "
+        "the sun's zenith angle where the incidence angle is 0 and the file states position and time.",
         unit="deg",
         minimum=0.0,
         maximum=90.0,
         below_maximum=True,
     )
+    sunshine_surface: Surface = parameter(
+        "level",
+        label="Surface of the sunshine reading",
+        description="Level: by the sensor's attitude and the sun's position, wherever the file states "
+        "attitude, time and position.",
+        labels={"level": "A level surface", "oriented": "As the sensor was oriented"},
+    )
     tilt: TiltParams | None = parameter(
         None,
         label="Tilt correction",
-        description="Corrects the sunshine sensor's own tilt by the sun's position; `{}` takes a clear sky "
-        "and a PTFE diffuser.",
-        default_text="no correction",
+        description="Assumptions about sky and sensor for a reading on a level surface.",
+        default_text="a clear sky, a PTFE diffuser, an attitude known to 2 degrees",
     )
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
         """Check every parameter against its range and choices."""
         check_parameters(self)
+
+    @property
+    def levelling(self) -> TiltParams | None:
+        """Assumptions with which readings are converted to a level surface; None if they are not."""
+        return None if self.sunshine_surface == "oriented" else self.tilt or TiltParams()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,6 +19,8 @@ Choice = Literal["mean", "last", "nearest"]
 COUNTS_UNIT = "1/s"
 # What records without the two fields are taken for: what later firmware wrote by day.
 ASSUMED_INTEGRATION_TIME_S = 0.1
+# Of a file's only reading, whose scatter nobody sees.
+SINGLE_READING_U_REL = 0.02
 _GENERATIONS = {"dls1": "W/m2/nm", "dls2": "uW/cm2/nm"}
 
 
@@ -38,6 +40,8 @@ class SunshineReading:
         Reading [counts/s at gain index 1]; None if it is not valid.
     left_out : str
         Reason why it is not valid, else "".
+    oriented : float
+        Reading as the sensor was oriented; 0 if it is not valid.
     """
 
     time_us: int
@@ -45,6 +49,7 @@ class SunshineReading:
     gain_index: int
     i_ss: float | None
     left_out: str
+    oriented: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +61,8 @@ class Sunshine:
     i_ss : float
         Sunshine reading, in `unit`.
     standard_uncertainty : float
-        From the readings' scatter and from counting in whole numbers; not from the
-        gain.
+        From the readings' scatter, 2 % of a single one, and from counting in whole
+        numbers; not from the gain, and not from the attitude.
     gain_u_rel : float
         Relative standard uncertainty of the relative gain; it cancels between
         captures at the same `gain_indices`.
@@ -76,6 +81,11 @@ class Sunshine:
         single one.
     flags : tuple of Raised
         Flags of the readings.
+    oriented : float
+        Reading as the sensor was oriented, in `unit`.
+    level_u_rel : float, default: 0.0
+        Relative standard uncertainty from the sensor's attitude and the diffuse
+        fraction.
     """
 
     i_ss: float
@@ -88,6 +98,8 @@ class Sunshine:
     left_out: tuple[str, ...]
     spread_rel: float | None
     flags: tuple[Raised, ...]
+    oriented: float
+    level_u_rel: float = 0.0
 
 
 def measure_sunshine(
@@ -130,7 +142,7 @@ def measure_sunshine(
 
     A mean of n has, with s_c the noise in counts::
 
-        u^2 = s^2/n + (1/12) exp(-4 pi^2 s_c^2)
+        u^2 = s^2/n + (1/12) exp(-4 pi^2 s_c^2)          s = 2 % of a single reading
 
     Rounding to whole counts does not average out unless noise carries the counts
     across the steps, and a band may count 5.
@@ -209,9 +221,14 @@ def _read(record: SunshineRecord, gains: dict[int, Gain], tilt: Tilt | None) -> 
             left_out = "turned away from the sun"
         else:
             factor = level_factor(angle_deg, tilt)
-    i_ss = None if left_out else record.ch0 / (gains[index].value * time_s) * factor
+    oriented = 0.0 if left_out else record.ch0 / (gains[index].value * time_s)
     return SunshineReading(
-        time_us=record.time_us, count=record.ch0, gain_index=index, i_ss=i_ss, left_out=left_out
+        time_us=record.time_us,
+        count=record.ch0,
+        gain_index=index,
+        i_ss=None if left_out else oriented * factor,
+        left_out=left_out,
+        oriented=oriented,
     )
 
 
@@ -219,7 +236,7 @@ def _angle_to_sun(record: SunshineRecord | SunshineIrradiance, tilt: Tilt) -> fl
     if record.yaw_deg is None or record.pitch_deg is None or record.roll_deg is None:
         raise InputRejected(
             codes.TILT_NOT_CORRECTABLE,
-            "The sunshine readings do not state how the sensor hung. Fit without the tilt correction.",
+            "The sunshine readings do not state how the sensor hung.",
         )
     return sun_angle_deg(
         tilt.sun, yaw_deg=record.yaw_deg, pitch_deg=record.pitch_deg, roll_deg=record.roll_deg
@@ -244,7 +261,7 @@ def _summarise(
     values = [reading.i_ss for reading in valid if reading.i_ss is not None]
     mean = statistics.fmean(reading.i_ss for reading in chosen if reading.i_ss is not None)
     spread_rel = statistics.stdev(values) / statistics.fmean(values) if len(values) > 1 else None
-    scatter_rel = (spread_rel or 0.0) / math.sqrt(len(chosen))
+    scatter_rel = SINGLE_READING_U_REL if spread_rel is None else spread_rel / math.sqrt(len(chosen))
     return Sunshine(
         i_ss=mean,
         standard_uncertainty=mean * math.hypot(scatter_rel, _rounding_rel(chosen)),
@@ -256,6 +273,7 @@ def _summarise(
         left_out=left_out,
         spread_rel=spread_rel,
         flags=flags,
+        oriented=statistics.fmean(reading.oriented for reading in chosen),
     )
 
 
@@ -303,7 +321,7 @@ def _take_irradiance(
         flags.append(codes.SUNSHINE_SCALE_ASSUMED.at(where, detail))
     return Sunshine(
         i_ss=reading.value * factor,
-        standard_uncertainty=0.0,
+        standard_uncertainty=SINGLE_READING_U_REL * reading.value * factor,
         gain_u_rel=0.0,
         gain_indices=(),
         unit=reading.unit,
@@ -312,6 +330,9 @@ def _take_irradiance(
         left_out=(reading.distrust,) if reading.distrust else (),
         spread_rel=None,
         flags=tuple(flags),
+        oriented=reading.value
+        if reading.quantity != "horizontal"
+        else reading.spectral_w_m2_nm or reading.value,
     )
 
 

@@ -1,4 +1,4 @@
-"""Correction of a tilted sunshine sensor to level; off unless requested."""
+"""Irradiance on a level surface from the reading of a tilted sunshine sensor."""
 
 import math
 from dataclasses import dataclass
@@ -29,6 +29,21 @@ class TiltParams:
         description="Refractive index of the sensor's diffuser, 1.38 for PTFE.",
         minimum=1.0,
         maximum=3.0,
+    )
+    diffuse_share_u: float = parameter(
+        0.1,
+        label="Uncertainty of the diffuse fraction",
+        description="Its standard uncertainty; a fraction that the file states has the same.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    attitude_u_deg: float = parameter(
+        2.0,
+        label="Uncertainty of the attitude",
+        description="Standard uncertainty of the sensor's attitude towards the sun.",
+        unit="deg",
+        minimum=0.0,
+        maximum=45.0,
     )
 
     def __post_init__(self) -> None:
@@ -69,7 +84,7 @@ def require_high_sun(sun: SunPosition) -> None:
         raise InputRejected(
             codes.TILT_NOT_CORRECTABLE,
             f"The sun stands at {sun.elevation_deg:.1f} degrees: under {LOWEST_SUN_DEG:g} the tilt of the "
-            "sunshine sensor cannot be corrected. Fit without the tilt correction, or fly when it is higher.",
+            "sunshine sensor cannot be corrected. Fly when it is higher.",
         )
 
 
@@ -135,7 +150,7 @@ def sun_angle_deg(sun: SunPosition, *, yaw_deg: float, pitch_deg: float, roll_de
 
 
 def level_factor(angle_deg: float, tilt: Tilt) -> float:
-    """Compute the factor that converts a reading to that of a level sensor.
+    """Compute the factor that converts a reading to the irradiance on a level surface.
 
     Parameters
     ----------
@@ -151,14 +166,14 @@ def level_factor(angle_deg: float, tilt: Tilt) -> float:
 
     Notes
     -----
-    Both readings are direct light times cosine times T plus diffuse light, which
-    has no direction here [1]_::
+    A reading is direct light times cosine times T plus diffuse light, which has no
+    direction here [1]_::
 
-        reading = H ((1 - d) cos(a) T(a) / cos(z) + d T_d)          level = the same with a = z
+        reading = H ((1 - d) cos(a) T(a) / cos(z) + d)
 
     H is the horizontal irradiance, d its diffuse fraction (d/(1 - d) = 1/5 as in
-    MicaSense's light sensor notes), a the angle to the sun, z the zenith angle; T_d
-    = 1, since only the factor between the two readings is used.
+    MicaSense's light sensor notes), a the angle to the sun, z the zenith angle. What
+    the diffuser loses of diffuse light is a constant, which K contains.
 
     Limits: the fraction d is an assumption; part of the sky and the ground that a
     tilted sensor sees is left out; the attitude's yaw comes from a compass beside
@@ -170,13 +185,55 @@ def level_factor(angle_deg: float, tilt: Tilt) -> float:
            section 2.15 (isotropic sky)
     """
     zenith_deg = 90.0 - tilt.sun.elevation_deg
-    level, tilted = (_response(angle, tilt, zenith_deg) for angle in (zenith_deg, angle_deg))
-    return level / tilted
+    return 1.0 / _respond(angle_deg, zenith_deg, tilt.params, tilt.params.diffuse_share)
 
 
-def _response(angle_deg: float, tilt: Tilt, zenith_deg: float) -> float:
-    share = tilt.params.diffuse_share
-    direct = math.cos(math.radians(angle_deg)) * transmit(
-        angle_deg, refractive_index=tilt.params.refractive_index
+def attitude_u_rel(angle_deg: float, tilt: Tilt, *, u_deg: float) -> float:
+    """Compute the relative standard uncertainty of a reading from that of its attitude.
+
+    Parameters
+    ----------
+    angle_deg : float
+        Angle between the sensor's normal and the sun [deg].
+    tilt : Tilt
+        Position of the sun, and assumptions.
+    u_deg : float
+        Standard uncertainty of the angle [deg].
+
+    Returns
+    -------
+    float
+        Half of the change from one end of the interval to the other, and the shift of
+        its middle, which alone remains with the sun in the normal.
+    """
+    zenith_deg, share = 90.0 - tilt.sun.elevation_deg, tilt.params.diffuse_share
+    low, middle, high = (
+        _respond(angle, zenith_deg, tilt.params, share)
+        for angle in (abs(angle_deg - u_deg), angle_deg, min(90.0, angle_deg + u_deg))
     )
+    return math.hypot((high - low) / 2.0, (high + low) / 2.0 - middle) / middle
+
+
+def diffuse_u_rel(angle_deg: float, tilt: Tilt) -> float:
+    """Compute the relative standard uncertainty of a levelled reading from that of the diffuse fraction.
+
+    Parameters
+    ----------
+    angle_deg : float
+        Angle between the sensor's normal and the sun [deg].
+    tilt : Tilt
+        Position of the sun, and assumptions.
+
+    Returns
+    -------
+    float
+        Effect of one standard uncertainty.
+    """
+    # the response is a line in the fraction, from direct light alone to 1
+    direct = _respond(angle_deg, 90.0 - tilt.sun.elevation_deg, tilt.params, 0.0)
+    return abs(1.0 - direct) * tilt.params.diffuse_share_u * level_factor(angle_deg, tilt)
+
+
+def _respond(angle_deg: float, zenith_deg: float, params: TiltParams, share: float) -> float:
+    direct = math.cos(math.radians(angle_deg)) * transmit(angle_deg, refractive_index=params.refractive_index)
     return (1.0 - share) * direct / math.cos(math.radians(zenith_deg)) + share

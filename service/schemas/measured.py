@@ -177,13 +177,16 @@ def _figures(row: Measurement) -> dict[str, Any]:
         "max": result["largest"],
         "vignetting": "file",
         "signal": result["band"],
-        "reflected": ReflectedAnswer(**{name: result[name] for name in (*_REFLECTED, *_OUTSIDE)}),
+        "reflected": ReflectedAnswer(
+            **{name: result[name] for name in (*_REFLECTED, *_OUTSIDE)},
+            i_ss_oriented=result.get("i_ss_oriented"),
+        ),
     }
 
 
 def _band(applied: dict[str, Any]) -> BandAnswer:
     names = ("band", "i_sq", "i_ss", "reflectance_k", "reflectance")
-    return BandAnswer(**{name: applied[name] for name in names})
+    return BandAnswer(**{name: applied[name] for name in names}, i_ss_oriented=applied.get("i_ss_oriented"))
 
 
 def _surface(row: Measurement) -> dict[str, Any]:

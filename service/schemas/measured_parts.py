@@ -43,7 +43,10 @@ class ReflectedAnswer(Answer):
 
     band: str
     i_sq: float
-    i_ss: float | None = Field(default=None, description="None of a panel-only K.")
+    i_ss: float | None = Field(
+        default=None, description="On a level surface wherever the file allows; none of a panel-only K."
+    )
+    i_ss_oriented: float | None = Field(default=None, description="As the sensor was oriented.")
     reflectance_k: float = Field(description="At the time of the frame.")
     incidence_angle_deg: float
     shared_u: float = Field(description="The part of the mean's uncertainty that all pixels share.")
@@ -56,6 +59,7 @@ class BandAnswer(Answer):
     band: str
     i_sq: float
     i_ss: float | None = None
+    i_ss_oriented: float | None = None
     reflectance_k: float
     reflectance: Quantity
 

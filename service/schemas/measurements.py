@@ -53,7 +53,11 @@ class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields
     ] = None
     incidence_angle_deg: Annotated[
         Number | None,
-        Field(ge=0, le=60, description="Of reflectance: between the surface's normal and the light."),
+        Field(
+            ge=0,
+            le=60,
+            description="Of reflectance: between the surface's normal and the light; else that of the fit.",
+        ),
     ] = None
     index: Annotated[
         Index | None,

@@ -214,8 +214,9 @@ def _plan_band(
     asked: Asked,
     captures: Captures,
 ) -> dict[str, Any]:
-    coefficients, angle_deg = read_applied(calibration), asked.incidence_angle_deg or 0.0
-    plan: dict[str, Any] = {"incidence_angle_deg": angle_deg}
+    coefficients, angle_deg = read_applied(calibration), asked.incidence_angle_deg
+    # without an angle of its own a measurement takes that of each version that it is compared by
+    plan: dict[str, Any] = {} if angle_deg is None else {"incidence_angle_deg": angle_deg}
     header = decode_header(frame.header or {})
     bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
     headers = [header]

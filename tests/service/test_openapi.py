@@ -21,8 +21,15 @@ NUMBERS_WITHOUT_UNIT = {
     *("iso", "f_number", "coverage_factor", "progress", "tolerance", "surface_reflectance"),
     *("in_standard_uncertainties", "horizontal", "vertical"),  # the last two in fov_deg
     # of a sensor's own unit, which stands beside them
-    *("i_sq", "i_sq_standard_uncertainty", "i_ss", "reflectance_k", "shared_u", "noise_u"),
-    *("diffuse_share", "refractive_index", "below_zero_share", "above_one_share", "centre_x_share"),
+    *("i_sq", "i_sq_standard_uncertainty", "i_ss", "i_ss_oriented", "reflectance_k", "shared_u", "noise_u"),
+    *(
+        "diffuse_share",
+        "diffuse_share_u",
+        "refractive_index",
+        "below_zero_share",
+        "above_one_share",
+        "centre_x_share",
+    ),
     *("seen_share", "star_contrast", "gain_range_share"),
     *("minimum", "maximum"),  # of a parameter, whose unit stands beside them
     "centre_y_share",

@@ -47,8 +47,10 @@ def measure(task: Task, application: BandApplication) -> tuple[dict[str, Any], P
     return result | {"map": counts | {"saturated": made.unknown}}, products
 
 
-def _angle(task: Task) -> float:
-    return float(task.parameters.get("incidence_angle_deg", 0.0))
+def _angle(task: Task) -> float | None:
+    """The angle that the measurement states; None for that of the fit."""
+    stated = task.parameters.get("incidence_angle_deg")
+    return None if stated is None else float(stated)
 
 
 def _region(task: Task) -> Polygon:
@@ -96,7 +98,10 @@ def _describe(task: Task, header: FrameHeader, **more: Any) -> dict[str, Any]:  
         "capture_id": band.capture_id,
     }
     known = {name: value for name, value in said.items() if value is not None}
-    return task.describe(**more, unit="1", saturated="NaN", incidence_angle_deg=_angle(task), **known)
+    angle_deg = _angle(task)
+    if angle_deg is None:
+        angle_deg = read_applied(task.calibration)[0].incidence_angle_deg
+    return task.describe(**more, unit="1", saturated="NaN", incidence_angle_deg=angle_deg, **known)
 
 
 def _draw(

@@ -66,7 +66,8 @@ def test_the_stated_uncertainty_is_the_error_s():
     errors, stated = [], []
     for seed in range(40):
         rows = take(seeded(2 * seed), {"red_edge": PANEL_R["red_edge"]})
-        params = {"incidence_angle_u_deg": 0.0}
+        exact_level = reflectance.TiltParams(attitude_u_deg=0.0, diffuse_share_u=0.0)
+        params = {"incidence_angle_u_deg": 0.0, "tilt": exact_level}
         exact = [dataclasses.replace(each, standard_uncertainty=0.0) for each in READINGS]
         fit = reflectance.fit(rows, exact, reflectance.Params(**params))
         (each,) = field(2 * seed + 1, {"red_edge": 0.25})
@@ -258,5 +259,6 @@ BLOCK_MAP = map_of(BLOCK_SHOT)[1]
 def test_a_header_without_a_time_takes_the_mean_and_says_so_only_for_k_of_time():
     (each, *_) = field()
     timeless = change_header(each, taken_at=None)
-    assert measure(timeless).flags == ()
-    assert flags_of(measure(timeless, calibrate(interpolation="linear")).flags) == {"outside_panel_times"}
+    assert flags_of(measure(timeless).flags) == {"tilt_not_correctable"}
+    found = measure(timeless, calibrate(interpolation="linear"))
+    assert flags_of(found.flags) == {"tilt_not_correctable", "outside_panel_times"}

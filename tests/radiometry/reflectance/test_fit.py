@@ -153,26 +153,26 @@ def test_a_panel_that_the_camera_recognised_serves_where_nothing_is_stated():
     assert not {"panel_from_file", "panel_uncertainty_missing"} & flags_of(found.flags)
 
 
-def test_the_tilt_correction_is_used_when_asked_for():
+def test_the_sunshine_sensor_is_levelled_unless_told_otherwise():
     tilted = panel()
     records = tuple(
         make_record(time_us=200_000 * n, ch0=430, yaw_deg=0.0, pitch_deg=10.0, roll_deg=0.0) for n in range(5)
     )
     counts = dataclasses.replace(tilted[0].header.multispectral.counts, records=records)
     rows = change_band(tilted, counts=counts)
-    plain = k_of(reflectance.fit(rows, READINGS, PARAMS)).coefficient
-    params = reflectance.Params(tilt=reflectance.TiltParams())
-    corrected = k_of(reflectance.fit(rows, READINGS, params)).coefficient
+    oriented = reflectance.Params(sunshine_surface="oriented")
+    plain = k_of(reflectance.fit(rows, READINGS, oriented)).coefficient
+    corrected = k_of(reflectance.fit(rows, READINGS, PARAMS)).coefficient
     # nose up and to the north, so leaning back towards a sun in the south at 62 degrees: it saw too much
     assert 0.85 < corrected.reflectance_k / plain.reflectance_k < 0.97
-    assert corrected.tilt == params.tilt
+    assert (corrected.tilt, plain.tilt) == (reflectance.TiltParams(), None)
     night = [
         dataclasses.replace(each, header=dataclasses.replace(each.header, taken_at="2018-06-13T23:00:00"))
         for each in rows
     ]
-    with pytest.raises(InputRejected, match="under 10") as refusal:
-        reflectance.fit(night, READINGS, params)
-    assert refusal.value.code == "tilt_not_correctable"
+    found = reflectance.fit(night, READINGS, PARAMS)
+    assert k_of(found).coefficient.reflectance_k == plain.reflectance_k
+    assert {"tilt_not_correctable", "sunshine_tilted"} <= flags_of(found.flags)
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,8 @@ def make_tilt(elevation_deg=45.0, **params):
 
 
 def test_a_degree_towards_a_sun_of_45_degrees_is_one_and_a_half_per_cent():
-    assert 1 / level_factor(44.0, make_tilt()) - 1 == pytest.approx(0.015, abs=0.001)
+    tilt = make_tilt()
+    assert level_factor(45.0, tilt) / level_factor(44.0, tilt) - 1 == pytest.approx(0.015, abs=0.001)
 
 
 def test_without_diffuse_light_and_reflection_it_is_the_cosine():
@@ -98,9 +99,10 @@ def test_under_a_cloud_the_tilt_does_not_matter():
 
 
 @given(st.floats(10, 90), st.floats(0, 1), st.floats(1.0, 2.0))
-def test_a_level_sensor_is_not_corrected(elevation_deg, share, index):
+def test_a_level_sensor_is_corrected_for_its_diffuser_alone(elevation_deg, share, index):
     tilt = make_tilt(elevation_deg, diffuse_share=share, refractive_index=index)
-    assert level_factor(90.0 - elevation_deg, tilt) == pytest.approx(1.0, rel=1e-12)
+    entered = (1.0 - share) * transmit(90.0 - elevation_deg, refractive_index=index) + share
+    assert level_factor(90.0 - elevation_deg, tilt) == pytest.approx(1.0 / entered, rel=1e-12)
 
 
 def test_readings_are_levelled_one_by_one():

@@ -111,7 +111,7 @@ def test_a_real_capture_calibrates_and_gives_its_own_reflectance_back(real_files
         readings.append(
             reflectance.Reading(panel="P", band=band, reflectance=0.2, standard_uncertainty=0.004)
         )
-    fit = reflectance.fit(rows, readings, reflectance.Params())
+    fit = reflectance.fit(rows, readings, reflectance.Params(sunshine_surface="oriented"))
     ks = {each.coefficient.band: each.coefficient.reflectance_k for each in fit.band_fits}
     assert ks["green"] == pytest.approx(0.2 * 340.0 / 0.531310, rel=1e-5)
     assert ks["red_edge"] == pytest.approx(0.2 * 52.0 / 0.259554, rel=1e-5)

@@ -29,7 +29,7 @@ function figures(found) {
 
 function reflected(row) {
   return [
-    ["Sensor signal", number(row.i_sq, 4), row.i_ss === undefined ? "without the sunshine sensor" : `sunshine ${number(row.i_ss, 4)}`],
+    ["Sensor signal", number(row.i_sq, 4), row.i_ss === undefined ? "without the sunshine sensor" : `sunshine ${number(row.i_ss, 4)}${row.i_ss_oriented === undefined ? "" : ` on a level surface, ${number(row.i_ss_oriented, 4)} as the sensor was oriented`}`],
     ["K of the band", number(row.reflectance_k, 4), row.incidence_angle_deg ? `surface tilted by ${number(row.incidence_angle_deg, 3)}°` : "surface normal to the light"],
     ["Outside 0 to 1", percent(row.below_zero_share + row.above_one_share), "of the region’s pixels"],
   ];

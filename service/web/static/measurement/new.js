@@ -97,7 +97,7 @@ function offerSettings(versions) {
     field("Calibration", chosen.calibration),
     options.includes("reflectance") ? field("Reflectance ρ of the surface", chosen.number, "For the illuminance E = π L / ρ; asphalt has about 0.08. Optional.") : null,
     options.includes("index") ? field("Quantity", chosen.index) : null,
-    options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: 0.") : null,
+    options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: that of the fit.") : null,
     h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
     methodOf(chosen.campaign.method).conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, "Light and surroundings"), chosen.conditions.element) : null,
   );
