@@ -4,9 +4,8 @@ import math
 
 from demo.findings import Finding
 from demo.journey import Stage, begin, calibrate, conclude, register, take
-from simulation.camera import change
-from simulation.flats import COUNTING_SENSOR, plan_series
-from simulation.parts import Sensor
+from simulation.camera import Camera, change
+from simulation.flats import COUNTING_SENSOR, find_variance_maximum, plan_series
 
 _SEED = 20260502
 _CHANNEL = "G1"
@@ -37,17 +36,18 @@ def run(stage: Stage) -> bool:
     calibration = calibrate(stage, campaign_id)
     rows = stage.client.coefficients(camera_id, method="noise")
     found = {row.name: row for row in rows if row.channel == _CHANNEL}
-    truths = _compute_truths(camera.sensor)
+    truths = _compute_truths(camera)
     return conclude(
         stage, calibration, [Finding.of(name, found[name], truth=truth) for name, truth in truths.items()]
     )
 
 
-def _compute_truths(sensor: Sensor) -> dict[str, float]:
+def _compute_truths(camera: Camera) -> dict[str, float]:
     """Return the true figures; the shortest dark frames hold some electrons of the dark current."""
+    sensor = camera.sensor
     gain = sensor.gain_dn_per_e
     read_e = math.hypot(sensor.read_noise_e, math.sqrt(sensor.dark_current_e_s * _DARK_TIMES_S[0]))
-    full_well_e = (sensor.white_level_dn - sensor.black_level_dn) / gain
+    full_well_e = find_variance_maximum(camera, prnu_rel=sensor.prnu_rel)
     # EMVA 1288: the smallest signal that stands out has a ratio of 1 to its noise
     smallest_e = math.sqrt(read_e**2 + 1.0 / 12.0 / gain**2) + 0.5
     return {

@@ -1,6 +1,9 @@
 """Flat and dark frames: of a lens whose falloff is known, and of a sensor whose electrons are counted."""
 
+import math
 from collections.abc import Sequence
+
+import numpy as np
 
 from radiometry.frame.exposure import Settings
 from simulation.camera import Camera, Shot, change
@@ -82,3 +85,25 @@ def plan_series(
         for time in times
         for number in range(frames)
     ]
+
+
+def find_variance_maximum(camera: Camera, *, end_e: float | None = None, prnu_rel: float = 0.0) -> float:
+    """Return the electrons at which the temporal variance is greatest: the full well of EMVA 1288.
+
+    ``end_e`` : electrons at which a pixel ends sharply, the white level if None; ``prnu_rel`` : its spread
+    """
+    sensor = camera.sensor
+    end_e = end_e or (sensor.white_level_dn - sensor.black_level_dn) / sensor.gain_dn_per_e
+    z, spread = np.linspace(-6.0, 6.0, 601), np.linspace(-3.0, 3.0, 31)
+    weights, shares = (np.exp(-(each**2) / 2.0) for each in (z, spread))
+    weights /= weights.sum()
+    width_e = math.hypot(math.sqrt(end_e), prnu_rel * end_e)
+    means_e = end_e - np.linspace(0.0, 6.0, 241) * width_e
+    variances = []
+    for mean_e in means_e:
+        pixels_e = mean_e * (1.0 + prnu_rel * spread)
+        noise_e = np.sqrt(pixels_e + sensor.read_noise_e**2)
+        drawn_e = np.minimum(pixels_e[:, None] + noise_e[:, None] * z, end_e)
+        own = drawn_e**2 @ weights - (drawn_e @ weights) ** 2
+        variances.append(float(own @ shares / shares.sum()))
+    return float(means_e[int(np.argmax(variances))])

@@ -80,16 +80,19 @@ def test_the_falloff_of_a_lens(house):
     centre = rows["centre_col_px", 2.0]
     assert abs(centre["value"] - 110.0) < 4 * centre["standard_uncertainty"]
 
-    check_falloff_exports(house, version, lens)
+    # the light's plane is estimated from these few pixels, and the corners have most of its uncertainty
+    corner = rows["corner_falloff", 2.0]
+    within = 4 * corner["standard_uncertainty"] / (1 - corner["value"])
+    check_falloff_exports(house, version, lens, within)
 
 
-def check_falloff_exports(house, version, lens):
+def check_falloff_exports(house, version, lens, within):
     base = f"/v1/calibrations/{version['id']}/exports"
     answer = house.http.get(f"{base}/correction.tif", params={"f_number": 2.0})
     with tifffile.TiffFile(io.BytesIO(answer.content)) as file:
         gains = file.asarray()
     assert (gains.dtype, gains.shape) == (np.float32, (160, 240))
-    assert np.abs(gains * lens.share(2.0) - 1.0).max() < 0.01
+    assert np.abs(gains * lens.share(2.0) - 1.0).max() < within < 0.04
     again = house.http.get(
         f"{base}/correction.tif", params={"f_number": 2.0}, headers={"If-None-Match": answer.headers["ETag"]}
     )

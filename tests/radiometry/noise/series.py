@@ -46,23 +46,6 @@ def make_row(taken):
     )
 
 
-def find_variance_maximum(camera, *, end_e=None, prnu_rel=0.0):
-    """Return the electrons at which the temporal variance is greatest below a sharp end, without noise."""
-    sensor = camera.sensor
-    end_e = end_e or (sensor.white_level_dn - sensor.black_level_dn) / sensor.gain_dn_per_e
-    z = np.linspace(-6.0, 6.0, 601)
-    weights = np.exp(-(z**2) / 2.0) / np.exp(-(z**2) / 2.0).sum()
-    means = end_e - np.linspace(0.0, 6.0, 241) * np.sqrt(end_e)
-    variances = []
-    for mean in means:
-        pixels = mean * (1.0 + prnu_rel * np.linspace(-3.0, 3.0, 31))
-        shares = np.exp(-(np.linspace(-3.0, 3.0, 31) ** 2) / 2.0)
-        drawn = np.minimum(pixels[:, None] + np.sqrt(pixels[:, None] + sensor.read_noise_e**2) * z, end_e)
-        own = drawn**2 @ weights - (drawn @ weights) ** 2
-        variances.append(float(own @ shares / shares.sum()))
-    return float(means[int(np.argmax(variances))])
-
-
 def only(fit):
     (channel,) = fit.channel_fits
     return channel

@@ -12,13 +12,12 @@ from pydantic import TypeAdapter
 
 from radiometry.noise import method as noise
 from simulation.camera import change
-from simulation.flats import COUNTING_SENSOR
+from simulation.flats import COUNTING_SENSOR, find_variance_maximum
 from tests.radiometry.noise.series import (
     PARAMS,
     SMALL,
     TIMES,
     agrees,
-    find_variance_maximum,
     make_row,
     only,
     shoot,

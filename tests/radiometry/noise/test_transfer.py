@@ -15,13 +15,13 @@ from radiometry.noise.rounding import count_changes, estimate_rounded_noise
 from radiometry.noise.stacks import make_stacks
 from radiometry.noise.transfer import find_saturation, fit_gain
 from simulation.camera import change
+from simulation.flats import find_variance_maximum
 from tests.radiometry.noise.series import (
     LIGHT,
     PARAMS,
     SMALL,
     TIMES,
     agrees,
-    find_variance_maximum,
     flags_of,
     make_row,
     only,
