@@ -8,7 +8,8 @@ CERTIFICATE: Final = CertificateText(
     procedure="Reflectance coefficient K of each band of a camera with its sunshine sensor, from frames of a "
     "panel of known reflectance",
     equation="R cos θ = K I_sq / I_ss, where I_sq is the band's signal after black-level and vignetting "
-    "correction, and I_ss the reading of the sunshine sensor",
+    "correction, and I_ss the reading of the sunshine sensor, converted to a level surface unless a flag or "
+    "a parameter states otherwise",
     headlines=frozenset({"reflectance_k"}),
     vignetting="as stated in each file",
     states_coverage=True,
@@ -18,6 +19,7 @@ CERTIFICATE: Final = CertificateText(
         Column(name="visit", head="capture", share=0.7),
         Column(name="i_sq", head="I_sq"),
         Column(name="i_ss", head="I_ss"),
+        Column(name="i_ss_oriented", head="as oriented"),
         Column(name="sunshine_spread_rel", head="s(I_ss) / I_ss", form="percent"),
         Column(name="gradient_rel", head="gradient", form="percent"),
         Column(name="reflectance_k", head="K"),

@@ -83,7 +83,9 @@ def test_k_follows_without_anybody_having_drawn_anything(sqlite_house, campaign,
     assert {panel["serial"] for panel in version["inputs"]["panels"]} == {SERIAL}
     found = {row["band"]: row["value"] for row in version["coefficients"]}
     assert found == {
-        band: pytest.approx(ALBEDO[band] * DLS[band] / RADIANCE[band], rel=5e-3) for band in BANDS
+        # the sensor leaned 11 degrees towards the sun: on a level surface the light is 13 % less
+        band: pytest.approx(0.870 * ALBEDO[band] * DLS[band] / RADIANCE[band], rel=5e-3)
+        for band in BANDS
     }
     certificate = sqlite_house.get(f"/v1/calibrations/{version['id']}/certificate.json")
     told = {(frame["roi_origin"], frame["panel_serial"]) for frame in certificate["frames"]}
