@@ -26,7 +26,7 @@ _DARK_TIMES_S = (0.02, 1.0, 4.0)
 
 def run(stage: Stage) -> bool:
     """Characterise the sensor; return True if all agrees with its true values."""
-    camera = change(_CAMERA, height_px=96, width_px=96) if stage.quick else _CAMERA
+    camera = change(_CAMERA, height_px=128, width_px=128) if stage.quick else _CAMERA
     camera_id = register(stage, camera)
     campaign_id = begin(stage, camera_id, "noise")
     shots = plan_series(
