@@ -61,8 +61,10 @@ def draft(night, **params):
 def test_what_was_found_stands_there_with_its_uncertainty(shown):
     expect(shown.get_by_role("heading", level=1)).to_have_text("Luminance version 1")
     expect(shown.locator("#version-status")).to_contain_text("published")
-    rows = shown.locator("#verdict").get_by_role("row")
+    rows = shown.locator("#verdict table").first.get_by_role("row")
     expect(rows).to_have_count(1 + len(ISOS))
+    each = shown.locator("#verdict table").nth(1).get_by_role("row")
+    expect(each.filter(has_text="f/")).to_have_count(2 * len(ISOS))
     expect(rows.filter(has_text="3200").first).to_contain_text(
         re.compile(r"2\.0\d+ ± 0\.0\d+ DN·m²/\(cd·s\)")
     )

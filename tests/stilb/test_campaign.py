@@ -43,9 +43,7 @@ def test_from_card_to_draft_to_what_is_in_force(signed_in, card, team):
         "draft",
         0.04,
     )
-    (k,) = [
-        row for row in draft["coefficients"] if row["name"] == "luminance_k" and "f_number" not in row
-    ]
+    (k,) = [row for row in draft["coefficients"] if row["name"] == "luminance_k" and "f_number" not in row]
     assert abs(k["value"] - K_TRUE) <= 3 * k["standard_uncertainty"]
     meters = {reading["meter_id"] for reading in team.client.readings(ended.json["campaign_id"])}
     assert meters == {meter.id for meter in team.client.meters()}

@@ -16,7 +16,9 @@ def make_one_of_each(house: House) -> dict[str, str]:
     with house.with_key(key["secret"]) as browser:
         browser.post("/sign-in", data={"key": key["secret"]}, follow_redirects=False)
     campaign_id, frame_id = version["campaign_id"], version["points"][0]["frame_id"]
+    other = house.post("/v1/cameras", {"make": "DJI", "model": "FC6520", "serial": "beside"})["id"]
     return {
+        "rig_id": house.post("/v1/rigs", {"name": "head", "camera_ids": [version["camera_id"], other]})["id"],
         "campaign_id": campaign_id,
         "camera_id": version["camera_id"],
         "calibration_id": version["id"],

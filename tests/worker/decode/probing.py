@@ -125,7 +125,7 @@ def list_probes(world):
         "holds more descriptors": _own_descriptors,
         "makes memory executable": _executable_memory,
         "finds another file's samples": lambda: _find_stale(bytes.fromhex(world["samples"])),
-        "moves the worker to one processor": lambda: os.sched_setaffinity(worker, {0}) is None,
+        "moves the worker": lambda: os.sched_setaffinity(worker, os.sched_getaffinity(worker)) is None,
         **{name: lambda name=name: _call(name, worker) for name in CALLS},
     }
 
