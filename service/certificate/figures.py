@@ -19,6 +19,13 @@ def in_step(value: float, uncertainty: float) -> tuple[str, str]:
     return f"{round(value, place):.{decimals}f}", f"{round(uncertainty, place):.{decimals}f}"
 
 
+def expanded(certificate: dict[str, Any], value: float, row: dict[str, Any]) -> tuple[str, str]:
+    """Return U and k as printed; what is relative only has neither."""
+    if certificate.get("uncertainty_scope") == "relative_only":
+        return "relative only", "-"
+    return in_step(value, row["expanded_uncertainty"])[1], f"{row['coverage_factor']:.2f}"
+
+
 def plain(value: float, digits: int = 5) -> str:
     """A number to so many significant digits, without zeros that say nothing."""
     return f"{value:.{digits}g}"

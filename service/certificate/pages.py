@@ -7,7 +7,7 @@ per ISO value has pages of its own; all others share theirs.
 from radiometry.methods import get_method
 from service.certificate import general
 from service.certificate.evidence import evidence_sections
-from service.certificate.figures import degrees, in_print, in_step, percent, plain, stamp
+from service.certificate.figures import degrees, expanded, in_print, in_step, percent, plain, stamp
 from service.certificate.results import result_sections
 from service.certificate.sheet import Node, facts, flow, section, table
 
@@ -91,16 +91,12 @@ def _summary(certificate: Node) -> Node:
     for fit in certificate["result"]["iso_fits"]:
         c = fit["coefficient"]
         k, u = in_step(c["luminance_k"], c["luminance_k_standard_uncertainty"])
-        _, expanded = in_step(c["luminance_k"], c["expanded_uncertainty"])
-        if certificate.get("uncertainty_scope") == "relative_only":
-            expanded = "relative only"
         rows.append(
             [
                 plain(c["iso"]),
                 k,
                 u,
-                expanded,
-                "-" if expanded == "relative only" else f"{c['coverage_factor']:.2f}",
+                *expanded(certificate, c["luminance_k"], c),
                 degrees(c),
                 in_print(c["luminance_k_unit"]),
                 percent(fit["largest_residual_rel"]),

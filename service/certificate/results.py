@@ -1,7 +1,7 @@
 """Result sections of a luminance certificate: fit, budget and range per ISO value, models and points."""
 
 from radiometry.methods import get_method
-from service.certificate.figures import degrees, extent, in_print, in_step, percent, plain
+from service.certificate.figures import degrees, expanded, extent, in_print, in_step, percent, plain
 from service.certificate.sheet import Node, facts, figure, section, table
 
 
@@ -44,17 +44,16 @@ def _iso(certificate: Node, fit: Node, budget: list[Node]) -> Node:
         f"ISO {plain(c['iso'])}: fit against X and ln X, and its residuals. Hollow: excluded or rejected. "
         f"Dashed: tolerance of {percent(result['tolerance_rel'])}."
     )
-    blocks = [facts(rows), _budget(budget, in_print(c["luminance_k_unit"])), *_apertures(c)]
+    blocks = [facts(rows), _budget(budget, in_print(c["luminance_k_unit"])), *_apertures(certificate, c)]
     blocks.append(figure(plot, caption, width=1.0))
     return section(f"ISO {plain(c['iso'])}", blocks)
 
 
-def _apertures(c: Node) -> list[Node]:
+def _apertures(certificate: Node, c: Node) -> list[Node]:
     """Return the table of K at each f-number; nothing where a version has none."""
     rows = []
     for aperture in c.get("apertures", []):
         k, u = in_step(aperture["luminance_k"], aperture["luminance_k_standard_uncertainty"])
-        _, expanded = in_step(aperture["luminance_k"], aperture["expanded_uncertainty"])
         rows.append(
             [
                 f"f/{plain(aperture['f_number'])}",
@@ -62,8 +61,7 @@ def _apertures(c: Node) -> list[Node]:
                 str(aperture["frames"]),
                 k,
                 u,
-                expanded,
-                f"{aperture['coverage_factor']:.2f}",
+                *expanded(certificate, aperture["luminance_k"], aperture),
                 degrees(aperture),
                 f"{100 * (aperture['luminance_k'] / c['luminance_k'] - 1):+.2f} %",
             ]

@@ -262,6 +262,9 @@ def test_a_meters_certificate_must_hold_on_the_day_of_use(house, changes, taken_
     assert "expanded_uncertainty" in stated["dark_signal_dn"]
     page = lay_out(certificate, "")
     assert ("relative only" in page["results"]["rows"][0]) is (scope == "relative_only")
+    blocks = [block for section in page["sections"] for block in section["blocks"]]
+    (apertures,) = (block["rows"] for block in blocks if "from K of the ISO" in block.get("head", ()))
+    assert all(("relative only" in row) is (scope == "relative_only") for row in apertures)
     assert certificate["traceability"].startswith("Relative only.") is (scope == "relative_only")
     (flag,) = [each for each in certificate["flags"] if each["flag"] == "meter_certificate_missing"] or [None]
     assert (flag is None) is (scope == "traceable")

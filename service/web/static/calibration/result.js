@@ -42,14 +42,14 @@ function curves({ diagnostics, coefficients: rows, parameters, uncertainty_scope
     { head: "Verdict", cell: (fit) => (fit.passed ? tag("pass") : tag("beyond tolerance", "bad")) },
     { head: "Largest residual", class: "number", cell: (fit) => percent(fit.largest_residual_rel) },
     { head: "u(K)", class: "number", cell: ({ coefficient: c }) => relative(c.luminance_k, c.luminance_k_standard_uncertainty) },
-    { head: "U, 95 %", class: "number", cell: ({ coefficient: c }) => (scope === "relative_only" ? tag("relative only", "warn") : h("span", { title: `coverage factor ${number(c.coverage_factor, 3)}` }, number(c.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(c.coverage_factor, 3)}`))) },
+    { head: "U, 95 %", class: "number", cell: ({ coefficient: c }) => expanded(c, scope) },
     { head: "Dark signal", class: "number", cell: ({ coefficient: c }) => h("span", {}, withUncertainty(c.dark_signal_dn, c.dark_signal_standard_uncertainty_dn), h("span", { class: "unit" }, " DN")) },
     { head: "Flags", class: "wide-only", cell: ({ coefficient }) => flagsOf(rows.find((row) => row.iso === coefficient.iso)) },
   ];
   const note = failing.length
     ? h("p", { class: "note bad" }, h("strong", {}, `${failing.length} of ${fits.length} ISO values exceed the tolerance of ${tolerance}. `), "Check the residuals. Do not exclude a point without a reason.")
     : h("p", { class: "note good" }, h("strong", {}, ["", "Passed. ", "Both ISO values pass. "][fits.length] ?? `All ${fits.length} ISO values pass. `), `The largest residual is ${percent(Math.max(...fits.map((fit) => fit.largest_residual_rel)))} of L; the tolerance is ${tolerance}.`);
-  return [note, conditions(diagnostics, parameters), table(columns, fits, { caption: "K of each ISO value" }), apertures(fits)];
+  return [note, conditions(diagnostics, parameters), table(columns, fits, { caption: "K of each ISO value" }), apertures(fits, scope)];
 }
 
 /** The light that K holds for, and the rule of the verdict, as far as the campaign states them. */
@@ -61,8 +61,14 @@ function conditions({ spectral, iso_fits: fits }, { acceptance }) {
   return said.length ? h("p", { class: "small muted" }, said.join(" ")) : null;
 }
 
+/** U of a K with its coverage factor; what is relative only has none. */
+function expanded(row, scope) {
+  if (scope === "relative_only") return tag("relative only", "warn");
+  return h("span", { title: `coverage factor ${number(row.coverage_factor, 3)}` }, number(row.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(row.coverage_factor, 3)}`));
+}
+
 /** K at the f-numbers of the calibration; a version from before they were fitted has none. */
-function apertures(fits) {
+function apertures(fits, scope) {
   const rows = fits.flatMap(({ coefficient: c }) => (c.apertures ?? []).map((aperture) => ({ ...aperture, c })));
   if (!rows.length) return null;
   const columns = [
@@ -70,11 +76,12 @@ function apertures(fits) {
     { head: "f-number", class: "number", cell: (row) => `f/${number(row.f_number, 3)}` },
     { head: "K", class: "number", cell: (row) => quantity({ value: row.luminance_k, standard_uncertainty: row.luminance_k_standard_uncertainty, unit: row.c.luminance_k_unit }) },
     { head: "u(K)", class: "number", cell: (row) => relative(row.luminance_k, row.luminance_k_standard_uncertainty) },
-    { head: "U, 95 %", class: "number wide-only", cell: (row) => h("span", { title: `coverage factor ${number(row.coverage_factor, 3)}` }, number(row.expanded_uncertainty, 2), h("span", { class: "unit" }, ` k = ${number(row.coverage_factor, 3)}`)) },
+    { head: "U, 95 %", class: "number wide-only", cell: (row) => expanded(row, scope) },
     { head: "From K of the ISO", class: "number", cell: (row) => percent(row.luminance_k / row.c.luminance_k - 1) },
     { head: "Scenes", class: "number wide-only", cell: (row) => row.scenes },
   ];
-  return h("div", {}, shorten(rows, (some) => table(columns, some, { caption: "K at each f-number, used by measurements at it" })));
+  const says = "K at each f-number, which measurements at it use";
+  return h("div", {}, h("p", { class: "small muted" }, `${says}.`), shorten(rows, (some) => table(columns, some, { caption: says })));
 }
 
 function coefficients({ coefficients: rows, method }) {
