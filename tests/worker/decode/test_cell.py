@@ -98,6 +98,30 @@ def test_the_same_probe_outside_a_cell_reaches_the_world(world):
 
 
 @linux
+def test_landlock_alone_holds_on_the_second_thread_too():
+    code = """
+from worker.decode import pieces, sandbox
+restrictions = sandbox.Restrictions()
+restrictions._filter = []
+held = restrictions.shut_in(pieces.start_second_thread)
+opened = []
+def read(_piece):
+    try:
+        opened.append(open("/etc/passwd").read(1))
+    except PermissionError:
+        opened.append(None)
+pieces.decode_all(read, range(2))
+print(held.level, len(pieces._second), opened)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, timeout=60, text=True, check=True
+    )
+    if not done.stdout.startswith("landlock only 1"):
+        pytest.skip("no Landlock here, or one processor")
+    assert done.stdout == "landlock only 1 [None, None]\n"
+
+
+@linux
 def test_both_architectures_know_the_same_calls():
     one, other = (build_filter(machine) for machine in ("x86_64", "aarch64"))
     assert len(one) - len(other) == 4  # x32, and poll, which newer systems do without
