@@ -19,7 +19,8 @@ class _SecondThread:
     def __init__(self) -> None:
         """Start it, and wait until it runs."""
         libc = ctypes.CDLL(None)
-        libc.mallopt(_M_ARENA_MAX, 1)
+        if hasattr(libc, "mallopt"):
+            libc.mallopt(_M_ARENA_MAX, 1)
         self._find_own_cpu = libc.sched_getcpu
         self._cpus = os.sched_getaffinity(0)
         self._executor = ThreadPoolExecutor(max_workers=1)
@@ -37,7 +38,9 @@ class _SecondThread:
         self, cpu: int, decode: Callable[[_T], None], pieces: Sequence[_T]
     ) -> tuple[int, Exception] | None:
         # A guest's kernel takes an idle virtual processor for a busy one and puts both threads on one.
-        os.sched_setaffinity(0, self._cpus - {cpu} or self._cpus)
+        # A container's processors may be changed while it runs: a failure costs speed only.
+        with contextlib.suppress(OSError):
+            os.sched_setaffinity(0, self._cpus - {cpu})
         return _decode(decode, pieces, 1)
 
 

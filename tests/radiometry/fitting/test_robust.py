@@ -15,7 +15,7 @@ ROBUST = dataclasses.replace(PLAIN, estimator="robust")
 
 
 def spoil(drawn, count, factor):
-    """Give some of the light frames a signal that is wrong by a factor."""
+    """Return the rows, the signal of some light frames wrong by a factor."""
     light = [row for row in drawn.rows if row.role == "light"]
     chosen = {light[index].frame for index in range(2, len(light), len(light) // count)[:count]}
     rows = [

@@ -46,6 +46,18 @@ def test_the_failure_of_the_earliest_piece_is_raised_after_both_threads_have_end
     assert sorted(again) == list(range(8))
 
 
+@needs_two
+@pytest.mark.usefixtures("second")
+def test_processors_that_have_been_taken_away_are_no_fault_of_a_file(monkeypatch):
+    def refuse(_pid, _cpus):
+        raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    seen = []
+    pieces.decode_all(seen.append, range(4))
+    assert sorted(seen) == [0, 1, 2, 3]
+
+
 def test_on_one_processor_one_thread_decodes_all(monkeypatch):
     monkeypatch.setattr(pieces, "_second", [])
     monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0}, raising=False)
