@@ -29,7 +29,7 @@ from store.parts import Presence
 from store.pulse import Pulse
 from store.queries.keys import ensure_operator
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
-from store.settings import Settings
+from store.settings import Settings, read_settings
 from store.usage import recount_all
 
 log = logging.getLogger("stilb.service")
@@ -55,7 +55,7 @@ def build_context(settings: Settings) -> Context:
 
 def main() -> int:
     configure_logging()
-    settings = Settings()
+    settings = read_settings()
     secret = settings.key.get_secret_value()
     try:
         close_to_others(settings.data.absolute(), report)

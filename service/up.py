@@ -7,13 +7,10 @@ and not imported.
 import sys
 from dataclasses import replace
 
-from pydantic import ValidationError
-
 from service.launch.lifeline import follow_make
-from service.launch.refusal import Exit, report
 from service.launch.run import Roster, launch
 from service.launch.supervisor import Part
-from store.settings import Settings
+from store.settings import read_settings
 
 # What a part needs to end once its own grace is over.
 _TO_END_S = 5.0
@@ -29,12 +26,7 @@ ROSTER = Roster(
 
 
 def main() -> int:
-    try:
-        settings = Settings()
-    except ValidationError as error:
-        for wrong in error.errors():
-            report(f"STILB_{'_'.join(map(str, wrong['loc'])).upper()}: {wrong['msg']}")
-        return Exit.CANNOT_START
+    settings = read_settings()
     follow_make()
     return launch(settings, give_grace(ROSTER, settings.stop_grace_s))
 

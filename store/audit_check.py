@@ -20,7 +20,7 @@ from store.audit import digest
 from store.audit_rows import RowsReport, check_rows
 from store.database import Database
 from store.files import count_damaged
-from store.settings import Settings
+from store.settings import read_settings
 from store.tables import AuditEntry, AuditHead
 
 _PAGE = 1000
@@ -143,7 +143,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="stilb audit", description=__doc__)
     parser.add_argument("head", nargs="?", type=_read_head, help="a head noted before, seq:hash")
     noted = parser.parse_args(arguments).head
-    database = Database(Settings().effective_database_url, answer_within_s=None)
+    database = Database(read_settings().effective_database_url, answer_within_s=None)
     try:
         if database.is_sqlite and not Path(database.url.database or "").is_file():
             return _fail(f"there is no database {database.url.database}; STILB_DATA names its folder")

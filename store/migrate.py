@@ -10,7 +10,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import text
 
 from store.database import Database
-from store.settings import Settings
+from store.settings import read_settings
 
 _ADVISORY_LOCK = 0x5711B
 _LOCK_WITHIN_S = 60
@@ -49,7 +49,7 @@ def alembic_config() -> Config:
 
 
 def main() -> int:
-    database = Database(Settings().effective_database_url, answer_within_s=None)
+    database = Database(read_settings().effective_database_url, answer_within_s=None)
     try:
         migrate(database)
     except NewerSchema as error:

@@ -1,12 +1,27 @@
 """The settings that every process of stilb reads once, in its main, from the environment."""
 
+import os
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from store.pulse import HANG_S
+
+_PREFIX = "STILB_"
+_IN_FILE = "_FILE"
+# of the command line, and of the tests
+_OTHERS = re.compile("URL|CHROMIUM|PICTURES|ILLUSTRATIONS|TEST_.*")
+_CANNOT_START_EXIT = 2
+
+
+class SettingsWrong(Exception):  # noqa: N818 (it says what was found)
+    """One line for each setting that cannot be used."""
 
 
 class Settings(BaseSettings):
@@ -60,3 +75,60 @@ class Settings(BaseSettings):
     @property
     def effective_blobs_url(self) -> str:
         return self.blobs_url or str(self.data.absolute() / "blobs")
+
+
+def read_settings() -> Settings:
+    """Read this process's settings; end the process with one line for each that cannot be used."""
+    try:
+        return _read_all()
+    except SettingsWrong as wrong:
+        for line in wrong.args:
+            print(f"stilb: {line}", file=sys.stderr, flush=True)  # noqa: T201 (speaks to the terminal)
+        sys.exit(_CANNOT_START_EXIT)
+
+
+def _read_all() -> Settings:
+    """Return the settings, those that a ``STILB_<FIELD>_FILE`` names read from that file.
+
+    Raises
+    ------
+    SettingsWrong
+        A name that is no setting, a value out of its range, an unreadable file, or a setting given twice.
+    """
+    given = {
+        name.upper().removeprefix(_PREFIX): value
+        for name, value in os.environ.items()
+        if name.upper().startswith(_PREFIX)
+    }
+    if wrong := list(_misspelt(given)):
+        raise SettingsWrong(*wrong)
+    read: dict[str, Any] = {
+        field: _read(field.upper(), path, given)
+        for field in Settings.model_fields
+        if (path := given.get(f"{field.upper()}{_IN_FILE}"))
+    }
+    try:
+        return Settings(**read)
+    except ValidationError as error:
+        raise SettingsWrong(
+            *(f"{_PREFIX}{'_'.join(map(str, each['loc'])).upper()}: {each['msg']}" for each in error.errors())
+        ) from error
+
+
+def _misspelt(given: Mapping[str, str]) -> Iterator[str]:
+    known = [name.upper() for name in Settings.model_fields]
+    known += [f"{name}{_IN_FILE}" for name in known]
+    for name in given:
+        if name not in known and not _OTHERS.fullmatch(name):
+            alike = get_close_matches(name, known, n=1)
+            nearest = f"; did you mean {_PREFIX}{alike[0]}?" if alike else "; docs/settings.md lists them."
+            yield f"{_PREFIX}{name}: there is no such setting{nearest}"
+
+
+def _read(name: str, path: str, given: Mapping[str, str]) -> str:
+    if given.get(name):
+        raise SettingsWrong(f"{_PREFIX}{name}: also given as {_PREFIX}{name}{_IN_FILE}; remove one of them")
+    try:
+        return Path(path).read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsWrong(f"{_PREFIX}{name}{_IN_FILE}: {error}") from error

@@ -13,7 +13,7 @@ from store.logs import configure_logging
 from store.parts import Presence
 from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
-from store.settings import Settings
+from store.settings import Settings, read_settings
 from worker.context import Context
 from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.leases import Leases
@@ -86,7 +86,7 @@ def build_listener(settings: Settings, threads: JobThreads) -> Celery:
 
 def main() -> int:
     configure_logging()
-    settings = Settings()
+    settings = read_settings()
     context = build_context(settings)
     try:
         context.database.guard_schema()

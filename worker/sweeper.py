@@ -15,7 +15,7 @@ from store.logs import configure_logging
 from store.parts import Presence
 from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
-from store.settings import Settings
+from store.settings import Settings, read_settings
 from worker.scrub import Scrub
 
 log = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ def sweep_floor(blobs: Blobs) -> None:
 
 def main() -> int:
     configure_logging()
-    settings = Settings()
+    settings = read_settings()
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)
     try:
         database.guard_schema()

@@ -58,7 +58,8 @@ def _run(settings: Settings, roster: Roster, signals: Signals, stack: ExitStack)
         "STILB_PORT": str(port),
         "PYTHONUNBUFFERED": "1",
     }
-    environment.pop("STILB_KEY", None)
+    for name in ("STILB_KEY", "STILB_KEY_FILE"):
+        environment.pop(name, None)
     broker = None
     if not settings.broker_url:
         broker = stack.enter_context(valkey.socket_path(data))

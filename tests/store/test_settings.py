@@ -1,0 +1,55 @@
+import pytest
+
+from store.settings import Settings, read_settings
+
+pytestmark = pytest.mark.unit
+
+
+@pytest.fixture
+def refused(monkeypatch, capsys):
+    """Return what a process says that does not start with these settings."""
+
+    def start(**environment: str) -> str:
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        with pytest.raises(SystemExit, check=lambda end: end.code == 2):
+            read_settings()
+        return capsys.readouterr().err
+
+    return start
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("STILB_DATABSE_URL", "there is no such setting; did you mean STILB_DATABASE_URL?"),
+        ("STILB_KEYFILE", "there is no such setting; did you mean STILB_KEY_FILE?"),
+        ("STILB_ZZZ", "there is no such setting; docs/settings.md lists them."),
+    ],
+)
+def test_a_name_that_is_no_setting_is_refused_with_the_nearest_one(refused, name, line):
+    assert refused(**{name: "x"}) == f"stilb: {name}: {line}\n"
+
+
+def test_a_value_out_of_range_is_named(refused):
+    told = refused(STILB_WORKER_THREADS="0", STILB_PORT="x")
+    assert "STILB_WORKER_THREADS: Input should be greater than or equal to 1" in told
+    assert "STILB_PORT: Input should be a valid integer" in told
+
+
+def test_a_secret_is_read_from_the_file_that_is_named(monkeypatch, tmp_path):
+    secret = tmp_path / "key"
+    secret.write_text("abc\n", encoding="utf-8")
+    monkeypatch.setenv("STILB_KEY_FILE", str(secret))
+    monkeypatch.setenv("STILB_URL", "of the command line")
+    assert read_settings().key.get_secret_value() == "abc"
+
+
+def test_a_secret_that_is_given_twice_or_cannot_be_read_is_refused(refused, tmp_path):
+    assert "No such file" in refused(STILB_KEY_FILE=str(tmp_path / "none"))
+    assert refused(STILB_KEY="a") == "stilb: STILB_KEY: also given as STILB_KEY_FILE; remove one of them\n"
+
+
+def test_an_empty_file_name_stands_for_none(monkeypatch):
+    monkeypatch.setenv("STILB_KEY_FILE", "")
+    assert read_settings() == Settings()
