@@ -147,11 +147,6 @@ class Factored:
         ----------
         values : ndarray of float64
             One row per point, (n,) or (n, k).
-
-        Returns
-        -------
-        ndarray of float64
-            Of the same shape.
         """
         return self._shrink((self.root * values.T).T)
 
@@ -178,11 +173,6 @@ class Factored:
         ----------
         whitened : ndarray of float64
             Whitened values, (n,) or (n, k).
-
-        Returns
-        -------
-        ndarray of float64
-            Of the same shape.
         """
         return np.asarray((self.root * self._shrink(whitened).T).T, np.float64)
 
@@ -193,11 +183,6 @@ class Factored:
         ----------
         values : ndarray of float64
             One row per point, (n,) or (n, k).
-
-        Returns
-        -------
-        ndarray of float64
-            Of the same shape.
         """
         return self.restore(self.reduce(self.whiten(values))[0])
 

@@ -92,18 +92,7 @@ class Converged:
         return self.linear.response.size - self.solution.parameters.size
 
     def find_u(self, source: str) -> float:
-        """Return a source's standard uncertainty, 0 if it is not among the components.
-
-        Parameters
-        ----------
-        source : str
-            Name of the source.
-
-        Returns
-        -------
-        float
-            Square root of the source's variance.
-        """
+        """Return a source's standard uncertainty, 0 if it is not among the components."""
         variances = zip(self.components, self.solution.variances, strict=True)
         return math.sqrt(sum(variance for component, variance in variances if component.source == source))
 
@@ -125,11 +114,6 @@ class Converged:
 
     def predict_dark_rate(self, curve: Curve) -> tuple[float, float]:
         """Return the best linear prediction of the dark current's rate, and its standard uncertainty [DN/s].
-
-        Parameters
-        ----------
-        curve : Curve
-            Points of the fit.
 
         Returns
         -------

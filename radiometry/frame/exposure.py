@@ -96,13 +96,6 @@ class Exposure:
 def is_plausible(name: str, value: float) -> bool:
     """Return True if an exposure value lies within PLAUSIBLE; NaN and infinity do not.
 
-    Parameters
-    ----------
-    name : str
-        Key of PLAUSIBLE.
-    value : float
-        Value to check.
-
     Returns
     -------
     bool

@@ -40,11 +40,6 @@ def pack(array: NDArray[Any], *, dtype: str) -> Packed:
         Array to write.
     dtype : str
         Type in which it is stored, one of those of `Packed`.
-
-    Returns
-    -------
-    Packed
-        The array as text.
     """
     plain = np.ascontiguousarray(array, np.dtype(dtype))
     text = base64.b64encode(zlib.compress(plain.tobytes(), level=6)).decode("ascii")
@@ -58,11 +53,6 @@ def unpack(packed: Packed) -> NDArray[np.float64]:
     ----------
     packed : Packed
         Array as text.
-
-    Returns
-    -------
-    ndarray of float64
-        Array of the stored shape.
 
     Raises
     ------

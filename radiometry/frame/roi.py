@@ -47,11 +47,6 @@ class Polygon:
         points : iterable of sequence of float
             Corners (x, y) [px]; the closing point may be repeated.
 
-        Returns
-        -------
-        Polygon
-            Polygon with canonical points.
-
         Raises
         ------
         InputRejected
@@ -106,11 +101,6 @@ def parse_imagej(text: str) -> Polygon:
     text : str
         `makePolygon(x1,y1,x2,y2,...)` or `makeRectangle(x,y,width,height)`.
 
-    Returns
-    -------
-    Polygon
-        The region.
-
     Raises
     ------
     InputRejected
@@ -149,11 +139,6 @@ def bounding_window(polygon: Polygon, *, height_px: int, width_px: int) -> Windo
         Region in the frame.
     height_px, width_px : int
         Size of the frame [px].
-
-    Returns
-    -------
-    Window
-        Window within the frame.
 
     Raises
     ------

@@ -120,11 +120,6 @@ def assume_whole_frame(frame: ReviewedFrame) -> ReviewedFrame:
 def find_usual_format(frames: Sequence[ReviewedFrame]) -> Format | None:
     """Return the format that most frames of a campaign have.
 
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        Frames in review.
-
     Returns
     -------
     Format or None

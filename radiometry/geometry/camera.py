@@ -53,11 +53,6 @@ class CameraModel:
             Parameters in the order of PARAMETERS, (9,).
         height_px, width_px : int
             Size of the picture [px].
-
-        Returns
-        -------
-        CameraModel
-            Camera.
         """
         named = dict(zip(PARAMETERS, (float(value) for value in values), strict=True))
         return cls(height_px=height_px, width_px=width_px, **named)

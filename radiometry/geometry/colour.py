@@ -100,13 +100,6 @@ class ColourView:
 def find_colours(frame: Frame, found: Found) -> tuple[ColourCorners, ...] | None:
     """Place the corners of a board in each colour of a frame.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    found : Found
-        Corners in the grey picture.
-
     Returns
     -------
     tuple of ColourCorners or None

@@ -87,11 +87,6 @@ def find_covered_radius_px(camera: CameraModel, seen_px: Sequence[NDArray[np.flo
 def measure_tilt_deg(pose: Pose) -> float:
     """Compute the angle between a board's normal and the optical axis.
 
-    Parameters
-    ----------
-    pose : Pose
-        Pose of the board.
-
     Returns
     -------
     float
@@ -102,11 +97,6 @@ def measure_tilt_deg(pose: Pose) -> float:
 
 def measure_one_sidedness(poses: Sequence[Pose]) -> float:
     """Compute how far the tilted boards all turn about one axis: 0 for all axes alike, 1 for one.
-
-    Parameters
-    ----------
-    poses : sequence of Pose
-        Poses of the boards.
 
     Returns
     -------

@@ -17,11 +17,6 @@ _SEARCH_BEYOND: Final = 2.0
 def find_farthest_radius_px(camera: CameraModel) -> float:
     """Return the distance from the principal point to the frame's farthest corner pixel.
 
-    Parameters
-    ----------
-    camera : CameraModel
-        Camera model.
-
     Returns
     -------
     float
@@ -51,11 +46,6 @@ def compute_curve(
         Distance of neighbouring pixels [um]; None if unknown.
     covered_radius_px : float
         Distance from the principal point to the outermost corner that was used [px].
-
-    Returns
-    -------
-    tuple of CurvePoint
-        Points of the curve.
 
     Notes
     -----
@@ -105,11 +95,6 @@ def distort_radially(camera: CameraModel, ideal_px: NDArray[np.float64]) -> NDAr
 def find_turning_radius_px(camera: CameraModel) -> float | None:
     """Find the radius in the picture at which the model turns back.
 
-    Parameters
-    ----------
-    camera : CameraModel
-        Camera model.
-
     Returns
     -------
     float or None
@@ -130,11 +115,6 @@ def find_turning_radius_px(camera: CameraModel) -> float | None:
 
 def find_ideal_corner_px(camera: CameraModel) -> float:
     """Return the ideal radius of what the frame's farthest corner shows, or of where the model turns back.
-
-    Parameters
-    ----------
-    camera : CameraModel
-        Camera model.
 
     Returns
     -------

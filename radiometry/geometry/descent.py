@@ -62,11 +62,6 @@ def minimise(
     settled_rel : float
         Relative change of sum and parameters at which the descent ends.
 
-    Returns
-    -------
-    Minimum
-        State at which the descent ends.
-
     Raises
     ------
     numpy.linalg.LinAlgError

@@ -58,13 +58,6 @@ class Found:
 def find_corners(grey: Grey, target: Target) -> Found:
     """Find a board's inner corners; pixel (row, col) has its centre at (row, col), OpenCV's convention.
 
-    Parameters
-    ----------
-    grey : Grey
-        Grey picture.
-    target : Target
-        Board to find.
-
     Returns
     -------
     Found

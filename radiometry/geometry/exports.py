@@ -17,16 +17,6 @@ _ROS_MODEL: Final = "plumb_bob"
 def export_opencv(fit: Fit) -> str:
     """Write the file that OpenCV's calibration sample writes, for `cv::FileStorage`.
 
-    Parameters
-    ----------
-    fit : Fit
-        Result of the fit.
-
-    Returns
-    -------
-    str
-        YAML document.
-
     Notes
     -----
     It contains camera_matrix (3, 3) and distortion_coefficients (1, 5: k1, k2, p1, p2, k3), the size of the
@@ -51,18 +41,6 @@ def export_opencv(fit: Fit) -> str:
 def export_ros(fit: Fit, *, camera_name: str) -> str:
     """Write the file that ROS's camera_calibration_parsers reads into a sensor_msgs/CameraInfo.
 
-    Parameters
-    ----------
-    fit : Fit
-        Result of the fit.
-    camera_name : str
-        Name of the camera.
-
-    Returns
-    -------
-    str
-        YAML document.
-
     Notes
     -----
     The rectification is the identity and the projection the camera's own matrix: one camera, whose
@@ -84,20 +62,7 @@ def export_ros(fit: Fit, *, camera_name: str) -> str:
 
 
 def export_json(fit: Fit, *, camera_name: str) -> str:
-    """Write camera, standard uncertainties and covariance as JSON, with the model spelt out.
-
-    Parameters
-    ----------
-    fit : Fit
-        Result of the fit.
-    camera_name : str
-        Name of the camera.
-
-    Returns
-    -------
-    str
-        JSON document.
-    """
+    """Write camera, standard uncertainties and covariance as JSON, with the model spelt out."""
     values = {
         each.name: {"value": each.value, "standard_uncertainty": each.standard_uncertainty, "unit": each.unit}
         for each in fit.coefficients

@@ -39,11 +39,6 @@ def check_views(settled: Settled, points: Sequence[Point], params: Params) -> li
         Points of the fit.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    list of Raised
-        Flags of the pictures.
     """
     used = settled.used
     errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
@@ -89,11 +84,6 @@ def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:
         Solution of the fit.
     coverage : Coverage
         Coverage of the frame by corners.
-
-    Returns
-    -------
-    list of Raised
-        Flags of the solution.
     """
     flags = _check_coverage(coverage) + _check_tilts(solution) + _check_model(solution.camera)
     if solution.rms_px > LARGEST_RMS_PX:
@@ -109,11 +99,6 @@ def check_colours(colours: Sequence[LateralColour]) -> list[Raised]:
     ----------
     colours : sequence of LateralColour
         Lateral colour of each pair of channels.
-
-    Returns
-    -------
-    list of Raised
-        Flags of the pairs.
     """
     flags = []
     for each in colours:

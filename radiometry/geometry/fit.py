@@ -34,13 +34,6 @@ _FIGURES = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2")
 def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Fit camera and poses to the corners of all views.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     Fit

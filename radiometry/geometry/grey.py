@@ -33,18 +33,6 @@ class Grey:
 def make_grey(frame: Frame, *, bits_per_sample: int) -> Grey:
     """Return the grey picture; the transposed frame gives the transposed picture.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to convert.
-    bits_per_sample : int
-        Bits of a sample.
-
-    Returns
-    -------
-    Grey
-        Grey picture.
-
     Notes
     -----
     A mosaic is smoothed by 1/4 [1 2 1] along rows and along columns. Around every pixel, of whatever

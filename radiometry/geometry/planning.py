@@ -28,13 +28,6 @@ _COLS: Final = ("left", "centre", "right")
 def plan_views(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     """List, by name, what to add while the board is still set up.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     tuple of str

@@ -17,11 +17,6 @@ def draw(result: Node) -> str:
     ----------
     result : Node
         Stored result.
-
-    Returns
-    -------
-    str
-        SVG document.
     """
     parts = [*_draw_curve(result["curve"]), *_draw_coverage(result), *_draw_views(result)]
     colours = result.get("lateral_colour") or []

@@ -111,11 +111,6 @@ def choose_free_parameters(*, fix_aspect_ratio: bool, radial_terms: int, tangent
         Number of k1, k2, k3 that are free.
     tangential : bool
         True if p1 and p2 are free.
-
-    Returns
-    -------
-    FreeParameters
-        Free parameters.
     """
     free = [np.eye(len(PARAMETERS))[PARAMETERS.index(name)] for name in ("fx_px", "fy_px")]
     columns = [free[0] + free[1]] if fix_aspect_ratio else free
@@ -219,11 +214,6 @@ def linearise_view(
 def require_determined(solution: Solution) -> None:
     """Check that the principal distance of a camera is known to 10 %.
 
-    Parameters
-    ----------
-    solution : Solution
-        Solution of the fit.
-
     Raises
     ------
     InputRejected
@@ -242,11 +232,6 @@ def find_pose(camera: CameraModel, view: View) -> Pose:
         Camera model.
     view : View
         Corners of the board in the picture.
-
-    Returns
-    -------
-    Pose
-        Pose of the board.
     """
     _, rotation, shift = cv2.solvePnP(
         view.points_mm, np.ascontiguousarray(view.seen_px[:, ::-1]), camera.matrix, camera.distortion

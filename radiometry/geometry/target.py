@@ -106,11 +106,6 @@ def make_charuco_board(target: Target) -> cv2.aruco.CharucoBoard:
     ----------
     target : Target
         ChArUco board.
-
-    Returns
-    -------
-    cv2.aruco.CharucoBoard
-        Board.
     """
     if target.marker_size_mm is None or target.dictionary is None:
         raise ValueError(f"no ChArUco board: {target}")

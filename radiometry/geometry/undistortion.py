@@ -47,11 +47,6 @@ def undistort_frame(frame: Frame, camera: CameraModel) -> Undistorted:
     camera : CameraModel
         Camera model.
 
-    Returns
-    -------
-    Undistorted
-        Undistorted picture.
-
     Raises
     ------
     InputRejected

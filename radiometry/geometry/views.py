@@ -93,11 +93,6 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
         Evidence of the campaign's frames.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    tuple of Candidate
-        Pictures of a board.
     """
     reasons = {exclusion.frame: f"{exclusion.reason} ({exclusion.by})" for exclusion in params.exclude}
     charts = sorted((row for row in rows if row.role == CHART), key=lambda row: row.frame)
@@ -136,13 +131,6 @@ def _inspect(row: FrameRow, usual: _Form | None) -> str:
 
 def make_view(features: Features, params: Params) -> View:
     """Return a picture's corners in the form that the solver needs.
-
-    Parameters
-    ----------
-    features : Features
-        Corners of the picture.
-    params : Params
-        Parameters of the fit.
 
     Returns
     -------

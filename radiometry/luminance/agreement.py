@@ -27,15 +27,6 @@ def inspect_scenes(
 ) -> dict[str, list[Reason]]:
     """Check which light frames lack a scene or its reading, and in which scenes the lamp drifted.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Meter readings.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     dict of str to list of Reason
@@ -81,13 +72,6 @@ def _reading_missing(scene: str, read: Sequence[str]) -> Reason:
 
 def find_repeats(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
     """Find the light frames that repeat another of the same scene and settings.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    params : Params
-        Parameters of the fit.
 
     Returns
     -------

@@ -238,11 +238,6 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Co
     iso : float
         ISO value of the frame.
 
-    Returns
-    -------
-    Coefficient
-        The coefficient whose ISO value is equal.
-
     Raises
     ------
     InputRejected
@@ -261,13 +256,6 @@ def choose_coefficient(coefficients: Sequence[Coefficient], *, iso: float) -> Co
 
 def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
     """Compute the slope of a luminance map: L = (N - D) * slope.
-
-    Parameters
-    ----------
-    coefficient : Coefficient
-        Coefficient for the frame's ISO value.
-    exposure : Exposure
-        Exposure of the frame.
 
     Returns
     -------

@@ -17,18 +17,7 @@ _RULES: Final = {
 
 
 def state_conditions(parameters: Mapping[str, Any], result: Mapping[str, Any]) -> tuple[str, ...]:
-    """State the decision rule of a version, and the light and distance that its K holds for.
-
-    Parameters
-    ----------
-    parameters, result : mapping
-        As stored with the version.
-
-    Returns
-    -------
-    tuple of str
-        Sentences.
-    """
+    """State the decision rule of a version, and the light and distance that its K holds for."""
     rule = parameters.get("acceptance") or "simple"
     risks = [fit["beyond_tolerance_risk"] for fit in result["iso_fits"] if "beyond_tolerance_risk" in fit]
     risk = ""

@@ -289,11 +289,6 @@ def _name(lamp: str) -> str:
 def is_same(lamp: str, light: str) -> bool:
     """Return True if two lamps are the same table, or of the same name.
 
-    Parameters
-    ----------
-    lamp, light : str
-        Names or tables.
-
     Returns
     -------
     bool

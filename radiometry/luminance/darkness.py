@@ -19,13 +19,6 @@ about a tenth of this."""
 def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Reason]]:
     """Find the dark frames with an elevated dark signal.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     dict of str to list of Reason

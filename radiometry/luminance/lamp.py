@@ -40,15 +40,6 @@ class Change:
 def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> dict[str, Change]:
     """Estimate the change of the lamp from the meter readings to each light frame.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Meter readings.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     dict of str to Change

@@ -34,11 +34,6 @@ def name_channels(cfa: str, *, channel: str) -> tuple[str, ...]:
         CFA pattern of the frame.
     channel : str
         "green" or "grey".
-
-    Returns
-    -------
-    tuple of str
-        Names of the channels.
     """
     if cfa == GREY:
         return (GREY,)

@@ -75,11 +75,6 @@ def find_map_scale(
     corrections : sequence of FieldCorrection, default: ()
         Corrections of the frame.
 
-    Returns
-    -------
-    MapScale
-        Scale of the map.
-
     Raises
     ------
     InputRejected
@@ -234,13 +229,6 @@ def compute_map(frame: Frame, scale: MapScale) -> Plane:
 
 def average_map(frame: Frame, scale: MapScale) -> float:
     """Compute the mean luminance of a window, band by band; saturated pixels count as saturation.
-
-    Parameters
-    ----------
-    frame : Frame
-        Window of the frame.
-    scale : MapScale
-        Scale of the map.
 
     Returns
     -------

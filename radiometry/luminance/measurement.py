@@ -96,11 +96,6 @@ def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
     height_px, width_px : int
         Size of the frame [px].
 
-    Returns
-    -------
-    Window
-        Smallest such window.
-
     Raises
     ------
     InputRejected

@@ -97,11 +97,6 @@ def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
     polygon : Polygon
         Region.
 
-    Returns
-    -------
-    tuple of ChannelStatistics
-        Statistics of the raw values.
-
     Raises
     ------
     InputRejected
@@ -121,11 +116,6 @@ def make_row(evidence: FrameEvidence[None]) -> FrameRow:
     ----------
     evidence : FrameEvidence[None]
         One frame of the campaign.
-
-    Returns
-    -------
-    FrameRow
-        Row of the fit.
 
     Raises
     ------

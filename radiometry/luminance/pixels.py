@@ -139,11 +139,6 @@ def order_pixels(
         Signal of each pixel as from `maps.sum_signal`, if it is not this frame's alone
         but the sum over repeated frames.
 
-    Returns
-    -------
-    PixelSignals
-        Order statistics with noise.
-
     Raises
     ------
     InputRejected

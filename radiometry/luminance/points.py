@@ -118,15 +118,6 @@ def collect_series(
 ) -> tuple[IsoSeries, ...]:
     """Group the frames into one series per ISO value.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Meter readings.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     tuple of IsoSeries
@@ -209,11 +200,6 @@ def _candidate(
 def is_saturated(signal: Signal) -> bool:
     """Return True if too many samples are saturated for the mean to count.
 
-    Parameters
-    ----------
-    signal : Signal
-        Signal of a region.
-
     Returns
     -------
     bool
@@ -225,13 +211,6 @@ def is_saturated(signal: Signal) -> bool:
 def signal_error_dn(signal: Signal, dark: Dark) -> float:
     """Compute the standard error of a signal above dark.
 
-    Parameters
-    ----------
-    signal : Signal
-        Signal of a region.
-    dark : Dark
-        Dark signal.
-
     Returns
     -------
     float
@@ -242,13 +221,6 @@ def signal_error_dn(signal: Signal, dark: Dark) -> float:
 
 def is_below_detection(signal: Signal, dark: Dark) -> bool:
     """Return True if a signal cannot be distinguished from dark.
-
-    Parameters
-    ----------
-    signal : Signal
-        Signal of a region.
-    dark : Dark
-        Dark signal.
 
     Returns
     -------
@@ -329,13 +301,6 @@ def list_missing(
 def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
     """Refuse a fit in which some signals would be divided by V and others not.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    params : Params
-        Parameters of the fit.
-
     Raises
     ------
     InputRejected
@@ -354,15 +319,6 @@ def require_shares(rows: Sequence[FrameRow], params: Params) -> None:
 
 def list_unread_scenes(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> list[str]:
     """List the scenes that have light frames but no luminance reading.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Meter readings.
-    params : Params
-        Parameters of the fit.
 
     Returns
     -------

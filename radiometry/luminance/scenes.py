@@ -65,11 +65,6 @@ def _spread(ordered: Sequence[float]) -> float:
 def check_scenes(scenes: Sequence[SceneSummary]) -> list[Raised]:
     """Check the lamp for drift, and compare luminance with illuminance.
 
-    Parameters
-    ----------
-    scenes : sequence of SceneSummary
-        Summaries of the scenes.
-
     Returns
     -------
     list of Raised

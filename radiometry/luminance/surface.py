@@ -134,11 +134,6 @@ def outline(grid: Grid) -> Polygon:
     grid : Grid
         Corners of the surface.
 
-    Returns
-    -------
-    Polygon
-        Polygon of the corners.
-
     Raises
     ------
     InputRejected

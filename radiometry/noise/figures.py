@@ -94,11 +94,6 @@ def measure_dark_noise(stack: Stack) -> DarkNoise:
 def find_read_noise_dn(dark: DarkNoise) -> Quantity:
     """Return the read noise [DN], which needs no gain.
 
-    Parameters
-    ----------
-    dark : DarkNoise
-        Dark noise.
-
     Returns
     -------
     Quantity

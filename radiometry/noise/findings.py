@@ -50,11 +50,6 @@ def check_fits(fitted: Sequence[FittedChannel]) -> tuple[Raised, ...]:
 def check_headers(rows: Sequence[FrameRow]) -> tuple[Raised, ...]:
     """Check whether frames are rendered, with a tone curve between light and numbers, or lack a black level.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-
     Returns
     -------
     tuple of Raised

@@ -74,13 +74,6 @@ def list_darks(stacks: Sequence[Stack]) -> list[Stack]:
 def list_levels(stacks: Sequence[Stack], params: Params) -> tuple[Level, ...]:
     """Return every lit stack with its dark stack.
 
-    Parameters
-    ----------
-    stacks : sequence of Stack
-        Stacks of frames.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     tuple of Level

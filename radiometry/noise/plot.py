@@ -16,11 +16,6 @@ def draw(result: Node) -> str:
     ----------
     result : Node
         Stored result.
-
-    Returns
-    -------
-    str
-        SVG document.
     """
     isos = sorted({fit["iso"] for fit in result["channel_fits"]})
     parts: list[str] = []

@@ -15,13 +15,6 @@ _MOST_NAMES = 3
 def collect_stacks(rows: Sequence[FrameRow], params: Params) -> dict[tuple[float, str], list[Stack]]:
     """Return the stacks of the frames that are not excluded, by ISO value and channel.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     dict of tuple of (float, str) to list of Stack

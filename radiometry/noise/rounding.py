@@ -90,16 +90,6 @@ def estimate_rounded_noise(changes: Counts, *, u_rel: float, spread: float) -> t
 def estimate_rounding_error(noise: float) -> float:
     """Return the standard uncertainty of a variance, because rounding adds 1/12 only on average.
 
-    Parameters
-    ----------
-    noise : float
-        Noise in steps.
-
-    Returns
-    -------
-    float
-        Standard uncertainty in squared steps.
-
     Notes
     -----
     The first harmonic over the place between two numbers is (4 s^2 + 1 / pi^2) exp(-2 pi^2 s^2) cos(2 pi x).

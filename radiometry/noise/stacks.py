@@ -151,11 +151,6 @@ class Stack:
 def make_stacks(rows: Sequence[FrameRow]) -> tuple[Stack, ...]:
     """Return the frames grouped by setting; the order of the rows does not matter.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-
     Returns
     -------
     tuple of Stack
@@ -307,11 +302,6 @@ def _find_step(images: Image) -> float:
 
 def group_by_channel(stacks: Sequence[Stack]) -> dict[tuple[float, str], list[Stack]]:
     """Return the stacks of every ISO value and channel.
-
-    Parameters
-    ----------
-    stacks : sequence of Stack
-        Stacks of frames.
 
     Returns
     -------

@@ -75,11 +75,6 @@ class Transfer:
 
         K falls by the weights of the levels that the dark stack serves.
 
-        Parameters
-        ----------
-        dark : Stack
-            Dark stack.
-
         Returns
         -------
         float

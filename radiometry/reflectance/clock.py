@@ -17,11 +17,6 @@ _LOCAL_CLOCKS = frozenset({"dji"})
 def read_clock(header: FrameHeader) -> datetime | None:
     """Return the time of the exposure.
 
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the frame.
-
     Returns
     -------
     datetime or None
@@ -37,11 +32,6 @@ def read_clock(header: FrameHeader) -> datetime | None:
 def read_clock_s(header: FrameHeader) -> float | None:
     """Return the time of the exposure in seconds since 1970.
 
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the frame.
-
     Returns
     -------
     float or None
@@ -53,11 +43,6 @@ def read_clock_s(header: FrameHeader) -> float | None:
 
 def locate_sun_of(header: FrameHeader) -> SunPosition | None:
     """Return the position of the sun over a frame.
-
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the frame.
 
     Returns
     -------
@@ -84,13 +69,7 @@ def _is_local(header: FrameHeader) -> bool:
 
 
 def has_set_clock(at: datetime) -> bool:
-    """Return False for a time before any of these cameras was built.
-
-    Parameters
-    ----------
-    at : datetime
-        Time of the camera's clock.
-    """
+    """Return False for a time before any of these cameras was built."""
     return at.year >= EARLIEST_YEAR
 
 

@@ -63,11 +63,6 @@ def extract_features(frame: Frame, polygon: Polygon, *, header: FrameHeader, exp
     exposure : Exposure
         Exposure of the frame.
 
-    Returns
-    -------
-    Features
-        Features of the region.
-
     Raises
     ------
     InputRejected

@@ -21,13 +21,6 @@ _BLACK_TOLERANCE_REL = 0.01
 def review_frame(header: FrameHeader, *, exposure: Exposure | None) -> list[Raised]:
     """Check a file when it is read, so that nothing is drawn on one that cannot be used.
 
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the file.
-    exposure : Exposure or None
-        Exposure of the frame.
-
     Returns
     -------
     list of Raised
@@ -140,11 +133,6 @@ def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
         Result of the band.
     used : sequence of Candidate
         Panel frames that were used.
-
-    Returns
-    -------
-    list of Raised
-        Flags of the band.
     """
     where = f"band {fit.coefficient.band}"
     steepest = max(each.features.gradient_rel for each in used)

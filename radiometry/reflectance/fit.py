@@ -249,11 +249,6 @@ def _build(
 def find_scale(band: Multispectral) -> float:
     """Return the coefficient that sets the scale of a band's signal.
 
-    Parameters
-    ----------
-    band : Multispectral
-        Metadata of the band.
-
     Returns
     -------
     float
@@ -268,20 +263,7 @@ def find_scale(band: Multispectral) -> float:
 
 
 def unit_of_k(band: Multispectral, normalisation: Normalisation) -> str:
-    """Return the unit of R I_ss / I_sq.
-
-    Parameters
-    ----------
-    band : Multispectral
-        Metadata of the band.
-    normalisation : Normalisation
-        Normalisation of the fit.
-
-    Returns
-    -------
-    str
-        Unit of K.
-    """
+    """Return the unit of R I_ss / I_sq."""
     if isinstance(band.response, SensorModel):
         return "1/s" if normalisation == "sunshine" else "1"
     if isinstance(band.response, RadianceModel):
@@ -304,11 +286,6 @@ def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) ->
         Parameters of the fit.
     fit : BandFit or None
         Result of the band; None if the band was not fitted.
-
-    Returns
-    -------
-    Point
-        The stored point.
     """
     features, sunshine, panel = candidate.row.features, candidate.sunshine, candidate.panel
     k = residual = None

@@ -35,13 +35,6 @@ class Gain:
 def measure_gains(rows: Sequence[GainMeasurement], *, channel: Channel = "ch0") -> dict[int, Gain]:
     """Compute the relative gain of every usable index of a channel.
 
-    Parameters
-    ----------
-    rows : sequence of GainMeasurement
-        Gain table of the file.
-    channel : Channel, default: "ch0"
-        Channel of the sensor.
-
     Returns
     -------
     dict of int to Gain

@@ -27,11 +27,6 @@ DJI_UNIT = "1/s"
 def require_band(header: FrameHeader) -> Multispectral:
     """Return the metadata of a band that has a reflectance.
 
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the file.
-
     Returns
     -------
     Multispectral
@@ -67,11 +62,6 @@ def require_band(header: FrameHeader) -> Multispectral:
 def describe_kind(band: Multispectral) -> str:
     """Describe why a thermal or panchromatic band has no reflectance.
 
-    Parameters
-    ----------
-    band : Multispectral
-        Metadata of the band.
-
     Returns
     -------
     str
@@ -84,13 +74,6 @@ def describe_kind(band: Multispectral) -> str:
 
 def inspect_band(header: FrameHeader, settings: Settings) -> None:
     """Refuse a band whose signal could not be computed somewhere in the frame, without its pixels.
-
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the file.
-    settings : Settings
-        Exposure settings.
 
     Raises
     ------
@@ -134,11 +117,6 @@ def find_black_dn(band: Multispectral, levels_dn: Sequence[float]) -> float:
 def signal_unit(band: Multispectral) -> str:
     """Return the unit of a band's signal.
 
-    Parameters
-    ----------
-    band : Multispectral
-        Metadata of the band.
-
     Returns
     -------
     str
@@ -151,15 +129,6 @@ def signal_unit(band: Multispectral) -> str:
 
 def compute_signal(frame: Frame, *, header: FrameHeader, settings: Settings) -> Plane:
     """Compute I_sq, or radiance, of every pixel of a window; nothing is clipped.
-
-    Parameters
-    ----------
-    frame : Frame
-        Window of the frame.
-    header : FrameHeader
-        Metadata of the frame.
-    settings : Settings
-        Exposure settings.
 
     Returns
     -------

@@ -65,13 +65,6 @@ def evaluate_polynomial(lens: VignettingPolynomial, window: Window, *, size: Fra
 def evaluate_radial(lens: RadialVignetting, window: Window) -> Plane:
     """Compute 1 + k0 r + k1 r^2 + ... in a window; r [px] from the lens's centre.
 
-    Parameters
-    ----------
-    lens : RadialVignetting
-        Polynomial of the lens.
-    window : Window
-        Window of the frame.
-
     Returns
     -------
     Plane
@@ -87,15 +80,6 @@ def evaluate_radial(lens: RadialVignetting, window: Window) -> Plane:
 
 def evaluate_band(band: Multispectral, window: Window, *, size: FrameSize) -> Plane:
     """Compute the relative illumination V of a band in a window, in whichever form its file states it.
-
-    Parameters
-    ----------
-    band : Multispectral
-        Metadata of the band.
-    window : Window
-        Window of the frame.
-    size : FrameSize
-        Size of the whole frame.
 
     Returns
     -------

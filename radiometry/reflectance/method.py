@@ -155,11 +155,6 @@ def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
     evidence : FrameEvidence[Features]
         One frame of the campaign.
 
-    Returns
-    -------
-    FrameRow
-        Row of the fit.
-
     Raises
     ------
     ValueError

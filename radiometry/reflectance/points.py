@@ -112,15 +112,6 @@ def list_bands_without_reflectance(
 ) -> list[str]:
     """List the bands that have panel frames but no reflectance, with what to do.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Reflectances of the panel.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     list of str
@@ -195,11 +186,6 @@ def collect_candidates(
         Reflectances of the panel.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    tuple of Candidate
-        Panel frames with their sunshine readings.
     """
     reasons = {exclusion.frame: f"{exclusion.reason} ({exclusion.by})" for exclusion in params.exclude}
     panels = [row for row in rows if row.role == PANEL and row.header.multispectral is not None]
@@ -283,11 +269,6 @@ def _inspect(row: FrameRow) -> tuple[str, Finding | None]:
 
 def sunshine_flags(candidates: Sequence[Candidate]) -> list[Raised]:
     """Collect the flags of the used frames' sunshine readings.
-
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        Panel frames.
 
     Returns
     -------

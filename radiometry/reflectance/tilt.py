@@ -70,11 +70,6 @@ class Tilt:
 def require_high_sun(sun: SunPosition) -> None:
     """Refuse a sun under 10 degrees: there the correction is mostly the attitude's error.
 
-    Parameters
-    ----------
-    sun : SunPosition
-        Position of the sun.
-
     Raises
     ------
     InputRejected
@@ -158,11 +153,6 @@ def level_factor(angle_deg: float, tilt: Tilt) -> float:
         Angle between the sensor's normal and the sun [deg].
     tilt : Tilt
         Position of the sun, and assumptions.
-
-    Returns
-    -------
-    float
-        Factor of the reading.
 
     Notes
     -----

@@ -100,11 +100,6 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
         Reflectances of the panel.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    tuple of str
-        Fragments of sentences.
     """
     candidates = [each for each in collect_candidates(rows, readings, params) if not each.left_out]
     advice: list[str] = []

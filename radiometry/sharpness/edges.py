@@ -47,11 +47,6 @@ def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
     orientation : str
         "vertical" or "horizontal"; copied to the result.
 
-    Returns
-    -------
-    EdgeResponse
-        Response with uncertainties.
-
     Raises
     ------
     InputRejected

@@ -20,11 +20,6 @@ _OVERSHOOT_ERRORS = 3.0
 def name_position(position: PositionFit) -> str:
     """Return the place to which a flag applies.
 
-    Parameters
-    ----------
-    position : PositionFit
-        Result of a position.
-
     Returns
     -------
     str
@@ -123,11 +118,6 @@ def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTabl
         Results of all positions.
     tables : sequence of FalloffTable
         Falloff by channel and f-number.
-
-    Returns
-    -------
-    list of Raised
-        Flags.
     """
     if tables or len({each.position for each in positions}) < 2:
         return []

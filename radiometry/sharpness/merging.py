@@ -27,11 +27,6 @@ def merge_position(candidates: Sequence[Candidate], params: Params) -> PositionF
         Responses that count, at least one.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    PositionFit
-        Result of the position.
     """
     first = candidates[0]
     edges = [each.response for each in candidates if isinstance(each.response, EdgeResponse)]

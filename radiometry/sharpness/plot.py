@@ -18,11 +18,6 @@ def draw(result: Node) -> str:
     ----------
     result : Node
         Stored result.
-
-    Returns
-    -------
-    str
-        SVG document.
     """
     if result.get("blooming"):
         return _draw_blooming(result["blooming"])

@@ -40,11 +40,6 @@ class Sums:
         ----------
         part : Sums
             Sums of the part.
-
-        Returns
-        -------
-        Sums
-            Sums of the rest.
         """
         return Sums(
             count=self.count - part.count,
@@ -129,11 +124,6 @@ def form_profile(sums: Sums, *, slope: float, low_px: float, high_px: float) -> 
     low_px, high_px : float
         Range along the line that every line reaches [px].
 
-    Returns
-    -------
-    Profile
-        Edge spread function.
-
     Notes
     -----
     A bin's mean is not the value at its middle: mean = e + m1 e' + m2 e'' / 2, with m1, m2 the moments of
@@ -168,16 +158,6 @@ def form_profile(sums: Sums, *, slope: float, low_px: float, high_px: float) -> 
 
 def measure_lengths(profile: Profile) -> Lengths:
     """Read the 10-90 % rise, the line spread's full width at half maximum, and overshoots off a profile.
-
-    Parameters
-    ----------
-    profile : Profile
-        Edge spread function.
-
-    Returns
-    -------
-    Lengths
-        Lengths.
 
     Notes
     -----

@@ -49,11 +49,6 @@ def convert_resolution(
     pixel_pitch_um : float or None, default: None
         Pixel pitch p [um]; None if unknown.
 
-    Returns
-    -------
-    Resolution
-        Frequency in every unit.
-
     Notes
     -----
     lp/mm = f / p,   LP/PH = f N,   LW/PH = 2 f N,   small format: f N / 24 mm

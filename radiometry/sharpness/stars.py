@@ -28,11 +28,6 @@ _LEAST_EXPLAINED = 0.4
 def nyquist_of(plane: Plane) -> float:
     """Return the highest frequency that a channel's lattice can carry in every direction [cycles per pixel].
 
-    Parameters
-    ----------
-    plane : Plane
-        Samples of the channel.
-
     Returns
     -------
     float

@@ -108,11 +108,6 @@ def estimate_u_rel(response: str, *, channel: str, calibrated: str, measured: st
     calibrated, measured : str
         Lamp of the calibration and light of the measurement.
 
-    Returns
-    -------
-    float
-        Relative standard uncertainty of F.
-
     Notes
     -----
     Sum in squares of three: a response whose wavelengths are off by 2 nm, as from one body to another; a lamp

@@ -193,11 +193,6 @@ def list_windows(height_px: int, width_px: int) -> Iterator[Window]:
     ----------
     height_px, width_px : int
         Size of the frame [px].
-
-    Returns
-    -------
-    iterator of Window
-        Windows from top to bottom.
     """
     for row0 in range(0, height_px, BAND_ROWS):
         yield Window(row0=row0, col0=0, height=min(BAND_ROWS, height_px - row0), width=width_px)
@@ -237,16 +232,5 @@ def _interpolate(ends: Sequence[tuple[float, Array, Array]]) -> Share:
 
 
 def spread_between(weight: float) -> float:
-    """Return the standard uncertainty between two f-numbers, as a multiple of the difference of their V.
-
-    Parameters
-    ----------
-    weight : float
-        Weight w of the second f-number.
-
-    Returns
-    -------
-    float
-        Multiple of the difference.
-    """
+    """Return the standard uncertainty between two f-numbers, as a multiple of the difference of their V."""
     return 4.0 * weight * (1.0 - weight) / (2.0 * math.sqrt(3.0))

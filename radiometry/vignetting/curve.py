@@ -125,28 +125,12 @@ def propagate(slopes: Array, covariance: Array) -> Array:
 
 
 def sample_radii(farthest: float) -> Vector:
-    """Return radii from the centre to the farthest corner at which the whole curve is checked.
-
-    Parameters
-    ----------
-    farthest : float
-        Radius r of the farthest corner.
-
-    Returns
-    -------
-    ndarray of float64
-        Rising radii r.
-    """
+    """Return radii from the centre to the farthest corner at which the whole curve is checked."""
     return np.linspace(0.0, farthest, _RADII)
 
 
 def find_largest_rise(shares: Vector) -> tuple[float, int, int]:
     """Return the largest outward increase of V, with the indices from which and to which it extends.
-
-    Parameters
-    ----------
-    shares : ndarray of float64
-        V at rising radii.
 
     Returns
     -------

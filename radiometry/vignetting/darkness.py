@@ -140,11 +140,6 @@ def merge_dark_errors(errors: Sequence[DarkError], shares: Sequence[float]) -> D
         Errors of the flats, each relative to its flat's level.
     shares : sequence of float
         Weights of the flats, of sum 1.
-
-    Returns
-    -------
-    DarkError
-        Error of the mean.
     """
     pairs = list(zip(errors, shares, strict=True))
     return DarkError(

@@ -92,11 +92,6 @@ def check_frames(candidates: Sequence[Candidate], rows: Sequence[FrameRow], para
         Evidence of the campaign's frames, dark frames included.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    list of Raised
-        Flags of the frames.
     """
     flags = []
     for candidate in candidates:
@@ -163,11 +158,6 @@ def check_fits(fitted: Fitted) -> list[Raised]:
     ----------
     fitted : Fitted
         Fitted f-numbers and channels.
-
-    Returns
-    -------
-    list of Raised
-        Flags of the results.
     """
     flags = []
     for each in fitted:

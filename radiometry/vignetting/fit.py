@@ -288,11 +288,6 @@ def find_largest_falloff(coefficient: Coefficient) -> float:
     ----------
     coefficient : Coefficient
         Falloff of one f-number and channel.
-
-    Returns
-    -------
-    float
-        Largest falloff.
     """
     return 1.0 - float(evaluate_curve(sample_radii(farthest_radius(coefficient)) ** 2, coefficient.k).min())
 
@@ -304,11 +299,6 @@ def farthest_radius(coefficient: Coefficient) -> float:
     ----------
     coefficient : Coefficient
         Falloff of one f-number and channel.
-
-    Returns
-    -------
-    float
-        Radius r.
     """
     corner = find_farthest_corner(
         coefficient.height_px, coefficient.width_px, centre_px=coefficient.centre_px

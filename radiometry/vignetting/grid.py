@@ -96,11 +96,6 @@ class Grid:
         ----------
         height_px, width_px : int
             Size of the frame [px].
-
-        Returns
-        -------
-        Grid
-            Grid over the frame.
         """
         block_px = 2 * math.ceil(max(height_px, width_px) / (2 * MOST_BLOCKS))
         return cls(height_px=height_px, width_px=width_px, block_px=max(LEAST_BLOCK_PX, block_px))

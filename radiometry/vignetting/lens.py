@@ -186,11 +186,6 @@ def average_over_polygon(
     f_number : float
         F-number.
 
-    Returns
-    -------
-    Quantity
-        Mean V.
-
     Raises
     ------
     InputRejected

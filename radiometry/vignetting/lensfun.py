@@ -79,11 +79,6 @@ def export_lensfun(
     names : LensfunNames
         Names and sizes of camera and lens.
 
-    Returns
-    -------
-    str
-        XML document.
-
     Raises
     ------
     InputRejected

@@ -146,11 +146,6 @@ def measure_light(flat: FrameRow, rows: Sequence[FrameRow]) -> FlatLight:
     rows : sequence of FrameRow
         Evidence of the campaign's frames.
 
-    Returns
-    -------
-    FlatLight
-        Light of every channel.
-
     Notes
     -----
     light = mean - dark,  u^2 = noise^2 / n + u(dark)^2, noise^2 the straight line through the blocks' own

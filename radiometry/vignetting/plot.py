@@ -27,11 +27,6 @@ def draw(result: Node) -> str:
     ----------
     result : Node
         Stored result.
-
-    Returns
-    -------
-    str
-        SVG document.
     """
     fits = result["channel_fits"]
     shown = _choose_channel(fits)

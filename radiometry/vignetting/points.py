@@ -142,11 +142,6 @@ def _find_usual(rows: Sequence[FrameRow]) -> tuple[int, int, str] | None:
 def require_one_lens(candidates: Sequence[Candidate]) -> None:
     """Check that all flat frames are of one lens: a falloff belongs to one.
 
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        Flat frames.
-
     Raises
     ------
     InputRejected

@@ -83,18 +83,7 @@ class Quality:
 
 
 def inspect_flat(light: FlatLight) -> Quality:
-    """Check a flat frame, in the order in which one fault hides the next.
-
-    Parameters
-    ----------
-    light : FlatLight
-        Light of the frame.
-
-    Returns
-    -------
-    Quality
-        Result of the inspection.
-    """
+    """Check a flat frame, in the order in which one fault hides the next."""
     most_clipped = max(light.channels, key=lambda each: each.clipped_share)
     weakest = min(light.channels, key=lambda each: each.median_share)
     strongest = max(light.channels, key=lambda each: each.median_share)
@@ -190,11 +179,6 @@ def name_direction(gradient: tuple[float, float]) -> str:
     ----------
     gradient : tuple of float
         Gradient of the light, (d row, d column).
-
-    Returns
-    -------
-    str
-        Direction.
     """
     by_row, by_col = gradient
     if abs(by_row) > abs(by_col):
@@ -246,11 +230,6 @@ def flag_frame(frame: str, quality: Quality) -> list[Raised]:
         Name of the frame.
     quality : Quality
         Result of its inspection.
-
-    Returns
-    -------
-    list of Raised
-        Flags.
     """
     where = f"frame {frame}"
     if quality.left_out:
@@ -265,18 +244,7 @@ def flag_frame(frame: str, quality: Quality) -> list[Raised]:
 
 
 def describe_spots(spots: tuple[Spot, ...]) -> str:
-    """Return how many spots there are, and where the deepest lie, in words.
-
-    Parameters
-    ----------
-    spots : tuple of Spot
-        Spots of a frame.
-
-    Returns
-    -------
-    str
-        Description.
-    """
+    """Return how many spots there are, and where the deepest lie, in words."""
     deepest = sorted(spots, key=lambda spot: (-abs(spot.depth_rel), spot.row_px, spot.col_px))[:_MOST_NAMED]
     places = ", ".join(
         f"row {spot.row_px:.0f} column {spot.col_px:.0f} ({-spot.depth_rel:+.1%})" for spot in deepest

@@ -15,15 +15,6 @@ def read_residuals(
 ) -> tuple[ChannelFit, NDArray[np.float32]]:
     """Return (light - fitted) / fitted of one f-number and channel, and the fit to which it belongs.
 
-    Parameters
-    ----------
-    fits : sequence of ChannelFit
-        Fits of a version.
-    f_number : float
-        F-number.
-    channel : str
-        Name of the channel.
-
     Returns
     -------
     tuple of (ChannelFit, ndarray of float32)

@@ -99,11 +99,6 @@ class Prior:
             `CENTRE` or `LIGHT`.
         mean, covariance : ndarray of float64
             Its mean, (2,), and covariance, (2, 2).
-
-        Returns
-        -------
-        Prior
-            Knowledge.
         """
         where = slice(part.start - 4, part.stop - 4)
         changed = self.mean.copy(), self.precision.copy()

@@ -1,7 +1,9 @@
 """Style of the docstrings of radiometry and simulation."""
 
 import ast
+import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -41,6 +43,12 @@ def test_lint_accepts_numpydoc_and_private_helpers():
     assert not list(find_faults(ROOT / "radiometry/example.py", source))
 
 
+def test_functions_that_a_room_keeps_to_itself_need_no_sections():
+    path = ROOT / "radiometry/frame/roi.py"
+    assert not list(find_faults(path, 'def only_roi_knows(signal):\n    """Return True."""'))
+    assert list(find_faults(path, 'def bounding_window(polygon):\n    """Return it."""'))
+
+
 def test_simulation_needs_no_sections():
     assert not list(find_faults(ROOT / "simulation/example.py", 'def f(x):\n    """Return x."""'))
 
@@ -64,8 +72,25 @@ def find_faults(path: Path, source: str) -> Iterator[str]:
             arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
             takes = [one for one in arguments if one.arg not in {"self", "cls"}]
             text = ast.get_docstring(function) or ""
-            if takes and "Parameters\n----------\n" not in text:
+            if takes and "Parameters\n----------\n" not in text and _is_used_outside(path, function.name):
                 yield f"{path.relative_to(ROOT)}: {function.name} has no Parameters section"
+
+
+def _is_used_outside(path: Path, name: str) -> bool:
+    """Return True unless a room of the science keeps this function to itself: one sentence is then enough."""
+    room = path.relative_to(ROOT / "radiometry").parts[0]
+    return not path.exists() or any(name in words for other, words in _list_words().items() if other != room)
+
+
+@cache
+def _list_words() -> dict[str, set[str]]:
+    """Return the words of each room of radiometry, and of the rooms beside it together."""
+    words: dict[str, set[str]] = {}
+    for root in ("radiometry", "store", "worker", "service", "verify", "bench", "demo", "simulation"):
+        for path in (ROOT / root).rglob("*.py"):
+            room = path.relative_to(ROOT / root).parts[0] if root == "radiometry" else ""
+            words.setdefault(room, set()).update(re.findall(r"\w+", path.read_text()))
+    return words
 
 
 def _list_public_functions(body: list[ast.stmt]) -> Iterator[ast.FunctionDef]:

@@ -32,11 +32,6 @@ def describe_pose(
     triggers : int
         Number of triggers that were used.
 
-    Returns
-    -------
-    RelativePose
-        Orientation.
-
     Notes
     -----
     The camera's axes in the reference's frame are the columns of R' = Ry(yaw) Rx(pitch) Rz(roll): yaw turns

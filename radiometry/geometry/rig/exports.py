@@ -62,11 +62,6 @@ def export_json(orientation: RigFit, members: Sequence[RigMember], name: str) ->
         Versions, the reference first.
     name : str
         Name of the rig.
-
-    Returns
-    -------
-    str
-        JSON document.
     """
     content = {
         "rig": name,

@@ -24,11 +24,6 @@ def orient_members(members: Sequence[RigMember]) -> RigFit:
     members : sequence of RigMember
         Versions, the reference first.
 
-    Returns
-    -------
-    RigFit
-        Orientation.
-
     Raises
     ------
     InputRejected
@@ -45,11 +40,6 @@ def count_shared(first: RigMember, second: RigMember) -> int:
     ----------
     first, second : RigMember
         Versions of two cameras.
-
-    Returns
-    -------
-    int
-        Number of triggers.
     """
     return len(pair_pictures([*list_pictures(first, 0), *list_pictures(second, 1)])[0])
 
@@ -63,11 +53,6 @@ def list_pictures(member: RigMember, number: int) -> list[BoardPicture]:
         Version of a camera.
     number : int
         Number of the camera in the rig.
-
-    Returns
-    -------
-    list of BoardPicture
-        Pictures.
     """
     used = {point.frame for point in member.fitted.points if point.used}
     return [

@@ -39,11 +39,6 @@ def estimate_scatter(reduced: Sequence[tuple[Matrix, Matrix]], *, within: tuple[
     within : tuple of (float, int)
         Sum of squares at the minimum, and degrees of freedom with the poses free in each trigger.
 
-    Returns
-    -------
-    Scatter
-        Standard deviations.
-
     Notes
     -----
     d_k = H_k^-1 g_k is the step that trigger k alone would take, of variance s^2 H_k^-1 + T; its gain
