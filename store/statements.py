@@ -10,7 +10,7 @@ from store.codec import decode, drop_absent, encode
 
 Json = dict[str, Any]
 
-COVERAGE_FACTOR = 2.0
+_COVERAGE_FACTOR = 2.0
 """Of a figure whose method states none: about 95 % of a normal distribution."""
 
 _IDENTITY = ("name", "iso", "f_number", "band", "channel", "model")
@@ -32,7 +32,7 @@ def state_coefficients(method: str, result: Json, figures: Iterable[Json]) -> li
         dof = value.effective_dof if value else None
         factor = value.coverage_factor if value else None
         if factor is None:
-            factor = COVERAGE_FACTOR if dof is None else coverage_factor(dof)
+            factor = _COVERAGE_FACTOR if dof is None else coverage_factor(dof)
         stated = {
             "expanded_uncertainty": factor * figure["standard_uncertainty"],
             "coverage_factor": factor,

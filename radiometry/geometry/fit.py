@@ -82,7 +82,8 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
         Coefficients with unit and uncertainty.
     """
     listed: list[tuple[str, Coefficient | Quantity, str | None, int | None]] = [
-        (each.name, each, None, None) for each in fit.coefficients
+        (each.name, each, None, fit.degrees_of_freedom if each.standard_uncertainty else None)
+        for each in fit.coefficients
     ]
     listed += [
         ("lateral_colour_px", each.corner, each.channels, each.views - 1) for each in fit.lateral_colour or ()

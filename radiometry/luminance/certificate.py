@@ -44,7 +44,6 @@ CERTIFICATE: Final = CertificateText(
     equation="N - D = K X,  X = t S L / f²",
     headlines=frozenset({"luminance_k"}),
     layout="curve",
-    states_coverage=True,
     columns=(),  # luminance has sheets of its own
     state=state_conditions,
 )

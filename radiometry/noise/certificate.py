@@ -9,7 +9,6 @@ CERTIFICATE: Final = CertificateText(
     "stacks of frames with equal settings, by the definitions of EMVA 1288",
     equation="var_y - var_dark = K (mu_y - mu_dark)",
     headlines=frozenset({"system_gain_dn_per_e", "read_noise_e", "full_well_e", "dynamic_range_stops"}),
-    states_coverage=True,
     columns=(
         FRAME,
         Column(name="channel", head="channel", form="text", share=0.8),

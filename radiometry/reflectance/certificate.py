@@ -12,7 +12,6 @@ CERTIFICATE: Final = CertificateText(
     "a parameter states otherwise",
     headlines=frozenset({"reflectance_k"}),
     vignetting="as stated in each file",
-    states_coverage=True,
     columns=(
         FRAME,
         Column(name="band", head="band", form="text"),

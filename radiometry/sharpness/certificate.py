@@ -9,7 +9,6 @@ CERTIFICATE: Final = CertificateText(
     "channel, from slanted edges (ISO 12233, e-SFR) or Siemens stars",
     equation="MTF(f) = |F{LSF}(f)| / |F{LSF}(0)|, where f is in cycles per pixel of the whole sensor",
     headlines=frozenset({"mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel", "blooming_px"}),
-    states_coverage=True,
     columns=(
         FRAME,
         Column(name="position", head="position", form="text", share=1.2),

@@ -25,7 +25,6 @@ class CertificateText:
     ``layout`` : "curve" for a method that fits a curve per ISO value, with sheets of its own
     ``traceability`` : "" where it depends on the meters or panels used
     ``vignetting`` : what corrected the signals, where no vignetting version did
-    ``states_coverage`` : the fit states an expanded uncertainty and a coverage factor of each coefficient
     ``holds_for_lens`` : the result is valid for one lens; a certificate without a lens then has a gap
     ``statements`` : statements that only this method makes
     ``state`` : ``(parameters, result) -> tuple of str``, those that depend on the version
@@ -38,7 +37,6 @@ class CertificateText:
     layout: Literal["general", "curve"] = "general"
     traceability: str = ""
     vignetting: str = "none"
-    states_coverage: bool = False
     holds_for_lens: bool = True
     statements: tuple[str, ...] = ()
     state: Callable[[Mapping[str, Any], Mapping[str, Any]], tuple[str, ...]] = lambda *_: ()

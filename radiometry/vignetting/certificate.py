@@ -10,7 +10,6 @@ CERTIFICATE: Final = CertificateText(
     equation="(N - D) / A = 1 + k1 r² + k2 r⁴ + k3 r⁶, where r is the distance from the fitted centre in "
     "units of half the frame's diagonal",
     headlines=frozenset({"corner_falloff"}),
-    states_coverage=True,
     columns=(
         FRAME,
         Column(name="role", head="role", form="text", share=0.7),

@@ -5,7 +5,6 @@ from typing import Any
 
 from radiometry.specification.method import MethodSpec, Scope
 from service.schemas.certificates import UsedMeter, UsedPanel
-from store.statements import COVERAGE_FACTOR
 
 _RELATES = (
     "This certificate relates only to the item named on it, in the state in which it was calibrated, and "
@@ -15,11 +14,6 @@ _EXPANDED = (
     "Each expanded uncertainty is the standard uncertainty multiplied by the coverage factor k, which is "
     "taken from the t distribution with the effective degrees of freedom for a coverage probability of "
     "about 95 %. Uncertainties are evaluated according to JCGM 100:2008."
-)
-_EXPANDED_PLAINLY = (
-    "Each expanded uncertainty is the standard uncertainty multiplied by the coverage factor "
-    f"k = {COVERAGE_FACTOR:g}, for a coverage probability of about 95 % of a normal distribution. "
-    "Uncertainties are evaluated according to JCGM 100:2008."
 )
 _UNCORRECTED = (
     "No vignetting correction was applied. The coefficient is valid for the region in which it was "
@@ -45,7 +39,7 @@ def list_statements(
     corrected = f"The signals were corrected for vignetting with {vignetting}."
     return [
         _RELATES,
-        _EXPANDED if spec.certificate.states_coverage else _EXPANDED_PLAINLY,
+        _EXPANDED,
         *spec.certificate.statements,
         *spec.certificate.state(parameters, result),
         *([_UNCORRECTED if vignetting == "none" else corrected] if spec.corrected_by else []),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected, shared
+from radiometry.fitting.curve import coverage_factor
 from radiometry.geometry import method as geometry
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
 from radiometry.geometry.solving import Pose, choose_free_parameters, solve
@@ -52,6 +53,23 @@ def test_errors_are_as_large_as_predicted():
     assert 178 < total < 362
     # the noise itself: each variance is known to sqrt(2 / 807), their mean to 0.9 %
     assert np.mean(rms) == pytest.approx(0.2**2, rel=0.04)
+
+
+def test_expanded_uncertainty_of_three_small_views_covers_the_truth():
+    """200 numbers of 50 sets: 95 % with a standard deviation of 3 %, as four of a set go together."""
+    board = geometry.Target(kind="checkerboard", columns=3, rows=3, square_size_mm=70.0)
+    camera = dataclasses.replace(SQUARE, k2=0.0, k3=0.0, p1=0.0, p2=0.0)
+    params = geometry.Params(radial_terms=1, tangential=False)
+    inside = []
+    for seed in range(50):
+        rows = simulate(seed=5000 + seed, count=3, noise_px=0.1, camera=camera, target=board)
+        for each in geometry.list_coefficients(geometry.fit(rows, params)):
+            if each.name in ("fx_px", "cx_px", "cy_px", "k1"):
+                k = coverage_factor(each.effective_dof)
+                inside.append(abs(each.value - getattr(camera, each.name)) < k * each.standard_uncertainty)
+    # 3 views x 9 corners x 2, less six numbers of each pose and four of the camera
+    assert round(k, 3) == 2.037
+    assert np.mean(inside) > 0.87
 
 
 @pytest.mark.parametrize("square", [True, False])
