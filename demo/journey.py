@@ -55,10 +55,9 @@ def register(stage: Stage, camera: Camera, **details: Any) -> str:  # noqa: ANN4
 def begin(stage: Stage, camera_id: str, method: str, **details: Unpack[CampaignDetails]) -> str:
     """Return a campaign's id; without a natural key, the project number identifies that of an earlier run."""
     details = {"project_number": f"DEMO-{method}", "started_at": STARTED_AT, "recorder": "the demo"} | details
-    wanted = (camera_id, method, details["project_number"])
-    for known in stage.client.campaigns():
-        if (known.camera_id, known.method, known.project_number) == wanted:
-            return known.id
+    number = details["project_number"]
+    for known in stage.client.campaigns(camera_id=camera_id, method=method, project_number=number):
+        return known.id
     return stage.client.create_campaign(camera_id, method=method, **details).id
 
 

@@ -5,10 +5,12 @@ from typing import Annotated, Any, Generic, TypeVar
 
 from fastapi import Query, Request
 from fastapi.responses import JSONResponse
-from pydantic import Field
-from sqlalchemy import Select
+from pydantic import BaseModel, Field
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
+from service.auth import Caller
+from service.context import Context
 from service.hosts import absolute
 from service.schemas.base import Answer, Text
 
@@ -18,11 +20,41 @@ Limit = Annotated[int, Query(ge=1, le=1000, description="How many items a page h
 Cursor = Annotated[Text | None, Query(description="Taken from the `next` address of the page before.")]
 
 
+class Listing(BaseModel):
+    """Which page of a list; a field that a list adds leaves only the rows with exactly this value."""
+
+    limit: Limit = 100
+    cursor: Cursor = None
+
+
 class Page(Answer, Generic[AnswerType]):
     """One page of a list; `next` is the address of the page after it, or null at the end."""
 
     items: list[AnswerType]
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
+
+
+def page_own(
+    request: Request,
+    context: Context,
+    caller: Caller,
+    table: Any,  # noqa: ANN401  a mapped class with an organisation
+    listing: Listing,
+    shape: Callable[[Any], Answer],
+) -> JSONResponse:
+    """Return a page of the organisation's rows that have the values asked for, oldest first."""
+    asked = listing.model_dump(exclude={"limit", "cursor"}, exclude_none=True)
+    rows = select(table).where(table.organisation_id == caller.organisation_id).filter_by(**asked)
+    with context.database.reading() as session:
+        return page(
+            session,
+            request,
+            rows,
+            by=table.id,
+            limit=listing.limit,
+            cursor=listing.cursor,
+            shape=lambda found: [shape(row) for row in found],
+        )
 
 
 def page(

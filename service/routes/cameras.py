@@ -1,14 +1,16 @@
 """Cameras."""
 
-from fastapi import APIRouter, Request, Response
-from sqlalchemy import select
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Listing, Page, page_own
 from service.routes import problems
+from service.schemas.base import Text
 from service.schemas.equipment import CameraAnswer, NewCamera
 from service.writing import Reply, Writes
 from store.queries.equipment import find_or_add_camera
@@ -36,22 +38,18 @@ def create_camera(body: NewCamera, caller: Calibrator, writing: Writes) -> Respo
     return writing.run(caller, change)
 
 
+class CameraListing(Listing):
+    make: Text | None = None
+    model: Text | None = None
+    serial: Text | None = None
+
+
 @router.get("", response_model=Page[CameraAnswer], responses=problems())
 def list_cameras(
-    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+    request: Request, caller: Reader, context: UsesContext, listing: Annotated[CameraListing, Query()]
 ) -> Response:
     """The cameras of your organisation, oldest first."""
-    rows = select(Camera).where(Camera.organisation_id == caller.organisation_id)
-    with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=Camera.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: [CameraAnswer.of(row) for row in found],
-        )
+    return page_own(request, context, caller, Camera, listing, CameraAnswer.of)
 
 
 @router.get("/{camera_id}", response_model=CameraAnswer, responses=problems(404))

@@ -1,10 +1,9 @@
 """Campaigns and their region."""
 
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from pydantic import ValidationError
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
@@ -14,9 +13,10 @@ from radiometry.frame.roi import Polygon, parse_imagej
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Listing, Page, page_own
 from service.problems import Problem, invalid, located
 from service.routes import problems
+from service.schemas.base import Text
 from service.schemas.campaigns import (
     STATED,
     CampaignAnswer,
@@ -53,22 +53,18 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
     return writing.run(caller, change)
 
 
+class CampaignListing(Listing):
+    project_number: Text | None = None
+    camera_id: Text | None = None
+    method: Text | None = None
+
+
 @router.get("", response_model=Page[CampaignAnswer], responses=problems())
 def list_campaigns(
-    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+    request: Request, caller: Reader, context: UsesContext, listing: Annotated[CampaignListing, Query()]
 ) -> Response:
     """The campaigns of your organisation, oldest first."""
-    rows = select(Campaign).where(Campaign.organisation_id == caller.organisation_id)
-    with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=Campaign.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: [CampaignAnswer.restate(row) for row in found],
-        )
+    return page_own(request, context, caller, Campaign, listing, CampaignAnswer.restate)
 
 
 @router.get("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))

@@ -1,14 +1,16 @@
 """Meters and their certificates."""
 
-from fastapi import APIRouter, Request, Response
-from sqlalchemy import select
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Listing, Page, page_own
 from service.routes import problems
+from service.schemas.base import Text
 from service.schemas.equipment import MeterAnswer, NewMeter
 from service.writing import Reply, Writes
 from store.queries.equipment import find_or_add_meter
@@ -39,22 +41,17 @@ def create_meter(body: NewMeter, caller: Calibrator, writing: Writes) -> Respons
     return writing.run(caller, change)
 
 
+class MeterListing(Listing):
+    kind: Text | None = None
+    serial: Text | None = None
+
+
 @router.get("", response_model=Page[MeterAnswer], responses=problems())
 def list_meters(
-    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+    request: Request, caller: Reader, context: UsesContext, listing: Annotated[MeterListing, Query()]
 ) -> Response:
     """The meters of your organisation, oldest first."""
-    rows = select(Meter).where(Meter.organisation_id == caller.organisation_id)
-    with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=Meter.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: [MeterAnswer.of(row) for row in found],
-        )
+    return page_own(request, context, caller, Meter, listing, MeterAnswer.of)
 
 
 @router.get("/{meter_id}", response_model=MeterAnswer, responses=problems(404))

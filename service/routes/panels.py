@@ -1,16 +1,18 @@
 """Reflectance panels and what they reflect."""
 
-from fastapi import APIRouter, Request, Response
-from sqlalchemy import select
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Listing, Page, page_own
 from service.problems import Problem
 from service.routes import problems
+from service.schemas.base import Text
 from service.schemas.panels import NewPanel, PanelAnswer
 from service.writing import Reply, Writes
 from store.queries.equipment import find_or_add_panel
@@ -45,22 +47,16 @@ def create_panel(body: NewPanel, caller: Calibrator, writing: Writes) -> Respons
     return writing.run(caller, change)
 
 
+class PanelListing(Listing):
+    serial: Text | None = None
+
+
 @router.get("", response_model=Page[PanelAnswer], responses=problems())
 def list_panels(
-    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+    request: Request, caller: Reader, context: UsesContext, listing: Annotated[PanelListing, Query()]
 ) -> Response:
     """The panels of your organisation, oldest entry first."""
-    rows = select(Panel).where(Panel.organisation_id == caller.organisation_id)
-    with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=Panel.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: [PanelAnswer.restate(row) for row in found],
-        )
+    return page_own(request, context, caller, Panel, listing, PanelAnswer.restate)
 
 
 @router.get("/{panel_id}", response_model=PanelAnswer, responses=problems(404))

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface
@@ -14,10 +13,10 @@ from radiometry.specification.rig import RigExport
 from service.auth import Calibrator, Caller, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Listing, Page, page_own
 from service.problems import Problem, invalid
 from service.routes import problems, sends_file
-from service.schemas.base import PositiveText
+from service.schemas.base import PositiveText, Text
 from service.schemas.rigs import NewRig, RigAnswer, RigFile, RigOrientationAnswer
 from service.writing import Reply, Writes
 from store.columns import utc_now
@@ -69,22 +68,16 @@ def create_rig(body: NewRig, caller: Calibrator, writing: Writes) -> Response:
     return writing.run(caller, change)
 
 
+class RigListing(Listing):
+    name: Text | None = None
+
+
 @router.get("", response_model=Page[RigAnswer], responses=problems())
 def list_rigs(
-    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
+    request: Request, caller: Reader, context: UsesContext, listing: Annotated[RigListing, Query()]
 ) -> Response:
     """The rigs of your organisation, oldest entry first."""
-    rows = select(Rig).where(Rig.organisation_id == caller.organisation_id)
-    with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=Rig.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: [RigAnswer.restate(row) for row in found],
-        )
+    return page_own(request, context, caller, Rig, listing, RigAnswer.restate)
 
 
 @router.get("/{rig_id}", response_model=RigAnswer, responses=problems(404))

@@ -13,13 +13,8 @@ from stilb.records import Campaign, CampaignDetails, Reading
 
 def find_planned(client: Client, plan: Plan) -> Campaign | None:
     """The campaign that the plan has made before: of its camera, with its project number."""
-    serials = [
-        each.id
-        for each in client.cameras()
-        if (each.make, each.model, each.serial) == (plan.make, plan.model, plan.serial)
-    ]
-    for known in client.campaigns():
-        if known.camera_id in serials and known.project_number == plan.project_number:
+    for camera in client.cameras(make=plan.make, model=plan.model, serial=plan.serial):
+        for known in client.campaigns(camera_id=camera.id, project_number=plan.project_number):
             return known
     return None
 

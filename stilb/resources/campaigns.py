@@ -49,8 +49,11 @@ class Campaigns(Connection):
                 raise TimeoutError(f"{left} frames of {campaign_id} are not read after {timeout_s:g} s")
             time.sleep(_POLL_S)
 
-    def campaigns(self) -> Iterator[Campaign]:
-        return map(Campaign.of, self._transport.items(address("campaigns"), {"limit": 1000}))
+    def campaigns(
+        self, *, project_number: str | None = None, camera_id: str | None = None, method: str | None = None
+    ) -> Iterator[Campaign]:
+        query = {"project_number": project_number, "camera_id": camera_id, "method": method, "limit": 1000}
+        return map(Campaign.of, self._transport.items(address("campaigns"), query))
 
     def find_campaign(self, named: str) -> Campaign:
         """The campaign with this id or this project number."""
@@ -59,7 +62,7 @@ class Campaigns(Connection):
         except Problem as problem:
             if problem.status != 404:
                 raise
-        found = [one for one in self.campaigns() if one.project_number == named]
+        found = list(self.campaigns(project_number=named))
         if len(found) > 1:
             ids = ", ".join(one.id for one in found)
             raise Unclear(f"Several campaigns have the project number {named!r}: give the id of one: {ids}.")

@@ -19,8 +19,11 @@ class Equipment(Connection):
     def camera(self, camera_id: str) -> Camera:
         return Camera.of(self._get(address("cameras", camera_id)))
 
-    def cameras(self) -> Iterator[Camera]:
-        return map(Camera.of, self._transport.items(address("cameras")))
+    def cameras(
+        self, *, make: str | None = None, model: str | None = None, serial: str | None = None
+    ) -> Iterator[Camera]:
+        query = {"make": make, "model": model, "serial": serial}
+        return map(Camera.of, self._transport.items(address("cameras"), query))
 
     def find_camera(self, named: str) -> Camera:
         """The camera with this id, this serial, or this make, model and serial with blanks between them."""

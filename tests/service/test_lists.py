@@ -1,0 +1,47 @@
+"""A list leaves only what was asked for, page after page."""
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def lists(sqlite_house):
+    http = sqlite_house.http
+    cameras = [
+        http.post("/v1/cameras", json={"make": "DJI", "model": model, "serial": serial}).json()["id"]
+        for model, serial in [("L1D", "1"), ("L1D", "2"), ("L2D", "1")]
+    ]
+    for number in ("N-1", "N-2", "N-1"):
+        body = {"camera_id": cameras[0], "method": "luminance", "project_number": number}
+        assert http.post("/v1/campaigns", json=body).status_code == 201
+    return http
+
+
+@pytest.mark.parametrize(
+    ("path", "count"),
+    [
+        ("/v1/cameras?serial=1", 2),
+        ("/v1/cameras?model=L1D&serial=1", 1),
+        ("/v1/cameras?serial=3", 0),
+        ("/v1/campaigns?project_number=N-1", 2),
+        ("/v1/campaigns?project_number=N-1&method=noise", 0),
+        ("/v1/campaigns?camera_id=cam_none", 0),
+        ("/v1/meters?serial=none", 0),
+        ("/v1/panels?serial=none", 0),
+        ("/v1/rigs?name=none", 0),
+    ],
+)
+def test_a_list_has_only_what_was_asked_for(lists, path, count):
+    assert len(lists.get(path).json()["items"]) == count
+
+
+def test_the_next_page_is_asked_for_in_the_same_way(lists):
+    first = lists.get("/v1/campaigns?project_number=N-1&limit=1").json()
+    second = lists.get(first["next"]).json()
+    assert [item["project_number"] for page in (first, second) for item in page["items"]] == ["N-1", "N-1"]
+    assert second["next"] is None
+
+
+def test_a_filter_that_no_list_has_is_refused_with_its_name(lists):
+    answer = lists.get("/v1/cameras?seral=1")
+    assert answer.status_code == 422
+    assert "seral" in answer.text
