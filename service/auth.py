@@ -11,7 +11,7 @@ from radiometry.findings import interface
 from service.context import Context, get_context
 from service.problems import Problem
 from service.schemas.base import rfc3339
-from service.sessions import COOKIE, CSRF_HEADER
+from service.sessions import CSRF_HEADER
 from store.queries.keys import find_ended_key, find_key, find_session_key
 from store.tables import ApiKey, Organisation
 
@@ -74,7 +74,7 @@ def get_caller(
 
 def find_session(request: Request, context: Context) -> Caller | None:
     """Who is signed in with this browser, if anyone. The caller looks after CSRF."""
-    session_id = context.sessions.session_id_of(request.cookies.get(COOKIE, ""))
+    session_id = context.sessions.session_id_of(request.cookies.get(context.sessions.cookie, ""))
     if session_id is None:
         return None
     with context.database.reading() as session:
@@ -89,7 +89,7 @@ def find_session(request: Request, context: Context) -> Caller | None:
 
 def require_csrf_token(request: Request, context: Context, given: str) -> None:
     """Refuse a change that a browser sends along with its cookie, unless our own page had it sent."""
-    if not context.sessions.is_csrf_token(request.cookies.get(COOKIE, ""), given):
+    if not context.sessions.is_csrf_token(request.cookies.get(context.sessions.cookie, ""), given):
         detail = f"A change with a session's cookie needs the page's token in {CSRF_HEADER}. Reload the page."
         raise Problem(interface.CSRF_TOKEN_WRONG, detail)
 

@@ -16,7 +16,6 @@ from store.settings import Settings
 
 SESSION_S: Final = 12 * 3600
 """A working day; then one signs in again."""
-COOKIE: Final = "stilb_session"
 CSRF_HEADER: Final = "X-CSRF-Token"
 
 
@@ -25,6 +24,8 @@ class Sessions:
 
     def __init__(self, secret: bytes) -> None:
         self._secret = secret
+        # a browser sends a cookie to every port of a host: two services there must not share one
+        self.cookie = f"stilb_session_{self._sign('cookie', '')[:8]}"
 
     def open(self, session_id: str) -> str:
         """A token for the browser that a session was opened for, good for SESSION_S."""

@@ -13,7 +13,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from service.auth import Caller, find_session
 from service.context import UsesContext
-from service.sessions import COOKIE
 from service.web.assets import Assets
 from service.web.headers import content_policy
 
@@ -55,7 +54,8 @@ def render(
 ) -> HTMLResponse:
     """A page; with ``caller``, signed in as them."""
     nonce = secrets.token_urlsafe(16) if plots else None
-    csrf = request.app.state.context.sessions.csrf_token(request.cookies.get(COOKIE, "")) if caller else ""
+    sessions = request.app.state.context.sessions
+    csrf = sessions.csrf_token(request.cookies.get(sessions.cookie, "")) if caller else ""
     html = request.app.state.templates.get_template(template).render(
         title=title, visitor=caller, csrf_token=csrf, style_nonce=nonce, path=request.url.path, **values
     )

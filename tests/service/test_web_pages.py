@@ -8,7 +8,6 @@ from urllib.parse import urljoin
 
 import pytest
 
-from service.sessions import COOKIE
 from tests.support.house import KEY
 
 STATIC = Path(__file__).parents[2] / "service" / "web" / "static"
@@ -28,7 +27,7 @@ def visitor(house):
     with house.with_key("none") as client:
         del client.headers["Authorization"]
         client.post("/sign-in", data={"key": KEY}, headers=PAGE, follow_redirects=False)
-        assert COOKIE in client.cookies
+        assert house.app.state.context.sessions.cookie in client.cookies
         yield client
 
 

@@ -7,7 +7,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from service.attempts import FORGOTTEN_AFTER_S, LONGEST_WAIT_S, Attempts, name_address
-from service.sessions import COOKIE, SESSION_S, Sessions, sessions_of
+from service.sessions import SESSION_S, Sessions, sessions_of
 from store.settings import Settings
 from store.tables import WebSession
 from tests.support.house import CAMERA, KEY
@@ -36,18 +36,25 @@ def sign_in(client, key=KEY, **headers):
 
 
 def token_of(house, client):
-    return house.app.state.context.sessions.csrf_token(client.cookies[COOKIE])
+    sessions = house.app.state.context.sessions
+    return sessions.csrf_token(client.cookies[sessions.cookie])
 
 
-def test_a_key_opens_a_session_and_the_cookie_holds_nothing_of_it(visitor):
+def test_a_key_opens_a_session_and_the_cookie_holds_nothing_of_it(house, visitor):
     answer = sign_in(visitor)
     assert (answer.status_code, answer.headers["location"]) == (303, "/jobs")
     cookie = answer.headers["set-cookie"]
     assert KEY not in cookie
-    assert cookie.startswith(f"{COOKIE}=ses_")
+    assert cookie.startswith(f"{house.app.state.context.sessions.cookie}=ses_")
     parts = {part.strip().lower() for part in cookie.split(";")[1:]}
     assert parts == {"httponly", f"max-age={SESSION_S}", "path=/", "samesite=strict"}
     assert visitor.get("/v1/cameras").status_code == 200
+
+
+def test_a_browser_keeps_the_sessions_of_two_services_on_one_host_apart(tmp_path):
+    here, there = (sessions_of(Settings(data=tmp_path / each)) for each in ("here", "there"))
+    assert here.cookie != there.cookie
+    assert here.cookie == sessions_of(Settings(data=tmp_path / "here")).cookie
 
 
 def test_over_https_the_cookie_is_secure(house):
@@ -192,15 +199,15 @@ def test_signing_out_needs_the_token_and_takes_the_cookie(house, visitor):
     token = token_of(house, visitor)
     answer = visitor.post("/sign-out", data={"csrf_token": token}, follow_redirects=False)
     assert (answer.status_code, answer.headers["location"]) == (303, "/sign-in")
-    assert COOKIE not in visitor.cookies
+    assert house.app.state.context.sessions.cookie not in visitor.cookies
     assert visitor.get("/v1/cameras").status_code == 401
 
 
 def test_signing_out_ends_the_session_on_the_server(house, visitor):
     sign_in(visitor)
-    cookie, token = visitor.cookies[COOKIE], token_of(house, visitor)
+    cookie, token = visitor.cookies[house.app.state.context.sessions.cookie], token_of(house, visitor)
     visitor.post("/sign-out", data={"csrf_token": token}, follow_redirects=False)
-    visitor.cookies.set(COOKIE, cookie)
+    visitor.cookies.set(house.app.state.context.sessions.cookie, cookie)
     assert visitor.get("/v1/cameras").status_code == 401
     key = {"name": "made with an old cookie", "scopes": ["read"]}
     assert visitor.post("/v1/keys", json=key, headers={"X-CSRF-Token": token}).status_code == 401

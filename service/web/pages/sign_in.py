@@ -13,7 +13,7 @@ from service.attempts import FREE, name_address
 from service.auth import describe_refusal, find_session, require_csrf_token
 from service.context import Context, UsesContext
 from service.problems import Problem
-from service.sessions import COOKIE, SESSION_S
+from service.sessions import SESSION_S
 from service.web.rendering import render
 from store.columns import utc_now
 from store.queries.keys import find_ended_key, find_key
@@ -36,7 +36,7 @@ def show_sign_in(
         # a link from elsewhere comes without the cookie, which is strict: a page of ours asks again
         return render(request, "again.html", title="One moment", next=_local(next))
     # a session that has ended: its cookie is still there, or a page of ours was told so
-    return _form(request, next, ended=ended or COOKIE in request.cookies)
+    return _form(request, next, ended=ended or context.sessions.cookie in request.cookies)
 
 
 @router.post("/sign-in")
@@ -71,7 +71,7 @@ def sign_in(
         session.add(row)
     answer = RedirectResponse(_local(next), 303)
     answer.set_cookie(
-        COOKIE,
+        context.sessions.cookie,
         context.sessions.open(row.id),
         max_age=SESSION_S,
         secure=request.url.scheme == "https",
@@ -89,7 +89,7 @@ def sign_out(request: Request, context: UsesContext, csrf_token: Annotated[str, 
         with context.database.writing(caller.key_id, caller.organisation_id) as session:
             session.get_one(WebSession, caller.session_id).ended_at = utc_now()
     answer = RedirectResponse("/sign-in", 303)
-    answer.delete_cookie(COOKIE, httponly=True, samesite="strict")
+    answer.delete_cookie(context.sessions.cookie, httponly=True, samesite="strict")
     return answer
 
 
