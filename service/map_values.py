@@ -31,6 +31,7 @@ class Layout:
     height_px: int
     width_px: int
     tile_px: int
+    predicted: bool
     offsets: tuple[int, ...]
     sizes: tuple[int, ...]
     description: str
@@ -42,13 +43,14 @@ class Layout:
 
 
 def read_layout(path: Path) -> Layout:
-    """The layout of a file of worker/maps/tiff.py: square tiles of float32, deflated, without a predictor."""
+    """The layout of a file of worker/maps/tiff.py: square tiles of float32, deflated."""
     with tifffile.TiffFile(path) as file:
         page = file.pages.first
         return Layout(
             height_px=page.imagelength,
             width_px=page.imagewidth,
             tile_px=page.tilewidth,
+            predicted=page.predictor != 1,
             offsets=tuple(page.dataoffsets),
             sizes=tuple(page.databytecounts),
             description=page.description,
@@ -68,12 +70,21 @@ def read_values(path: Path, layout: Layout, window: Window, *, step: int) -> Val
     with path.open("rb") as file:
         for index, tile in _tiles_of(layout, inner):
             file.seek(layout.offsets[index])
-            numbers = np.frombuffer(zlib.decompress(file.read(layout.sizes[index])), "<f4")
-            plane = numbers.reshape(layout.tile_px, layout.tile_px)
+            plane = _decode(zlib.decompress(file.read(layout.sizes[index])), layout)
             top, left = (index // layout.across) * layout.tile_px, (index % layout.across) * layout.tile_px
             part = plane[tile.top - top : tile.bottom - top, tile.left - left : tile.right - left]
             _add(sums, part, row=tile.top - inner.top, col=tile.left - inner.left, step=step)
     return (sums / step**2).astype(np.float32)
+
+
+def _decode(tile: bytes, layout: Layout) -> Values:
+    """Undo TIFF's floating point predictor: differences of bytes, the highest byte of every pixel first."""
+    size = layout.tile_px
+    if not layout.predicted:
+        return np.frombuffer(tile, "<f4").reshape(size, size)
+    rows = np.cumsum(np.frombuffer(tile, np.uint8).reshape(size, 4 * size), axis=1, dtype=np.uint8)
+    planes = np.ascontiguousarray(rows.reshape(size, 4, size).transpose(0, 2, 1))
+    return planes.view(">f4")[..., 0]
 
 
 def _tiles_of(layout: Layout, window: Window) -> Iterator[tuple[int, Window]]:

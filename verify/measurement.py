@@ -21,11 +21,12 @@ from store.tables import Calibration, FrameRow
 from verify.compare import Row, compare, take_stated
 from verify.data import Node, find_frame
 from worker.decode.pool import DecoderPool, Readable
+from worker.maps.tiff import ROUNDING_REL
 from worker.measuring.task import Task
 from worker.tasks.measure import measure_frame
 
-_FLOAT32_STEPS = 4
-"""Steps of a 32-bit number by which a pixel may differ where rounding differs."""
+_PIXEL_REL = 2.1 * ROUNDING_REL
+"""By how much a pixel may differ: where a last digit decides, its rounding in the file goes either way."""
 
 
 def verify_measurement(record: Node, folder: Path, decoders: DecoderPool) -> list[Row]:
@@ -121,7 +122,7 @@ def _compare_maps(stated: Path, blobs: LocalBlobs, products: Products) -> Iterat
     yield Row(group="map", quantity="shape", certificate=list(theirs.shape), recomputed=list(ours.shape))
     if theirs.shape != ours.shape:
         return
-    step = _FLOAT32_STEPS * np.spacing(np.abs(theirs)) if theirs.dtype.kind == "f" else 1
+    step = _PIXEL_REL * np.abs(theirs) if theirs.dtype.kind == "f" else 1
     same = (theirs == ours) | (np.isnan(theirs) & np.isnan(ours) if theirs.dtype.kind == "f" else False)
     near = same | (np.abs(ours.astype(np.float64) - theirs) <= step)
     total = int(theirs.size)

@@ -97,7 +97,7 @@ def write_measurement(
 
 
 def _software() -> dict[str, Any]:
-    packages = ("numpy", "rawpy", "imagecodecs", "tifffile", "pillow")
+    packages = ("numpy", "rawpy", "imagecodecs", "isal", "tifffile", "pillow")
     return {"stilb": read_version(), "measurer": MEASURER} | {
         name: package_version(name) for name in packages
     }

@@ -9,7 +9,7 @@ import tifffile
 from service.map_values import Layout, Window, read_layout, read_values
 from service.schemas.maps import uncertainty_of
 from tests.support.campaigns import published_campaign
-from worker.maps.tiff import TILE_PX, encode_band
+from worker.maps.tiff import ROUNDING_REL, TILE_PX, encode_band
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +103,7 @@ def write_tiles(path, plane):
         height_px=plane.shape[0],
         width_px=plane.shape[1],
         tile_px=TILE_PX,
+        predicted=True,
         offsets=tuple(int(at) for at in np.cumsum([0, *sizes[:-1]])),
         sizes=tuple(sizes),
         description="{}",
@@ -125,12 +126,14 @@ def test_squares_may_lie_across_tiles(tmp_path, window, step, transposed):
     )
     rows, cols = (bottom - top) // step, (right - left) // step
     part = plane[top : top + rows * step, left : left + cols * step].astype(np.float64)
-    assert found == pytest.approx(part.reshape(rows, step, cols, step).mean((1, 3)), rel=1e-6)
+    assert found == pytest.approx(part.reshape(rows, step, cols, step).mean((1, 3)), rel=ROUNDING_REL)
 
 
-def test_the_layout_is_that_of_the_file(tmp_path):
+@pytest.mark.parametrize("predictor", [1, 3])
+def test_the_layout_is_that_of_the_file(tmp_path, predictor):
     plane = np.arange(300 * 280, dtype=np.float32).reshape(300, 280)
-    tifffile.imwrite(tmp_path / "map.tif", plane, tile=(256, 256), compression="zlib", description="{}")
+    options = {"tile": (256, 256), "compression": "zlib", "predictor": predictor, "description": "{}"}
+    tifffile.imwrite(tmp_path / "map.tif", plane, **options)
     layout = read_layout(tmp_path / "map.tif")
     whole = Window(top=0, left=0, bottom=300, right=280)
     assert np.array_equal(read_values(tmp_path / "map.tif", layout, whole, step=1), plane)

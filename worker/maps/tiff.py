@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import imagecodecs
+import cv2
 import numpy as np
 import tifffile
+from isal import isal_zlib
 from numpy.typing import NDArray
 
 from radiometry.frame import FrameHeader
@@ -19,6 +20,14 @@ from worker.maps.directory import append_directories, has_exif
 TILE_PX: Final = 256
 _DEFLATE: Final = 8
 LEVEL: Final = 1
+_FLOATING_POINT: Final = 3
+
+_KEPT_BITS, _ALL_BITS = 12, 23
+ROUNDING_REL: Final = 2.0 ** -(_KEPT_BITS + 1)
+"""Largest relative difference between a pixel of a file and the value that was computed."""
+
+_HALF: Final = np.uint32(1 << (_ALL_BITS - _KEPT_BITS - 1))
+_MASK: Final = ~np.uint32(2 * _HALF - 1)
 _BYTE, _ASCII, _LONG = 1, 2, 4
 
 _WHOLE: Final = TILE_PX**2
@@ -51,8 +60,9 @@ def write_tiff(path: Path, tiles: Iterable[bytes], facts: MapFacts) -> None:
             dtype=np.float32,
             tile=(TILE_PX, TILE_PX),
             compression=_DEFLATE,
+            predictor=_FLOATING_POINT,
             photometric="minisblack",
-            description=json.dumps(facts.description, sort_keys=True),
+            description=json.dumps(facts.description | {"rounding_rel": ROUNDING_REL}, sort_keys=True),
             software=facts.software,
             metadata=None,
             extratags=_tags(facts),
@@ -94,13 +104,29 @@ def _tags(facts: MapFacts) -> list[tuple[int | str, int, int, Any, bool]]:
 
 
 def encode_band(band: Plane) -> list[bytes]:
-    """The tiles of TILE_PX rows, or of what is left at the end, compressed.
+    """Return the compressed tiles of TILE_PX rows, or of the rows that are left at the end.
 
-    Without a predictor: few numbers occur, each many times, and differences would hide that they do. Measured
-    on a frame of 12 bits with the noise of photons: 42 % of the size in half the time, with TIFF's floating
-    point predictor 67 %; of 14 bits 50 and 67 %. Higher levels save less than 2 %.
+    Each value is rounded to a mantissa of 12 bits [1]_, a relative change of at most ROUNDING_REL: 30 times
+    less than one pixel's photon noise with a full well of 75,000 electrons. The predictor [2]_ puts the bytes
+    of a row in planes, of which the lowest is then zero, and stores their differences. On a frame of 20.9
+    megapixels and 12 bits with photon noise this leaves 35 % of the size, in place of 45 %, and takes half of
+    the time; ISA-L's deflate is 3 times as fast on such planes as libdeflate.
+
+    References
+    ----------
+    .. [1] M. Kloewer et al., Nat. Comput. Sci. 1, 713 (2021), doi:10.1038/s43588-021-00156-2
+    .. [2] Adobe Photoshop TIFF Technical Note 3 (2005)
     """
-    return [bytes(imagecodecs.deflate_encode(tile.tobytes(), LEVEL)) for tile in _cut_tiles(band)]
+    return [isal_zlib.compress(_predict(tile), LEVEL) for tile in _cut_tiles(band)]
+
+
+def _predict(tile: Plane) -> NDArray[np.uint8]:
+    # a carry into the exponent is the right rounding, and NaN and infinity have no bit below the mask
+    rounded = (tile.view(np.uint32) + _HALF) & _MASK
+    planes = cv2.split(rounded.view(np.uint8).reshape(*tile.shape, 4))
+    rows = np.concatenate(planes[::-1], axis=1, dtype=np.uint8)
+    rows[:, 1:] -= rows[:, :-1].copy()
+    return rows
 
 
 def _cut_tiles(band: Plane) -> Iterator[Plane]:
