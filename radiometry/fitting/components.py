@@ -14,6 +14,8 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Labels = NDArray[np.intp]
 
+_MOST_DENSE = 20_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
@@ -49,10 +51,15 @@ class Component:
 
     @cached_property
     def _transposed(self) -> Any:  # noqa: ANN401  a sparse array
-        """Z', (levels, n)."""
+        """Z', (levels, n); dense where it is so small that a sparse product costs more to set up."""
         n = self.sensitivity.size
         rows = np.arange(n) if self.labels is None else self.labels
-        return csr_array((self.sensitivity, (rows, np.arange(n))), shape=(int(rows.max()) + 1, n))
+        shape = int(rows.max()) + 1, n
+        if shape[0] * n > _MOST_DENSE:
+            return csr_array((self.sensitivity, (rows, np.arange(n))), shape=shape)
+        dense = np.zeros(shape)
+        dense[rows, np.arange(n)] = self.sensitivity
+        return dense
 
     def gather(self, values: Matrix) -> Matrix:
         """Return Z' values: the sums over the points of each group, weighted with the sensitivity.
@@ -86,7 +93,8 @@ class Component:
 
     def columns(self) -> Matrix:
         """Return Z, (n, levels)."""
-        return np.asarray(self._transposed.T.toarray(), np.float64)
+        whole = self._transposed.T
+        return np.asarray(whole if isinstance(whole, np.ndarray) else whole.toarray(), np.float64)
 
 
 def index_labels(labels: Sequence[Any]) -> Labels:

@@ -1,9 +1,9 @@
 """Traces of products of the projection P with the structures Q of unknown variances."""
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from radiometry.fitting.components import Matrix, Vector
 from radiometry.fitting.factoring import Factored
@@ -151,9 +151,8 @@ class Traces:
         """Return the parts of [Y, H]' S [Y, H]: by group, between group and column, between columns."""
         of_group, of_columns = self._low
         labels = self._factored.labels
-        rows = csr_array((squares * of_group, (labels, np.arange(len(labels)))))
         return (
             np.asarray(np.bincount(labels, squares * of_group**2), np.float64),
-            np.asarray(rows @ of_columns, np.float64),
+            replace(self._factored.groups, sensitivity=squares * of_group).gather(of_columns),
             np.asarray(of_columns.T @ (squares[:, None] * of_columns), np.float64),
         )
