@@ -16,7 +16,8 @@ from radiometry.luminance.maps import Sums
 SCATTER = "scatter between repeats"
 
 _COVERAGE = 0.95
-_SCATTER_LEVEL = 0.75
+_SCATTER_LEVEL = 0.60
+_SCATTER_LEVEL_OF_TWO = 0.35
 _FLAG_LEVEL = 0.99
 _WORTH_NAMING_REL = 0.01
 
@@ -112,13 +113,14 @@ def evaluate_scatter(values: Values, noise_variances: Values) -> float:
     With s^2 the variance of the values and w the mean variance of their noise, the
     whole variance of the mean is [1]_::
 
-        max(w, s^2) / n          if (n - 1) s^2 / w is within the 75 % quantile of chi^2
+        max(w, s^2) / n          if (n - 1) s^2 / w is within a quantile of chi^2
         (s t / 1.96)^2 / n       otherwise, with Student's t for n - 1 degrees of freedom
 
     The excess is this less w / n. The second form gives an interval of 1.96
     standard uncertainties the coverage of Student's interval: the scatter of few
-    frames is itself hardly known. The quantile is low because few frames seldom
-    show a scatter that is as large as their noise.
+    frames is itself hardly known. The quantile is low, 60 % and 35 % for two frames, because
+    few frames seldom show a scatter that is as large as their noise: at these, the coverage is
+    at least 93 % for every ratio of scatter and noise.
 
     References
     ----------
@@ -126,7 +128,8 @@ def evaluate_scatter(values: Values, noise_variances: Values) -> float:
     """
     count = values.size
     observed, expected = float(values.var(ddof=1)), float(noise_variances.mean())
-    if _exceeds(observed, expected, count, level=_SCATTER_LEVEL):
+    level = _SCATTER_LEVEL_OF_TWO if count == 2 else _SCATTER_LEVEL
+    if _exceeds(observed, expected, count, level=level):
         observed *= (float(special.stdtrit(count - 1, (1 + _COVERAGE) / 2)) / 1.96) ** 2
     return math.sqrt(max(0.0, observed - expected) / count)
 

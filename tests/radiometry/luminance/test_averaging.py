@@ -90,18 +90,17 @@ def test_a_cell_that_changes_has_the_uncertainty_alone():
     assert relative[0, 0] > 1.5 * max(relative[0, 1], relative[1, 0], relative[1, 1])
 
 
-@pytest.mark.parametrize("scatter", [0.0, 0.01])
-@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize("scatter", [0.0, 0.002, 0.004, 0.01])
+@pytest.mark.parametrize("count", [2, 3])
 def test_interval_of_an_average_contains_the_truth(count, scatter):
-    """Frames that scatter by five times their noise, or by noise alone (without the term 3 of 10 hold)."""
-    random, held, trials = np.random.default_rng(count), 0, 400
+    """Frames that scatter by up to five times their noise (without the term 3 of 10 hold)."""
+    random, held, trials = np.random.default_rng(count), 0, 1000
     for _ in range(trials):
         values = 1000.0 * random.normal(1.0, scatter, count) + random.normal(256.0, 2.0, count)
         signals = [signal(value, 2.0) for value in values.tolist()]
         mean, scatter_dn = average_signals(signals, dark_signal_dn=256.0)
         held += abs(mean.value_dn - 1256.0) <= 1.96 * math.hypot(mean.standard_uncertainty_dn, scatter_dn)
-    # two frames may agree by chance
-    assert held / trials >= (0.92 if count > 2 else 0.85)
+    assert held / trials >= 0.92
 
 
 def test_interval_contains_the_light_that_flickers():
