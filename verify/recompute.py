@@ -73,7 +73,7 @@ def _readings(spec: MethodSpec, data: Data) -> list[Any]:
     rows = data.readings
     if spec.reference == "panel":
         rows = [
-            {**band, "panel": panel["serial"]}
+            {**band, "panel": panel["serial"], "measured_on": panel["measured_on"]}
             for panel in data.panels
             for band in sorted(panel["bands"], key=lambda each: str(each["band"]))
         ]
@@ -148,6 +148,7 @@ def _make_row(
         statistics=_in_order(extracted.statistics),
         # by way of JSON, as the service keeps them
         features=decode(kind, encode(extracted.features)) if kind else None,
+        identified=stated.get("panel_serial"),
     )
     spec = methods.get_method(certificate["method"])
     row = spec.make_row(evidence)

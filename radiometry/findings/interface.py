@@ -192,13 +192,15 @@ CAMPAIGN_INCOMPLETE = _refusal(
     "too few scenes.",
     "Wait for the frames' jobs, or add what is missing.",
 )
-PANEL_DIFFERS = _refusal(
-    409,
+PANEL_DIFFERS = Finding(
     "panel_differs",
-    "A panel of this serial number and day of measurement is registered with other reflectances: a "
-    "measurement does not change.",
-    "Send the new values with the day on which they were measured; or compare the numbers with the panel's "
-    "certificate.",
+    "error",
+    ("verdict", "request"),
+    "A panel frame shows another panel than the campaign's, by its tags or its code; or a panel of this "
+    "serial number and day of measurement is registered with other reflectances.",
+    "Name the panel that was photographed in the campaign, or leave the frames of the other one out. New "
+    "values take the day on which they were measured: a measurement does not change.",
+    409,
 )
 RIG_DIFFERS = _refusal(
     409,

@@ -67,6 +67,8 @@ class FrameEvidence(Generic[F]):
         Results of `extract`; None until the frame is extracted or has its region.
     has_region : bool, default: True
         False if the method needs a region and none is drawn.
+    identified : str or None, default: None
+        Serial number that was read off what the frame shows; None if there is none.
     """
 
     frame: str
@@ -77,6 +79,7 @@ class FrameEvidence(Generic[F]):
     statistics: tuple[ChannelStatistics, ...] | None
     features: F | None
     has_region: bool = True
+    identified: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,6 +27,8 @@ INDICES: tuple[Index, ...] = get_args(Index)
 _THERMAL_NM: Final = 3000.0
 _PANCHROMATIC_WIDTH_NM: Final = 200.0
 _BAND_ALIASES: Final = {"gre": "green", "reg": "red_edge", "rededge": "red_edge"}
+PANEL_SERIAL: Final = re.compile(r"RP(\d{2})-\d{7}-[A-Z]{2}", re.ASCII)
+"""Serial number of a MicaSense panel; from RP04 on its code continues with reflectances."""
 
 
 def name_band(text: str) -> str:
@@ -44,6 +46,24 @@ def name_band(text: str) -> str:
     """
     plain = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
     return _BAND_ALIASES.get(plain, plain) or "unnamed"
+
+
+def name_panel(text: str) -> str:
+    """Return the serial number of a reflectance panel as it is compared.
+
+    Parameters
+    ----------
+    text : str
+        As engraved, typed in, or read from a file or a code.
+
+    Returns
+    -------
+    str
+        Upper case, single blanks; of a MicaSense code the serial number without the reflectances behind it.
+    """
+    plain = " ".join(text.split()).upper()
+    serial = PANEL_SERIAL.match(plain)
+    return serial[0] if serial else plain
 
 
 def classify_band(band: str, *, wavelength_nm: float | None, width_nm: float | None) -> Kind | None:

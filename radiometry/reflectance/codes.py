@@ -110,6 +110,18 @@ PANEL_FROM_FILE = flag(
     "dirt.",
     "Register the panel with its measured reflectance.",
 )
+PANEL_OLD = flag(
+    "panel_old",
+    "The panel was measured more than two years from the frames: what dirt, sun and scratches have changed "
+    "since is not in the uncertainty.",
+    "Have the panel measured again, and register the new measurement with its day.",
+)
+PANEL_NOT_IDENTIFIED = flag(
+    "panel_not_identified",
+    "No panel frame names its panel, by its tags or by a code: that it is the campaign's is assumed, not "
+    "checked.",
+    "Take the panel with its code in the image.",
+)
 PANEL_DRIFT = flag(
     "panel_drift",
     "K differs by more than 3 % between the first and the last panel capture.",

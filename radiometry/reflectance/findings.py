@@ -8,6 +8,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
 from radiometry.reflectance.clock import has_set_clock, read_clock
 from radiometry.reflectance.imaging import describe_kind, find_black_dn, inspect_band
+from radiometry.reflectance.panel import OLD_DAYS, list_named
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
 from radiometry.reflectance.results import BandFit
 
@@ -104,6 +105,10 @@ def check_candidates(candidates: Sequence[Candidate]) -> list[Raised]:
             if each.sunshine and not each.band.sunshine_serial:
                 detail = "No serial number."
                 raised.append(codes.SUNSHINE_SERIAL_UNKNOWN.at(where, detail))
+    used = [each for each in candidates if not each.left_out]
+    if used and not any(list_named(each.row) for each in used):
+        detail = f"Frames: {len(used)}."
+        raised.append(codes.PANEL_NOT_IDENTIFIED.at("", detail))
     return [*raised, *sunshine_flags(candidates), *_find_missing_bands(candidates)]
 
 
@@ -140,10 +145,15 @@ def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
     if steepest > STEEPEST_GRADIENT_REL:
         detail = f"{steepest:.1%} across the region: a shadow, a reflection, or the panel's rim."
         raised.append(codes.PANEL_UNEVEN.at(where, detail))
-    if any(each.from_file for each in used):
+    panels = [each.panel for each in used if each.panel is not None]
+    if any(panel.from_file for panel in panels):
         detail = f"Reflectance {fit.coefficient.panel_reflectance:g}."
         raised.append(codes.PANEL_FROM_FILE.at(where, detail))
-    if all(each.panel is None or each.panel.standard_uncertainty is None for each in used):
+    oldest = max(panels, key=lambda panel: panel.age_days)
+    if oldest.age_days > OLD_DAYS:
+        detail = f"Measured on {oldest.measured_on[0]}, {oldest.age_days / 365.25:.1f} years from the frames."
+        raised.append(codes.PANEL_OLD.at(where, detail))
+    if not any(panel.states_uncertainty for panel in panels):
         detail = "State it with the panel."
         raised.append(codes.PANEL_UNCERTAINTY_MISSING.at(where, detail))
     if fit.drift_rel is None:

@@ -97,7 +97,7 @@ def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
         u_rel(K)^2 = panel^2 + angle^2 + evenness^2 + gain^2 + drift^2
                      + (noise^2 + sunshine^2 + tilt^2 + repeat^2)
 
-        panel     u(R)/R
+        panel     u(R)/R, with the panel's change between or after its measurements (`find_value`)
         angle     tan(theta) u_theta and u_theta^2 / 2: the cosine's first and second order;
                   theta is the sun's zenith angle where none is stated
         evenness  gradient across the region / sqrt(12)
@@ -116,8 +116,9 @@ def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
     k = statistics.fmean(knot.reflectance_k for knot in knots)
     drift_rel = (knots[-1].reflectance_k - knots[0].reflectance_k) / k if len(knots) > 1 else None
     count = len(owns) ** 2
+    panels = [each.panel for each in used if each.panel]
     sources = {
-        "panel reflectance": ("B", _panel_u_rel(used)),
+        "panel reflectance": ("B", max(p.standard_uncertainty / p.reflectance for p in panels)),
         "panel angle": ("B", _angle_u_rel(used, params)),
         "panel evenness": (
             "B",
@@ -188,11 +189,6 @@ def _knot(visit: Sequence[_Frame], own: _Own) -> Knot:
     )
 
 
-def _panel_u_rel(used: Sequence[Candidate]) -> float:
-    panel = used[0].panel
-    return (panel.standard_uncertainty or 0.0) / panel.reflectance if panel else 0.0
-
-
 def _angle_u_rel(used: Sequence[Candidate], params: Params) -> float:
     suns = [sun for each in used if (sun := locate_sun_of(each.row.header)) is not None]
     angle_deg = params.incidence_angle_deg or max((90.0 - sun.elevation_deg for sun in suns), default=0.0)
@@ -209,8 +205,8 @@ def _build(
     sources: dict[str, float],
     owns: Sequence[_Own],
 ) -> Coefficient:
-    first, panel = used[0], used[0].panel
-    assert panel is not None  # noqa: S101  frames without one are left out
+    first, panels = used[0], [each.panel for each in used if each.panel]
+    panel = panels[0]  # frames without one are left out
     u_rel = math.hypot(*sources.values())
     # Welch and Satterthwaite: what is not a visit's scatter has no end of freedom
     restless = math.fsum((own.total / len(owns) ** 2) ** 2 / own.dof for own in owns)
@@ -233,6 +229,7 @@ def _build(
         incidence_angle_deg=params.incidence_angle_deg,
         panel=panel.panel,
         panel_reflectance=panel.reflectance,
+        panel_measured_on=tuple(sorted({day for p in panels for day in p.measured_on})) or None,
         knots=knots,
         shared_u_rel=math.hypot(
             *(sources[name] for name in ("panel reflectance", "panel angle", "panel evenness"))

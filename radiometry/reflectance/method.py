@@ -34,6 +34,7 @@ from radiometry.reflectance.indices import (
     compute_index,
     name_bands,
 )
+from radiometry.reflectance.panel import require_one_panel
 from radiometry.reflectance.panel_code import FoundPanel, find_panel
 from radiometry.reflectance.points import (
     Candidate,
@@ -169,6 +170,7 @@ def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
         exposure=evidence.exposure,
         features=evidence.features,
         has_region=evidence.has_region,
+        panel_serial=evidence.identified,
     )
 
 
@@ -218,10 +220,11 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     -------
     Fit
         Coefficients, points and flags. Per band: `panel_uneven`,
-        `panel_uncertainty_missing`, `panel_from_file`, `panel_drift`, `panel_once`,
-        `panel_only`. Per frame: `panel_saturated`, `sunshine_*` of
-        `measure_sunshine`, `sensor_model_scale`, `black_level_disagrees`,
-        `serial_unknown`, `sunshine_serial_unknown`. Per capture: `band_missing`.
+        `panel_uncertainty_missing`, `panel_from_file`, `panel_old`, `panel_drift`,
+        `panel_once`, `panel_only`. Of all: `panel_not_identified`. Per frame:
+        `panel_saturated`, `sunshine_*` of `measure_sunshine`, `sensor_model_scale`,
+        `black_level_disagrees`, `serial_unknown`, `sunshine_serial_unknown`. Per
+        capture: `band_missing`.
 
     Raises
     ------
@@ -229,7 +232,8 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         `fit_incomplete` if no band has a usable panel frame, or frames are not
         extracted yet. `sunshine_missing` or `panel_saturated` if that is what keeps
         every frame out. `panel_angle_too_large`. `wrong_camera` or
-        `wrong_sunshine_sensor` if the panel frames are of several.
+        `wrong_sunshine_sensor` if the panel frames are of several; `panel_differs`
+        if they show another panel than the readings', or several.
 
     Notes
     -----
@@ -245,6 +249,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     if not used:
         raise _explain(candidates)
     _require_one_pair(used, params)
+    require_one_panel((each.row for each in used), readings)
     fits = {
         band: fit_band([each for each in used if each.band.band == band], params)
         for band in sorted({each.band.band for each in used})

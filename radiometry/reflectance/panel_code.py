@@ -1,31 +1,36 @@
 """Search for a reflectance panel with a QR code in a band's image."""
 
 import math
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import zxingcpp
 from numpy.typing import NDArray
 
+from radiometry.frame.multispectral import PANEL_SERIAL
 from radiometry.frame.roi import Polygon
+from radiometry.specification.application import FoundBy
 
 SHRINK = 0.65
 """Side of the region over the panel's: what is left absorbs a tilted panel and another lens."""
 
-DARKEST_PANEL = 0.5
+DARKEST_PANEL = 0.35
 """Of the way from the code's black to its white. Grass, soil and asphalt lie below 0.3."""
 
-MOST_UNEVEN_REL = 0.05
-"""Scatter of the square's 8 x 8 cells over their mean above the code's black."""
+MOST_UNEVEN_REL, MOST_TILTED_REL = 0.05, 0.15
+"""Of the square's 8 x 8 cells over their mean above black: scatter about a plane, and the plane's range."""
 
 LONGEST_SIDE_PX = 2600
 """A larger picture is made smaller first, by a whole factor: a code is found at any size, in less time."""
 
-_SERIAL = re.compile(r"RP(\d{2})-\d{7}-[A-Z]{2}", re.ASCII)
 _SAMPLES, _CELLS = 64, 8
-_COVER = 127  # a grey that is no part of a code
+_FIRST_LATE = 3
+_QR = zxingcpp.BarcodeFormats(zxingcpp.BarcodeFormat.QRCode)
+# a plane along the rows, of unit length
+_RAMP = np.repeat(np.linspace(-1.0, 1.0, _CELLS)[:, None], _CELLS, axis=1)
+_RAMP /= np.linalg.norm(_RAMP)
 
 Corners = NDArray[np.float64]
 Plane = NDArray[np.float32]
@@ -38,14 +43,17 @@ class FoundPanel:
 
     Attributes
     ----------
-    region : Polygon
-        Square well within the panel [px].
-    serial : str
-        Name of the panel in the code.
+    region : Polygon or None
+        Square well within the panel [px]; None if its place is not certain.
+    serial : str or None
+        Name of the panel in the code; None if no code was read.
+    by : FoundBy
+        How it was found.
     """
 
-    region: Polygon
-    serial: str
+    region: Polygon | None
+    serial: str | None
+    by: FoundBy = "code"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +79,9 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
     Returns
     -------
     FoundPanel or None
-        None if there is no code, none names a panel (RPnn-nnnnnnn-AA), the square
-        leaves the image, no side or several look like a panel, or two panels are
-        visible.
+        None if no code names a panel (RPnn-nnnnnnn-AA), or codes name several. No
+        region if the square leaves the image, no side or several look like a panel,
+        or two codes are visible.
 
     Notes
     -----
@@ -83,15 +91,18 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
         up to RP02   D = 1.68, S = 1.30          from RP03 on   D = 1.57, S = 0.75
 
     The image determines which side it is: of the four squares exactly one must be
-    bright (half of the way from the code's black to its white) and even (5 %).
+    bright (35 % of the way from the code's black to its white) and even (5 %, about
+    a plane of at most 15 %).
     Position, size and rotation follow from the code's corners; the returned square
     is 0.65 S wide, in the middle of the panel. The first layout was measured on
     RP02-1603036-SC, five bands; the manufacturer's reference points [1]_ agree
     within 0.01. The second is from the same reference points and was tested on no
     image of our own.
 
-    A code's corners are found to a few pixels, a fiftieth of its side. It needs 4
-    px a module, some 80 px in all. A transposed image gives the transposed region.
+    A code's corners are found to a pixel or two. It is searched in a linear stretch
+    of the image to 8 bits enlarged twofold, in the same as it is, in one of local
+    contrast, and in one of the bright half; it needs 2 px a module. A transposed
+    image gives the transposed region.
 
     References
     ----------
@@ -100,17 +111,16 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
     plane, factor = _shrink(samples_dn)
     if plane is None:
         return None
-    found: list[tuple[Corners, str]] = []
-    for text, corners in _read_codes(plane):
-        serial = _SERIAL.match(text)
-        if serial:
-            square = _find_square(plane, corners, _EARLY if int(serial[1]) < 3 else _LATE)
-            found += [(square, serial[0])] if square is not None else []
-    if len(found) != 1:
+    read = _read_codes(plane)
+    names = {name for name, _ in read}
+    if len(names) != 1:
         return None
-    square, name = found[0]
+    (name,) = names
+    layout = _EARLY if int(name[2:4]) < _FIRST_LATE else _LATE
+    square = _find_square(plane, read[0][1], layout) if len(read) == 1 else None
     # a tenth of a pixel is finer than the corners are known
-    return FoundPanel(region=Polygon.from_points(np.round(square * factor, 1).tolist()), serial=name)
+    region = None if square is None else Polygon.from_points(np.round(square * factor, 1).tolist())
+    return FoundPanel(region=region, serial=name)
 
 
 def _shrink(samples_dn: NDArray[np.uint16]) -> tuple[Plane | None, int]:
@@ -127,42 +137,35 @@ def _shrink(samples_dn: NDArray[np.uint16]) -> tuple[Plane | None, int]:
 
 
 def _read_codes(plane: Plane) -> list[tuple[str, Corners]]:
-    """Return the text of every readable code, once, with its corners (x, y) [px].
+    """Return the name of every panel whose code is read, once, with the code's corners (x, y) [px]."""
+    for grey, scale in _stretch(plane):
+        if found := _group((name, corners / scale) for name, corners in _search(grey)):
+            return found
+    return []
 
-    Codes hide one another from the detector: those that it has read are covered for
-    a second pass.
-    """
-    low, high = (float(level) for level in np.percentile(plane, (0.1, 99.9)))
+
+def _stretch(plane: Plane) -> Iterator[tuple[Grey, float]]:
+    """Yield 8-bit images to search, the one that most codes are found in first, each with its scale."""
+    low, middle, high = (float(level) for level in np.percentile(plane, (0.1, 50.0, 99.9)))
     if high <= low:
-        return []
+        return
     grey = np.clip((plane - low) * (255.0 / (high - low)), 0.0, 255.0).astype(np.uint8)
-    first = _group(_search(grey))
-    for _, corners in first:
-        middle = corners.mean(axis=0)
-        cv2.fillConvexPoly(grey, np.round(middle + 1.1 * (corners - middle)).astype(np.int32), _COVER)
-    return first + (_group(_search(grey)) if first else [])
+    # corners are whole pixels of what is searched
+    yield cv2.resize(grey, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC).astype(np.uint8), 2.0
+    yield grey, 1.0
+    yield cv2.createCLAHE(4.0, (_CELLS, _CELLS)).apply(grey).astype(np.uint8), 1.0
+    if high > middle:
+        yield np.clip((plane - middle) * (255.0 / (high - middle)), 0.0, 255.0).astype(np.uint8), 1.0
 
 
 def _search(grey: Grey) -> Iterator[tuple[str, Corners]]:
-    """Read a code in the image and in the transposed one.
-
-    The detector finds a transposed code not quite where it found the code, and one
-    of five bands of a real panel it reads in one of the two alone. The result from
-    both is transposed with the image.
-    """
-    yield from _detect(grey)
-    for text, corners in _detect(np.ascontiguousarray(grey.T)):
-        yield text, corners[:, ::-1]
-
-
-def _detect(grey: Grey) -> Iterator[tuple[str, Corners]]:
-    try:
-        text, corners, _ = cv2.QRCodeDetector().detectAndDecodeBytes(grey)
-    except cv2.error:  # some pictures without a code run into the detector's own assertions
-        return
-    if text and corners is not None:
-        # a text may hold anything; a corner's number is its pixel's centre
-        yield bytes(text).decode("ascii", errors="replace"), np.asarray(corners, float).reshape(4, 2) + 0.5
+    """Read the codes of panels in the image and in the transposed one, so that either gives the same."""
+    for image, way in ((grey, 1), (np.ascontiguousarray(grey.T), -1)):
+        for code in zxingcpp.read_barcodes(image, formats=_QR):
+            if serial := PANEL_SERIAL.search(code.text):
+                at = code.position
+                corners = [(c.x, c.y) for c in (at.top_left, at.top_right, at.bottom_right, at.bottom_left)]
+                yield serial[0], np.array(corners, float)[:, ::way]
 
 
 def _group(readings: Iterable[tuple[str, Corners]]) -> list[tuple[str, Corners]]:
@@ -220,5 +223,10 @@ def _sample(plane: Plane, centre: Corners, across: Corners, down: Corners) -> Pl
 def _looks_like_panel(inner: Plane, black: float, white: float) -> bool:
     side = _SAMPLES // _CELLS
     cells = inner.reshape(_CELLS, side, _CELLS, side).mean(axis=(1, 3), dtype=float) - black
-    bright = float(cells.mean()) >= DARKEST_PANEL * (white - black) > 0.0
-    return bright and float(cells.std()) <= MOST_UNEVEN_REL * float(cells.mean())
+    mean = float(cells.mean())
+    # light may fall off evenly across it; a shadow's edge or a rim is no plane
+    slopes = [float((cells * _RAMP).sum()), float((cells * _RAMP.T).sum())]
+    rest = cells - mean - slopes[0] * _RAMP - slopes[1] * _RAMP.T
+    tilt = float(np.ptp(slopes[0] * _RAMP + slopes[1] * _RAMP.T))
+    bright = mean >= DARKEST_PANEL * (white - black) > 0.0
+    return bright and float(rest.std()) <= MOST_UNEVEN_REL * mean and tilt <= MOST_TILTED_REL * mean

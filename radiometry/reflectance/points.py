@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from radiometry.findings import Finding, InputRejected, Raised
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
-from radiometry.reflectance.clock import read_clock_s
+from radiometry.reflectance.clock import read_clock, read_clock_s
 from radiometry.reflectance.features import Features
 from radiometry.reflectance.levelling import measure_light
+from radiometry.reflectance.panel import PanelValue, choose_readings, find_value, list_contradictions
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 from radiometry.reflectance.sunshine import Sunshine
 
@@ -38,11 +39,8 @@ class Candidate:
         Time on the camera's clock [s]; None if the file has none.
     visit : int
         Number of the panel capture, from 1.
-    panel : Reading or None
-        Reflectance of the panel in this band; None if not known.
-    from_file : bool
-        True if the reflectance is the one that the camera read from the panel's
-        code.
+    panel : PanelValue or None
+        Reflectance of the panel in this band on that day; None if not known.
     sunshine : Sunshine or None
         Sunshine readings, if they are used.
     left_out : str
@@ -55,8 +53,7 @@ class Candidate:
     band: Multispectral
     at_s: float | None
     visit: int
-    panel: Reading | None
-    from_file: bool
+    panel: PanelValue | None
     sunshine: Sunshine | None
     left_out: str
     left_out_code: Finding | None = None
@@ -104,7 +101,7 @@ def list_missing(
             found.append(f"frame {row.frame} waits for its region to be computed")
     if not panels and not unread:
         found.append("the campaign has no panel frame")
-    return [*found, *_list_contradictions(readings)]
+    return [*found, *list_contradictions(readings, params)]
 
 
 def list_bands_without_reflectance(
@@ -127,7 +124,7 @@ def list_bands_without_reflectance(
         and row.header.multispectral is not None
         and row.header.multispectral.panel_albedo is None
     }
-    unknown = sorted(shown - {reading.band for reading in readings})
+    unknown = sorted(shown - {reading.band for reading in choose_readings(readings, params)})
     if not readings:
         return [
             f"nobody has said what the panel reflects in band {band}: register the panel, and name it "
@@ -138,17 +135,6 @@ def list_bands_without_reflectance(
         f"panel {readings[0].panel} has no reflectance for band {band}: register it with this band"
         for band in unknown
     ]
-
-
-def _list_contradictions(readings: Sequence[Reading]) -> list[str]:
-    found = []
-    for band in sorted({reading.band for reading in readings}):
-        stated = {(r.reflectance, r.standard_uncertainty) for r in readings if r.band == band}
-        if len(stated) > 1:
-            found.append(
-                f"band {band} has {len(stated)} different panel reflectances: give the one panel used"
-            )
-    return found
 
 
 def require_flat_angle(angle_deg: float) -> None:
@@ -213,7 +199,7 @@ def _judge(
 ) -> Candidate:
     band = row.header.multispectral
     assert band is not None  # noqa: S101  the caller chose rows with one
-    panel, from_file = _find_reflectance(band, readings)
+    panel = find_value(band, readings, params, at=read_clock(row.header))
     sunshine = None
     left_out, code = (excluded, None) if excluded else _inspect(row)
     if not left_out and panel is None:
@@ -234,21 +220,10 @@ def _judge(
         at_s=read_clock_s(row.header),
         visit=visit,
         panel=panel,
-        from_file=from_file,
         sunshine=sunshine,
         left_out=left_out,
         left_out_code=code,
     )
-
-
-def _find_reflectance(band: Multispectral, readings: Sequence[Reading]) -> tuple[Reading | None, bool]:
-    """Return the certificate's reflectance of a band, else that which the camera read from the code."""
-    for reading in readings:
-        if reading.band == band.band:
-            return reading, False
-    if band.panel_albedo is not None and 0.0 < band.panel_albedo <= 1.0:
-        return Reading(panel=band.panel_serial or "", band=band.band, reflectance=band.panel_albedo), True
-    return None, False
 
 
 def _inspect(row: FrameRow) -> tuple[str, Finding | None]:

@@ -89,6 +89,8 @@ class Coefficient:
         Lowest and highest signal of the points used.
     i_ss_range : tuple[float, float] or None
         Lowest and highest sunshine reading of the points used; None for panel_only.
+    panel_measured_on : tuple of str or None
+        Days of the panel's measurements that were used; None if none is dated.
     """
 
     band: str
@@ -115,6 +117,7 @@ class Coefficient:
     sensor_model_scale: float
     i_sq_range: tuple[float, float]
     i_ss_range: tuple[float, float] | None
+    panel_measured_on: tuple[str, ...] | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

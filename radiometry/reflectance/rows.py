@@ -1,6 +1,6 @@
 """Inputs of a reflectance fit: parameters, panel frames with features, the panel's reflectances."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion
@@ -10,6 +10,7 @@ from radiometry.reflectance.features import Features
 from radiometry.reflectance.sunshine import Choice
 from radiometry.reflectance.tilt import TiltParams
 from radiometry.specification.parameters import check_parameters, parameter
+from radiometry.specification.stored import LATER
 
 Normalisation = Literal["sunshine", "panel_only"]
 Surface = Literal["level", "oriented"]
@@ -75,6 +76,15 @@ class Params:
         description="Assumptions about sky and sensor for a reading on a level surface.",
         default_text="a clear sky, a PTFE diffuser, an attitude known to 2 degrees",
     )
+    panel_measured_on: str | None = parameter(
+        None,
+        label="Measurement of the panel",
+        description="Day of the one measurement of the panel to use, where several are registered.",
+        kind="text",
+        default_text="on the day of each panel frame, interpolated between the measurements",
+        example="2026-03-14",
+        later=True,
+    )
     exclude: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
@@ -105,6 +115,8 @@ class FrameRow:
         Features of `extract`; None until the frame is extracted.
     has_region : bool, default: True
         False if no region is drawn for it.
+    panel_serial : str or None, default: None
+        Serial number of the panel, as its code in the image states it.
     """
 
     frame: str
@@ -113,6 +125,7 @@ class FrameRow:
     exposure: Exposure
     features: Features | None
     has_region: bool = True
+    panel_serial: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,12 +142,15 @@ class Reading:
         Reflectance of the panel under these directions, (0, 1.2].
     standard_uncertainty : float or None, default: None
         Absolute standard uncertainty; None if it is not stated.
+    measured_on : str or None, default: None
+        Day of the measurement, ISO 8601; None if it is not known.
     """
 
     panel: str
     band: str
     reflectance: float
     standard_uncertainty: float | None = None
+    measured_on: str | None = field(default=None, metadata=LATER)
 
     def __post_init__(self) -> None:
         """Check what every caller must have checked at its interface."""

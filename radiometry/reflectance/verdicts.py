@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from radiometry.findings import InputRejected, Reason, shared
+from radiometry.findings import InputRejected, Reason, interface, shared
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frames
 from radiometry.reflectance import codes
 from radiometry.reflectance.findings import STEEPEST_GRADIENT_REL
+from radiometry.reflectance.panel import describe_difference
 from radiometry.reflectance.points import (
     MOST_SATURATED_SHARE,
     NO_REFLECTANCE,
@@ -38,13 +39,16 @@ def judge(
     -------
     dict of str to Verdict
         Verdict by name of the frame. Reasons besides those of any frame: `clipped`,
-        `panel_uneven`, `panel_weak`, `panel_unknown` of a panel frame;
+        `panel_uneven`, `panel_weak`, `panel_unknown`, `panel_differs` of a panel frame;
         `sunshine_unusable` of any.
     """
     reasons = inspect_frames(frames)
     for each in collect_candidates(rows, readings, replace(params, normalisation="panel_only", exclude=())):
         if each.row.features is not None:
             reasons[each.row.frame] += _inspect_panel(each)
+        if difference := describe_difference(each.row, readings):
+            detail = f"{difference} {interface.PANEL_DIFFERS.remedy}"
+            reasons[each.row.frame].append(interface.PANEL_DIFFERS.reason(detail))
     if params.normalisation == "sunshine":
         for row in rows:
             reasons[row.frame] += _inspect_sunshine(row, params)
@@ -109,6 +113,6 @@ def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) 
         advice += [f"band {band} has no usable panel frame" for band in unseen]
     if candidates and len({each.visit for each in candidates}) == 1:
         advice.append("the panel was photographed once: take it after the flight too, to see the drift")
-    if any(each.panel is not None and each.panel.standard_uncertainty is None for each in candidates):
+    if any(each.panel is not None and not each.panel.states_uncertainty for each in candidates):
         advice.append("the panel states no uncertainty: register it with that of its certificate")
     return tuple(advice)

@@ -6,23 +6,29 @@ is the function of that name in the method's package, where it is documented.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from radiometry.frame.roi import Polygon
 
 Function = Callable[..., Any]
+FoundBy = Literal["code", "reflect_area", "other_band"]
+"""How a panel was found: by its code, by the camera's own statement, or in another band of the capture."""
 
 
 class FoundRegion(Protocol):
-    """Region that a method found in a frame by itself, and the serial number that it read there."""
+    """Region or serial number, or both, that a method found in a frame by itself."""
 
     @property
-    def region(self) -> Polygon:
-        """Region in the frame [px]."""
+    def region(self) -> Polygon | None:
+        """Region in the frame [px]; None if none is certain."""
 
     @property
-    def serial(self) -> str:
-        """Serial number of what was found."""
+    def serial(self) -> str | None:
+        """Serial number of what was found; None if it was not read in the image."""
+
+    @property
+    def by(self) -> FoundBy:
+        """How it was found."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -138,8 +138,9 @@ def _frame(record: CalibrationRecord, used: dict[str, Any]) -> UsedFrame:
         exposure=drop_absent(used.get("exposure")),
         taken_at=(found.row.header or {}).get("taken_at"),
         roi_sha256=used["roi_sha256"],
-        roi_origin="found" if found.panel_found else None,
-        panel_serial=found.panel_found,
+        roi_origin="found" if found.found_by else None,
+        roi_found_by=found.found_by,
+        panel_serial=found.panel_serial,
         warnings=[FINDINGS[flag].sentence for flag in found.row.warnings if flag in FINDINGS],
         **_measured(record, found.statistics),
     )

@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from radiometry.specification.application import FoundBy
 from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Instant, Method
 from service.schemas.calibrations import Gap
@@ -97,9 +98,10 @@ class UsedFrame(Answer):
     taken_at: str | None = None
     roi_sha256: str
     roi_origin: Literal["found"] | None = Field(
-        default=None, description="Found by the panel's code in the image; absent where nobody had to look."
+        default=None, description="The panel was found in the frame; absent where its region was drawn."
     )
-    panel_serial: str | None = Field(default=None, description="As that code says it.")
+    roi_found_by: FoundBy | None = None
+    panel_serial: str | None = Field(default=None, description="As the panel's code in the image states it.")
     warnings: list[str]
     signal_dn: float | None = None
     signal_standard_uncertainty_dn: float | None = None

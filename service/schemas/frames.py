@@ -10,10 +10,12 @@ from radiometry.frame.statistics import ChannelStatistics
 from radiometry.frame.verdicts import Verdict
 from radiometry.methods import METHODS
 from radiometry.methods.findings import FINDINGS
+from radiometry.specification.application import FoundBy
 from service.schemas.base import Answer, Form, Instant, LongText, Positive, PositiveText, Text
 from service.schemas.campaigns import Role
 from store.blobs import Damage
 from store.codec import decode_header
+from store.queries.references import list_panels
 from store.tables import Blob, Extraction, FrameRow
 
 _measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)
@@ -124,9 +126,16 @@ class FrameAnswer(Answer):
     scene: str | None = None
     roi_id: str | None = None
     roi_origin: Literal["drawn", "found"] | None = Field(
-        default=None, description="Of the frame's own region: drawn by a person, or found by a panel's code."
+        default=None, description="Of the frame's own region: drawn by a person, or found on a panel."
     )
-    panel_serial: str | None = Field(default=None, description="As the panel's code in the image says it.")
+    roi_found_by: FoundBy | None = Field(
+        default=None,
+        description="How it was found: by the panel's code, in the file's `ReflectArea`, or from another "
+        "band of the capture. A drawn region goes before a found one.",
+    )
+    panel_serial: str | None = Field(
+        default=None, description="Of the panel that the frame shows, by its code in the image or the file."
+    )
     supplied: dict[str, float] | None = None
     state: State
     camera: CameraAsRead | None = None
@@ -197,11 +206,13 @@ _FROM_ROW = (
 
 
 def _from_found(row: FrameRow) -> dict[str, Any]:
-    found = row.found or {}
+    found, named = row.found or {}, list_panels(row)
+    answer: dict[str, Any] = {"panel_serial": named[0] if named else None}
     if row.roi_id is None:
-        return {"panel_serial": found.get("serial")}
-    origin = "found" if found.get("roi_id") == row.roi_id else "drawn"
-    return {"roi_origin": origin, "panel_serial": found.get("serial")}
+        return answer
+    if found.get("roi_id") != row.roi_id:
+        return answer | {"roi_origin": "drawn"}
+    return answer | {"roi_origin": "found", "roi_found_by": found.get("by", "code")}
 
 
 def _from_header(header: dict[str, Any] | None) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.frame.statistics import ChannelStatistics
 from radiometry.methods import get_method
+from radiometry.specification.application import FoundBy
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.checklist import ChecklistItem, read_checklist, read_signature
 from store.queries.decisions import Act, key_names, list_publishings
@@ -44,8 +45,10 @@ class FrameAsUsed:
     row: FrameRow
     size_bytes: int
     statistics: list[ChannelStatistics]
-    panel_found: str | None
-    """The panel whose code gave the region that was used; None where it was drawn or is the whole frame."""
+    found_by: FoundBy | None
+    """How the region that was used was found; None where it was drawn or is the whole frame."""
+    panel_serial: str | None
+    """Of the panel that the frame shows, as its code states it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,13 +163,13 @@ def _frames_used(session: Session, calibration: Calibration) -> dict[str, FrameA
             row=row[0],
             size_bytes=row[1],
             statistics=statistics[row[2]],
-            panel_found=_panel_found(row[0], row[4]),
+            **_find_panel(row[0], row[4]),
         )
         for row in mine
     }
 
 
-def _panel_found(frame: FrameRow, roi_id: str) -> str | None:
+def _find_panel(frame: FrameRow, roi_id: str) -> dict[str, Any]:
     found = frame.found or {}
-    serial: str | None = found.get("serial") if found.get("roi_id") == roi_id else None
-    return serial
+    by = found.get("by", "code") if found.get("roi_id") == roi_id else None
+    return {"found_by": by, "panel_serial": found.get("serial")}

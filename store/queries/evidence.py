@@ -127,4 +127,5 @@ def _describe_frame(
         statistics=tuple(statistics[extraction.id]) if extraction else None,
         features=decode(room.features, features) if room.features and features else None,
         has_region=roi_id is not None or room.whole_frame,
+        identified=(row.found or {}).get("serial"),
     )

@@ -78,7 +78,7 @@ def describe_anew(frame: FrameRow, values: dict[str, Any]) -> bool:
     changed = [name for name, value in values.items() if getattr(frame, name) != value]
     for name in changed:
         setattr(frame, name, values[name])
-    if "role" in changed and frame.found and frame.roi_id == frame.found["roi_id"]:
+    if "role" in changed and frame.found and frame.roi_id == frame.found.get("roi_id"):
         # nobody drew it, and what else the frame shows is not in it
         frame.roi_id = None
     return bool(changed)

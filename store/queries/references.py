@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from radiometry.frame.multispectral import name_panel
 from radiometry.methods import get_method
 from radiometry.specification.method import MethodSpec
 from store.tables import Campaign, FrameRow, Meter, Panel, Reading
@@ -31,35 +32,39 @@ def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameR
         meters = _meters(session, campaign)
         return Reference(readings=_read_meters(session, campaign, spec), sources={"meters": meters})
     if spec.reference == "panel":
-        panel = find_panel(session, campaign, frames)
-        if panel is None:
-            return Reference(readings=[], sources={"panels": []})
-        return Reference(readings=_read_panel(panel, spec), sources={"panels": [_describe_panel(panel)]})
+        measured = list_measurements(session, campaign, frames)
+        return Reference(
+            readings=[reading for panel in measured for reading in _read_panel(panel, spec)],
+            sources={"panels": [_describe_panel(panel) for panel in measured]},
+        )
     return Reference(readings=[], sources={})
 
 
-def find_panel(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> Panel | None:
-    """The campaign's panel: the one it names, else the one that its files name, else the only one there is.
+def list_measurements(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> list[Panel]:
+    """Every measurement of the campaign's panel, oldest first; none where it is not known.
 
-    Of a panel that was measured several times, the latest measurement.
+    The panel is the one that the campaign names, else the one that its files name, else the only one.
     """
-    if campaign.panel_id is not None:
-        return session.get_one(Panel, campaign.panel_id)
     panels = session.scalars(
         select(Panel)
         .where(Panel.organisation_id == campaign.organisation_id)
-        .order_by(Panel.measured_on.desc(), Panel.id.desc())
+        .order_by(Panel.measured_on, Panel.id)
     ).all()
-    named = {serial for frame in frames if (serial := _panel_named_in(frame))}
-    matching = [panel for panel in panels if panel.serial in named] if named else list(panels)
-    return matching[0] if len({panel.serial for panel in matching}) == 1 else None
+    if campaign.panel_id is not None:
+        named = {session.get_one(Panel, campaign.panel_id).serial}
+    else:
+        said = {serial for frame in frames for serial in list_panels(frame)}
+        named = said or {each.serial for each in panels}
+    names = {*map(name_panel, named)}
+    found = [panel for panel in panels if name_panel(panel.serial) in names]
+    return found if len({name_panel(panel.serial) for panel in found}) == 1 else []
 
 
-def _panel_named_in(frame: FrameRow) -> str | None:
+def list_panels(frame: FrameRow) -> list[str]:
+    """The panels that a frame names: as the worker read its code, and as the camera recognised it."""
     multispectral = (frame.header or {}).get("multispectral") or {}
-    # what the camera recognised, else what the worker read off the panel's code
-    serial: str | None = multispectral.get("panel_serial") or (frame.found or {}).get("serial")
-    return serial
+    stated = ((frame.found or {}).get("serial"), multispectral.get("panel_serial"))
+    return [serial for serial in stated if serial]
 
 
 def _read_panel(panel: Panel, spec: MethodSpec) -> list[Any]:
@@ -69,6 +74,7 @@ def _read_panel(panel: Panel, spec: MethodSpec) -> list[Any]:
             band=band["band"],
             reflectance=band["reflectance"],
             standard_uncertainty=band.get("standard_uncertainty"),
+            measured_on=panel.measured_on.isoformat(),
         )
         for band in sorted(panel.bands, key=lambda band: str(band["band"]))
     ]

@@ -69,7 +69,7 @@ class _Found:
     extracted: _Extracted | None
     region_refused: InputRejected | None
     panel: FoundRegion | None
-    """Found in a frame for which nobody has drawn a region."""
+    """Found in the frame: its region counts where nobody has drawn one, its serial number always."""
 
 
 def extract(context: Context, claim: Claim) -> Outcome:
@@ -134,7 +134,7 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
     left_out = shared.FRAME_LEFT_OUT in flags
     extracted, region_refused = subject.equal, None
     panel = None if left_out else _find_panel(context, subject, header, file)
-    drawn = subject.roi is not None or panel is not None
+    drawn = subject.roi is not None or (panel is not None and panel.region is not None)
     wanted = is_told(subject.campaign) and (drawn or (room.whole_frame and frame.role in room.role_names))
     if wanted and not left_out and not subject.done and extracted is None:
         try:
@@ -162,7 +162,8 @@ def _find_panel(
 ) -> FoundRegion | None:
     frame, method = subject.frame, subject.campaign.method
     room = methods.get_method(method)
-    if subject.roi is not None or not room.finds_region or frame.role not in room.role_names:
+    known = subject.roi is not None and bool(frame.found)
+    if known or not room.finds_region or frame.role not in room.role_names:
         return None
     whole = context.decoders.read_window(file, (0, 0, header.height_px, header.width_px))
     return methods.get_method(method).find_region(whole, header=header)
@@ -195,9 +196,9 @@ def _measure(
 
 
 def _regions(roi: Roi | None, panel: FoundRegion | None, header: FrameHeader) -> list[Region]:
-    if panel is not None:
-        return [Region(name="", polygon=panel.region)]
     if roi is None:
+        if panel is not None and panel.region is not None:
+            return [Region(name="", polygon=panel.region)]
         return [Region(name="", polygon=whole_frame(header.width_px, header.height_px))]
     if roi.parts is None:
         return [Region(name="", polygon=Polygon.from_points(roi.points))]
@@ -225,8 +226,8 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     _store_acceptance(frame, found)
     roi = subject.roi
     if found.panel is not None:
-        roi = _keep_panel(session, frame, campaign, found.panel)
-    if found.extracted is not None and (roi is not None or found.panel is None):
+        roi = _keep_panel(session, frame, campaign, found.panel) or roi
+    if found.extracted is not None and (roi is not None or found.panel is None or found.panel.region is None):
         _store_extraction(session, subject, frame, roi, found.extracted)
     now = current_roi(session, frame, campaign)
     # what the campaign is told to look for may have changed meanwhile: then another job is on its way
@@ -236,13 +237,15 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
 
 
 def _keep_panel(session: Session, frame: FrameRow, campaign: Campaign, panel: FoundRegion) -> Roi | None:
-    """Make it the frame's own region, unless somebody has drawn one, or changed the role, meanwhile."""
-    roles = methods.get_method(campaign.method).role_names
-    if current_roi(session, frame, campaign) is not None or frame.role not in roles:
+    """Keep its serial, and its region unless somebody has drawn one, or changed the role, meanwhile."""
+    if frame.role not in methods.get_method(campaign.method).role_names:
+        return None
+    frame.found = {"serial": panel.serial, "by": panel.by}
+    if panel.region is None or current_roi(session, frame, campaign) is not None:
         return None
     drawing = Drawing(polygon=panel.region, corners=panel.region.points)
     roi = find_or_add_roi(session, campaign.organisation_id, drawing)
-    frame.roi_id, frame.found = roi.id, {"roi_id": roi.id, "serial": panel.serial}
+    frame.roi_id, frame.found = roi.id, {**frame.found, "roi_id": roi.id}
     return roi
 
 

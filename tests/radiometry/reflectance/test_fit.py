@@ -147,7 +147,9 @@ def test_a_panel_that_the_camera_recognised_serves_where_nothing_is_stated():
     coefficient = found.band_fits[0].coefficient
     assert (coefficient.panel, coefficient.panel_reflectance) == ("RP04-1901231-SC", 0.49)
     assert {"panel_from_file", "panel_uncertainty_missing"} <= flags_of(found.flags)
-    stated = [reflectance.Reading(panel="mine", band="blue", reflectance=0.5, standard_uncertainty=0.01)]
+    stated = [
+        reflectance.Reading(panel=coefficient.panel, band="blue", reflectance=0.5, standard_uncertainty=0.01)
+    ]
     found = reflectance.fit([row], stated, params)
     assert found.band_fits[0].coefficient.panel_reflectance == 0.5
     assert not {"panel_from_file", "panel_uncertainty_missing"} & flags_of(found.flags)

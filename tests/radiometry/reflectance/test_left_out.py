@@ -167,4 +167,4 @@ def test_frames_say_what_is_odd_about_their_files():
         "sunshine_serial_unknown",
     } <= flags_of(found.flags)
     usual = flags_of(reflectance.fit([first], READINGS, PARAMS).flags)
-    assert usual == {"panel_once"}
+    assert usual == {"panel_once", "panel_not_identified"}
