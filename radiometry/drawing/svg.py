@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
+from typing import Self
 
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _LEAST_TICKS, _MOST_TICKS = 3, 8
@@ -52,6 +53,29 @@ class Scale:
         if self.logarithmic:
             low, high, at = math.log(low), math.log(high), math.log(value)
         return self.start_px + (self.end_px - self.start_px) * (at - low) / (high - low)
+
+    def part(self, low: float, high: float) -> Self:
+        """Return the scale with other ends.
+
+        Parameters
+        ----------
+        low, high : float
+            Ends as fractions of the present ones; at least a thousandth apart.
+        """
+        first, last = (math.log(self.low), math.log(self.high)) if self.logarithmic else (self.low, self.high)
+        ends = (first + end * (last - first) for end in (low, max(high, low + 1e-3)))
+        low, high = map(math.exp, ends) if self.logarithmic else ends
+        return replace(self, low=low, high=high)
+
+    def label(self, tick: float) -> str:
+        """Return the text beside a tick.
+
+        Parameters
+        ----------
+        tick : float
+            Value of the tick.
+        """
+        return f"{tick:g}"
 
     def ticks(self) -> list[float]:
         """Return round values: 1, 2 and 5 in each power of ten on a logarithmic scale, else even steps.
@@ -124,11 +148,11 @@ class Panel:
         for tick in self.x.ticks():
             at = self.x(tick)
             parts.append(f'<path class="tick" d="M{at:.1f} {bottom:.1f}V{top:.1f}"/>')
-            parts.append(f'<text class="mid" x="{at:.1f}" y="{bottom + 16:.1f}">{tick:g}</text>')
+            parts.append(f'<text class="mid" x="{at:.1f}" y="{bottom + 16:.1f}">{self.x.label(tick)}</text>')
         for tick in self.y.ticks():
             at = self.y(tick)
             parts.append(f'<path class="tick" d="M{left:.1f} {at:.1f}H{right:.1f}"/>')
-            parts.append(f'<text class="end" x="{left - 5:.1f}" y="{at + 4:.1f}">{tick:g}</text>')
+            parts.append(f'<text class="end" x="{left - 5:.1f}" y="{at + 4:.1f}">{self.y.label(tick)}</text>')
         return parts
 
     def line(self, points: Iterable[tuple[float, float]], css: str) -> str:

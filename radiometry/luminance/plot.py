@@ -1,13 +1,15 @@
 """Plot of a luminance calibration: signal against X and ln X, and residuals, a row per ISO value."""
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
-from radiometry.drawing.svg import Panel, Scale, document, span
+import numpy as np
 
-_WIDTH, _ROW_PX = 1140, 300
-_LEFT_PX, _PANEL_PX, _GAP_PX, _TOP_PX, _BOTTOM_PX = 64, 290, 82, 44, 52
+from radiometry.drawing.sheet import COLUMNS, Axis, finish, place
+from radiometry.drawing.svg import Scale
+from radiometry.fitting.models import predict
+
+_X = "X = t S L / f²  [cd s/m²]"
 
 
 def draw(result: dict[str, Any]) -> str:
@@ -24,42 +26,37 @@ def draw(result: dict[str, Any]) -> str:
         SVG document; points left out are hollow, the tolerance is dashed.
     """
     fits = result["iso_fits"]
-    parts = [part for row, fit in enumerate(fits) for part in _row(result, fit, row * _ROW_PX)]
-    height = _ROW_PX * len(fits)
-    return document(parts, width_px=_WIDTH, height_px=height, label="Luminance calibration")
+    parts = [part for row, fit in enumerate(fits) for part in _draw_row(result, fit["coefficient"], row)]
+    return finish(parts, panels=COLUMNS * len(fits), label="Luminance calibration")
 
 
-def _row(result: dict[str, Any], fit: dict[str, Any], top: float) -> Iterator[str]:
-    coefficient = fit["coefficient"]
+def _draw_row(result: dict[str, Any], coefficient: dict[str, Any], row: int) -> Iterator[str]:
     points = [p for p in result["points"] if p["iso"] == coefficient["iso"] and p.get("rhs")]
-    name = f"ISO {coefficient['iso']:g}"
-    model = _model(coefficient)
-    signals = [p["adjusted_signal_dn"] for p in points]
-    for column, logarithmic in ((0, False), (1, True)):
-        panel = Panel(
-            x=_x_scale([p["rhs"] for p in points], column, logarithmic=logarithmic),
-            y=_y_scale(*span(signals, include=(0.0,)), top),
-            title=f"{name}: signal against {'ln X' if logarithmic else 'X'}",
-            x_label="X = t S L / f²  [cd s/m²]" + (", logarithmic" if logarithmic else ""),
-            y_label="signal - dark [DN]",
-        )
+    name, rhs = f"ISO {coefficient['iso']:g}", [p["rhs"] for p in points]
+    signals = Axis(
+        values=[p["adjusted_signal_dn"] for p in points], include=(0.0,), label="signal - dark [DN]"
+    )
+    for logarithmic in (False, True):
+        x = Axis(values=rhs, label=_X, logarithmic=logarithmic, include=() if logarithmic else (0.0,))
+        title = f"{name}: signal against {'ln X' if logarithmic else 'X'}"
+        panel = place(row * COLUMNS + logarithmic, x=x, y=signals, title=title)
         yield from panel.frame()
-        yield panel.line([(x, model(x)) for x in _along(panel.x)], "fit")
+        along = _sample(panel.x)
+        fitted = predict(coefficient["model"], np.asarray(coefficient["parameters"]), along)
+        yield panel.line(zip(along.tolist(), fitted.tolist(), strict=True), "fit")
         for p in points:
             yield panel.dot(p["rhs"], p["adjusted_signal_dn"], "used" if p["used"] else "out", _title_of(p))
-    yield from _residuals(name, points, result["tolerance_rel"], top)
-
-
-def _residuals(name: str, points: list[dict[str, Any]], tolerance: float, top: float) -> Iterator[str]:
     judged = [p for p in points if p.get("residual_rel") is not None]
-    used = [100 * p["residual_rel"] for p in judged if p["used"]]
-    limit = 100 * tolerance
-    panel = Panel(
-        x=_x_scale([p["rhs"] for p in points], 2, logarithmic=True),
-        y=_y_scale(*span(used, include=(-limit, limit)), top),
+    limit = 100 * result["tolerance_rel"]
+    panel = place(
+        row * COLUMNS + 2,
+        x=Axis(values=rhs, label="X", logarithmic=True),
+        y=Axis(
+            values=[100 * p["residual_rel"] for p in judged if p["used"]],
+            include=(-limit, limit),
+            label="(L fit - L meter) / L meter [%]",
+        ),
         title=f"{name}: residuals",
-        x_label="X, logarithmic",
-        y_label="(L fit - L meter) / L meter [%]",
     )
     yield from panel.frame()
     for level, css in ((0.0, "fit"), (limit, "limit"), (-limit, "limit")):
@@ -68,35 +65,12 @@ def _residuals(name: str, points: list[dict[str, Any]], tolerance: float, top: f
         yield panel.dot(p["rhs"], 100 * p["residual_rel"], "used" if p["used"] else "out", _title_of(p))
 
 
-def _x_scale(values: list[float], column: int, *, logarithmic: bool) -> Scale:
-    low, high = span(values, logarithmic=logarithmic, include=() if logarithmic else (0.0,))
-    start = _LEFT_PX + column * (_PANEL_PX + _GAP_PX)
-    return Scale(low=low, high=high, start_px=start, end_px=start + _PANEL_PX, logarithmic=logarithmic)
-
-
-def _y_scale(low: float, high: float, top: float) -> Scale:
-    return Scale(low=low, high=high, start_px=top + _ROW_PX - _BOTTOM_PX, end_px=top + _TOP_PX)
-
-
-def _along(scale: Scale) -> list[float]:
-    low, high = scale.low, scale.high
+def _sample(scale: Scale) -> np.ndarray:
     if scale.logarithmic:
-        return [low * (high / low) ** (i / 60) for i in range(61)]
-    return [low + (high - low) * i / 60 for i in range(61)]
-
-
-def _model(coefficient: dict[str, Any]) -> Callable[[float], float]:
-    """Return the fitted signal as a function of X, for the model that was chosen."""
-    p = coefficient["parameters"]
-    match coefficient["model"]:
-        case "proportional":
-            return lambda x: p[0] * x
-        case "affine":
-            return lambda x: p[0] * x + p[1]
-        case "power":
-            return lambda x: p[0] * x ** p[1] if x > 0 else 0.0
-        case _:
-            return lambda x: p[0] * math.log(x) + p[1] if x > 0 else -math.inf
+        return np.geomspace(scale.low, scale.high, 61)
+    along = np.linspace(scale.low, scale.high, 61)
+    # a power or a logarithm has no value at 0
+    return along[along > 0.0]
 
 
 def _title_of(point: dict[str, Any]) -> str:

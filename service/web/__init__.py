@@ -11,10 +11,10 @@ API says, and nothing is drawn twice. To add one:
        def show_camera(camera_id: Id, page: SignedInPage, context: UsesContext) -> Response:
            with context.database.reading() as session:
                camera = owned(session, Camera, camera_id, page.caller)
-           return page.render("camera.html", title=camera.model, camera=camera, plots=True)
+           return page.render("camera.html", title=camera.model, camera=camera)
 
-   ``SignedInPage`` sends to the sign-in page whoever is not. ``plots=True`` where Bokeh draws. Add the module
-   to ``pages/__init__.py``. A Problem raised here becomes a page of its own (problem_pages.py).
+   ``SignedInPage`` sends to the sign-in page whoever is not. Add the module to ``pages/__init__.py``. A
+   Problem raised here becomes a page of its own (problem_pages.py).
 
 2. ``templates/<name>.html``: extends ``layout.html`` and fills its blocks ``main``, ``main_attributes`` (data
    for the module: ``data-camera-id="{{ camera.id }}"``), ``head`` and ``module``. ``parts.html`` has the
@@ -31,7 +31,7 @@ API says, and nothing is drawn twice. To add one:
        ../live.js    followJob(id, onProgress), follow(look)
        ../format.js  quantity, withUncertainty, relative, number, unit, time, day, ago, span, bytes, tag
        ../ask.js     ask({title, fields, submit, action}): a form in a dialog
-       ../plots.js   plot(element, address of a json_item)
+       ../plots.js   plot(element, address of a chart)
 
    Text goes into the page as text: h() takes no HTML. Offer nothing that the key may not do: ``may(scope)``.
 
@@ -40,8 +40,8 @@ API says, and nothing is drawn twice. To add one:
    ``plot``. What one page alone needs stands in ``static/pages/<name>.css``, linked in the block ``head``;
    it takes the properties, never a colour of its own.
 
-5. A plot is a route under ``/plots/`` that answers Bokeh's json_item, drawn by a function in ``plots/``;
-   ``plots/figures.py`` gives the figure in the page's colours.
+5. A chart is a route under ``/plots/`` that answers SVG, drawn by a function in ``charts.py``; its colours
+   are in ``stilb.css``.
 
 6. ``tests/browser/test_<name>.py``: the fixture ``page`` is a browser, signed in, on a running service; an
    error in its console fails the test. ``look(page, "name")`` takes the pictures at 1440 and 390 px,

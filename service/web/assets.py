@@ -9,8 +9,6 @@ import json
 import mimetypes
 import posixpath
 import re
-from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
@@ -30,7 +28,7 @@ router = APIRouter(include_in_schema=False)
 
 
 class Assets:
-    """Our own files and Bokeh's one, each known by name; nothing else in any folder can be asked for."""
+    """Our own files, each known by name; nothing else in any folder can be asked for."""
 
     def __init__(self) -> None:
         methods = json.dumps(describe_methods().dump()["items"])
@@ -41,7 +39,6 @@ class Assets:
         for name, content in self._own.items():
             digest.update(name.encode() + b"\0" + content)
         self.release = digest.hexdigest()[:16]
-        self.bokeh_release = f"bokeh-{version('bokeh')}"
         self._packed: dict[str, bytes] = {}
 
     def url(self, name: str) -> str:
@@ -62,17 +59,9 @@ class Assets:
             found += dict.fromkeys(other for other in named if other not in found)
         return [self.url(each) for each in found[1:]]
 
-    @property
-    def bokeh_url(self) -> str:
-        return f"/static/{self.bokeh_release}/bokeh.min.js"
-
     def find(self, release: str, name: str) -> bytes | None:
         """The file at an address; a page of an earlier release finds what it asks for no more."""
-        if release == self.release:
-            return self._own.get(name)
-        if (release, name) == (self.bokeh_release, "bokeh.min.js"):
-            return (_bokeh_folder() / name).read_bytes()
-        return None
+        return self._own.get(name) if release == self.release else None
 
     def packed(self, name: str, content: bytes) -> bytes:
         """The file, gzipped once and kept: they are few."""
@@ -97,10 +86,3 @@ def get_asset(request: Request, release: str, name: str) -> Response:
         headers["Content-Encoding"] = "gzip"
         content = assets.packed(name, content)
     return Response(content, headers=headers, media_type=media_type)
-
-
-def _bokeh_folder() -> Path:
-    # found without importing it: that takes longer than all the rest of the service
-    spec = find_spec("bokeh")
-    assert spec is not None and spec.origin is not None  # noqa: S101, PT018  it is a dependency
-    return Path(spec.origin).parent / "server" / "static" / "js"

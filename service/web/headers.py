@@ -15,23 +15,11 @@ _ALWAYS: Final = {
 }
 
 
-def content_policy(style_nonce: str | None = None) -> str:
-    """Our own files only, and nothing inline; a nonce for the styles that Bokeh makes where it draws."""
-    styles = f"'self' 'nonce-{style_nonce}'" if style_nonce else "'self'"
-    return "; ".join(
-        (
-            "default-src 'none'",
-            "script-src 'self'",
-            f"style-src {styles}",
-            # data: the icons in Bokeh's toolbar; blob: the preview of a file that is not sent yet
-            "img-src 'self' data: blob:",
-            "connect-src 'self'",
-            "worker-src 'self'",
-            "form-action 'self'",
-            "frame-ancestors 'none'",
-            "base-uri 'none'",
-        )
-    )
+# our own files only, and nothing inline; blob: the preview of a file that is not sent yet
+CONTENT_POLICY: Final = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
+    "worker-src 'self'; form-action 'self'; frame-ancestors 'none'; base-uri 'none'"
+)
 
 
 class SecurityHeaders:
@@ -47,7 +35,7 @@ class SecurityHeaders:
                 for name, value in _ALWAYS.items():
                     headers.setdefault(name, value)
                 if headers.get("content-type", "").startswith("text/html"):
-                    headers.setdefault("Content-Security-Policy", content_policy())
+                    headers.setdefault("Content-Security-Policy", CONTENT_POLICY)
             await send(message)
 
         await self._app(scope, receive, guarded if scope["type"] == "http" else send)

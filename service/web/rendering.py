@@ -1,6 +1,5 @@
 """From a template to an answer, for whoever looks."""
 
-import secrets
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from service.auth import Caller, find_session
 from service.context import UsesContext
 from service.web.assets import Assets
-from service.web.headers import content_policy
+from service.web.headers import CONTENT_POLICY
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 
@@ -38,7 +37,6 @@ def build_environment(assets: Assets) -> Environment:
     )
     environment.globals["asset"] = assets.url
     environment.globals["imported"] = cache(assets.imported)
-    environment.globals["bokeh_url"] = assets.bokeh_url
     return environment
 
 
@@ -48,18 +46,16 @@ def render(
     *,
     title: str,
     status: int = 200,
-    plots: bool = False,
     caller: Caller | None = None,
     **values: Any,  # noqa: ANN401
 ) -> HTMLResponse:
     """A page; with ``caller``, signed in as them."""
-    nonce = secrets.token_urlsafe(16) if plots else None
     sessions = request.app.state.context.sessions
     csrf = sessions.csrf_token(request.cookies.get(sessions.cookie, "")) if caller else ""
     html = request.app.state.templates.get_template(template).render(
-        title=title, visitor=caller, csrf_token=csrf, style_nonce=nonce, path=request.url.path, **values
+        title=title, visitor=caller, csrf_token=csrf, path=request.url.path, **values
     )
-    headers = {"Content-Security-Policy": content_policy(nonce), "Cache-Control": "no-store"}
+    headers = {"Content-Security-Policy": CONTENT_POLICY, "Cache-Control": "no-store"}
     return HTMLResponse(html, status, headers)
 
 
@@ -70,8 +66,8 @@ class Page:
     request: Request
     caller: Caller
 
-    def render(self, template: str, *, title: str, plots: bool = False, **values: Any) -> HTMLResponse:  # noqa: ANN401
-        return render(self.request, template, title=title, plots=plots, caller=self.caller, **values)
+    def render(self, template: str, *, title: str, **values: Any) -> HTMLResponse:  # noqa: ANN401
+        return render(self.request, template, title=title, caller=self.caller, **values)
 
 
 def _signed_in(request: Request, context: UsesContext) -> Page:

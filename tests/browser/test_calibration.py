@@ -14,23 +14,19 @@ from tests.support.campaigns import ISOS, LEVELS, SETTINGS
 USED = len(ISOS) * len(LEVELS) * len(SETTINGS)
 # the point of a plot that lies furthest from all others: where it is on the page, and which frame it is
 LONELIEST = """(plot) => {
-    const root = document.getElementById(plot);
-    const view = [...Bokeh.index.roots].find((each) => root.contains(each.el));
-    const box = view.el.getBoundingClientRect();
-    const points = view.model.renderers.filter((each) => each.name === "points").flatMap((each) => {
-        const { x, y, frame, frame_id } = each.data_source.data;
-        return [...x].map((_, index) => ({
-            x: box.x + view.frame.x_scale.compute(x[index]), y: box.y + view.frame.y_scale.compute(y[index]),
-            frame: frame[index], frame_id: frame_id[index],
-        }));
+    const points = [...document.querySelectorAll(`#${plot} .point[data-frame-id]`)].map((each) => {
+        const { x, y, width, height } = each.getBoundingClientRect();
+        const { frame, frameId: frame_id } = each.dataset;
+        return { x: x + width / 2, y: y + height / 2, frame, frame_id };
     });
     const nearest = (one) => Math.min(
         ...points.filter((each) => each !== one).map((each) => Math.hypot(each.x - one.x, each.y - one.y)),
     );
     const found = points.reduce((best, each) => nearest(each) > nearest(best) ? each : best);
-    return {...found, points: points.length, scales: [view.model.x_scale.type, view.model.y_scale.type]};
+    return {...found, points: points.length};
 }"""
 
+SIDES = ("x", "width"), ("y", "height")
 # the dialog for a refit of any version, whatever the page shows
 REFIT = """(calibration) => {
     const page = document.querySelector("script[type=module]").src;
@@ -44,7 +40,7 @@ def shown(night_page, night):
     night_page.goto(f"/calibrations/{night.version.id}")
     settle(night_page)
     for plot in ("signal-plot", "residuals-plot"):
-        expect(night_page.locator(f"#{plot} canvas").first).to_be_visible()
+        expect(night_page.locator(f"#{plot} .chart")).to_be_visible()
     return night_page
 
 
@@ -85,20 +81,55 @@ def test_a_point_tells_of_its_frame_where_it_is_touched(shown, plot):
     assert found["points"] == USED
     with shown.expect_response(f"**/v1/frames/{found['frame_id']}/preview.png") as preview:
         shown.mouse.move(found["x"], found["y"])
-        tip = shown.locator(".bk-Tooltip", has_text=found["frame"])
+        tip = shown.locator(".tip", has_text=found["frame"])
         expect(tip).to_contain_text("ISO")
     assert preview.value.status == 200
     expect(tip).to_contain_text("residual")
 
 
 def test_the_axes_are_linear_or_logarithmic(shown):
-    assert find_point(shown, "signal-plot")["scales"] == ["LinearScale", "LinearScale"]
+    axes = shown.locator("#signal-plot text.mid", has_text="[")
+    expect(axes).to_have_text(["X = t S L / f²  [cd·s/m²]", "signal above dark [DN]"])
     with shown.expect_response("**/signal?axes=log&**"):
         shown.get_by_role("button", name="Logarithmic").click()
-    settle(shown)
-    expect(shown.locator("#signal-plot canvas").first).to_be_visible()
-    assert find_point(shown, "signal-plot")["scales"] == ["LogScale", "LogScale"]
+    expect(axes).to_have_text(
+        ["X = t S L / f²  [cd·s/m²], logarithmic", "signal above dark [DN], logarithmic"]
+    )
     expect(shown.get_by_role("button", name="Logarithmic")).to_have_attribute("aria-pressed", "true")
+
+
+def test_a_part_of_a_plot_is_magnified_and_a_series_is_hidden(shown):
+    plot = shown.locator("#residuals-plot")
+    plot.scroll_into_view_if_needed()
+    points = plot.locator(".point[data-frame-id]")
+    expect(points).to_have_count(USED)
+    found = find_point(shown, "residuals-plot")
+    box = plot.locator(".box").bounding_box()
+
+    def drag():
+        left, top = (max(found[a] - 0.15 * box[side], box[a] + 2) for a, side in SIDES)
+        right, bottom = (min(found[a] + 0.15 * box[side], box[a] + box[side] - 2) for a, side in SIDES)
+        shown.mouse.move(left, top)
+        shown.mouse.down()
+        shown.mouse.move(right, bottom, steps=3)
+        shown.mouse.up()
+
+    drag()
+    expect(points).not_to_have_count(USED)
+    shown_part = points.evaluate_all("points => points.map((each) => each.dataset.frame)")
+    assert found["frame"] in shown_part
+    shown.keyboard.down("Shift")
+    with shown.expect_response("**/residuals?**"):
+        drag()
+    shown.keyboard.up("Shift")
+    settle(shown)
+    shown.mouse.dblclick(box["x"] + 5, box["y"] + 5)
+    expect(points).to_have_count(USED)
+    name = plot.locator(".legend").first
+    name.click()
+    expect(plot.locator(".off:not(.legend)").first).to_be_hidden()
+    name.click()
+    expect(plot.locator(".off")).to_have_count(0)
 
 
 def test_a_point_is_left_out_with_a_reason_and_the_version_before_stays(shown, night):

@@ -37,7 +37,7 @@ def test_a_camera_shows_its_coefficients_its_drift_and_who_decided(page, cameras
     expect(in_force).to_have_count(5)
     expect(in_force.filter(has_text="ISO 100")).to_contain_text("31.70 ± 0.21 DN·m²/(cd·s)")
     expect(in_force.filter(has_text="ISO 6400")).to_contain_text("noise high")
-    expect(page.locator("#drift-plot canvas").first).to_be_visible()
+    expect(page.locator("#drift-plot .chart")).to_be_visible()
     decisions = page.locator("#history").get_by_role("row")
     expect(decisions).to_have_count(7)
     expect(decisions.filter(has_text="after the lens was cleaned")).to_contain_text("first")
@@ -75,20 +75,9 @@ def test_a_point_of_the_drift_tells_its_value_where_it_is_touched(page, cameras)
     page.goto(f"/cameras/{cameras[0]}")
     settle(page)
     page.locator("#drift-plot").scroll_into_view_if_needed()
-    place = page.evaluate(
-        """() => {
-            const view = Object.values(Bokeh.index.roots ?? Bokeh.index)[0];
-            const glyph = view.model.renderers.find((each) => each.name === "points");
-            const { at, value } = glyph.data_source.data;
-            const frame = view.frame;
-            const box = view.el.getBoundingClientRect();
-            return [
-                box.x + frame.x_scale.compute(at[1]), box.y + frame.y_scale.compute(value[1]),
-            ];
-        }"""
-    )
-    page.mouse.move(*place)
-    tip = page.locator(".bk-Tooltip").filter(has_text="ISO 100 ")
+    box = page.locator('#drift-plot .point.s0[data-told^="version 2"]').bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    tip = page.locator(".tip").filter(has_text="ISO 100 ")
     expect(tip).to_contain_text("version 2, ISO 100")
     expect(tip).to_contain_text("32.25 ± 0.21 DN·m²/(cd·s)")
 

@@ -184,7 +184,7 @@ def find_k_on_the_cameras_page(page: Page) -> None:
         near_the_truth = re.compile(r"(29\.\d|30\.\d)\d* ± 0\.\d+ DN·m²/")
         expect(rows.filter(has_text=f"ISO {iso}")).to_contain_text(near_the_truth)
     expect(page.locator("#history")).to_contain_text("spring calibration, reviewed by B. Keller")
-    expect(page.locator("#drift-plot canvas").first).to_be_visible()
+    expect(page.locator("#drift-plot .chart")).to_be_visible()
     passed(page, "procedure-9-camera")
     page.set_viewport_size({"width": 390, "height": 844})
     illustrate(page, "camera")

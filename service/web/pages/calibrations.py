@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 
 from radiometry.findings import interface
 from radiometry.methods import get_method
@@ -10,8 +10,7 @@ from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem
-from service.web.plots.calibration import Axes, draw_residuals, draw_signal
-from service.web.plots.figures import Theme, send_plot
+from service.web.charts import Axes, View, draw_residuals, draw_signal, send_svg
 from service.web.rendering import SignedInPage
 from store.tables import Calibration, Camera, Campaign
 
@@ -28,7 +27,6 @@ def show_calibration(calibration_id: Id, page: SignedInPage, context: UsesContex
     return page.render(
         "calibration.html",
         title=f"{spec.label} version {calibration.version}",
-        plots=True,
         calibration=calibration,
         camera=camera,
         campaign=campaign,
@@ -41,18 +39,17 @@ def plot_signal(
     calibration_id: Id,
     caller: Reader,
     context: UsesContext,
+    view: Annotated[View, Depends()],
     axes: Annotated[Axes, Query()] = "linear",
-    theme: Annotated[Theme, Query()] = "light",
 ) -> Response:
-    found = _curve(context, calibration_id, caller)
-    return send_plot(draw_signal(found.result, axes=axes, theme=theme))
+    return send_svg(draw_signal(_curve(context, calibration_id, caller).result, axes=axes, view=view))
 
 
 @router.get("/plots/calibrations/{calibration_id}/residuals")
 def plot_residuals(
-    calibration_id: Id, caller: Reader, context: UsesContext, theme: Annotated[Theme, Query()] = "light"
+    calibration_id: Id, caller: Reader, context: UsesContext, view: Annotated[View, Depends()]
 ) -> Response:
-    return send_plot(draw_residuals(_curve(context, calibration_id, caller).result, theme=theme))
+    return send_svg(draw_residuals(_curve(context, calibration_id, caller).result, view=view))
 
 
 def _curve(context: Context, calibration_id: str, caller: Caller) -> Calibration:

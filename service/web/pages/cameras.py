@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 from sqlalchemy import select
 
 from radiometry.findings import interface
@@ -12,8 +12,7 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem
 from service.schemas.base import Method, Text
-from service.web.plots.drift import draw_drift
-from service.web.plots.figures import Theme, send_plot
+from service.web.charts import View, draw_drift, send_svg
 from service.web.rendering import SignedInPage
 from store.queries.fleet import list_determinations
 from store.tables import Calibration, Camera
@@ -36,7 +35,7 @@ def show_camera(camera_id: Id, page: SignedInPage, context: UsesContext) -> Resp
     with context.database.reading() as session:
         camera = owned(session, Camera, camera_id, page.caller)
     title = f"{camera.make} {camera.model} {camera.serial}"
-    return page.render("camera.html", title=title, camera=camera, plots=True)
+    return page.render("camera.html", title=title, camera=camera)
 
 
 @router.get("/plots/cameras/{camera_id}/drift")
@@ -44,9 +43,9 @@ def plot_drift(
     camera_id: Id,
     caller: Reader,
     context: UsesContext,
+    view: Annotated[View, Depends()],
     method: Annotated[Method, Query()],
     name: Annotated[Text, Query()],
-    theme: Annotated[Theme, Query()] = "light",
 ) -> Response:
     with context.database.reading() as session:
         camera = owned(session, Camera, camera_id, caller)
@@ -58,6 +57,5 @@ def plot_drift(
     named = [row for row in found if row.key.name == name]
     if not named:
         raise Problem(interface.NOT_FOUND, f"No published version of this camera has {name}.")
-    return send_plot(
-        draw_drift(named, versions, quantity=get_method(method).label_coefficient(name), theme=theme)
-    )
+    quantity = get_method(method).label_coefficient(name)
+    return send_svg(draw_drift(named, versions, quantity=quantity, view=view))

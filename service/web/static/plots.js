@@ -1,47 +1,109 @@
-// Bokeh's plots: its script is loaded when the first one is drawn.
+// Charts: the service's SVG, with a card for each point, series that can be hidden, and a zoom.
 
-import { get } from "./api.js";
-import { fill } from "./dom.js";
+import { send } from "./api.js";
+import { fill, h, svg } from "./dom.js";
 import { failed } from "./states.js";
 
-let loaded;
+const MOST_TOLD = 3;
+const WHOLE = { x0: 0, x1: 1, y0: 0, y1: 1 };
 
-/** Draw the plot that an address answers as Bokeh's json_item, in the colours of the page. Answers its views, if any. */
-export async function plot(element, path) {
+/**
+ * Draw the chart at an address, in the colours of the page; `drawn` is told of it each time.
+ * A mouse that draws a rectangle zooms in, with Shift it moves what is shown, and a double click shows all again.
+ */
+export async function plot(element, path, drawn = () => {}, view = WHOLE) {
   element.setAttribute("aria-busy", "true");
   try {
-    const theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
-    const [item, bokeh] = await Promise.all([get(`${path}${path.includes("?") ? "&" : "?"}theme=${theme}`), loadBokeh()]);
-    fill(element);
-    return await bokeh.embed.embed_item(item, element);
+    const width = Math.min(2000, Math.max(240, Math.round(element.clientWidth) - 16));
+    const answer = await send("GET", `${path}${path.includes("?") ? "&" : "?"}${new URLSearchParams({ width, ...view })}`);
+    // its own styles are for those who save it; the page's policy forbids them
+    const text = (await answer.text()).replace(/<style>.*?<\/style>/s, "");
+    const chart = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
+    chart.setAttribute("class", "chart");
+    fill(element, chart);
+    explain(element, chart);
+    offerSeries(chart);
+    offerZoom(chart, view, (part) => plot(element, path, drawn, part));
+    drawn(chart);
   } catch (error) {
-    fill(element, failed(error, () => plot(element, path)));
-    return undefined;
+    fill(element, failed(error, () => plot(element, path, drawn, view)));
   } finally {
     element.removeAttribute("aria-busy");
   }
 }
 
-function loadBokeh() {
-  loaded ??= new Promise((done, fail) => {
-    allowStyles();
-    const script = document.createElement("script");
-    script.src = document.querySelector("meta[name=bokeh]").content;
-    script.onload = () => done(window.Bokeh);
-    script.onerror = () => fail(new Error("Bokeh's script cannot be loaded."));
-    document.head.append(script);
+/** A card of the points that are touched. */
+function explain(element, chart) {
+  let tip;
+  chart.addEventListener("pointerover", ({ target, clientX, clientY }) => {
+    tip?.remove();
+    if (!target.dataset.told) return;
+    const points = document.elementsFromPoint(clientX, clientY).filter((each) => each.dataset.told);
+    tip = h("div", { class: "tip", role: "status" }, (points.length ? points : [target]).slice(0, MOST_TOLD).map(tell));
+    element.append(tip);
+    const [place, point] = [element.getBoundingClientRect(), target.getBoundingClientRect()];
+    const [x, y] = [point.right - place.left + 8, point.bottom - place.top + 8];
+    tip.style.left = `${x + tip.offsetWidth > place.width ? Math.max(0, x - tip.offsetWidth - point.width - 16) : x}px`;
+    tip.style.top = `${y + tip.offsetHeight > place.height ? Math.max(0, y - tip.offsetHeight - point.height - 16) : y}px`;
   });
-  return loaded;
+  chart.addEventListener("pointerleave", () => tip?.remove());
 }
 
-// Bokeh writes its styles into <style> elements that it makes. The page's policy takes inline styles from none
-// but whoever knows its nonce, so they get it as they are made.
-function allowStyles() {
-  const { content } = document.querySelector("meta[name=style-nonce]");
-  const make = document.createElement;
-  document.createElement = function createElement(name, options) {
-    const element = make.call(this, name, options);
-    if (element.localName === "style") element.nonce = content;
-    return element;
-  };
+const tell = ({ dataset: { told, frame, frameId } }) => [
+  frameId ? h("img", { src: `/v1/frames/${frameId}/preview.png`, alt: "" }) : null,
+  frame ? h("strong", {}, frame) : null,
+  told.split("\n").map((line) => h("div", {}, line)),
+];
+
+function offerSeries(chart) {
+  for (const name of chart.querySelectorAll(".legend")) {
+    name.addEventListener("click", () => {
+      const off = name.classList.toggle("off");
+      for (const each of chart.querySelectorAll(`:scope > .s${name.dataset.series % 6}`)) each.classList.toggle("off", off);
+    });
+  }
 }
+
+function offerZoom(chart, view, show) {
+  const box = chart.querySelector(".box");
+  let start;
+  const place = (event) => {
+    const { left, top, width, height } = box.getBoundingClientRect();
+    const inside = (share) => Math.min(1, Math.max(0, share));
+    return [inside((event.clientX - left) / width), inside(1 - (event.clientY - top) / height)];
+  };
+  const rectangle = svg("rect", { class: "zoom" });
+  chart.addEventListener("pointerdown", (event) => {
+    if (event.pointerType === "mouse" && event.button === 0) start = place(event);
+  });
+  chart.addEventListener("pointermove", (event) => {
+    if (!start) return;
+    const [end, [x, y, width, height]] = [place(event), ["x", "y", "width", "height"].map((name) => Number(box.getAttribute(name)))];
+    const [low, high] = [0, 1].map((axis) => [Math.min(start[axis], end[axis]), Math.max(start[axis], end[axis])]);
+    const sides = { x: x + low[0] * width, y: y + (1 - high[1]) * height, width: (low[1] - low[0]) * width, height: (high[1] - high[0]) * height };
+    for (const [name, value] of Object.entries(sides)) rectangle.setAttribute(name, event.shiftKey ? 0 : value);
+    chart.append(rectangle);
+  });
+  chart.addEventListener("pointerleave", () => ((start = undefined), rectangle.remove()));
+  chart.addEventListener("pointerup", (event) => {
+    rectangle.remove();
+    if (!start) return;
+    const [[x, y], [toX, toY]] = [start, place(event)];
+    start = undefined;
+    const [wide, high] = [view.x1 - view.x0, view.y1 - view.y0];
+    if (event.shiftKey) {
+      const [right, up] = [(x - toX) * wide, (y - toY) * high];
+      if (right || up) show(within({ x0: view.x0 + right, x1: view.x1 + right, y0: view.y0 + up, y1: view.y1 + up }));
+    } else if (Math.abs(x - toX) > 0.02 && Math.abs(y - toY) > 0.02) {
+      show({
+        x0: view.x0 + Math.min(x, toX) * wide,
+        x1: view.x0 + Math.max(x, toX) * wide,
+        y0: view.y0 + Math.min(y, toY) * high,
+        y1: view.y0 + Math.max(y, toY) * high,
+      });
+    }
+  });
+  chart.addEventListener("dblclick", () => show(WHOLE));
+}
+
+const within = (view) => Object.fromEntries(Object.entries(view).map(([name, share]) => [name, Math.min(2, Math.max(-1, share))]));

@@ -8,7 +8,18 @@ export function drawPlots(calibration, choice) {
   const buttons = document.querySelectorAll("[data-axes]");
   const address = `/plots/calibrations/${calibration.id}`;
   const usable = new Set(calibration.points.filter((point) => point.used).map((point) => point.frame_id));
-  const draw = async (element, path) => link(await plot(element, path), choice, usable);
+  const show = (within) => {
+    for (const point of within.querySelectorAll("[data-frame-id]")) point.classList.toggle("chosen", choice.has(point.dataset.frameId));
+  };
+  const draw = (element, path) =>
+    plot(element, path, (chart) => {
+      if (!may("calibrate")) return;
+      show(chart);
+      chart.addEventListener("click", ({ target: { dataset } }) => {
+        if (usable.has(dataset.frameId)) choice.set(dataset.frameId, dataset.frame, !choice.has(dataset.frameId));
+      });
+    });
+  choice.addEventListener("change", () => show(document));
   for (const button of buttons) {
     button.addEventListener("click", () => {
       for (const each of buttons) each.setAttribute("aria-pressed", String(each === button));
@@ -17,27 +28,4 @@ export function drawPlots(calibration, choice) {
   }
   draw(place, `${address}/signal?axes=linear`);
   draw(byId("residuals-plot"), `${address}/residuals`);
-}
-
-/** Selected points are chosen frames, in both directions. */
-function link(views, choice, usable) {
-  if (!views || !may("calibrate")) return;
-  const sources = [...views].flatMap((view) => view.model.renderers ?? []).filter((each) => each.name === "points").map((each) => each.data_source);
-  let heard = true;
-  const show = () => {
-    heard = false;
-    for (const source of sources) source.selected.indices = source.data.frame_id.flatMap((id, index) => (choice.has(id) ? [index] : []));
-    heard = true;
-  };
-  for (const source of sources) {
-    source.selected.properties.indices.change.connect(() => {
-      if (!heard) return;
-      const { frame_id: ids, frame: names } = source.data;
-      const selected = new Set(source.selected.indices);
-      for (const [index, id] of ids.entries()) if (usable.has(id)) choice.set(id, names[index], selected.has(index));
-      show();
-    });
-  }
-  choice.addEventListener("change", show);
-  show();
 }

@@ -1,1 +1,0 @@
-"""Interactive plots, as Bokeh's json_item."""
