@@ -104,7 +104,8 @@ def main() -> int:
     )
     presence = Presence(context.database, "service")
     vitals = Vitals(presence, Pulse(settings.pulse), hang_s=settings.hang_s)
-    asyncio.run(_serve(server, vitals, presence))
+    with asyncio.Runner(loop_factory=config.get_loop_factory()) as runner:
+        runner.run(_serve(server, vitals, presence))
     return 0
 
 

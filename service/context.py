@@ -9,6 +9,7 @@ from fastapi import Depends, Request
 from service.attempts import Attempts
 from service.health import Health
 from service.hosts import Hosts
+from service.lookups import LookupDesk
 from service.rates import Rates
 from service.sessions import Sessions
 from service.stopping import Traffic
@@ -52,6 +53,10 @@ class Context:
     @cached_property
     def uses(self) -> Uses:
         return Uses(self.database)
+
+    @cached_property
+    def lookups(self) -> LookupDesk:
+        return LookupDesk(self.database)
 
     @property
     def files(self) -> Files:

@@ -3,10 +3,12 @@
 import logging
 import sqlite3
 import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import psycopg
 from psycopg.errors import DiskFull
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.engine import make_url
@@ -22,6 +24,10 @@ _ASK_AGAIN_S = 1.0
 log = logging.getLogger(__name__)
 
 
+class ConnectionLost(Exception):  # noqa: N818  it is what happened
+    """A connection of the driver ended, or was not answered."""
+
+
 class Database:
     """SQLite or PostgreSQL behind one face.
 
@@ -35,6 +41,7 @@ class Database:
     def __init__(self, url: str, *, answer_within_s: float | None = ANSWER_WITHIN_S) -> None:
         self.url = make_url(url)
         self._guarded = False
+        self._alone: deque[Any] = deque()
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         if self.is_sqlite:
             wait_s = answer_within_s or ANSWER_WITHIN_S
@@ -44,6 +51,34 @@ class Database:
             from store.postgres import postgres_engine  # noqa: PLC0415  its driver is loaded where it is used
 
             self._reader = self._writer = postgres_engine(self.url, answer_within_s=answer_within_s)
+
+    @contextmanager
+    def reading_alone(self) -> Iterator[Any]:
+        """Lend a connection of the driver, for reading: each statement is a transaction of its own.
+
+        On SQLite it never waits for a lock. Raises `ConnectionLost` where it cannot be used any more.
+        """
+        driver = sqlite3 if self.is_sqlite else psycopg
+        try:
+            connection = self._alone.pop()
+        except IndexError:
+            connection = self._open_alone()
+        try:
+            yield connection
+        except (driver.OperationalError, driver.InterfaceError) as error:
+            connection.close()
+            raise ConnectionLost(str(error)) from error
+        self._alone.append(connection)
+
+    def _open_alone(self) -> Any:  # noqa: ANN401  the driver's own
+        pooled = self._reader.raw_connection()
+        connection: Any = pooled.driver_connection
+        pooled.detach()
+        if self.is_sqlite:
+            connection.execute("PRAGMA busy_timeout = 0")
+        else:
+            connection.autocommit = True
+        return connection
 
     @property
     def engine(self) -> Engine:
@@ -92,6 +127,8 @@ class Database:
             session.commit()
 
     def dispose(self) -> None:
+        while self._alone:
+            self._alone.pop().close()
         self._reader.dispose()
         self._writer.dispose()
 

@@ -8,8 +8,11 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import text
+from sqlalchemy.orm import Session
 
 from store.database import Database
+from store.ready.backfill import write_missing
+from store.schema import own_schema
 from store.settings import read_settings
 
 _ADVISORY_LOCK = 0x5711B
@@ -22,6 +25,8 @@ class NewerSchema(Exception):  # noqa: N818  it says what was found
 
 def migrate(database: Database, revision: str = "head") -> None:
     """Upgrade to a revision; refuse a database that knows revisions this code does not.
+
+    What today's code derives from rows (store/ready) is then written for the rows of before.
 
     On PostgreSQL several processes may start at once: an advisory lock lets one migrate, the others wait.
     """
@@ -38,6 +43,10 @@ def migrate(database: Database, revision: str = "head") -> None:
             raise NewerSchema(f"the database has schema {current}, which is newer than this stilb")
         config.attributes["connection"] = connection
         command.upgrade(config, revision)
+        if MigrationContext.configure(connection).get_current_revision() == own_schema():
+            with Session(connection, join_transaction_mode="rollback_only") as session:
+                write_missing(session)
+                session.flush()
 
 
 def alembic_config() -> Config:

@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import shared
 from store.columns import utc_now
 from store.errors import Conflict
+from store.ready.publications import close_ready, describe_validity, write_ready
 from store.tables import Calibration, Publication, Revocation, Slot
 
 
@@ -26,15 +27,7 @@ class InForce:
 
     def sentence(self) -> str:
         """Which version it is and for how long; what it is told for, and why, follows behind a comma."""
-        published = self.publication
-        end = f"to {show_instant(published.valid_to)}" if published.valid_to else "on"
-        since = show_instant(published.valid_from)
-        return f"version {self.calibration.version} is in force from {since} {end}"
-
-
-def show_instant(instant: datetime) -> str:
-    """As sentences have it: to the second."""
-    return instant.isoformat(timespec="seconds").replace("+00:00", "Z")
+        return describe_validity(self.calibration.version, self.publication)
 
 
 def publish(
@@ -66,11 +59,15 @@ def publish(
         known_to=None,
         reason=reason,
     )
-    for older in _overlapping(session, slot, valid_from, valid_to):
-        _give_way(session, older, row)
+    remainders = [
+        rest
+        for older in _overlapping(session, slot, valid_from, valid_to)
+        for rest in _give_way(session, older, row)
+    ]
     session.flush()
     session.add(row)
     session.flush()
+    write_ready(session, [*remainders, row])
     return row
 
 
@@ -84,6 +81,7 @@ def revoke(session: Session, calibration: Calibration, *, reason: str, by: str) 
     for row in _open_rows(session, slot):
         if row.calibration_id == calibration.id:
             row.known_to = now
+            close_ready(session, row)
     session.flush()
 
 
@@ -180,8 +178,8 @@ def _overlapping(
     ]
 
 
-def _give_way(session: Session, older: Publication, newer: Publication) -> None:
-    """Close a row, and record anew what of its validity lies before and after the newer one's."""
+def _give_way(session: Session, older: Publication, newer: Publication) -> list[Publication]:
+    """Close a row, and record again what of its validity lies before and after the newer one's."""
     successor = newer.calibration_id if newer.calibration_id != older.calibration_id else None
     keeps_end = newer.valid_to is not None and (older.valid_to is None or older.valid_to > newer.valid_to)
     remainders: list[tuple[datetime, datetime | None, str | None]] = []
@@ -194,16 +192,19 @@ def _give_way(session: Session, older: Publication, newer: Publication) -> None:
     older.known_to = newer.known_from
     older.superseded_by = successor
     session.flush()
-    for valid_from, valid_to, superseded_by in remainders:
-        session.add(
-            Publication(
-                slot_id=older.slot_id,
-                calibration_id=older.calibration_id,
-                valid_from=valid_from,
-                valid_to=valid_to,
-                known_from=newer.known_from,
-                known_to=None,
-                reason=older.reason,
-                superseded_by=superseded_by,
-            )
+    close_ready(session, older)
+    rows = [
+        Publication(
+            slot_id=older.slot_id,
+            calibration_id=older.calibration_id,
+            valid_from=valid_from,
+            valid_to=valid_to,
+            known_from=newer.known_from,
+            known_to=None,
+            reason=older.reason,
+            superseded_by=superseded_by,
         )
+        for valid_from, valid_to, superseded_by in remainders
+    ]
+    session.add_all(rows)
+    return rows

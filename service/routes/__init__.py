@@ -84,6 +84,7 @@ def include_routes(app: FastAPI) -> None:
         tools,
     )
 
+    app.include_router(coefficients.ready_router, dependencies=[Depends(check_request)])
     app.include_router(system.router)
     for module in (
         keys,

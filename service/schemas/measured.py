@@ -26,6 +26,7 @@ from service.schemas.measured_parts import (
     UndistortedAnswer,
 )
 from store.queries.calibrations import VersionStatus
+from store.ready.measurements import list_passed
 from store.tables import Calibration, FrameRow, Measurement
 
 
@@ -114,7 +115,8 @@ class MeasurementAnswer(Answer):
         repeats = row.parameters.get("repeats", [])
         place: dict[str, Any] = {name: header.get(name) for name in _FROM_HEADER}
         flags = [FlagAnswer.model_validate(raised) for raised in result["flags"]]
-        flags += _flags_of_fit(calibration, frame) + _flags_of(status) + _flags_of_vignetting(of_vignetting)
+        flags += [FlagAnswer.model_validate(raised) for raised in list_passed(calibration, frame)]
+        flags += _flags_of(status) + _flags_of_vignetting(of_vignetting)
         spec = get_method(row.method)
         told = {raised.flag for raised in flags}
         scopes = [spec.find_scope(name, told) for name in sorted(spec.certificate.headlines)]
@@ -210,18 +212,6 @@ def _links(row: Measurement) -> dict[str, str]:
     if row.map_tif_sha256 is not None:
         links |= {"map_tif": f"{own}/map.tif", "map_png": f"{own}/map.png"}
     return links
-
-
-def _flags_of_fit(calibration: Calibration, frame: FrameRow) -> list[FlagAnswer]:
-    """The flags of the version that go on in what is measured with it, at the frame's ISO value."""
-    iso = (frame.exposure or {}).get("iso")
-    places = {"", *([f"iso {iso:g}"] if iso else [])}
-    passed_on = get_method(calibration.method).passed_on
-    return [
-        FlagAnswer.model_validate(raised)
-        for raised in calibration.result["flags"]
-        if raised["where"] in places and raised["flag"] in passed_on
-    ]
 
 
 def _flags_of_vignetting(status: VersionStatus | None) -> list[FlagAnswer]:

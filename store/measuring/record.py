@@ -13,6 +13,7 @@ from radiometry.frame.roi import Polygon
 from store.blobs import StoredBlob
 from store.columns import new_id
 from store.files import keep_blob
+from store.ready.measurements import write_measured
 from store.software import MEASURER, read_version
 from store.tables import Blob, Calibration, Campaign, FrameRow, Measurement
 
@@ -93,6 +94,7 @@ def write_measurement(
     )
     session.add(measurement)
     session.flush()
+    write_measured(session, measurement, frame, calibration)
     return measurement
 
 

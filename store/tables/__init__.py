@@ -9,6 +9,7 @@ from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage,
 from store.tables.job import Job
 from store.tables.measurement import Measurement
 from store.tables.part import PartRow
+from store.tables.ready import MeasuredRow, ReadyAnswer, ReadyRow
 from store.tables.review import ChecklistSignature, ChecklistTick, Recall
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "FrameRow",
     "IdempotentAnswer",
     "Job",
+    "MeasuredRow",
     "Measurement",
     "Meter",
     "Organisation",
@@ -36,6 +38,8 @@ __all__ = [
     "PartRow",
     "Publication",
     "Reading",
+    "ReadyAnswer",
+    "ReadyRow",
     "Recall",
     "Revocation",
     "Rig",

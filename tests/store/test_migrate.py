@@ -1,16 +1,19 @@
 """Migrations go up and down on both databases, and end where the tables say."""
 
 from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
 
 import pytest
 from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import inspect, text
+from sqlalchemy import inspect, select, text
 
 from store.database import Database
 from store.migrate import NewerSchema, alembic_config, migrate
-from store.tables import Base
+from store.publications import publish
+from store.tables import Base, Calibration, ReadyAnswer, ReadyRow
+from tests.support.versions import add_versions
 
 pytestmark = pytest.mark.slow
 
@@ -75,3 +78,26 @@ def test_several_that_start_at_once_migrate_once(postgres):
 
     with ThreadPoolExecutor(4) as threads:
         list(threads.map(start, range(4)))
+
+
+def test_ready_rows_are_written_for_what_was_published_before(empty):
+    migrate(empty)
+    first, second = add_versions(empty, 2)
+    with empty.writing("test") as session:
+        for version, month in ((first, 1), (second, 3)):
+            start = datetime(2026, month, 1, tzinfo=UTC)
+            calibration = session.get_one(Calibration, version)
+            publish(session, calibration, valid_from=start, valid_to=None, reason="r")
+
+    def read():
+        with empty.reading() as session:
+            return [
+                session.execute(select(table.__table__).order_by(table.publication_id)).all()
+                for table in (ReadyRow, ReadyAnswer)
+            ]
+
+    rows = read()
+    assert [len(each) for each in rows] == [3, 3]
+    downgrade(empty, "0013")
+    migrate(empty)
+    assert read() == rows

@@ -18,6 +18,7 @@ from sqlalchemy import select
 from store import publications
 from store.errors import Conflict
 from store.queries.calibrations import history, read_version_statuses
+from store.ready.lookups import find_ready
 from store.tables import Calibration, Camera, Campaign, Organisation, Publication, Revocation
 from tests.support.versions import bare_version
 
@@ -146,6 +147,9 @@ class World:
             (camera_id, LENSES.index(held.calibration.configuration)): held.calibration.id for held in found
         }
         assert len(got) == len(found)
+        for known in (known_at, *([None] if known_at > self.now + timedelta(hours=1) else [])):
+            ready = find_ready(session, camera_id=camera_id, method="luminance", at=at, known_at=known)
+            assert [held.calibration_id for held in ready] == [held.calibration.id for held in found]
         slots = [slot for slot in self.slots if slot[0] == camera_id]
         holders = {slot: self.model.holder(slot, at, known_at) for slot in slots}
         assert got == {slot: version for slot, version in holders.items() if version}

@@ -1,0 +1,1 @@
+"""Ready rows: what look-ups and series read, written with what is published, revoked or measured."""

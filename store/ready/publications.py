@@ -1,0 +1,124 @@
+"""The ready row and answer of a publication."""
+
+import hashlib
+import json
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic_core import to_json
+from sqlalchemy import select, update
+from sqlalchemy.orm import Session
+
+from radiometry.methods import get_method
+from radiometry.specification.application import SurfaceApplication
+from store.applied import read_applied
+from store.tables import Calibration, CoefficientRow, Publication, ReadyAnswer, ReadyRow
+
+_PLAIN = ("name", "value", "standard_uncertainty", "unit", "iso", "f_number", "band", "channel", "model")
+
+
+def show_instant(instant: datetime) -> str:
+    """Format an instant for a sentence, to the second."""
+    return write_instant(instant.replace(microsecond=0))
+
+
+def write_instant(instant: datetime) -> str:
+    """Format an instant in UTC as RFC 3339 does."""
+    return instant.astimezone(UTC).isoformat().replace("+00:00", "Z")
+
+
+def describe_validity(version: int, publication: Publication) -> str:
+    """Return which version is in force and for how long, as the beginning of a sentence."""
+    end = f"to {show_instant(publication.valid_to)}" if publication.valid_to else "on"
+    return f"version {version} is in force from {show_instant(publication.valid_from)} {end}"
+
+
+def write_ready(session: Session, publications: list[Publication]) -> None:
+    """Write the ready rows of publications of one slot, which the session has flushed."""
+    for row in publications:
+        calibration = session.get_one(Calibration, row.calibration_id)
+        coefficients = list(
+            session.scalars(
+                select(CoefficientRow)
+                .where(CoefficientRow.calibration_id == row.calibration_id)
+                .order_by(CoefficientRow.position)
+            )
+        )
+        ready = ReadyRow(
+            publication_id=row.id,
+            slot_id=row.slot_id,
+            organisation_id=calibration.organisation_id,
+            camera_id=calibration.camera_id,
+            campaign_id=calibration.campaign_id,
+            method=calibration.method,
+            calibration_id=calibration.id,
+            version=calibration.version,
+            computed_at=calibration.created_at,
+            valid_from=row.valid_from,
+            valid_to=row.valid_to,
+            known_from=row.known_from,
+            known_to=row.known_to,
+            coefficients=len(coefficients),
+        )
+        session.add(ready)
+        session.flush()
+        session.add(_write_answer(row, calibration, coefficients))
+    session.flush()
+
+
+def close_ready(session: Session, publication: Publication) -> None:
+    """End the knowledge of a ready row with that of its publication."""
+    closing = update(ReadyRow).where(ReadyRow.publication_id == publication.id)
+    session.execute(closing.values(known_to=publication.known_to))
+
+
+def _write_answer(
+    publication: Publication, calibration: Calibration, coefficients: list[CoefficientRow]
+) -> ReadyAnswer:
+    why = (
+        f"{describe_validity(calibration.version, publication)}, known since "
+        f"{show_instant(publication.known_from)}: {publication.reason}"
+    )
+    more = {
+        "calibration_id": calibration.id,
+        "version": calibration.version,
+        "valid_from": write_instant(publication.valid_from),
+        "valid_to": write_instant(publication.valid_to) if publication.valid_to else None,
+        "why": why,
+    }
+    spec = get_method(calibration.method)
+    items: list[dict[str, Any]] = []
+    for row in coefficients:
+        scope = spec.find_scope(row.name, row.flags)
+        item = {name: getattr(row, name) for name in _PLAIN}
+        item |= {"flags": row.flags, "uncertainty_scope": scope, **more}
+        items.append({name: value for name, value in item.items() if value is not None})
+    content = to_json(items)
+    foreseen = _foresee(calibration, coefficients)
+    general = {key_of(item) for item in items if "f_number" not in item}
+    return ReadyAnswer(
+        publication_id=publication.id,
+        etag=hashlib.sha256(content + (foreseen or "").encode()).hexdigest()[:32],
+        whole=not any("f_number" in item and key_of(item) in general for item in items),
+        foreseen=foreseen,
+        items=content,
+    )
+
+
+def key_of(item: dict[str, Any]) -> tuple[object, ...]:
+    """Return what a coefficient is of, apart from its f-number."""
+    return tuple(item.get(name) for name in ("name", "iso", "band", "channel", "model"))
+
+
+def _foresee(calibration: Calibration, coefficients: list[CoefficientRow]) -> str | None:
+    """Return the standard uncertainty of each general headline coefficient at an uncalibrated f-number."""
+    spec = get_method(calibration.method)
+    general = [
+        (place, row)
+        for place, row in enumerate(coefficients)
+        if row.f_number is None and row.name == spec.coefficients[0].name
+    ]
+    if not general or not isinstance(spec.application, SurfaceApplication):
+        return None
+    applied = read_applied(calibration)
+    return json.dumps({place: spec.application.foresee(applied, iso=row.iso) for place, row in general})

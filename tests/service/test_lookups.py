@@ -1,0 +1,90 @@
+"""Look-ups from ready rows: the answers of the usual way, for exactly the same keys."""
+
+import pytest
+
+from service import ready
+from store.columns import utc_now
+from store.database import Database
+from store.queries.keys import create_key
+from store.tables import ApiKey, Organisation
+from tests.support.campaigns import published_campaign
+
+pytestmark = pytest.mark.either_database
+
+QUERIES = (
+    {},
+    {"iso": 3200},
+    {"name": "luminance_k", "iso": 6400},
+    {"f_number": 5.6},
+    {"f_number": 5.0, "name": "luminance_k"},
+    {"at": "2026-06-01T00:00:00+02:00"},
+)
+
+
+@pytest.fixture
+def camera(staged):
+    return f"/v1/cameras/{staged(published_campaign)['camera_id']}/coefficients"
+
+
+def look_up(house, camera, **query):
+    return house.http.get(camera, params={"method": "luminance", **query})
+
+
+def test_ready_answers_are_those_of_the_usual_way(house, camera, monkeypatch):
+    look_up(house, camera)
+    with monkeypatch.context() as patch:
+        patch.setattr(Database, "reading", None)
+        quick = [look_up(house, camera, **query) for query in QUERIES]
+    monkeypatch.setattr(ready, "_read_query", lambda _: None)
+    usual = [look_up(house, camera, **query) for query in QUERIES]
+    assert [each.status_code for each in quick] == [200] * len(QUERIES)
+    assert [each.json() for each in quick] == [each.json() for each in usual]
+    assert [each.headers["ETag"] for each in quick] == [each.headers["ETag"] for each in usual]
+    assert len({each.headers["ETag"] for each in quick}) == len(QUERIES) - 1
+
+
+def test_etag_changes_with_what_is_in_force(house, camera):
+    tag = {"If-None-Match": look_up(house, camera).headers["ETag"]}
+    same = house.http.get(camera, params={"method": "luminance"}, headers=tag)
+    assert (same.status_code, same.content) == (304, b"")
+    held = look_up(house, camera).json()["items"][0]["calibration_id"]
+    publication = {"valid_from": "2026-05-02T00:00:00Z", "reason": "again"}
+    house.post(f"/v1/calibrations/{held}/publish", publication, status=200)
+    renewed = house.http.get(camera, params={"method": "luminance"}, headers=tag)
+    assert renewed.status_code == 200
+    assert "again" in renewed.json()["items"][0]["why"]
+    house.post(f"/v1/calibrations/{held}/revoke", {"reason": "wrong"}, status=200)
+    assert house.http.get(camera, params={"method": "luminance"}, headers=tag).status_code == 404
+
+
+def test_key_that_ends_opens_nothing_more(house, camera):
+    with house.database.writing("test") as session:
+        own = session.query(Organisation).one().id
+        stranger = Organisation(name="another house")
+        session.add(stranger)
+        session.flush()
+        for name, owner, scopes in (
+            ("reads", own, ["read"]),
+            ("writes", own, ["upload"]),
+            ("strange", stranger.id, ["read"]),
+        ):
+            key = create_key(session, organisation_id=owner, name=name, scopes=scopes, secret=name)
+            key.last_used_at = utc_now()
+
+    def ask(secret):
+        return house.with_key(secret).get(camera, params={"method": "luminance"}).status_code
+
+    assert [ask(name) for name in ("reads", "writes", "strange", "unknown")] == [200, 403, 404, 401]
+    with house.database.writing("test") as session:
+        session.query(ApiKey).filter(ApiKey.name == "reads").one().revoked_at = utc_now()
+    assert ask("reads") == 401
+
+
+@pytest.mark.parametrize(
+    "query", ["method=luminance&iso=1_000", "method=luminance&iso=1&iso=2", "method=luminance&isso=3200"]
+)
+def test_unclear_query_is_no_quick_look_up(house, camera, query, monkeypatch):
+    monkeypatch.setattr(ready, "answer_held", None)
+    assert ready._read_query(query.encode()) is None
+    if "iso=1&" not in query:
+        assert house.http.get(f"{camera}?{query}").status_code == 422
