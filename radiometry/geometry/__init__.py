@@ -5,7 +5,7 @@ from typing import Final
 
 from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
-from radiometry.geometry.certificate import CERTIFICATE
+from radiometry.geometry.certificate import CERTIFICATE, RIG_CERTIFICATE
 from radiometry.geometry.effects import DISTORTION, move_corner
 from radiometry.geometry.plot import draw
 from radiometry.geometry.rig.codes import FINDINGS as RIG_FINDINGS
@@ -76,6 +76,7 @@ SPEC: Final = MethodSpec(
         orient=orient_members,
         count_shared=count_shared,
         list_quantities=list_quantities,
+        certificate=RIG_CERTIFICATE,
         exports=RIG_EXPORTS,
     ),
     application=PictureApplication(

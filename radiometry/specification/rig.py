@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from radiometry.fitting.evidence import Quantity
+from radiometry.specification.certificate import CertificateText
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +32,17 @@ class RigMember:
 
 @dataclass(frozen=True, kw_only=True)
 class RigExport:
-    """Form in which another program reads a rig. ``write`` : ``(orientation, members, name) -> str``."""
+    """Form in which another program reads a rig.
+
+    ``write`` : ``(orientation, members, name) -> str or bytes``
+    """
 
     filename: str
     media_type: str
     operation: str
     description: str
-    write: Callable[[Any, Sequence[RigMember], str], str]
+    label: str
+    write: Callable[[Any, Sequence[RigMember], str], str | bytes]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +59,8 @@ class RigSpec:
         ``(member, member) -> int``, how many triggers have a picture of both.
     list_quantities : callable
         ``(orientation) -> mapping`` from (camera, name) to Quantity, what is compared between sets.
+    certificate : CertificateText
+        Certificate text.
     exports : tuple of RigExport
         Forms in which other programs read an orientation.
     """
@@ -62,4 +69,5 @@ class RigSpec:
     orient: Callable[[Sequence[RigMember]], Any]
     count_shared: Callable[[RigMember, RigMember], int]
     list_quantities: Callable[[Any], Mapping[tuple[str, str], Quantity]]
+    certificate: CertificateText
     exports: tuple[RigExport, ...]

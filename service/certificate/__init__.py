@@ -1,7 +1,17 @@
-"""The certificate of a calibration: one document, given as JSON and typeset as PDF."""
+"""The certificate of a calibration, or of a rig: one document, given as JSON and typeset as PDF."""
 
 from service.certificate.document import build_certificate
+from service.certificate.pages import lay_out
 from service.certificate.pdf import draw_region, render_pdf
 from service.certificate.publishing import warn_of_gaps
+from service.certificate.rig import build_rig_certificate, lay_out_rig
 
-__all__ = ["build_certificate", "draw_region", "render_pdf", "warn_of_gaps"]
+__all__ = [
+    "build_certificate",
+    "build_rig_certificate",
+    "draw_region",
+    "lay_out",
+    "lay_out_rig",
+    "render_pdf",
+    "warn_of_gaps",
+]

@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from radiometry.methods import get_method
 from radiometry.specification.certificate import Column
@@ -11,7 +11,7 @@ from service.certificate.figures import in_print, in_step, optional, percent, pl
 from service.certificate.regions import region_blocks
 from service.certificate.sheet import Node, facts, figure, flow, section, table
 
-_LEGEND = (
+LEGEND = (
     "u: standard uncertainty. U = k u: expanded uncertainty. k: coverage factor (95 %). dof: effective "
     "degrees of freedom, printed up to 1000."
 )
@@ -29,7 +29,7 @@ def list_notes(certificate: Node) -> list[str]:
     """Return the sentences below the table of the first page."""
     return [
         f"{certificate['procedure']}. {certificate['equation']}.",
-        _LEGEND,
+        LEGEND,
         certificate["traceability"],
     ]
 
@@ -45,7 +45,9 @@ def list_sections(certificate: Node, preview: str) -> list[Node]:
         *([section("Panel", list(_panels(certificate)))] if certificate["panels"] else []),
         section("Region", region_blocks(certificate, preview)),
         *_frames(certificate),
-        section("Points of the fit", [_points(certificate)]),
+        section(
+            "Points of the fit", [tabulate_points(spec.certificate.columns, certificate["result"]["points"])]
+        ),
     ]
 
 
@@ -191,9 +193,8 @@ def _frame_table(frames: list[Node]) -> Node:
     return table(head, rows, align="lrrrlh", widths=[2.4, 0.8, 0.5, 0.8, 2.2, 3])
 
 
-def _points(certificate: Node) -> Node:
-    columns = get_method(certificate["method"]).certificate.columns
-    points = certificate["result"]["points"]
+def tabulate_points(columns: Sequence[Column], points: list[Node]) -> Node:
+    """Return a table of points, used or not."""
     if not points:
         return flow("None.")
     rows = [[*(_cell(point, column) for column in columns), point["left_out"] or "used"] for point in points]

@@ -11,7 +11,7 @@ from service.certificate.figures import degrees, expanded, in_print, in_step, pe
 from service.certificate.results import result_sections
 from service.certificate.sheet import Node, facts, flow, section, table
 
-_STAMPS = {
+STAMPS = {
     "draft": "Draft: not authorised",
     "revoked": "Revoked",
     "superseded": "Superseded",
@@ -29,15 +29,16 @@ def lay_out(certificate: Node, preview: str) -> Node:
     return {
         "title": certificate["title"],
         "number": certificate["number"],
+        "created_at": certificate["created_at"],
         "laboratory": certificate["laboratory"],
-        "stamp": _STAMPS[certificate["validity"]["state"]],
+        "stamp": STAMPS[certificate["validity"]["state"]],
         "item": _item(certificate),
-        "work": _work(certificate),
+        "work": list_work(certificate),
         "results": _summary(certificate) if is_curve else general.summarise(certificate),
         "summary": _sentences(certificate) if is_curve else general.list_notes(certificate),
         "authority": _authority(certificate),
         "gaps": [gap["message"] for gap in certificate["gaps"]],
-        "flags": [_flag(flag) for flag in certificate["flags"]],
+        "flags": [list_flag(flag) for flag in certificate["flags"]],
         "sections": [
             *(
                 [*result_sections(certificate), *evidence_sections(certificate, preview)]
@@ -45,7 +46,7 @@ def lay_out(certificate: Node, preview: str) -> Node:
                 else general.list_sections(certificate, preview)
             ),
             *([_checklist(certificate)] if certificate["checklist"]["items"] else []),
-            _software(certificate),
+            list_software(certificate, [["calibration", certificate["calibration_id"]]]),
         ],
         "statements": certificate["statements"],
     }
@@ -66,7 +67,8 @@ def _item(certificate: Node) -> list[list[str]]:
     return rows
 
 
-def _work(certificate: Node) -> list[list[str]]:
+def list_work(certificate: Node) -> list[list[str]]:
+    """Return where, when, for whom and by whom."""
     work = certificate["work"]
     days = sorted({work[name] for name in ("first_day", "last_day") if name in work})
     source = {
@@ -138,7 +140,8 @@ def _authority(certificate: Node) -> list[list[str]]:
     return rows
 
 
-def _flag(flag: Node) -> list[str]:
+def list_flag(flag: Node) -> list[str]:
+    """Return the row of a flag."""
     return [flag["where"] or "all", flag["meaning"], flag["detail"]]
 
 
@@ -162,13 +165,11 @@ def _checklist(certificate: Node) -> Node:
     return section("Checklist of the procedure", [lines, flow(signed)])
 
 
-def _software(certificate: Node) -> Node:
+def list_software(certificate: Node, identifiers: list[list[str]]) -> Node:
+    """Return the section of the software, with the identifiers of what was calibrated."""
     words = {"stilb": "fit code version", "release": "stilb"}
     rows = [
         [words.get(name, name), str(version)] for name, version in sorted(certificate["software"].items())
     ]
-    rows += [
-        ["calibration", certificate["calibration_id"]],
-        ["content SHA-256", certificate["content_sha256"]],
-    ]
+    rows += [*identifiers, ["content SHA-256", certificate["content_sha256"]]]
     return section("Software and identifiers", [facts(rows)])

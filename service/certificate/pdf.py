@@ -13,17 +13,16 @@ from typing import Final
 
 import typst
 
-from service.certificate.pages import lay_out
 from service.certificate.sheet import Node
 
 _TEMPLATE = Path(__file__).parent / "certificate.typ"
 _STANDARD: Final = "a-2b"  # what archives keep
 
 
-def render_pdf(certificate: Node, preview: str = "") -> bytes:
-    """``certificate`` : what certificate.json holds; ``preview`` : see `draw_region`."""
-    content = json.dumps(lay_out(certificate, preview))
-    timestamp = int(datetime.fromisoformat(certificate["created_at"]).timestamp())
+def render_pdf(sheets: Node) -> bytes:
+    """``sheets`` : everything that the template sets, of `lay_out` or `lay_out_rig`."""
+    content = json.dumps(sheets)
+    timestamp = int(datetime.fromisoformat(sheets["created_at"]).timestamp())
     try:
         pdf = _compiler(content).compile(format="pdf", pdf_standards=_STANDARD, timestamp=timestamp)
     except typst.TypstError:

@@ -6,11 +6,11 @@ from typing import Any
 from radiometry.specification.method import MethodSpec, Scope
 from service.schemas.certificates import UsedMeter, UsedPanel
 
-_RELATES = (
+RELATES = (
     "This certificate relates only to the item named on it, in the state in which it was calibrated, and "
     "within the range of validity stated."
 )
-_EXPANDED = (
+EXPANDED = (
     "Each expanded uncertainty is the standard uncertainty multiplied by the coverage factor k, which is "
     "taken from the t distribution with the effective degrees of freedom for a coverage probability of "
     "about 95 %. Uncertainties are evaluated according to JCGM 100:2008."
@@ -29,7 +29,7 @@ _RELATIVE = (
     "the error of the meter's scale is unknown, so that no expanded uncertainty of K is stated. What a meter "
     "certificate would give is stated under Flags."
 )
-_WHOLE = "This certificate may be reproduced only in full."
+WHOLE = "This certificate may be reproduced only in full."
 
 
 def list_statements(
@@ -38,13 +38,13 @@ def list_statements(
     """Return the statements that the laboratory makes with every certificate of a method."""
     corrected = f"The signals were corrected for vignetting with {vignetting}."
     return [
-        _RELATES,
-        _EXPANDED,
+        RELATES,
+        EXPANDED,
         *spec.certificate.statements,
         *spec.certificate.state(parameters, result),
         *([_UNCORRECTED if vignetting == "none" else corrected] if spec.corrected_by else []),
         _SUFFICE,
-        _WHOLE,
+        WHOLE,
     ]
 
 

@@ -7,7 +7,8 @@ from fastapi import APIRouter, Request, Response
 from sqlalchemy.orm import Session
 
 from service.auth import Caller, Reader
-from service.certificate import build_certificate, draw_region, render_pdf
+from service.certificate import build_certificate, draw_region, lay_out, render_pdf
+from service.certificate.sheet import Node
 from service.context import UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
@@ -28,8 +29,7 @@ def get_certificate(calibration_id: Id, request: Request, caller: Reader, contex
     """
     with context.database.reading() as session:
         certificate = build_certificate(_gather(session, calibration_id, caller)).dump()
-    content = json.dumps(certificate, ensure_ascii=False, allow_nan=False).encode()
-    return _answer(request, content, "application/json")
+    return send_certificate_json(request, certificate)
 
 
 @router.get("/certificate.pdf", response_class=Response, responses=sends_stored_file("application/pdf"))
@@ -40,9 +40,20 @@ def get_certificate_pdf(
     with context.database.reading() as session:
         record = _gather(session, calibration_id, caller)
     certificate = build_certificate(record).dump()
-    pdf = render_pdf(certificate, _draw_preview(record, context.files))
-    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in certificate["number"])
-    return _answer(request, pdf, "application/pdf", {"Content-Disposition": f'inline; filename="{name}.pdf"'})
+    return send_certificate_pdf(request, lay_out(certificate, _draw_preview(record, context.files)))
+
+
+def send_certificate_json(request: Request, certificate: Node) -> Response:
+    """Send a certificate as JSON, with an ETag of its content."""
+    content = json.dumps(certificate, ensure_ascii=False, allow_nan=False).encode()
+    return _answer(request, content, "application/json")
+
+
+def send_certificate_pdf(request: Request, sheets: Node) -> Response:
+    """Send a certificate on paper, named by its number."""
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in sheets["number"])
+    headers = {"Content-Disposition": f'inline; filename="{name}.pdf"'}
+    return _answer(request, render_pdf(sheets), "application/pdf", headers)
 
 
 def _gather(session: Session, calibration_id: str, caller: Caller) -> CalibrationRecord:

@@ -1,6 +1,6 @@
 """Rigs of cameras, and how they are oriented against each other: computed on request, nothing is stored."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -8,18 +8,20 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface
 from radiometry.fleet.determinations import LeftOut
-from radiometry.fleet.rigs import RigVersion, compare_sets, group_sets
+from radiometry.fleet.rigs import RigStability, RigVersion, compare_sets, group_sets
 from radiometry.specification.rig import RigExport
 from service.auth import Calibrator, Caller, Reader
+from service.certificate import build_rig_certificate, lay_out_rig
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Listing, Page, page_own
 from service.problems import Problem, invalid
 from service.routes import problems, sends_file
+from service.routes.certificates import send_certificate_json, send_certificate_pdf
 from service.schemas.base import PositiveText, Text
-from service.schemas.rigs import NewRig, RigAnswer, RigFile, RigOrientationAnswer
+from service.schemas.rigs import NewRig, RigAnswer, RigCertificateAnswer, RigFile, RigOrientationAnswer
 from service.writing import Reply, Writes
-from store.columns import utc_now
+from store.queries.calibration_record import read_calibration_record
 from store.queries.rigs import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
 from store.tables import Calibration, Camera, Rig
 
@@ -34,6 +36,13 @@ Versions = Annotated[
         max_length=20,
         description="One version of each camera, in any order, in place of the published ones; repeated.",
     ),
+]
+
+AngleTolerance = Annotated[
+    PositiveText | None, Query(description="Largest accepted change of an angle over all sets.")
+]
+PlaceTolerance = Annotated[
+    PositiveText | None, Query(description="Largest accepted change of a place over all sets.")
 ]
 
 
@@ -93,28 +102,11 @@ def get_rig_orientation(
     caller: Reader,
     context: UsesContext,
     calibration_id: Versions = None,
-    tolerance_deg: Annotated[
-        PositiveText | None, Query(description="Largest accepted change of an angle over all sets.")
-    ] = None,
-    tolerance_m: Annotated[
-        PositiveText | None, Query(description="Largest accepted change of a place over all sets.")
-    ] = None,
+    tolerance_deg: AngleTolerance = None,
+    tolerance_m: PlaceTolerance = None,
 ) -> Response:
     """The orientation of a rig's cameras from board pictures taken together, by set, and its stability."""
-    _, sets, left_out = _find_sets(rig_id, caller, context, calibration_id)
-    found, why = [], list(left_out)
-    for members in sets[-MOST_SETS:]:
-        try:
-            found.append((members, SPEC.orient([each.member for each in members])))
-        except InputRejected as refusal:
-            if len(sets) == 1:
-                raise
-            why += [LeftOut(version=each.version, why=refusal.message) for each in members]
-    limits = {"deg": tolerance_deg, "m": tolerance_m}
-    stability = compare_sets(
-        [(members[0].at, SPEC.list_quantities(orientation)) for members, orientation in found],
-        limits={unit: limit for unit, limit in limits.items() if limit is not None},
-    )
+    _, found, why = _orient_sets(rig_id, caller, context, calibration_id)
     return RigOrientationAnswer.restate(
         rig_id=rig_id,
         sets=[
@@ -125,14 +117,96 @@ def get_rig_orientation(
             }
             for members, orientation in found
         ],
-        stability=stability,
+        stability=_compare(found, {"deg": tolerance_deg, "m": tolerance_m}),
         left_out=why,
     ).respond()
 
 
+@router.get("/{rig_id}/certificate.json", response_model=RigCertificateAnswer, responses=problems(404))
+def get_rig_certificate(
+    rig_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    calibration_id: Versions = None,
+    tolerance_deg: AngleTolerance = None,
+    tolerance_m: PlaceTolerance = None,
+) -> Response:
+    """The orientation of the newest set, with what a laboratory hands out with it.
+
+    It rests on the versions of the cameras, whose certificates it names; its state is the worst of theirs.
+    """
+    limits = {"deg": tolerance_deg, "m": tolerance_m}
+    return send_certificate_json(request, _certify(rig_id, caller, context, calibration_id, limits))
+
+
+@router.get("/{rig_id}/certificate.pdf", response_class=Response, responses=sends_file("application/pdf"))
+def get_rig_certificate_pdf(
+    rig_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    calibration_id: Versions = None,
+    tolerance_deg: AngleTolerance = None,
+    tolerance_m: PlaceTolerance = None,
+) -> Response:
+    """The certificate of a rig on paper (PDF/A): the very numbers of its certificate.json."""
+    limits = {"deg": tolerance_deg, "m": tolerance_m}
+    certificate = _certify(rig_id, caller, context, calibration_id, limits)
+    return send_certificate_pdf(request, lay_out_rig(certificate))
+
+
+def _certify(
+    rig_id: str,
+    caller: Caller,
+    context: UsesContext,
+    calibration_ids: list[str] | None,
+    limits: Mapping[str, float | None],
+) -> dict[str, Any]:
+    rig, found, _ = _orient_sets(rig_id, caller, context, calibration_ids)
+    members, orientation = _newest(found)
+    with context.database.reading() as session:
+        versions = [owned(session, Calibration, each.version, caller) for each in members]
+        records = [read_calibration_record(session, each) for each in versions]
+        answer = build_rig_certificate(rig, records, members[0].at, orientation, _compare(found, limits))
+    return answer.dump()
+
+
+_Oriented = Sequence[tuple[tuple[RigVersion, ...], Any]]
+
+
+def _newest(found: _Oriented) -> tuple[tuple[RigVersion, ...], Any]:
+    if not found:
+        raise Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
+    return found[-1]
+
+
+def _compare(found: _Oriented, limits: Mapping[str, float | None]) -> tuple[RigStability, ...]:
+    return compare_sets(
+        [(members[0].at, SPEC.list_quantities(orientation)) for members, orientation in found],
+        limits={unit: limit for unit, limit in limits.items() if limit is not None},
+    )
+
+
+def _orient_sets(
+    rig_id: str, caller: Caller, context: UsesContext, calibration_ids: list[str] | None
+) -> tuple[Rig, _Oriented, list[LeftOut]]:
+    """Return the rig, its newest sets with their orientations, and the versions that are in none."""
+    rig, sets, left_out = _find_sets(rig_id, caller, context, calibration_ids)
+    found, why = [], list(left_out)
+    for members in sets[-MOST_SETS:]:
+        try:
+            found.append((members, SPEC.orient([each.member for each in members])))
+        except InputRejected as refusal:
+            if len(sets) == 1:
+                raise
+            why += [LeftOut(version=each.version, why=refusal.message) for each in members]
+    return rig, found, why
+
+
 def _find_sets(
     rig_id: str, caller: Caller, context: UsesContext, calibration_ids: list[str] | None
-) -> tuple[str, tuple[tuple[RigVersion, ...], ...], tuple[LeftOut, ...]]:
+) -> tuple[Rig, tuple[tuple[RigVersion, ...], ...], tuple[LeftOut, ...]]:
     with context.database.reading() as session:
         rig = owned(session, Rig, rig_id, caller)
         cameras = list_cameras(session, rig)
@@ -145,25 +219,23 @@ def _find_sets(
             members = tuple(
                 RigVersion(
                     version=by_camera[camera.id].id,
-                    at=utc_now(),
+                    at=by_camera[camera.id].created_at,
                     member=read_member(session, by_camera[camera.id], camera),
                 )
                 for camera in cameras
             )
-            return rig.name, (members,), ()
+            return rig, (members,), ()
         versions, left_out = zip(*(list_versions(session, camera) for camera in cameras), strict=True)
-        name = rig.name
     sets, others = group_sets(versions, SPEC.count_shared)
-    return name, sets, (*(each for group in left_out for each in group), *others)
+    return rig, sets, (*(each for group in left_out for each in group), *others)
 
 
 def _add_export(export: RigExport) -> None:
     def send(rig_id: Id, caller: Reader, context: UsesContext, calibration_id: Versions = None) -> Response:
-        name, sets, _ = _find_sets(rig_id, caller, context, calibration_id)
-        if not sets:
-            raise Problem(interface.NOT_FOUND, "No set of published versions orients this rig yet.")
-        members = [each.member for each in sets[-1]]
-        return Response(export.write(SPEC.orient(members), members, name), media_type=export.media_type)
+        rig, found, _ = _orient_sets(rig_id, caller, context, calibration_id)
+        members, orientation = _newest(found)
+        written = export.write(orientation, [each.member for each in members], rig.name)
+        return Response(written, media_type=export.media_type)
 
     send.__name__, send.__doc__ = export.operation, export.description
     answer = {"get_rig_json": RigFile}.get(export.operation)

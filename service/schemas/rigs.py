@@ -4,8 +4,11 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 from pydantic import Field, model_validator
 
+from radiometry.fitting import evidence
 from radiometry.fleet.rigs import RigStability
 from service.schemas.base import Answer, Form, Instant, Quantity, Text
+from service.schemas.calibrations import Gap
+from service.schemas.certificates import FlagInWords, Item, Laboratory, Work
 from service.schemas.fleet import VersionLeftOut
 from store.queries.rigs import SPEC
 from store.tables import Rig
@@ -71,3 +74,51 @@ class RigFile(Answer):
     convention: str
     cameras: list[dict[str, Any]]
     orientations: list[dict[str, Any]]
+
+
+class CertifiedCamera(Answer):
+    """The version of a camera that the orientation takes as it is, with the number of its certificate."""
+
+    item: Item
+    certificate: str
+    calibration_id: str
+    version: int
+    content_sha256: str
+    state: str
+
+
+class CertifiedPose(Answer, restates=evidence.Quantity, fields="value standard_uncertainty unit"):
+    """A quantity of a camera's orientation with its expanded uncertainty U = k u."""
+
+    camera: str
+    name: str
+    expanded_uncertainty: float
+    coverage_factor: float
+    effective_dof: float
+
+
+class RigCertificateAnswer(Answer):
+    """The orientation of a rig from one set, as it is handed out."""
+
+    schema_version: int
+    title: str
+    number: str
+    rig_id: str
+    rig: str
+    content_sha256: str = Field(description="Of the cameras' versions and the orientation.")
+    procedure: str
+    equation: str
+    laboratory: Laboratory
+    work: Work = Field(description="The reference's campaign.")
+    cameras: list[CertifiedCamera] = Field(description="The reference first.")
+    state: str = Field(description="The worst of the cameras' versions.")
+    traceability: str
+    at: Instant
+    orientation: OrientationAnswer
+    coefficients: list[CertifiedPose]
+    stability: list[RigStabilityAnswer]
+    flags: list[FlagInWords]
+    software: dict[str, Any]
+    created_at: Instant = Field(description="Of the newest version that it was made from.")
+    statements: list[str]
+    gaps: list[Gap] = Field(description="What ISO/IEC 17025, 7.8, asks for and a camera's certificate lacks.")

@@ -8,7 +8,7 @@ from decimal import ROUND_HALF_EVEN, Decimal
 import pypdf
 import pytest
 
-from service.certificate import draw_region, render_pdf
+from service.certificate import draw_region, lay_out, render_pdf
 from service.certificate.figures import in_step
 from tests.support.certificates import certificate_of, complete_version
 
@@ -127,7 +127,7 @@ def test_a_change_of_any_result_shows_on_paper(printed):
     changed = copy.deepcopy(certificate)
     changed["result"]["iso_fits"][0]["coefficient"]["luminance_k"] = 77.77
     assert "77.77" not in "".join(pages)
-    assert "77.77" in read(render_pdf(changed))[0]
+    assert "77.77" in read(render_pdf(lay_out(changed, "")))[0]
 
 
 @alone
@@ -137,7 +137,7 @@ def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(cer
         frame | {"frame": f"{'N' * 60}-{i}.DNG"} for i in range(4) for frame in certificate["frames"]
     ]
     long["meters"][0]["serial"] = "S" * 80
-    pages = read(render_pdf(long))
+    pages = read(render_pdf(lay_out(long, "")))
     with_frames = [page for page in pages if "NNNNNNNNNN" in page]
     assert len(with_frames) > 3
     for page in with_frames:
@@ -150,7 +150,7 @@ def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(cer
 
 @alone
 def test_the_same_certificate_gives_the_same_bytes(certificate):
-    assert render_pdf(certificate) == render_pdf(copy.deepcopy(certificate))
+    assert render_pdf(lay_out(certificate, "")) == render_pdf(lay_out(copy.deepcopy(certificate), ""))
 
 
 @alone
@@ -158,7 +158,7 @@ def test_words_are_text_and_never_markup(certificate):
     hostile = '#eval("1") *bold* $x$ <b> \\ "quoted" #include "/etc/passwd"'
     certificate["work"]["place"] = hostile
     certificate["checklist"]["items"][0]["note"] = hostile
-    text = "".join("".join(read(render_pdf(certificate))).split())
+    text = "".join("".join(read(render_pdf(lay_out(certificate, "")))).split())
     assert text.count("".join(hostile.split())) == 2
 
 

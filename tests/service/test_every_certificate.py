@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 
 from radiometry import methods
 from radiometry.fitting.curve import coverage_factor
-from service.certificate import render_pdf
+from service.certificate import lay_out, render_pdf
 from service.certificate.gaps import list_gaps
 from service.schemas.certificates import CertificateAnswer
 from tests.support.campaigns import calibrate
@@ -179,7 +179,7 @@ def test_what_people_wrote_on_any_sheet_is_text_and_never_markup(certificate_by)
     hostile = '#eval("1") *bold* $x$ <b> \\ "quoted"'
     certificate["panels"][0]["serial"] = hostile
     certificate["frames"][0]["frame"] = hostile
-    reader = pypdf.PdfReader(io.BytesIO(render_pdf(certificate)))
+    reader = pypdf.PdfReader(io.BytesIO(render_pdf(lay_out(certificate, ""))))
     text = "".join("".join(page.extract_text().replace("\u200b", "").split()) for page in reader.pages)
     assert text.count("".join(hostile.split())) == 2
 

@@ -1,9 +1,16 @@
 """A rig over HTTP: registered, photographed in front of one board, oriented, exported and compared."""
 
+import io
+import zipfile
+
 import cv2
 import numpy as np
+import pypdf
 import pytest
+import yaml
+from scipy.spatial.transform import Rotation
 
+from radiometry.fitting.curve import coverage_factor
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.target import Target
 from simulation.boards import View, set_up
@@ -80,8 +87,51 @@ def test_a_rig_is_oriented_from_pictures_taken_together(house):
     exported = house.get(f"{path}/exports/rig.json")
     assert [each["serial"] for each in exported["cameras"]] == ["R0", "R1"]
 
+    check_ros(house, path, pose)
+    check_certificate(house, path, pose)
     check_given_versions(house, path, made)
     check_wrong_scene(house, path, made)
+
+
+def check_ros(house, path, pose):
+    """As ROS reads it: every camera's CameraInfo, and a transform that takes a point as R and t do."""
+    answer = house.http.get(f"{path}/exports/ros.zip")
+    assert answer.headers["content-type"] == "application/zip"
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as packed:
+        read = {name: yaml.safe_load(packed.read(name)) for name in packed.namelist()}
+    first, second = read["camera_info/camera_R0.yaml"], read["camera_info/camera_R1.yaml"]
+    assert (first["camera_name"], second["camera_name"]) == ("camera_R0", "camera_R1")
+    assert (second["image_width"], second["distortion_model"]) == (240, "plumb_bob")
+    assert np.shape(second["camera_matrix"]["data"]) == (9,)
+    assert second["projection_matrix"]["data"][3] == 0.0
+    (transform,) = read["static_transforms.yaml"]
+    assert (transform["header"]["frame_id"], transform["child_frame_id"]) == ("camera_R0", "camera_R1")
+    moved = transform["transform"]
+    turn = Rotation.from_quat([moved["rotation"][axis] for axis in "xyzw"])
+    place = [moved["translation"][axis] for axis in "xyz"]
+    there = np.array([0.1, -0.2, 3.0])
+    here = np.array(pose["matrix"]) @ there + pose["translation_m"]
+    np.testing.assert_allclose(turn.apply(here) + place, there, atol=1e-12)
+
+
+def check_certificate(house, path, pose):
+    certificate = house.get(f"{path}/certificate.json")
+    assert [each["item"]["serial"] for each in certificate["cameras"]] == ["R0", "R1"]
+    assert (certificate["state"], certificate["orientation"]["poses"]) == ("published", [pose])
+    rows = {each["name"]: each for each in certificate["coefficients"]}
+    assert rows.keys() == {"yaw", "pitch", "roll", "boresight", "x", "y", "z"}
+    for name, row in rows.items():
+        assert row["coverage_factor"] == coverage_factor(pose["effective_dof"][name]) > 1.95
+        assert row["expanded_uncertainty"] == row["coverage_factor"] * pose[name]["standard_uncertainty"]
+    assert "laboratory_address_missing" in {each["code"] for each in certificate["gaps"]}
+    again = house.http.get(f"{path}/certificate.json")
+    tag = {"If-None-Match": again.headers["etag"]}
+    assert house.http.get(f"{path}/certificate.json", headers=tag).status_code == 304
+    pdf = house.http.get(f"{path}/certificate.pdf").content
+    text = "".join(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(pdf)).pages)
+    assert certificate["number"] in text
+    assert "Certificate of orientation" in text
+    assert {"R0-geometry-1", "R1-geometry-1", "boresight"} <= set(text.split())
 
 
 def check_given_versions(house, path, made):

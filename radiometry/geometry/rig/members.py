@@ -13,7 +13,7 @@ from radiometry.geometry.rig.results import RigFit
 from radiometry.geometry.views import make_view
 from radiometry.specification.rig import RigMember
 
-_COMPARED: Final = ("yaw", "pitch", "roll", "x", "y", "z")
+COMPARED: Final = ("yaw", "pitch", "roll", "x", "y", "z")
 
 
 def orient_members(members: Sequence[RigMember]) -> RigFit:
@@ -82,7 +82,7 @@ def list_quantities(orientation: RigFit) -> dict[tuple[str, str], Quantity]:
     dict
         Quantities by camera and name.
     """
-    return {(pose.camera, name): getattr(pose, name) for pose in orientation.poses for name in _COMPARED}
+    return {(pose.camera, name): getattr(pose, name) for pose in orientation.poses for name in COMPARED}
 
 
 def _read_camera(member: RigMember) -> RigCamera:
@@ -92,4 +92,5 @@ def _read_camera(member: RigMember) -> RigCamera:
         model=fit.camera,
         covariance=np.array(fit.covariance),
         noise_px=fit.rms_px * math.sqrt(fit.corners / fit.degrees_of_freedom),
+        dof=float(fit.degrees_of_freedom),
     )

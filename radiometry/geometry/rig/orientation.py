@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Raised
+from radiometry.fitting.evidence import MOST_DOF
 from radiometry.geometry.camera import PARAMETERS, CameraModel, project
 from radiometry.geometry.descent import Linear, Minimum, minimise, reduce
 from radiometry.geometry.rig import codes
@@ -44,12 +45,15 @@ class RigCamera:
         Covariance of PARAMETERS, (9, 9).
     noise_px : float
         Standard deviation of a corner in row and in col [px].
+    dof : float, default: MOST_DOF
+        Degrees of freedom of `covariance`.
     """
 
     serial: str
     model: CameraModel
     covariance: Matrix
     noise_px: float
+    dof: float = MOST_DOF
 
 
 def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -> RigFit:
@@ -265,18 +269,25 @@ def _conclude(
     reduced = [reduce(block)[:2] for block in found.linear]
     count = [len(trigger.pictures) for trigger in triggers]
     corners = sum(len(each.view.points_mm) for trigger in triggers for each in trigger.pictures)
-    scatter = estimate_scatter(
-        reduced,
-        within=(found.cost, 2 * corners - _POSE * sum(count)),
+    within = 2 * corners - _POSE * sum(count)
+    scatter = estimate_scatter(reduced, within=(found.cost, within))
+    parts = list(
+        zip(
+            _find_covariances(cameras, triggers, found, scatter),
+            (float(within), scatter.dof, min(camera.dof for camera in cameras)),
+            strict=True,
+        )
     )
-    inner, total = _find_covariances(cameras, triggers, found, scatter)
     poses = []
     for number, camera in enumerate(cameras[1:], start=1):
         mine = slice(_POSE * (number - 1), _POSE * number)
         used = sum(number in each for each in misses)
         poses.append(
             describe_pose(
-                camera.serial, found.shared[mine], total[mine, mine], inner[mine, mine], triggers=used
+                camera.serial,
+                found.shared[mine],
+                [(part[mine, mine], dof) for part, dof in parts],
+                triggers=used,
             )
         )
         if used < GOOD_TRIGGERS:
@@ -321,8 +332,8 @@ def _conclude(
 
 def _find_covariances(
     cameras: Sequence[RigCamera], triggers: Sequence[Trigger], found: Minimum, scatter: Scatter
-) -> tuple[Matrix, Matrix]:
-    """Return the covariance of the poses with the cameras as calibrated, and with their uncertainties."""
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Return the covariances of the poses from corners, triggers and the cameras' own uncertainties."""
     size = len(found.shared)
     blocks = [
         reduce(_linearise(cameras, trigger, found.shared, board, whole=True))[0]
@@ -334,11 +345,13 @@ def _find_covariances(
         np.repeat([scatter.rotation_rad**2, scatter.translation_mm**2], _POSE // 2), size // _POSE
     )
     between = np.sum([block[:size, :size] * spread @ block[:size, :size] for block in blocks], axis=0)
-    inner = scatter.scale**2 * inverse + inverse @ between @ inverse
     gain = -inverse @ whole[:size, size:]
     own = np.zeros((_CAMERA * len(cameras),) * 2)
     for number, camera in enumerate(cameras):
         mine = slice(_CAMERA * number, _CAMERA * (number + 1))
         own[mine, mine] = camera.covariance
-    total = inner + gain @ own @ gain.T
-    return (inner + inner.T) / 2.0, (total + total.T) / 2.0
+    corners, swaying, given = (
+        (part + part.T) / 2.0
+        for part in (scatter.scale**2 * inverse, inverse @ between @ inverse, gain @ own @ gain.T)
+    )
+    return corners, swaying, given

@@ -30,6 +30,8 @@ class RelativePose:
         Angle between the optical axes.
     x, y, z : Quantity
         Place of the camera's centre in the reference's frame, x right, y down, z forward.
+    effective_dof : dict of str to float
+        Effective degrees of freedom of each of the quantities above.
     triggers : int
         Number of triggers with a picture of this camera that were used.
     """
@@ -47,6 +49,7 @@ class RelativePose:
     x: Quantity
     y: Quantity
     z: Quantity
+    effective_dof: dict[str, float]
     triggers: int
 
 

@@ -21,12 +21,14 @@ class Scatter:
     """Scale of the corners' noise, and scatter of a pose from trigger to trigger, per axis.
 
     ``significant`` : the corners alone would scatter so much with a probability below 1 %
+    ``dof`` : degrees of freedom of each of the two scatters
     """
 
     scale: float
     rotation_rad: float
     translation_mm: float
     significant: bool
+    dof: float
 
 
 def estimate_scatter(reduced: Sequence[tuple[Matrix, Matrix]], *, within: tuple[float, int]) -> Scatter:
@@ -59,7 +61,7 @@ def estimate_scatter(reduced: Sequence[tuple[Matrix, Matrix]], *, within: tuple[
     size = len(reduced[0][1])
     free = sum(len(active) for active, _ in steps) - size
     if free <= 0 or scale2 == 0.0:
-        return Scatter(math.sqrt(scale2), 0.0, 0.0, significant=False)
+        return Scatter(math.sqrt(scale2), 0.0, 0.0, significant=False, dof=1.0)
     typical = [
         max(
             1e-12,
@@ -96,6 +98,7 @@ def estimate_scatter(reduced: Sequence[tuple[Matrix, Matrix]], *, within: tuple[
         rotation,
         translation,
         significant=bool(chdtrc(free, gained / scale2) < 1.0 - _SURE),
+        dof=free / 2.0,
     )
 
 

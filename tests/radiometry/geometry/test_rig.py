@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from radiometry.findings import InputRejected
+from radiometry.fitting.curve import coverage_factor
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.rig import codes
+from radiometry.geometry.rig.angles import describe_pose
+from radiometry.geometry.rig.members import COMPARED
 from radiometry.geometry.rig.orientation import RigCamera, orient_rig
 from radiometry.geometry.rig.pairing import BoardPicture, pair_pictures
 from radiometry.geometry.solving import View, choose_free_parameters, solve
@@ -99,7 +102,7 @@ def test_angles_and_places_by_hand(fitted):
 
 
 def measure_coverage(rig, *, sets, count, calibrated=False, sway=(0.0, 0.0), seed=0):
-    """Return the mean of e' C^-1 e of all poses, 6 is expected, and how often 1.96 u holds a number."""
+    """Return the mean of e' C^-1 e of all poses, 6 is expected, and how often U holds an angle or a place."""
     random, squares, inside = np.random.default_rng(seed), [], []
     for _ in range(sets):
         cameras = known(rig)
@@ -111,7 +114,12 @@ def measure_coverage(rig, *, sets, count, calibrated=False, sway=(0.0, 0.0), see
             covariance = np.array(pose.covariance) * np.outer(unit, unit)
             error = difference(pose, camera.pose)
             squares.append(float(error @ np.linalg.solve(covariance, error)))
-            inside.extend(np.abs(error) < 1.96 * np.sqrt(np.diag(covariance)))
+            truth = describe_pose("", camera.pose, [(np.eye(6), 1.0)], triggers=0)
+            inside += [
+                abs(getattr(pose, name).value - getattr(truth, name).value)
+                < coverage_factor(pose.effective_dof[name]) * getattr(pose, name).standard_uncertainty
+                for name in COMPARED
+            ]
     return np.mean(squares), np.mean(inside)
 
 
