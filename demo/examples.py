@@ -154,7 +154,6 @@ def _tour(stage: Stage, http: httpx.Client, recorder: Recorder) -> None:
     _post(http, "tools/exposure", {"rows": rows, "dark_dn": 8, "white_level_dn": 16384})
     cameras = [first.camera_id, other.camera_id]
     _post(http, "fleet/verdict", {"method": "luminance", "camera_ids": cameras, "tolerance": 0.04})
-    _post(http, "rigs", {"name": "Four Vision", "camera_ids": cameras})
     recall = _post(
         http,
         "recalls",

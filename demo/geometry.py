@@ -1,6 +1,7 @@
-"""Geometry: pictures of a checkerboard by a camera whose lens bends straight lines."""
+"""Geometry: pictures of a checkerboard by a rig of two cameras whose lenses bend straight lines."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,9 +11,12 @@ import stilb
 from demo.findings import Finding
 from demo.journey import Stage, begin, calibrate, conclude, register, take
 from radiometry.geometry.camera import PARAMETERS, UNITS, CameraModel, find_directions
+from radiometry.geometry.rig.angles import describe_pose
+from radiometry.geometry.rig.members import COMPARED
 from radiometry.geometry.target import Target
-from simulation.boards import View, draw_poses, set_up
+from simulation.boards import View, set_up
 from simulation.camera import change
+from simulation.heads import Mounted, draw_boards
 
 _SEED = 20260504
 _STEP_REL = 1e-6
@@ -30,30 +34,53 @@ _LENS = CameraModel(
 _QUICK_LENS = CameraModel(
     height_px=180, width_px=240, fx_px=230.0, fy_px=230.0, cx_px=123.4, cy_px=86.8, k1=-0.21
 )
+_SECOND = np.array([0.02, 0.1, 0.01, -80.0, 0.0, 10.0])
+_SERIALS = ("0K8TF1A0010046", "0K8TF1A0010047")
+_RIG = "Two cameras"
 
 
 def run(stage: Stage) -> bool:
-    """Calibrate the camera, undo its distortion with an exported file; return True if all agrees."""
+    """Calibrate two cameras of a rig and orient them; return True if all agrees.
+
+    The distortion of the first is undone with an exported file.
+    """
     lens, views = (_QUICK_LENS, 6) if stage.quick else (_LENS, 12)
     columns, rows, square_mm = (5, 4, 40.0) if stage.quick else (9, 6, 25.0)
     board = Target(kind="checkerboard", columns=columns, rows=rows, square_size_mm=square_mm)
-    studio = set_up(lens, dark_dn=150.0, bright_dn=3000.0, noise_dn=12.0, cfa="RGGB")
-    studio = change(studio, serial="0K8TF1A0010046")
-    poses = draw_poses(lens, board, np.random.default_rng(_SEED), count=views)
-    camera_id = register(stage, studio.camera)
+    rig = (Mounted(lens, np.zeros(6)), Mounted(lens, _SECOND))
+    poses = draw_boards(rig, board, np.random.default_rng(_SEED), count=views)
     target = {name: getattr(board, name) for name in ("kind", "columns", "rows", "square_size_mm")}
-    campaign_id = begin(stage, camera_id, "geometry", target=target)
-    shots = [
-        studio.plan(View(board=board, pose=pose), name=f"board-{number}")
-        for number, pose in enumerate(poses, start=1)
-    ]
-    take(stage, campaign_id, shots, camera=studio.camera, seed=_SEED)
-    calibration = calibrate(stage, campaign_id)
-    found = {row.name: row for row in stage.client.coefficients(camera_id, method="geometry")}
+    made = []
+    for number, (mounted, serial) in enumerate(zip(rig, _SERIALS, strict=True)):
+        studio = set_up(lens, dark_dn=150.0, bright_dn=3000.0, noise_dn=12.0, cfa="RGGB")
+        studio = change(studio, serial=serial)
+        campaign_id = begin(stage, register(stage, studio.camera), "geometry", target=target)
+        shots = [
+            replace(
+                studio.plan(View(board=board, pose=mounted.move(pose)), name=f"{serial}-{trigger}"),
+                scene=f"trigger-{trigger}",
+            )
+            for trigger, pose in enumerate(poses, start=1)
+        ]
+        take(stage, campaign_id, shots, camera=studio.camera, seed=_SEED + number)
+        made.append(calibrate(stage, campaign_id))
+    first = made[0]
+    found = {row.name: row for row in stage.client.coefficients(str(first.camera_id), method="geometry")}
     truths = dict(zip(PARAMETERS, lens.parameters, strict=True))
     findings = [Finding.of(name, found[name], truth=float(truth)) for name, truth in truths.items()]
-    findings.append(_undistort(stage, calibration, lens))
-    return conclude(stage, calibration, findings)
+    findings.append(_undistort(stage, first, lens))
+    findings += _orient(stage, [str(each.camera_id) for each in made])
+    return conclude(stage, first, findings)
+
+
+def _orient(stage: Stage, camera_ids: list[str]) -> list[Finding]:
+    """Return the angles and the place of the second camera against the first."""
+    rig = stage.client.create_rig(_RIG, camera_ids)
+    (pose,) = stage.client.rig_orientation(rig.id)["sets"][-1]["orientation"]["poses"]
+    truth = describe_pose("", _SECOND, [(np.eye(len(_SECOND)), 1.0)], triggers=0)
+    return [
+        Finding.of(name, stilb.Quantity(**pose[name]), truth=getattr(truth, name).value) for name in COMPARED
+    ]
 
 
 def _undistort(stage: Stage, calibration: stilb.Calibration, lens: CameraModel) -> Finding:
