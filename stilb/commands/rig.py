@@ -29,7 +29,11 @@ def rig(
         float | None, typer.Option(metavar="M", help="Largest accepted change of a place over all sets.")
     ] = None,
     save: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save it; the file is named opencv.yaml or rig.json.")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Save it; the name says as what: opencv.yaml, ros.zip, rig.json or certificate.pdf.",
+        ),
     ] = None,
 ) -> None:
     """Show how the cameras of a rig are oriented.

@@ -35,8 +35,13 @@ class Rigs(Equipment):
         return self._get(address("rigs", rig_id, "orientation"), query)
 
     def save_rig(self, rig_id: str, path: PathLike[str] | str) -> Path:
-        """Save the newest orientation for another program: the file is named `opencv.yaml` or `rig.json`."""
+        """Save the newest orientation as the file's name says.
+
+        For another program `opencv.yaml`, `ros.zip` or `rig.json`; its certificate `certificate.pdf` or
+        `certificate.json`.
+        """
         path = Path(path)
-        where = address("rigs", rig_id, "exports", path.name)
+        folder = () if path.stem == "certificate" else ("exports",)
+        where = address("rigs", rig_id, *folder, path.name)
         self._transport.download(Call(method="GET", path=where, query={}), path)
         return path

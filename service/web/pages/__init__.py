@@ -3,10 +3,31 @@
 from fastapi import FastAPI
 
 from service.web import assets
-from service.web.pages import calibrations, cameras, campaigns, documents, home, jobs, measurements, sign_in
+from service.web.pages import (
+    calibrations,
+    cameras,
+    campaigns,
+    documents,
+    home,
+    jobs,
+    measurements,
+    rigs,
+    sign_in,
+)
 
 
 def include_pages(app: FastAPI) -> None:
     """Hang every page into the application."""
-    for module in (assets, sign_in, documents, home, cameras, campaigns, calibrations, measurements, jobs):
+    for module in (
+        assets,
+        sign_in,
+        documents,
+        home,
+        cameras,
+        rigs,
+        campaigns,
+        calibrations,
+        measurements,
+        jobs,
+    ):
         app.include_router(module.router)

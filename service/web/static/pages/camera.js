@@ -1,4 +1,4 @@
-import { get } from "../api.js";
+import { all, get } from "../api.js";
 import { byId, fill, h, table } from "../dom.js";
 import { ago, day, quantity, relative, tag, time } from "../format.js";
 import { holdsFor, inForce, named } from "../coefficients.js";
@@ -44,6 +44,12 @@ load(byId("drift"), () => series, ({ rows }) => {
   const place = h("div", { class: "plot", id: "drift-plot" });
   queueMicrotask(drawDrift);
   return place;
+});
+
+all("/v1/rigs").then((rigs) => {
+  const mine = rigs.filter((rig) => rig.camera_ids.includes(id));
+  byId("rigs-section").hidden = !mine.length;
+  fill(byId("rigs"), mine.map((rig) => h("li", {}, h("a", { href: `/rigs/${rig.id}` }, rig.name), rig.camera_ids[0] === id ? ": the reference" : "")));
 });
 
 async function drawDrift() {
