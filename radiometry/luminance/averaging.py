@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from radiometry.findings import Raised
+from radiometry.fitting.repeats import shows_scatter
 from radiometry.frame.statistics import Signal
 from radiometry.luminance import codes
 from radiometry.luminance.maps import Sums
@@ -16,8 +17,6 @@ from radiometry.luminance.maps import Sums
 SCATTER = "scatter between repeats"
 
 _COVERAGE = 0.95
-_SCATTER_LEVEL = 0.60
-_SCATTER_LEVEL_OF_TWO = 0.35
 _FLAG_LEVEL = 0.99
 _WORTH_NAMING_REL = 0.01
 
@@ -118,9 +117,7 @@ def evaluate_scatter(values: Values, noise_variances: Values) -> float:
 
     The excess is this less w / n. The second form gives an interval of 1.96
     standard uncertainties the coverage of Student's interval: the scatter of few
-    frames is itself hardly known. The quantile is low, 60 % and 35 % for two frames, because
-    few frames seldom show a scatter that is as large as their noise: at these, the coverage is
-    at least 93 % for every ratio of scatter and noise.
+    frames is itself hardly known. For the quantile see `repeats.shows_scatter`.
 
     References
     ----------
@@ -128,8 +125,7 @@ def evaluate_scatter(values: Values, noise_variances: Values) -> float:
     """
     count = values.size
     observed, expected = float(values.var(ddof=1)), float(noise_variances.mean())
-    level = _SCATTER_LEVEL_OF_TWO if count == 2 else _SCATTER_LEVEL
-    if _exceeds(observed, expected, count, level=level):
+    if shows_scatter(observed, expected, count):
         observed *= (float(special.stdtrit(count - 1, (1 + _COVERAGE) / 2)) / 1.96) ** 2
     return math.sqrt(max(0.0, observed - expected) / count)
 
@@ -181,15 +177,11 @@ def flag_scatter(signals: Sequence[Signal], *, dark_signal_dn: float) -> tuple[R
     values = np.array([signal.value_dn for signal in signals]) - dark_signal_dn
     mean, observed = abs(float(values.mean())), float(values.var(ddof=1))
     noise = float(np.mean([signal.standard_uncertainty_dn**2 for signal in signals]))
-    if observed < (_WORTH_NAMING_REL * mean) ** 2 or not _exceeds(observed, noise, count, level=_FLAG_LEVEL):
+    largest_noise = noise * float(special.chdtri(count - 1, 1.0 - _FLAG_LEVEL)) / (count - 1)
+    if observed < max((_WORTH_NAMING_REL * mean) ** 2, largest_noise):
         return ()
     detail = (
         f"The signals above dark of {count} frames go from {values.min():.4g} to {values.max():.4g} DN, "
         f"{(values.max() - values.min()) / (mean or 1.0):.1%} of their mean."
     )
     return (codes.FRAMES_DISAGREE.at("", detail),)
-
-
-def _exceeds(observed: float, expected: float, count: int, *, level: float) -> bool:
-    """Test whether the variance of some values is larger than expected, at a level of confidence."""
-    return (count - 1) * observed > expected * float(special.chdtri(count - 1, 1.0 - level))

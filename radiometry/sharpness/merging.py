@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from radiometry.fitting.evidence import MOST_DOF, Quantity
+from radiometry.fitting.repeats import merge_variances
 from radiometry.sharpness.candidates import MTF50, RESOLVING_POWER, Candidate
 from radiometry.sharpness.edges import JACKKNIFE_DOF
 from radiometry.sharpness.features import Contrasts, EdgeResponse, Estimate, StarResponse
@@ -74,15 +75,16 @@ def merge_estimates(
 
     Notes
     -----
-    u^2 = max(s^2, mean u_i^2) / n: the larger of the observed scatter and the one that noise predicts. The
-    first has n - 1 degrees of freedom, the second n times those of one frame.
+    u^2 = max(s^2, mean u_i^2) / n: the larger of the observed scatter and the one that noise predicts, the
+    latter with n times the degrees of freedom of one frame. See `repeats.merge_variances`.
     """
     values = np.array([each.value for each in estimates])
     predicted = float(np.mean([each.standard_uncertainty**2 for each in estimates]))
-    seen = float(values.var(ddof=1)) if values.size > 1 else 0.0
-    u = math.sqrt(max(seen, predicted) / values.size)
-    freedom = values.size - 1 if seen > predicted else values.size * dof
-    return float(values.mean()), u, math.sqrt(seen) if values.size > 1 else None, freedom
+    if values.size == 1:
+        return float(values[0]), math.sqrt(predicted), None, dof
+    seen = float(values.var(ddof=1))
+    u, freedom = merge_variances(seen, predicted, values.size, dof=values.size * dof)
+    return float(values.mean()), u, math.sqrt(seen), freedom
 
 
 def _coefficient(
