@@ -39,6 +39,7 @@ SPEC: Final = MethodSpec(
     check_frame=method.review_frame,
     extract=drop_target(method.extract),
     find_region=method.find_region,
+    take_region=method.take_region,
     make_row=method.make_row,
     missing=method.missing,
     judge=method.judge,

@@ -10,12 +10,14 @@ are not followed.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.roi import Polygon
 from radiometry.reflectance import codes
 from radiometry.reflectance.application import (
     ReflectanceMap,
@@ -27,6 +29,7 @@ from radiometry.reflectance.application import apply_features as apply
 from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.findings import check_candidates, check_fit, check_frame, review_frame
 from radiometry.reflectance.fit import describe_point, fit_band
+from radiometry.reflectance.imaging import find_black_dn
 from radiometry.reflectance.indices import (
     BandMap,
     IndexMap,
@@ -35,7 +38,8 @@ from radiometry.reflectance.indices import (
     name_bands,
 )
 from radiometry.reflectance.panel import require_one_panel
-from radiometry.reflectance.panel_code import FoundPanel, find_panel
+from radiometry.reflectance.panel_code import FoundPanel, find_panel, find_stated_panel
+from radiometry.reflectance.panel_transfer import transfer_region
 from radiometry.reflectance.points import (
     Candidate,
     collect_candidates,
@@ -95,6 +99,7 @@ __all__ = [
     "name_bands",
     "plan",
     "review_frame",
+    "take_region",
 ]
 
 
@@ -131,7 +136,7 @@ def extract(
 
 
 def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
-    """Find the panel in a whole frame of one band by its code.
+    """Find the panel in a whole frame of one band: as the camera states it, else by its code.
 
     Parameters
     ----------
@@ -145,7 +150,43 @@ def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
     FoundPanel or None
         None if no panel is certain.
     """
-    return find_panel(frame.samples_dn) if header.multispectral is not None else None
+    band = header.multispectral
+    if band is None or frame.samples_dn.ndim != 2:
+        return None
+    stated = None
+    if band.panel_region is not None:
+        black_dn = find_black_dn(band, header.black_level_dn)
+        stated = find_stated_panel(frame.samples_dn, band.panel_region, black_dn=black_dn)
+    return stated if stated and band.panel_serial else _name(stated, find_panel(frame.samples_dn))
+
+
+def _name(stated: FoundPanel | None, read: FoundPanel | None) -> FoundPanel | None:
+    """Return the stated region with the serial number of the code, or what the code alone gives."""
+    return replace(stated, serial=read.serial if read else None) if stated else read
+
+
+def take_region(
+    frame: Frame, *, header: FrameHeader, other: Frame, other_header: FrameHeader, region: Polygon
+) -> tuple[Polygon, float] | None:
+    """Find the panel where another band of the same capture has found it.
+
+    Parameters
+    ----------
+    frame, other : Frame
+        Whole frames of this band and of the other one.
+    header, other_header : FrameHeader
+        Their metadata.
+    region : Polygon
+        Region on the panel in the other band.
+
+    Returns
+    -------
+    tuple[Polygon, float] or None
+        Region in this band and how well the images correlate; None if it is not certain.
+    """
+    return transfer_region(
+        frame.samples_dn, header=header, other_dn=other.samples_dn, other=other_header, region=region
+    )
 
 
 def make_row(evidence: FrameEvidence[Features]) -> FrameRow:

@@ -22,11 +22,14 @@ DARKEST_PANEL = 0.35
 MOST_UNEVEN_REL, MOST_TILTED_REL = 0.05, 0.15
 """Of the square's 8 x 8 cells over their mean above black: scatter about a plane, and the plane's range."""
 
+SMALLEST_PX, MOST_OBLONG = 20.0, 2.0
+"""Shortest side of a stated panel, and its longest over its shortest."""
+
 LONGEST_SIDE_PX = 2600
 """A larger picture is made smaller first, by a whole factor: a code is found at any size, in less time."""
 
 _SAMPLES, _CELLS = 64, 8
-_FIRST_LATE = 3
+_FIRST_LATE, _CORNERS = 3, 4
 _QR = zxingcpp.BarcodeFormats(zxingcpp.BarcodeFormat.QRCode)
 # a plane along the rows, of unit length
 _RAMP = np.repeat(np.linspace(-1.0, 1.0, _CELLS)[:, None], _CELLS, axis=1)
@@ -218,6 +221,62 @@ def _sample(plane: Plane, centre: Corners, across: Corners, down: Corners) -> Pl
     size = (_SAMPLES, _SAMPLES)
     how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     return np.asarray(cv2.warpAffine(plane, grid, size, flags=how, borderMode=cv2.BORDER_REPLICATE))
+
+
+def find_stated_panel(
+    samples_dn: NDArray[np.uint16], corners: tuple[tuple[float, float], ...], *, black_dn: float
+) -> FoundPanel | None:
+    """Take the region that a camera states for the panel that it has recognised (`ReflectArea`).
+
+    Parameters
+    ----------
+    samples_dn : ndarray of uint16
+        Raw values [DN], (row, col).
+    corners : tuple of tuple[float, float]
+        Corners (x, y) of the panel in the frame [px], in any order.
+    black_dn : float
+        Black level [DN].
+
+    Returns
+    -------
+    FoundPanel or None
+        Square of 0.65 of its side in the middle; None unless they are a convex
+        quadrilateral within the frame, of 20 px to half the frame's side and sides
+        alike within a factor of 2, and what it shows is even.
+    """
+    height, width = samples_dn.shape[:2]
+    panel = cv2.convexHull(np.array(corners, np.float32)).reshape(-1, 2).astype(float)
+    if len(panel) != _CORNERS or panel.min() < 0.0 or (panel > (width, height)).any():
+        return None
+    sides = np.linalg.norm(panel - np.roll(panel, 1, axis=0), axis=1)
+    largest = min(height, width) / 2.0
+    if not SMALLEST_PX <= sides.min() <= sides.max() <= min(largest, MOST_OBLONG * sides.min()):
+        return None
+    middle = panel.mean(axis=0)
+    square = middle + SHRINK * (panel - middle)
+    if not is_even(samples_dn.astype(np.float32), square, black_dn=black_dn):
+        return None
+    return FoundPanel(
+        region=Polygon.from_points(np.round(square, 1).tolist()), serial=None, by="reflect_area"
+    )
+
+
+def is_even(plane: Plane, square: Corners, *, black_dn: float) -> bool:
+    """Return True if a quadrilateral of an image shows one surface, brighter than black.
+
+    Parameters
+    ----------
+    plane : ndarray of float32
+        Image [DN], (row, col).
+    square : ndarray of float64
+        Its corners (x, y) in order [px], (4, 2).
+    black_dn : float
+        Black level [DN].
+    """
+    across = (square[1] - square[0] + square[2] - square[3]) / 2.0
+    down = (square[3] - square[0] + square[2] - square[1]) / 2.0
+    inner = _sample(plane, square.mean(axis=0), across, down)
+    return inner is not None and _looks_like_panel(inner, black_dn, black_dn + 1.0)
 
 
 def _looks_like_panel(inner: Plane, black: float, white: float) -> bool:

@@ -6,6 +6,7 @@ from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
 
 from radiometry.findings import Finding, Raised
+from radiometry.frame.roi import Polygon
 from radiometry.specification.application import Application, Correction, FoundRegion
 from radiometry.specification.certificate import CertificateText
 from radiometry.specification.exports import Export
@@ -177,6 +178,9 @@ class MethodSpec:
         frame of a chart whose file has none. Raises InputRejected.
     find_region : callable
         ``(frame, *, header) -> found or None``.
+    take_region : callable
+        ``(frame, *, header, other, other_header, region) -> (region, likeness) or None``, where a frame
+        shows what was found in another band of its capture.
     make_row : callable
         ``(evidence) -> row``, a frame in the form that the fit takes.
     missing : callable
@@ -252,6 +256,7 @@ class MethodSpec:
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
     check_frame: Callable[..., Sequence[Raised]] = field(default=_none)
     find_region: Callable[..., FoundRegion | None] = field(default=_nothing)
+    take_region: Callable[..., tuple[Polygon, float] | None] = field(default=_nothing)
     make_row: Callable[..., Any] = field(default=_same)
     configure: Callable[..., Mapping[str, Any]] = field(default=_empty)
 

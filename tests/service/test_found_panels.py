@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+import tifffile
 
 from radiometry import methods
 from service.certificate.regions import region_blocks
@@ -26,9 +27,9 @@ def send(house, campaign, band, *, capture=0, **query):
     return house.upload(campaign, content, filename=name(capture, band), role="panel", **query)
 
 
-def start(house):
+def start(house, **more):
     camera = house.camera(make="MicaSense", model="RedEdge", serial="1777777")
-    return house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance"})
+    return house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "reflectance", **more})
 
 
 def put(house, path, polygon):
@@ -95,6 +96,39 @@ def test_k_follows_without_anybody_having_drawn_anything(sqlite_house, campaign,
     # what is decided of a frame later is not of this version
     put(sqlite_house, f"/v1/frames/{frames['blue']['id']}/roi", DRAWN)
     assert sqlite_house.get(f"/v1/calibrations/{version['id']}/certificate.json") == certificate
+
+
+@pytest.mark.usefixtures("campaign")
+def test_another_panel_than_the_campaign_s_ends_the_fit(sqlite_house):
+    """Until it was compared, K was 2.17 times too small in silence."""
+    other = next(each for each in sqlite_house.get("/v1/panels")["items"] if each["serial"] != SERIAL)
+    wrong = start(sqlite_house, panel_id=other["id"])
+    frame = read(sqlite_house, send(sqlite_house, wrong, "blue"))
+    assert "panel_differs" in [reason["code"] for reason in frame["verdict"]["reasons"]]
+    job = sqlite_house.post(f"/v1/campaigns/{wrong['id']}/calibrations", {}, status=202)
+    sqlite_house.work()
+    error = sqlite_house.get(f"/v1/jobs/{job['id']}")["error"]
+    assert error["code"] == "panel_differs"
+    assert f"shows panel {SERIAL}, and the campaign's panel is {other['serial']}" in error["detail"]
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_band_without_a_readable_code_takes_its_region_from_another(sqlite_house, tmp_path, frames, first):
+    """As in the near infrared, where some inks are transparent; whichever of the two is read first."""
+    path = tmp_path / name(0, "nir")
+    path.write_bytes(data_file(f"rededge/{name(0, 'nir')}").read_bytes())
+    tifffile.memmap(path)[500:660, 460:620] = 30000
+    made = start(sqlite_house)
+    if first:
+        read(sqlite_house, send(sqlite_house, made, "red"))
+    bare = sqlite_house.upload(made, path.read_bytes(), filename=path.name, role="panel")
+    bare = read(sqlite_house, bare)
+    if not first:
+        assert bare["state"] == "read"
+        read(sqlite_house, send(sqlite_house, made, "red"))
+        bare = sqlite_house.get(f"/v1/frames/{bare['id']}")
+    assert (bare["state"], bare["roi_found_by"], bare["panel_serial"]) == ("extracted", "other_band", SERIAL)
+    assert bare["statistics"][0]["i_sq"] == pytest.approx(frames["nir"]["statistics"][0]["i_sq"], rel=3e-3)
 
 
 def test_a_region_that_comes_with_the_frame_is_kept(sqlite_house):

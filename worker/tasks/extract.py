@@ -35,6 +35,7 @@ from store.tables import Blob, Campaign, Extraction, FrameRow, Roi
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
 from worker.tasks.outcome import Outcome
+from worker.tasks.siblings import ask_siblings, take_region
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +71,8 @@ class _Found:
     region_refused: InputRejected | None
     panel: FoundRegion | None
     """Found in the frame: its region counts where nobody has drawn one, its serial number always."""
+    siblings: int
+    """Bands of the capture that were asked where the panel is."""
 
 
 def extract(context: Context, claim: Claim) -> Outcome:
@@ -133,7 +136,7 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
     context.leases.report(claim, 0.5)
     left_out = shared.FRAME_LEFT_OUT in flags
     extracted, region_refused = subject.equal, None
-    panel = None if left_out else _find_panel(context, subject, header, file)
+    panel, siblings = (None, 0) if left_out else _find_panel(context, subject, header, file)
     drawn = subject.roi is not None or (panel is not None and panel.region is not None)
     wanted = is_told(subject.campaign) and (drawn or (room.whole_frame and frame.role in room.role_names))
     if wanted and not left_out and not subject.done and extracted is None:
@@ -154,19 +157,25 @@ def _read(context: Context, claim: Claim, subject: _Subject, file: StoredFile) -
         extracted=extracted,
         region_refused=region_refused,
         panel=panel,
+        siblings=siblings,
     )
 
 
 def _find_panel(
     context: Context, subject: _Subject, header: FrameHeader, file: StoredFile
-) -> FoundRegion | None:
-    frame, method = subject.frame, subject.campaign.method
-    room = methods.get_method(method)
+) -> tuple[FoundRegion | None, int]:
+    """Find it in the frame, else where other bands of the capture show it; return how many those are too."""
+    frame, campaign = subject.frame, subject.campaign
+    room = methods.get_method(campaign.method)
     known = subject.roi is not None and bool(frame.found)
     if known or not room.finds_region or frame.role not in room.role_names:
-        return None
+        return None, 0
     whole = context.decoders.read_window(file, (0, 0, header.height_px, header.width_px))
-    return methods.get_method(method).find_region(whole, header=header)
+    found = room.find_region(whole, header=header)
+    if subject.roi is not None or (found is not None and found.region is not None):
+        return found, 0
+    taken, siblings = take_region(context, campaign, frame.id, whole, header)
+    return taken or found, siblings
 
 
 def _measure(
@@ -227,6 +236,7 @@ def _store(session: Session, subject: _Subject, found: _Found) -> dict[str, Any]
     roi = subject.roi
     if found.panel is not None:
         roi = _keep_panel(session, frame, campaign, found.panel) or roi
+    ask_siblings(session, campaign, frame, found.header, considered=found.siblings)
     if found.extracted is not None and (roi is not None or found.panel is None or found.panel.region is None):
         _store_extraction(session, subject, frame, roi, found.extracted)
     now = current_roi(session, frame, campaign)

@@ -1,12 +1,15 @@
-// The region that applies to a frame: its own (drawn, or found by a panel's code), else the campaign's.
+// The region that applies to a frame: its own (drawn, or found on a panel), else the campaign's.
 
 import { get } from "../api.js";
 import { counted } from "../format.js";
 
+const FOUND = { code: "found by the code of", reflect_area: "as the camera stated it for", other_band: "taken from another band, of" };
+
 /** A frame's own region in words; "" where the campaign's holds. */
 export function originOf(frame) {
   if (!frame.roi_id) return "";
-  return frame.roi_origin === "found" ? `found by the code of panel ${frame.panel_serial}` : "drawn for this frame";
+  if (frame.roi_origin !== "found") return "drawn for this frame";
+  return `${FOUND[frame.roi_found_by]} ${frame.panel_serial ? `panel ${frame.panel_serial}` : "the panel"}`;
 }
 
 /** What to do about it, on the frame that is shown; "" where the campaign's region holds. */
@@ -21,7 +24,7 @@ export function adviceOn(frame) {
 export function countOwn(frames) {
   const own = frames.filter((frame) => frame.roi_id);
   const found = own.filter((frame) => frame.roi_origin === "found").length;
-  const said = [found && `${counted(found, "frame")} found by the panel’s code`, own.length - found && `${counted(own.length - found, "frame")} drawn individually`].filter(Boolean).join(", ");
+  const said = [found && `${counted(found, "frame")} found on the panel`, own.length - found && `${counted(own.length - found, "frame")} drawn individually`].filter(Boolean).join(", ");
   return { own: own.length, found, said };
 }
 
