@@ -19,6 +19,7 @@ from store.blobs import Blobs
 from store.broker import Hints
 from store.database import Database
 from store.files import Files
+from store.reviews import Reviews
 from store.settings import Settings
 from store.usage import Quotas
 
@@ -49,6 +50,10 @@ class Context:
     @cached_property
     def rates(self) -> Rates:
         return Rates(self.settings.quota_requests_per_minute)
+
+    @cached_property
+    def reviews(self) -> Reviews:
+        return Reviews(self.database)
 
     @cached_property
     def uses(self) -> Uses:

@@ -31,6 +31,11 @@ def decode(kind: Any, stored: Any) -> Any:  # noqa: ANN401
     return _adapter(kind).validate_python(stored)
 
 
+def read_text(kind: Any, text: str | None) -> Any:  # noqa: ANN401
+    """Return a dataclass from the text of a JSON column; None where nothing is kept."""
+    return None if text is None or text == "null" else _adapter(kind).validate_json(text)
+
+
 def read_strictly(kind: type[Any], said: Any) -> Json:  # noqa: ANN401
     """Return plain JSON values as a dataclass wants them, with its defaults.
 

@@ -16,6 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.audit import append_entries, forget_entries, record_changes
+from store.revisions import forget_changes, note_changes, raise_revisions
 from store.schema import SchemaDiffers, require_own_schema
 
 ANSWER_WITHIN_S = 30.0
@@ -118,11 +119,14 @@ class Database:
             session.info["actor"] = actor
             session.info["organisation_id"] = organisation_id
             event.listen(session, "after_flush", record_changes)
+            event.listen(session, "after_flush", note_changes)
             event.listen(session, "after_rollback", forget_entries)
+            event.listen(session, "after_rollback", forget_changes)
             if self._guarded:
                 require_own_schema(session)
             yield session
             session.flush()
+            raise_revisions(session)
             append_entries(session)
             session.commit()
 

@@ -1,7 +1,7 @@
 """What a field team is told on site: the verdict on each frame, and what its campaign still lacks."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -10,38 +10,46 @@ from radiometry import methods
 from radiometry.findings import shared
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
-from store.codec import decode_header
 from store.fitting import leave_out_doubtful, list_missing, make_params
-from store.queries.evidence import gather
-from store.queries.frames import current_roi, is_told, region_ids, whole_frame_of
+from store.queries.checklist import RecordState, read_record
+from store.queries.evidence import Evidence, gather
+from store.queries.frame_columns import FrameColumns, read_frames
+from store.queries.frames import current_roi, is_told, region_ids, whole_frame
 from store.tables import Campaign, FrameRow, Roi
 
 
 @dataclass(frozen=True, kw_only=True)
-class Readiness:
-    """What a campaign lacks. ``missing``: for any fit; ``advice``: for a good one."""
+class Assessment:
+    """All that is kept of a campaign.
+
+    ``missing``: what any fit needs; ``advice``: what a good one does; ``verdicts``: by the frame's id;
+    ``record``: what the checklist needs.
+    """
 
     missing: list[str]
     advice: list[str]
+    verdicts: Mapping[str, Verdict]
+    record: RecordState | None
 
 
-def assess_readiness(session: Session, campaign: Campaign) -> Readiness:
-    params = make_params(session, campaign)
-    every = gather(session, campaign, applied=True)
+def assess(session: Session, campaign: Campaign) -> Assessment:
+    """Read a campaign once and judge all of it."""
+    frames = read_frames(session, campaign)
     spec = methods.get_method(campaign.method)
-    fitted = gather(session, campaign) if spec.applied_roles else every
-    return Readiness(
+    every = gather(session, campaign, applied=True, frames=frames)
+    fitted = gather(session, campaign, frames=frames) if spec.applied_roles else every
+    params = make_params(session, campaign)
+    return Assessment(
         missing=list_missing(campaign, fitted, params),
         advice=list(spec.plan(every.frames, every.readings, leave_out_doubtful(params, every))),
+        verdicts=_judge(session, campaign, frames, every),
+        record=read_record(session, campaign, fitted),
     )
 
 
-def judge_frames(session: Session, campaign: Campaign) -> dict[str, Verdict]:
-    """The verdict on every frame of a campaign, by id; in as many queries for a thousand as for one."""
-    rows = session.scalars(
-        select(FrameRow).where(FrameRow.campaign_id == campaign.id).order_by(FrameRow.id)
-    ).all()
-    evidence = gather(session, campaign, applied=True)
+def _judge(
+    session: Session, campaign: Campaign, rows: Sequence[FrameColumns], evidence: Evidence
+) -> dict[str, Verdict]:
     of_frame = region_ids(session, campaign, rows)
     regions = _read_regions(session, set(of_frame.values()))
     # what no fit sees needs no name, only one that no other frame has
@@ -56,15 +64,7 @@ def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdic
     """The verdict on a frame that is about to be read: nothing of it can be held against others yet."""
     roi = current_roi(session, frame, campaign)
     region = Polygon.from_points(roi.points) if roi else None
-    return conclude(inspect_frame(_take(frame, campaign, frame.id, region)))
-
-
-def _region(row: FrameRow, campaign: Campaign, drawn: Polygon | None) -> Polygon | None:
-    """What is drawn, or the whole of a frame that needs no drawing."""
-    room = methods.get_method(campaign.method)
-    if drawn is None and row.header is not None and room.whole_frame and row.role in room.role_names:
-        return whole_frame_of(row)
-    return drawn
+    return conclude(inspect_frame(_take(FrameColumns.of(frame), campaign, frame.id, region)))
 
 
 def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None, Polygon]:
@@ -72,31 +72,29 @@ def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None
     return {roi.id: Polygon.from_points(roi.points) for roi in rois}
 
 
-def _take(row: FrameRow, campaign: Campaign, name: str, drawn: Polygon | None) -> ReviewedFrame:
-    room = methods.get_method(campaign.method)
-    drawn_for = room.role_names if room.whole_frame else {row.role} - room.applied_role_names
+def _take(row: FrameColumns, campaign: Campaign, name: str, drawn: Polygon | None) -> ReviewedFrame:
+    spec = methods.get_method(campaign.method)
+    drawn_for = spec.role_names if spec.whole_frame else {row.role} - spec.applied_role_names
+    if drawn is None and row.size_px and spec.whole_frame and row.role in spec.role_names:
+        drawn = whole_frame(*row.size_px)
     return ReviewedFrame(
         frame=name,
         role=row.role,
         scene=row.scene,
         state=row.state,
         refusal=row.refusal_detail or "",
-        flags=tuple(row.warnings),
-        format=_read_format(row.header),
-        region=_region(row, campaign, drawn),
+        flags=row.warnings,
+        format=(*row.size_px, row.header.cfa) if row.header and row.size_px else None,
+        region=drawn,
         needs_region=row.role in drawn_for,
-        roles=room.role_names | room.applied_role_names,
+        roles=spec.role_names | spec.applied_role_names,
         told=is_told(campaign),
         left_out=_explain_left_out(row, campaign),
     )
 
 
-def _explain_left_out(row: FrameRow, campaign: Campaign) -> str:
+def _explain_left_out(row: FrameColumns, campaign: Campaign) -> str:
     if row.header is None or shared.FRAME_LEFT_OUT not in row.warnings:
         return ""
-    found = methods.get_method(campaign.method).check_frame(decode_header(row.header), exposure=None)
+    found = methods.get_method(campaign.method).check_frame(row.header, exposure=None)
     return next((raised.detail for raised in found), shared.FRAME_LEFT_OUT.sentence)
-
-
-def _read_format(header: dict[str, Any] | None) -> tuple[int, int, str] | None:
-    return (header["width_px"], header["height_px"], header["cfa"]) if header else None

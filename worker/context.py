@@ -1,10 +1,12 @@
 """What a job needs of the world, built once in main and passed down."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from store.blobs import Blobs
 from store.database import Database
 from store.files import Files
+from store.reviews import Reviews
 from store.settings import Settings
 from worker.decode.pool import DecoderPool
 from worker.leases import Leases
@@ -19,6 +21,10 @@ class Context:
     decoders: DecoderPool
     leases: Leases
     needs: Needs
+
+    @cached_property
+    def reviews(self) -> Reviews:
+        return Reviews(self.database)
 
     @property
     def files(self) -> Files:

@@ -76,6 +76,8 @@ class JobThreads:
                     self.wake()
                     run(self._context, claim)
                     continue
+                if self._review():
+                    continue
             except SchemaDiffers as error:
                 log.error("%s: this worker ends", error)  # noqa: TRY400  expected: no traceback
                 os._exit(OTHER_SCHEMA_EXIT)
@@ -84,6 +86,14 @@ class JobThreads:
             with self._changed:
                 self._changed.wait_for(lambda: self._wakes or self._stopping)
                 self._wakes -= 1
+
+    def _review(self) -> bool:
+        """Compute the review of a campaign that has changed; whether there was one."""
+        try:
+            return self._away_since is None and self._context.reviews.renew_next()
+        except DATABASE_AWAY as error:
+            log.warning("a review is left to others: %s", first_line(error))
+            return False
 
     def _claim(self) -> Claim | None:
         # one at a time: the turn is shared, and so is SQLite's write lock

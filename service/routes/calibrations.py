@@ -177,7 +177,7 @@ def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: 
     responses=problems(404, 409),
 )
 def publish_calibration(
-    calibration_id: Id, body: NewPublication, caller: Publisher, writing: Writes
+    calibration_id: Id, body: NewPublication, caller: Publisher, context: UsesContext, writing: Writes
 ) -> Response:
     """Put a version in force in [valid_from, valid_to). What was in force there gives way to it.
 
@@ -186,7 +186,7 @@ def publish_calibration(
 
     def change(session: Session) -> Reply:
         calibration = owned(session, Calibration, calibration_id, caller)
-        warnings = warn_of_gaps(session, calibration)
+        warnings = warn_of_gaps(session, calibration, record)
         publications.publish(
             session,
             calibration,
@@ -196,6 +196,9 @@ def publish_calibration(
         )
         return Reply(status=200, body=_answer(session, calibration).model_copy(update={"warnings": warnings}))
 
+    with context.database.reading() as reading:
+        campaign_id = owned(reading, Calibration, calibration_id, caller).campaign_id
+        record = context.reviews.find(reading, campaign_id).record
     return writing.run(caller, change)
 
 

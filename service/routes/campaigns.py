@@ -30,7 +30,7 @@ from service.writing import Reply, Writes
 from store.codec import decode, read_strictly
 from store.queries.campaigns import Drawing, count, find_or_add_roi, renew_extractions, set_roi
 from store.tables import Camera, Campaign, Panel, Roi
-from store.verdicts import assess_readiness
+from store.verdicts import Assessment, assess
 
 router = APIRouter(prefix="/v1/campaigns", tags=["campaigns"])
 
@@ -72,7 +72,7 @@ def get_campaign(campaign_id: Id, caller: Reader, context: UsesContext) -> Respo
     """One campaign, with what has arrived and what a fit, and a good one, still needs."""
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
-        return _whole(session, campaign).respond()
+        return _whole(session, campaign, context.reviews.find(session, campaign_id)).respond()
 
 
 @router.patch("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
@@ -92,7 +92,7 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
         for name, value in values.items():
             setattr(campaign, name, value)
         session.flush()
-        return Reply(status=200, body=_whole(session, campaign), jobs=jobs)
+        return Reply(status=200, body=_whole(session, campaign, assess(session, campaign)), jobs=jobs)
 
     return writing.run(caller, change)
 
@@ -164,7 +164,6 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
         raise invalid(located(error, "body", "target")) from error
 
 
-def _whole(session: Session, campaign: Campaign) -> CampaignAnswer:
+def _whole(session: Session, campaign: Campaign, readiness: Assessment) -> CampaignAnswer:
     counts = count(session, campaign)
-    readiness = assess_readiness(session, campaign)
     return CampaignAnswer.restate(campaign, readiness, frames=counts, readings=counts.readings)

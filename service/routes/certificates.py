@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from service.auth import Caller, Reader
 from service.certificate import build_certificate, draw_region, lay_out, render_pdf
 from service.certificate.sheet import Node
-from service.context import UsesContext
+from service.context import Context, UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
 from service.routes import UNCHANGED, problems, sends_stored_file
@@ -28,7 +28,7 @@ def get_certificate(calibration_id: Id, request: Request, caller: Reader, contex
     Its figures never change; who published or revoked it and what was ticked may: the ETag follows all of it.
     """
     with context.database.reading() as session:
-        certificate = build_certificate(_gather(session, calibration_id, caller)).dump()
+        certificate = build_certificate(_gather(context, session, calibration_id, caller)).dump()
     return send_certificate_json(request, certificate)
 
 
@@ -38,7 +38,7 @@ def get_certificate_pdf(
 ) -> Response:
     """The certificate on paper (PDF/A): the very numbers of certificate.json, with plots and the region."""
     with context.database.reading() as session:
-        record = _gather(session, calibration_id, caller)
+        record = _gather(context, session, calibration_id, caller)
     certificate = build_certificate(record).dump()
     return send_certificate_pdf(request, lay_out(certificate, _draw_preview(record, context.files)))
 
@@ -56,8 +56,10 @@ def send_certificate_pdf(request: Request, sheets: Node) -> Response:
     return _answer(request, render_pdf(sheets), "application/pdf", headers)
 
 
-def _gather(session: Session, calibration_id: str, caller: Caller) -> CalibrationRecord:
-    return read_calibration_record(session, owned(session, Calibration, calibration_id, caller))
+def _gather(context: Context, session: Session, calibration_id: str, caller: Caller) -> CalibrationRecord:
+    calibration = owned(session, Calibration, calibration_id, caller)
+    state = context.reviews.find(session, calibration.campaign_id).record
+    return read_calibration_record(session, calibration, state)
 
 
 def _draw_preview(record: CalibrationRecord, files: Files) -> str:

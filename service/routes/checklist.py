@@ -11,7 +11,15 @@ from service.problems import Problem, invalid
 from service.routes import problems
 from service.schemas.checklist import ChecklistAnswer, ChecklistChange, explain_missing_checklist
 from service.writing import Reply, Writes
-from store.queries.checklist import KEYS, has_checklist, read_checklist, read_signature, set_tick, sign
+from store.queries.checklist import (
+    KEYS,
+    RecordState,
+    has_checklist,
+    read_checklist,
+    read_signature,
+    set_tick,
+    sign,
+)
 from store.tables import Campaign
 
 router = APIRouter(prefix="/v1/campaigns/{campaign_id}/checklist", tags=["checklist"])
@@ -24,11 +32,14 @@ def get_checklist(campaign_id: Id, caller: Reader, context: UsesContext) -> Resp
     Only the luminance procedure has one: of another method's campaign there are no items, and `said` says so.
     """
     with context.database.reading() as session:
-        return _answer(session, owned(session, Campaign, campaign_id, caller)).respond()
+        campaign = owned(session, Campaign, campaign_id, caller)
+        return _answer(session, campaign, context.reviews.find(session, campaign_id).record).respond()
 
 
 @router.patch("", response_model=ChecklistAnswer, responses=problems(404, 409))
-def change_checklist(campaign_id: Id, body: ChecklistChange, caller: Calibrator, writing: Writes) -> Response:
+def change_checklist(
+    campaign_id: Id, body: ChecklistChange, caller: Calibrator, context: UsesContext, writing: Writes
+) -> Response:
     """Tick items, take ticks away, sign. A signed list changes only together with a new signature."""
 
     def change(session: Session) -> Reply:
@@ -47,9 +58,12 @@ def change_checklist(campaign_id: Id, body: ChecklistChange, caller: Calibrator,
         if body.signature is not None:
             sign(session, campaign, name=body.signature.name, by=caller.key_id)
         session.flush()
-        return Reply(status=200, body=_answer(session, campaign))
+        return Reply(status=200, body=_answer(session, campaign, record))
 
     _refuse_unknown(body)
+    with context.database.reading() as reading:
+        owned(reading, Campaign, campaign_id, caller)
+        record = context.reviews.find(reading, campaign_id).record
     return writing.run(caller, change)
 
 
@@ -67,10 +81,9 @@ def _refuse_unknown(body: ChecklistChange) -> None:
         raise invalid(unknown)
 
 
-def _answer(session: Session, campaign: Campaign) -> ChecklistAnswer:
-    answer = ChecklistAnswer.of(
-        campaign.id, read_checklist(session, campaign), read_signature(session, campaign)
-    )
+def _answer(session: Session, campaign: Campaign, record: RecordState | None) -> ChecklistAnswer:
+    items = read_checklist(session, campaign, record)
+    answer = ChecklistAnswer.of(campaign.id, items, read_signature(session, campaign))
     if has_checklist(campaign):
         return answer
     return answer.model_copy(update={"said": explain_missing_checklist(campaign.method)})

@@ -39,7 +39,7 @@ from store.queries.frames import (
 from store.queries.known import find_known
 from store.tables import Blob, Campaign, FrameRow, Job
 from store.usage import QuotaExceeded, charge, check_room, recount_if_old
-from store.verdicts import judge_alone, judge_frames
+from store.verdicts import judge_alone
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 
@@ -129,14 +129,12 @@ def list_frames(
     limit: Limit = 100,
     cursor: Cursor = None,
     *,
-    brief: Annotated[
-        bool, Query(description="Without `metadata` and `verdict`: quick however large the campaign.")
-    ] = False,
+    brief: Annotated[bool, Query(description="Without `metadata` and `verdict`: shorter.")] = False,
 ) -> Response:
     """A campaign's frames, oldest first."""
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
     with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
+        owned(session, Campaign, campaign_id, caller)
         return page_of(
             session,
             request,
@@ -147,7 +145,7 @@ def list_frames(
             shape=lambda found: (
                 [answer.model_copy(update={"metadata": None}) for answer in _answers(session, found, {})]
                 if brief
-                else _answers(session, found, judge_frames(session, campaign))
+                else _answers(session, found, _find_verdicts(context, session, found))
             ),
         )
 
@@ -157,8 +155,7 @@ def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One frame: what it says of itself, its refusal or warnings, its statistics, and the verdict on it."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
-        verdicts = judge_frames(session, session.get_one(Campaign, frame.campaign_id))
-        return _answers(session, [frame], verdicts)[0].respond()
+        return _answers(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
 
 
 @router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
@@ -291,6 +288,13 @@ def _answer_write(session: Session, frame: FrameRow, campaign: Campaign, jobs: l
     verdicts = {frame.id: judge_alone(session, frame, campaign)} if jobs else {}
     answer = _answers(session, [frame], verdicts)[0]
     return answer.model_copy(update={"job_id": jobs[0].id}) if jobs else answer
+
+
+def _find_verdicts(context: Context, session: Session, frames: list[FrameRow]) -> Mapping[str, Verdict]:
+    if not frames:
+        return {}
+    ids = [frame.id for frame in frames]
+    return context.reviews.find(session, frames[0].campaign_id, verdicts_of=ids).verdicts
 
 
 def _answers(session: Session, frames: list[FrameRow], verdicts: Mapping[str, Verdict]) -> list[FrameAnswer]:

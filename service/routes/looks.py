@@ -19,7 +19,6 @@ from service.writing import Reply, Writes
 from store import jobs
 from store.queries.frames import current_roi
 from store.tables import Campaign, FrameRow
-from store.verdicts import judge_frames
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 
@@ -67,7 +66,8 @@ def list_verdicts(campaign_id: Id, caller: Reader, context: UsesContext) -> Resp
     """The verdict on every frame of a campaign, in one answer: to be asked again while frames arrive."""
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
-        return VerdictsAnswer.of(judge_frames(session, campaign)).respond()
+        review = context.reviews.find(session, campaign.id, verdicts_of=None)
+        return VerdictsAnswer.of(review.verdicts).respond()
 
 
 @router.get(

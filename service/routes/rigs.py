@@ -167,7 +167,10 @@ def _certify(
     members, orientation = _newest(found)
     with context.database.reading() as session:
         versions = [owned(session, Calibration, each.version, caller) for each in members]
-        records = [read_calibration_record(session, each) for each in versions]
+        records = [
+            read_calibration_record(session, each, context.reviews.find(session, each.campaign_id).record)
+            for each in versions
+        ]
         answer = build_rig_certificate(rig, records, members[0].at, orientation, _compare(found, limits))
     return answer.dump()
 

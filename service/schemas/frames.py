@@ -15,6 +15,7 @@ from service.schemas.base import Answer, Form, Instant, LongText, Positive, Posi
 from service.schemas.campaigns import Role
 from store.blobs import Damage
 from store.codec import decode_header
+from store.queries.frame_columns import FrameColumns
 from store.queries.references import list_panels
 from store.tables import Blob, Extraction, FrameRow
 
@@ -165,7 +166,7 @@ class FrameAnswer(Answer):
     statistics: list[StatisticsRow]
     verdict: VerdictAnswer | None = Field(
         default=None,
-        description="Computed anew whenever the frame is asked for. Left out where an upload or a change "
+        description="Of the campaign as it is now. Left out where an upload or a change "
         "finds nothing to do: ask for the frame.",
     )
     job_id: str | None = Field(default=None, description="The job that reads it, where one was started.")
@@ -206,7 +207,7 @@ _FROM_ROW = (
 
 
 def _from_found(row: FrameRow) -> dict[str, Any]:
-    found, named = row.found or {}, list_panels(row)
+    found, named = row.found or {}, list_panels(FrameColumns.of(row))
     answer: dict[str, Any] = {"panel_serial": named[0] if named else None}
     if row.roi_id is None:
         return answer

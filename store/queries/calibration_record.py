@@ -11,7 +11,7 @@ from radiometry.frame.statistics import ChannelStatistics
 from radiometry.methods import get_method
 from radiometry.specification.application import FoundBy
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
-from store.queries.checklist import ChecklistItem, read_checklist, read_signature
+from store.queries.checklist import ChecklistItem, RecordState, read_checklist, read_signature
 from store.queries.decisions import Act, key_names, list_publishings
 from store.queries.frames import statistics_of
 from store.tables import (
@@ -76,8 +76,13 @@ class CalibrationRecord:
     names: dict[str, str]
 
 
-def read_calibration_record(session: Session, calibration: Calibration) -> CalibrationRecord:
-    """Collect it, as it stands now; what the version rests on, as it stood when it was made."""
+def read_calibration_record(
+    session: Session, calibration: Calibration, state: RecordState | None
+) -> CalibrationRecord:
+    """Collect it, as it stands now; what the version rests on, as it stood when it was made.
+
+    ``state`` : what the record ticks of the checklist
+    """
     campaign = session.get_one(Campaign, calibration.campaign_id)
     readings = _readings_used(session, calibration)
     status = read_version_statuses(session, [calibration.id])[calibration.id]
@@ -94,7 +99,7 @@ def read_calibration_record(session: Session, calibration: Calibration) -> Calib
         readings=readings,
         meters=_meters_used(session, readings, calibration),
         frames=_frames_used(session, calibration),
-        checklist=read_checklist(session, campaign),
+        checklist=read_checklist(session, campaign, state),
         signature=read_signature(session, campaign),
         names=key_names(session, calibration.organisation_id),
     )

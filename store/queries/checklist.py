@@ -11,9 +11,10 @@ from sqlalchemy.orm import Session
 
 from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, Item, VersionFacts, find
 from radiometry.findings import shared
+from radiometry.frame import FrameHeader
 from radiometry.methods import get_method
 from store.columns import utc_now
-from store.queries.evidence import Evidence, gather
+from store.queries.evidence import Evidence
 from store.tables import (
     AuditEntry,
     Calibration,
@@ -59,15 +60,30 @@ class ChecklistItem:
     note: str | None
 
 
-def read_checklist(session: Session, campaign: Campaign) -> list[ChecklistItem]:
-    """Every item in the print's order. What a person says of an item stands before what the record says.
+@dataclass(frozen=True, kw_only=True)
+class RecordState:
+    """What the record says of a campaign: of each item, and since when each part is as it is."""
 
-    The printed checklist is that of the luminance procedure: a campaign of another method has none.
+    findings: dict[str, Finding]
+    times: dict[str, datetime]
+
+
+def read_record(session: Session, campaign: Campaign, evidence: Evidence) -> RecordState | None:
+    """Return what the record ticks; None for a campaign of a method without a checklist.
+
+    The printed checklist is that of the luminance procedure.
     """
     if not has_checklist(campaign):
+        return None
+    facts = _gather_facts(session, campaign, evidence)
+    return RecordState(findings=find(facts), times=_times(session, campaign))
+
+
+def read_checklist(session: Session, campaign: Campaign, record: RecordState | None) -> list[ChecklistItem]:
+    """Every item in the print's order. What a person says of an item stands before what the record says."""
+    if record is None:
         return []
-    found = find(_gather_facts(session, campaign))
-    times = _times(session, campaign)
+    found, times = record.findings, record.times
     ticks = {
         tick.key: tick
         for tick in session.scalars(select(ChecklistTick).where(ChecklistTick.campaign_id == campaign.id))
@@ -125,8 +141,7 @@ def _stand(
     )
 
 
-def _gather_facts(session: Session, campaign: Campaign) -> Facts:
-    evidence = gather(session, campaign)
+def _gather_facts(session: Session, campaign: Campaign, evidence: Evidence) -> Facts:
     readings: dict[str, list[float]] = defaultdict(list)
     for reading in evidence.readings:
         if reading.quantity == "luminance":
@@ -138,7 +153,7 @@ def _gather_facts(session: Session, campaign: Campaign) -> Facts:
         started_on=started.strftime("%Y-%m-%d") if started else None,
         started_at=started.strftime("%H:%M UTC") if started else None,
         recorder=campaign.recorder,
-        frames=_frame_facts(session, evidence),
+        frames=tuple(_frame_facts(frame, evidence.headers[frame.frame]) for frame in evidence.frames),
         unread=tuple(evidence.unread),
         readings={scene: tuple(values) for scene, values in readings.items()},
         region=tuple((x, y) for x, y in region),
@@ -146,38 +161,30 @@ def _gather_facts(session: Session, campaign: Campaign) -> Facts:
     )
 
 
-def _frame_facts(session: Session, evidence: Evidence) -> tuple[FrameFacts, ...]:
-    ids = {name: frame_id for frame_id, name in evidence.names.items()}
-    rows = session.scalars(select(FrameRow).where(FrameRow.id.in_([ids[f.frame] for f in evidence.frames])))
-    headers = {row.id: row.header or {} for row in rows}
-    facts = []
-    for frame in evidence.frames:
-        header, exposure = headers[ids[frame.frame]], frame.exposure
-        origins = {
-            "exposure time": exposure.exposure_time_origin,
-            "f-number": exposure.f_number_origin,
-            "ISO": exposure.iso_origin,
-        }
-        facts.append(
-            FrameFacts(
-                name=frame.frame,
-                role=frame.role,
-                scene=frame.scene,
-                container=header.get("container", ""),
-                rendered=frame.rendered,
-                manual=_is_manual(header),
-                exposure_time_s=exposure.exposure_time_s,
-                f_number=exposure.f_number,
-                iso=exposure.iso,
-                typed_in=tuple(name for name, origin in origins.items() if origin == "supplied"),
-                extracted=frame.statistics is not None,
-            )
-        )
-    return tuple(facts)
+def _frame_facts(frame: Any, header: FrameHeader) -> FrameFacts:  # noqa: ANN401  the method's own
+    exposure = frame.exposure
+    origins = {
+        "exposure time": exposure.exposure_time_origin,
+        "f-number": exposure.f_number_origin,
+        "ISO": exposure.iso_origin,
+    }
+    return FrameFacts(
+        name=frame.frame,
+        role=frame.role,
+        scene=frame.scene,
+        container=header.container,
+        rendered=frame.rendered,
+        manual=_is_manual(header),
+        exposure_time_s=exposure.exposure_time_s,
+        f_number=exposure.f_number,
+        iso=exposure.iso,
+        typed_in=tuple(name for name, origin in origins.items() if origin == "supplied"),
+        extracted=frame.statistics is not None,
+    )
 
 
-def _is_manual(header: Mapping[str, Any]) -> bool | None:
-    said = header.get("exposure_mode") or header.get("exposure_program")
+def _is_manual(header: FrameHeader) -> bool | None:
+    said = header.exposure_mode or header.exposure_program
     return said == "manual" if said and said != "not_defined" else None
 
 

@@ -1,31 +1,32 @@
 """Everything a campaign has to offer to a fit, as the science wants it."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import shared
 from radiometry.fitting.evidence import Exclusion, FrameEvidence
-from radiometry.frame.proof import Proof
-from radiometry.frame.statistics import ChannelStatistics
-from store.codec import decode, decode_exposure, decode_header
-from store.queries.frames import extractions_of, extractor_of, region_ids, statistics_of
+from radiometry.frame import FrameHeader
+from radiometry.specification.method import MethodSpec
+from store.queries.frame_columns import ExtractionColumns, FrameColumns, read_extractions, read_frames
+from store.queries.frames import region_ids
 from store.queries.references import Reference, find_reference
-from store.tables import Campaign, Extraction, FrameRow
+from store.tables import Campaign
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Rows for the fit. ``names``: frame id to the fit's name of it; ``hashes``, ``rois``: by that name."""
+    """Rows for the fit. ``names``: frame id to the fit's name of it; the others: by that name."""
 
     frames: list[Any]
     readings: list[Any]
     names: dict[str, str]
     hashes: dict[str, str]
+    headers: dict[str, FrameHeader]
     rois: dict[str, str]
     unread: list[str]
     """Frames of which nothing is known yet."""
@@ -35,58 +36,57 @@ class Evidence:
     """What the readings were made with, as it is now: meters with their certificates, panels."""
 
 
-def gather(session: Session, campaign: Campaign, *, applied: bool = False) -> Evidence:
+def gather(
+    session: Session,
+    campaign: Campaign,
+    *,
+    applied: bool = False,
+    frames: Sequence[FrameColumns] | None = None,
+) -> Evidence:
     """Frames with the statistics of the region that holds for them now, and the readings that stand.
 
-    ``applied``: those too that no fit sees, which are only judged and measured.
+    ``applied``: those too that no fit sees, which are only judged and measured. ``frames``: all of the
+    campaign, where they have been read.
     """
-    room = methods.get_method(campaign.method)
-    roles = room.role_names | room.applied_role_names if applied else room.role_names
-    rows = list(
-        session.scalars(
-            select(FrameRow)
-            .where(FrameRow.campaign_id == campaign.id, FrameRow.state != "refused")
-            .where(FrameRow.role.in_(roles))
-        )
-    )
-    rows = [row for row in rows if shared.FRAME_LEFT_OUT not in row.warnings]
+    spec = methods.get_method(campaign.method)
+    roles = spec.role_names | spec.applied_role_names if applied else spec.role_names
+    rows = [
+        row
+        for row in frames or read_frames(session, campaign)
+        if row.role in roles and row.state != "refused" and shared.FRAME_LEFT_OUT not in row.warnings
+    ]
     rows.sort(key=lambda row: (row.filename, row.sha256))
     regions = region_ids(session, campaign, rows)
-    current = _current_extractions(session, campaign, rows, regions)
-    statistics = statistics_of(session, [extraction.id for extraction in current.values()])
+    current = read_extractions(session, campaign, regions)
     names = _names(rows)
     read = [row for row in rows if _is_read(row)]
     reference: Reference = find_reference(session, campaign, read)
     return Evidence(
         frames=[
-            methods.get_method(campaign.method).make_row(
-                _describe_frame(
-                    campaign, row, names[row.id], regions[row.id], current.get(row.id), statistics
-                ),
-            )
+            spec.make_row(_describe_frame(spec, row, names[row.id], regions[row.id], current.get(row.id)))
             for row in read
         ],
         readings=reference.readings,
         names=names,
         hashes={names[row.id]: row.sha256 for row in read},
+        headers={names[row.id]: row.header for row in read if row.header},
         rois={names[row.id]: current[row.id].roi_id for row in read if row.id in current},
         unread=[names[row.id] for row in rows if not _is_read(row)],
-        doubtful=tuple(_doubt(row, names[row.id]) for row in read if shared.IMAGE_PART_EMPTY in row.warnings),
+        doubtful=tuple(
+            Exclusion(frame=names[row.id], reason=row.describe_doubt(), by="stilb")
+            for row in read
+            if shared.IMAGE_PART_EMPTY in row.warnings
+        ),
         references=reference.sources,
     )
 
 
-def _doubt(row: FrameRow, name: str) -> Exclusion:
-    doubt = decode(Proof, row.proof).describe_doubt(decode_header(row.header or {}))
-    return Exclusion(frame=name, reason=doubt, by="stilb")
-
-
-def _is_read(row: FrameRow) -> bool:
+def _is_read(row: FrameColumns) -> bool:
     """Whether a fit can be told of it: a chart may do without an exposure."""
     return row.header is not None and (row.exposure is not None or row.role == "chart")
 
 
-def _names(rows: list[FrameRow]) -> dict[str, str]:
+def _names(rows: list[FrameColumns]) -> dict[str, str]:
     """The file's name, with a piece of its hash where two files share one."""
     shared = Counter(row.filename for row in rows)
     return {
@@ -95,37 +95,18 @@ def _names(rows: list[FrameRow]) -> dict[str, str]:
     }
 
 
-def _current_extractions(
-    session: Session, campaign: Campaign, rows: list[FrameRow], regions: dict[str, str | None]
-) -> dict[str, Extraction]:
-    current: dict[str, Extraction] = {}
-    extractor = extractor_of(campaign)
-    extractions = extractions_of(session, [row.id for row in rows])
-    for row in rows:
-        for extraction in extractions[row.id]:
-            if extraction.roi_id == regions[row.id] and extraction.extractor == extractor:
-                current[row.id] = extraction
-    return current
-
-
 def _describe_frame(
-    campaign: Campaign,
-    row: FrameRow,
-    name: str,
-    roi_id: str | None,
-    extraction: Extraction | None,
-    statistics: dict[str, list[ChannelStatistics]],
+    spec: MethodSpec, row: FrameColumns, name: str, roi_id: str | None, extraction: ExtractionColumns | None
 ) -> FrameEvidence[Any]:
-    room = methods.get_method(campaign.method)
-    features = extraction.features if extraction else None
+    assert row.header is not None  # noqa: S101  it has been read
     return FrameEvidence(
         frame=name,
         role=row.role,
         scene=row.scene,
-        header=decode_header(row.header or {}),
-        exposure=decode_exposure(row.exposure) if row.exposure else None,
-        statistics=tuple(statistics[extraction.id]) if extraction else None,
-        features=decode(room.features, features) if room.features and features else None,
-        has_region=roi_id is not None or room.whole_frame,
-        identified=(row.found or {}).get("serial"),
+        header=row.header,
+        exposure=row.exposure,
+        statistics=extraction.statistics if extraction else None,
+        features=extraction.features if extraction else None,
+        has_region=roi_id is not None or spec.whole_frame,
+        identified=row.found.get("serial"),
     )

@@ -3,13 +3,13 @@
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, Protocol
 
 from pydantic import TypeAdapter
-from sqlalchemy import select
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
@@ -28,6 +28,17 @@ from store.tables.base import Json
 _EARLIEST, _LATEST = timedelta(hours=-14), timedelta(hours=12)
 
 _STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
+
+
+class Sized(Protocol):
+    """A frame, as an entity or in columns."""
+
+    @property
+    def id(self) -> str: ...
+    @property
+    def roi_id(self) -> str | None: ...
+    @property
+    def size_px(self) -> tuple[int, int] | None: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,12 +119,14 @@ def current_roi(session: Session, frame: FrameRow, campaign: Campaign) -> Roi | 
     return session.get_one(Roi, roi_id) if roi_id else None
 
 
-def region_ids(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> dict[str, str | None]:
+def region_ids(session: Session, campaign: Campaign, frames: Iterable["Sized"]) -> dict[str, str | None]:
     """The region that holds for each frame now, by the frame's id; None where there is none yet."""
     ids = {frame.id: frame.roi_id or campaign.roi_id for frame in frames}
     if campaign.roi_id is not None or not methods.get_method(campaign.method).whole_frame:
         return ids
-    keys = {frame.id: whole_frame_of(frame).sha256 for frame in frames if frame.header is not None}
+    sizes = {frame.id: frame.size_px for frame in frames if frame.size_px is not None}
+    hashes = {size: whole_frame(*size).sha256 for size in set(sizes.values())}
+    keys = {frame_id: hashes[size] for frame_id, size in sizes.items()}
     rois = session.execute(
         select(Roi.sha256, Roi.id).where(
             Roi.organisation_id == campaign.organisation_id, Roi.sha256.in_(set(keys.values()))
@@ -125,8 +138,8 @@ def region_ids(session: Session, campaign: Campaign, frames: Sequence[FrameRow])
 
 def whole_frame_of(frame: FrameRow) -> Polygon:
     """The region that is all of a frame that has been read."""
-    header = frame.header or {}
-    return whole_frame(header["width_px"], header["height_px"])
+    assert frame.size_px is not None  # noqa: S101  it has been read
+    return whole_frame(*frame.size_px)
 
 
 def whole_frame(width_px: int, height_px: int) -> Polygon:
@@ -170,7 +183,9 @@ def add_extraction(
     session.flush()
 
 
-def statistics_of(session: Session, extraction_ids: list[str]) -> dict[str, list[ChannelStatistics]]:
+def statistics_of(
+    session: Session, extraction_ids: Collection[str] | Select[Any]
+) -> dict[str, list[ChannelStatistics]]:
     """The statistics of each extraction, channels in alphabetical order."""
     found: dict[str, list[ChannelStatistics]] = defaultdict(list)
     # columns, not entities: a campaign of a thousand frames has thousands of rows

@@ -11,7 +11,8 @@ from sqlalchemy.orm import Session
 from radiometry.frame.multispectral import name_panel
 from radiometry.methods import get_method
 from radiometry.specification.method import MethodSpec
-from store.tables import Campaign, FrameRow, Meter, Panel, Reading
+from store.queries.frame_columns import FrameColumns
+from store.tables import Campaign, Meter, Panel, Reading
 
 _ENGRAVED = ("kind", "make", "model", "serial")
 _CERTIFICATE = ("number", "laboratory", "issued_on", "due_on", "expanded_uncertainty_rel", "coverage_factor")
@@ -25,7 +26,7 @@ class Reference:
     sources: dict[str, list[dict[str, Any]]]
 
 
-def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> Reference:
+def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameColumns]) -> Reference:
     """What the campaign's method measures against; most measure against nothing."""
     spec = get_method(campaign.method)
     if spec.reference == "meter":
@@ -40,7 +41,7 @@ def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameR
     return Reference(readings=[], sources={})
 
 
-def list_measurements(session: Session, campaign: Campaign, frames: Sequence[FrameRow]) -> list[Panel]:
+def list_measurements(session: Session, campaign: Campaign, frames: Sequence[FrameColumns]) -> list[Panel]:
     """Every measurement of the campaign's panel, oldest first; none where it is not known.
 
     The panel is the one that the campaign names, else the one that its files name, else the only one.
@@ -60,10 +61,10 @@ def list_measurements(session: Session, campaign: Campaign, frames: Sequence[Fra
     return found if len({name_panel(panel.serial) for panel in found}) == 1 else []
 
 
-def list_panels(frame: FrameRow) -> list[str]:
+def list_panels(frame: FrameColumns) -> list[str]:
     """The panels that a frame names: as the worker read its code, and as the camera recognised it."""
-    multispectral = (frame.header or {}).get("multispectral") or {}
-    stated = ((frame.found or {}).get("serial"), multispectral.get("panel_serial"))
+    band = frame.header.multispectral if frame.header else None
+    stated = (frame.found.get("serial"), band.panel_serial if band else None)
     return [serial for serial in stated if serial]
 
 

@@ -7,6 +7,7 @@ from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameR
 from store.tables.equipment import Camera, Meter, Panel, Rig
 from store.tables.identity import ApiKey, IdempotentAnswer, Organisation, Usage, WebSession
 from store.tables.job import Job
+from store.tables.kept import CampaignReview, FrameVerdict, Rendering
 from store.tables.measurement import Measurement
 from store.tables.part import PartRow
 from store.tables.ready import MeasuredRow, ReadyAnswer, ReadyRow
@@ -22,12 +23,14 @@ __all__ = [
     "Calibration",
     "Camera",
     "Campaign",
+    "CampaignReview",
     "ChannelRow",
     "ChecklistSignature",
     "ChecklistTick",
     "CoefficientRow",
     "Extraction",
     "FrameRow",
+    "FrameVerdict",
     "IdempotentAnswer",
     "Job",
     "MeasuredRow",
@@ -41,6 +44,7 @@ __all__ = [
     "ReadyAnswer",
     "ReadyRow",
     "Recall",
+    "Rendering",
     "Revocation",
     "Rig",
     "Roi",

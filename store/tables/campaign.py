@@ -140,6 +140,8 @@ class FrameRow(Audited, Base):
         CheckConstraint("(state = 'refused') = (refusal_code IS NOT NULL)", "refused_says_why"),
         CheckConstraint("exposure_time_s > 0 AND f_number > 0 AND iso > 0", "exposure_positive"),
         Index("ix_frame_sha256", "sha256"),
+        Index("ix_frame_campaign_id_id", "campaign_id", "id"),
+        Index("ix_frame_campaign_id_state", "campaign_id", "state"),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("frm"))
@@ -168,6 +170,11 @@ class FrameRow(Audited, Base):
     refusal_detail: Mapped[str | None]
     preview_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+
+    @property
+    def size_px(self) -> tuple[int, int] | None:
+        """Width and height of a frame that has been read."""
+        return (self.header["width_px"], self.header["height_px"]) if self.header else None
 
 
 class Extraction(Audited, Base):

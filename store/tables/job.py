@@ -28,6 +28,7 @@ class Job(Base):
         CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", "running_has_lease"),
         Index("ix_job_state_organisation_id_lane_due_at", "state", "organisation_id", "lane", "due_at"),
         Index("ix_job_organisation_id_id", "organisation_id", "id"),
+        Index("ix_job_organisation_id_state_id", "organisation_id", "state", "id"),
         Index("ix_job_subject_id", "subject_id"),
     )
 

@@ -5,6 +5,7 @@ import pytest
 from store.columns import utc_now
 from store.queries.checklist import BY_ITSELF, read_checklist, read_signature, set_tick, sign
 from store.tables import Campaign
+from store.verdicts import assess
 from tests.support.campaigns import calibrate, upload_campaign
 
 pytestmark = pytest.mark.either_database
@@ -39,7 +40,8 @@ FROM_THE_FRAMES = {
 
 def read(house, campaign):
     with house.database.reading() as session:
-        items = read_checklist(session, session.get_one(Campaign, campaign["id"]))
+        row = session.get_one(Campaign, campaign["id"])
+        items = read_checklist(session, row, assess(session, row).record)
     return {item.key: item for item in items}
 
 

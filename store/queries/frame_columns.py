@@ -1,0 +1,121 @@
+"""A campaign's frames in columns: each is read once, without an entity and without what no judge needs."""
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from sqlalchemy import Text, cast, select
+from sqlalchemy.orm import InstrumentedAttribute, Session
+
+from radiometry import methods
+from radiometry.frame import FrameHeader
+from radiometry.frame.exposure import Exposure
+from radiometry.frame.proof import Proof
+from radiometry.frame.statistics import ChannelStatistics
+from store.codec import decode, read_text
+from store.queries.frames import extractor_of, statistics_of
+from store.tables import Campaign, Extraction, FrameRow
+
+# the exposures of a campaign are few, however many its frames are
+_read_exposure = lru_cache(4096)(lambda text: read_text(Exposure, text))
+_read_list = lru_cache(4096)(lambda text: tuple(json.loads(text)))
+
+
+@dataclass(frozen=True, slots=True)
+class FrameColumns:
+    """What a verdict or a fit asks of a frame's row."""
+
+    warnings: tuple[str, ...]
+    found: dict[str, Any]
+    header: FrameHeader | None
+    exposure: Exposure | None
+    proof: str | None
+    id: str
+    filename: str
+    sha256: str
+    role: str
+    scene: str | None
+    roi_id: str | None
+    state: str
+    refusal_detail: str | None
+
+    @classmethod
+    def of(cls, row: FrameRow) -> "FrameColumns":
+        return cls(
+            tuple(row.warnings),
+            row.found or {},
+            decode(FrameHeader, row.header) if row.header else None,
+            decode(Exposure, row.exposure) if row.exposure else None,
+            json.dumps(row.proof),
+            *(getattr(row, column.key) for column in _PLAIN),
+        )
+
+    @property
+    def size_px(self) -> tuple[int, int] | None:
+        return (self.header.width_px, self.header.height_px) if self.header else None
+
+    def describe_doubt(self) -> str:
+        """Return what is doubtful in the pixels of a frame of which a part is empty."""
+        proof: Proof = read_text(Proof, self.proof)
+        assert self.header is not None  # noqa: S101  its pixels were read
+        return proof.describe_doubt(self.header)
+
+
+_PLAIN: tuple[InstrumentedAttribute[Any], ...] = (
+    *(FrameRow.id, FrameRow.filename, FrameRow.sha256, FrameRow.role, FrameRow.scene, FrameRow.roi_id),
+    *(FrameRow.state, FrameRow.refusal_detail),
+)
+_JSON = (FrameRow.warnings, FrameRow.found, FrameRow.header, FrameRow.exposure, FrameRow.proof)
+
+
+def read_frames(session: Session, campaign: Campaign) -> list[FrameColumns]:
+    """Read all frames of a campaign, in the order in which they came."""
+    rows = session.execute(
+        select(*(cast(column, Text) for column in _JSON), *_PLAIN)
+        .where(FrameRow.campaign_id == campaign.id)
+        .order_by(FrameRow.id)
+    )
+    return [
+        FrameColumns(
+            _read_list(warnings),
+            read_text(dict[str, Any], found) or {},
+            read_text(FrameHeader, header),
+            _read_exposure(exposure),
+            proof,
+            *plain,
+        )
+        for warnings, found, header, exposure, proof, *plain in rows
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class ExtractionColumns:
+    """The extraction of the region that holds for a frame now, with its statistics by channel."""
+
+    roi_id: str
+    features: Any
+    statistics: tuple[ChannelStatistics, ...]
+
+
+def read_extractions(
+    session: Session, campaign: Campaign, regions: dict[str, str | None]
+) -> dict[str, ExtractionColumns]:
+    """Read the extraction of each frame in its region of now, by the frame's id."""
+    features = methods.get_method(campaign.method).features
+    mine = (
+        select(Extraction.id, Extraction.frame_id, Extraction.roi_id, cast(Extraction.features, Text))
+        .join(FrameRow, FrameRow.id == Extraction.frame_id)
+        .where(FrameRow.campaign_id == campaign.id, Extraction.extractor == extractor_of(campaign))
+        .where(Extraction.roi_id.in_({roi_id for roi_id in regions.values() if roi_id}))
+    )
+    statistics = statistics_of(session, mine.with_only_columns(Extraction.id))
+    return {
+        frame_id: ExtractionColumns(
+            roi_id=roi_id,
+            features=read_text(features, text) if features else None,
+            statistics=tuple(statistics[extraction_id]),
+        )
+        for extraction_id, frame_id, roi_id, text in session.execute(mine)
+        if regions.get(frame_id) == roi_id
+    }

@@ -1,0 +1,184 @@
+"""Reviews of campaigns: verdicts, what is missing and what the checklist needs, computed once per revision.
+
+A kept review holds for the very revision, and the very code, that it was computed from. A request that
+finds it stale computes it again, a worker does so as soon as it has no job.
+"""
+
+import hashlib
+import json
+import logging
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Collection, Mapping
+from datetime import datetime, timedelta
+from functools import cache
+from pathlib import Path
+
+from sqlalchemy import CursorResult, delete, insert, or_, select, update
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
+
+from radiometry.findings import Reason
+from radiometry.frame.verdicts import Verdict, conclude
+from radiometry.methods.findings import FINDINGS
+from store.codec import decode, encode
+from store.columns import utc_now
+from store.database import Database, summarise
+from store.queries.checklist import RecordState
+from store.tables import Campaign, CampaignReview, FrameRow, FrameVerdict
+from store.verdicts import Assessment, assess
+
+log = logging.getLogger(__name__)
+
+_CLAIM = timedelta(minutes=2)
+"""Longer than the largest campaign takes; after a lost worker, another one begins then."""
+
+_PAUSE, _LONGEST_PAUSE_S = 4.0, 30.0
+"""A worker rests so many times as long as a review took: frames that keep coming are reviewed in batches."""
+
+
+class Reviews:
+    """The reviews of one database; one thread of a process computes a campaign's, the others wait for it."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._computing: dict[str, threading.Lock] = defaultdict(threading.Lock)
+
+    def find(
+        self, session: Session, campaign_id: str, *, verdicts_of: Collection[str] | None = ()
+    ) -> Assessment:
+        """Return a campaign's review, with the verdicts on these frames; None asks for all of them.
+
+        Ask for frames before their verdicts, never after: the review then knows each of them.
+        """
+        kept = _find_kept(session, campaign_id, verdicts_of)
+        if kept is not None:
+            return kept
+        with self._computing[campaign_id], self._database.reading() as own:
+            return _find_kept(own, campaign_id, verdicts_of) or self._compute(own, campaign_id)
+
+    def renew_next(self) -> bool:
+        """Compute one review that is stale and that no other worker computes; whether there was one."""
+        now = utc_now()
+        free = or_(CampaignReview.not_before.is_(None), CampaignReview.not_before < now)
+        stale = CampaignReview.kept_revision < CampaignReview.revision
+        wanted = select(CampaignReview.campaign_id).where(stale, free).limit(1)
+        with self._database.reading() as session:
+            campaign_id = session.scalar(wanted)
+        if campaign_id is None:
+            return False
+        with self._database.writing("review") as session:
+            mine = (CampaignReview.campaign_id == campaign_id) & stale & free
+            if not _update(session, mine, not_before=now + _CLAIM):
+                return True
+        with self._computing[campaign_id], self._database.reading() as session:
+            self._compute(session, campaign_id)
+        return True
+
+    def _compute(self, session: Session, campaign_id: str) -> Assessment:
+        revision = session.scalars(
+            select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
+        ).one()
+        began = time.monotonic()
+        found = assess(session, session.get_one(Campaign, campaign_id))
+        rest = timedelta(seconds=min(_PAUSE * (time.monotonic() - began), _LONGEST_PAUSE_S))
+        try:
+            with self._database.writing("review") as writing:
+                _keep(writing, campaign_id, revision, found, not_before=utc_now() + rest)
+        except SQLAlchemyError as error:
+            # what was asked for is known, and the next who asks computes it again
+            log.warning("the review of %s is not kept: %s", campaign_id, summarise(error))
+        return found
+
+
+def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] | None) -> Assessment | None:
+    ids = verdicts_of
+    if ids is None:
+        ids = session.scalars(select(FrameRow.id).where(FrameRow.campaign_id == campaign_id)).all()
+    columns = (CampaignReview.missing, CampaignReview.advice, CampaignReview.checklist)
+    fresh = (CampaignReview.kept_revision == CampaignReview.revision) & (
+        CampaignReview.kept_by == hash_code()
+    )
+    row = session.execute(select(*columns).where(CampaignReview.campaign_id == campaign_id, fresh)).first()
+    if row is None:
+        return None
+    missing, advice, checklist = row
+    chosen = FrameVerdict.campaign_id == campaign_id
+    if verdicts_of is not None:
+        chosen = FrameVerdict.frame_id.in_(verdicts_of)
+    reasons = session.execute(select(FrameVerdict.frame_id, FrameVerdict.reasons).where(chosen))
+    return Assessment(
+        missing=missing,
+        advice=advice,
+        record=decode(RecordState, checklist) if checklist else None,
+        verdicts=dict.fromkeys(ids, conclude(()))
+        | {frame_id: _decode_verdict(text) for frame_id, text in reasons},
+    )
+
+
+def _decode_verdict(reasons: str) -> Verdict:
+    return conclude(
+        Reason(code=FINDINGS[code], outcome=outcome, detail=detail)
+        for code, outcome, detail in json.loads(reasons)
+    )
+
+
+def _encode_verdicts(verdicts: Mapping[str, Verdict]) -> dict[str, str]:
+    return {
+        frame_id: json.dumps([[str(each.code), each.outcome, each.detail] for each in verdict.reasons])
+        for frame_id, verdict in verdicts.items()
+        if verdict.reasons
+    }
+
+
+def _keep(
+    session: Session, campaign_id: str, revision: int, found: Assessment, *, not_before: datetime
+) -> None:
+    """Keep what was computed unless the campaign has changed meanwhile; only what differs is written."""
+    mine = (CampaignReview.campaign_id == campaign_id) & (CampaignReview.revision == revision)
+    values = {
+        "kept_revision": revision,
+        "kept_by": hash_code(),
+        "not_before": not_before,
+        "missing": found.missing,
+        "advice": found.advice,
+        "checklist": encode(found.record) if found.record else None,
+    }
+    if not _update(session, mine, **values):
+        _update(session, CampaignReview.campaign_id == campaign_id, not_before=not_before)
+        return
+    rows = session.execute(
+        select(FrameVerdict.frame_id, FrameVerdict.reasons).where(FrameVerdict.campaign_id == campaign_id)
+    )
+    before, now = {row[0]: row[1] for row in rows}, _encode_verdicts(found.verdicts)
+    gone = [frame_id for frame_id, reasons in before.items() if now.get(frame_id) != reasons]
+    new = [
+        {"frame_id": frame_id, "campaign_id": campaign_id, "reasons": reasons}
+        for frame_id, reasons in now.items()
+        if before.get(frame_id) != reasons
+    ]
+    for first in range(0, len(gone), _MOST_AT_ONCE):
+        session.execute(
+            delete(FrameVerdict).where(FrameVerdict.frame_id.in_(gone[first : first + _MOST_AT_ONCE]))
+        )
+    if new:
+        session.execute(insert(FrameVerdict), new)
+
+
+_MOST_AT_ONCE = 5000
+
+
+def _update(session: Session, where: object, **values: object) -> bool:
+    result = session.execute(update(CampaignReview).where(where).values(**values))  # type: ignore[arg-type]
+    assert isinstance(result, CursorResult)  # noqa: S101  narrows the type: an UPDATE has a row count
+    return result.rowcount > 0
+
+
+@cache
+def hash_code() -> str:
+    """Return the hash of the code that judges: a release that judges otherwise keeps no older verdict."""
+    root, sources = Path(__file__).parents[1], hashlib.sha256()
+    for path in sorted([*(root / "radiometry").rglob("*.py"), *(root / "store").rglob("*.py")]):
+        sources.update(path.read_bytes())
+    return sources.hexdigest()[:16]

@@ -1,0 +1,67 @@
+"""The revision of a campaign rises with every change that its review depends on, in the same transaction.
+
+As with the audit trail, no route and no task can forget it: it hangs on the flush. The rows are locked in one
+order and late, just before the audit trail's head.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from sqlalchemy import ColumnElement, insert, or_, select, update
+from sqlalchemy.orm import Session
+
+from store.tables.calibration import Calibration, Revocation
+from store.tables.campaign import Campaign, Extraction, FrameRow, Reading
+from store.tables.equipment import Camera, Meter, Panel
+from store.tables.kept import CampaignReview
+
+_OWN: dict[type, Callable[[Any], str]] = {
+    Campaign: lambda row: row.id,
+    FrameRow: lambda row: row.campaign_id,
+    Reading: lambda row: row.campaign_id,
+    Calibration: lambda row: row.campaign_id,
+}
+
+_SHARED: dict[type, Callable[[Any], ColumnElement[bool]]] = {
+    Extraction: lambda row: Campaign.id.in_(select(FrameRow.campaign_id).where(FrameRow.id == row.frame_id)),
+    Revocation: lambda row: Campaign.id.in_(
+        select(Calibration.campaign_id).where(Calibration.id == row.calibration_id)
+    ),
+    Camera: lambda row: Campaign.camera_id == row.id,
+    Meter: lambda row: Campaign.id.in_(select(Reading.campaign_id).where(Reading.meter_id == row.id)),
+    # a campaign that names no panel takes the one that its organisation has
+    Panel: lambda row: Campaign.organisation_id == row.organisation_id,
+}
+
+
+def note_changes(session: Session, _context: object) -> None:
+    """Note the campaigns that a flush has just changed."""
+    rows = [*session.new, *session.deleted, *(row for row in session.dirty if session.is_modified(row))]
+    own = session.info.setdefault("changed_campaigns", set())
+    own |= {_OWN[type(row)](row) for row in rows if type(row) in _OWN}
+    shared = {(type(row), row) for row in rows if type(row) in _SHARED}
+    session.info.setdefault("changed_of_campaigns", set()).update(shared)
+    new = [{"campaign_id": row.id} for row in session.new if isinstance(row, Campaign)]
+    if new:
+        session.execute(insert(CampaignReview), new)
+
+
+def raise_revisions(session: Session) -> None:
+    """Raise the revision of each campaign that was noted; called before the audit entries are chained."""
+    changed: set[str] = session.info.pop("changed_campaigns", set())
+    where = [_SHARED[kind](row) for kind, row in session.info.pop("changed_of_campaigns", ())]
+    if where:
+        changed |= set(session.scalars(select(Campaign.id).where(or_(*where))))
+    if not changed:
+        return
+    chosen = CampaignReview.campaign_id.in_(changed)
+    if len(changed) > 1:
+        locked = select(CampaignReview.campaign_id).where(chosen).order_by(CampaignReview.campaign_id)
+        session.execute(locked.with_for_update())
+    session.execute(update(CampaignReview).where(chosen).values(revision=CampaignReview.revision + 1))
+
+
+def forget_changes(session: Session) -> None:
+    """Forget what was rolled back."""
+    session.info.pop("changed_campaigns", None)
+    session.info.pop("changed_of_campaigns", None)
