@@ -1,88 +1,126 @@
-"""The text that Prometheus reads."""
+"""What Prometheus reads."""
 
-from collections.abc import Iterator, Mapping
-from itertools import product
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import accumulate, product
+from pathlib import Path
+from threading import Lock
+from time import monotonic
 from typing import get_args
+
+from prometheus_client import Histogram, Metric, generate_latest
+from prometheus_client.core import GaugeMetricFamily, HistogramMetricFamily
+from prometheus_client.registry import Collector
+from sqlalchemy.orm import Session
 
 from service.schemas.frames import State as FrameState
 from service.schemas.jobs import State as JobState
 from store.blobs import Damage
+from store.durations import BOUNDS_S
 from store.jobs import Dependency
-from store.parts import Kind
+from store.parts import Kind, Part
 from store.parts import State as PartState
-from store.queries.resource_counts import ResourceCounts
+from store.queries.resource_counts import QueueCounts, Totals, count_queue, count_totals
 from store.software import read_version
 
-
-def render(counts: ResourceCounts, *, free_bytes: int) -> str:
-    """Every state has its line, also where it counts none: a graph then falls to zero, not to nothing."""
-    return "".join(f"{line}\n" for line in (*_lines(counts), *_of_this_process(free_bytes)))
+_REQUEST_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
 
 
-def _of_this_process(free_bytes: int) -> Iterator[str]:
-    yield from _head("stilb_info", "The version that serves.")
-    yield f'stilb_info{{version="{read_version()}"}} 1'
-    yield from _head("stilb_data_free_bytes", "Room left on the disk of the data folder.")
-    yield f"stilb_data_free_bytes {free_bytes}"
+class Metrics:
+    """The metrics of this process, and what it counted last."""
+
+    def __init__(self) -> None:
+        self.requests = Histogram(
+            "stilb_request_duration_seconds",
+            "Time from a request to the end of its answer.",
+            ("method", "route", "status"),
+            registry=None,
+            buckets=_REQUEST_BOUNDS_S,
+        )
+        self.totals_every_s = 60.0
+        """Every row of a table is counted once in this time, however often the metrics are asked for."""
+        self._totals: tuple[float, Totals] | None = None
+        self._counting = Lock()
+
+    def render(self, session: Session, *, data: Path) -> bytes:
+        queue = count_queue(session)
+        with self._counting:
+            if self._totals is None or monotonic() - self._totals[0] >= self.totals_every_s:
+                self._totals = (monotonic(), count_totals(session))
+            totals = self._totals[1]
+        free_bytes = shutil.disk_usage(data).free
+        return generate_latest(_Collected([*_collect(queue, totals, free_bytes), *self.requests.collect()]))
 
 
-def _lines(counts: ResourceCounts) -> Iterator[str]:
-    yield from _by_state("stilb_jobs", "Jobs by state.", counts.jobs, get_args(JobState))
-    yield from _head(
-        "stilb_oldest_queued_job_age_seconds", "How long the job that waits longest has been due."
+class _Collected(Collector):
+    def __init__(self, metrics: Iterable[Metric]) -> None:
+        self._metrics = metrics
+
+    def collect(self) -> Iterable[Metric]:
+        return self._metrics
+
+
+def _collect(queue: QueueCounts, totals: Totals, free_bytes: int) -> Iterator[Metric]:
+    """Every state has its row, also where it counts none: a graph then falls to zero, not to nothing."""
+    waiting, away = _all(queue.waiting_for, Dependency), _all(queue.workers_without, Dependency)
+    damaged = _all(totals.damaged_files, get_args(Damage))
+    quotas = totals.largest_organisation
+    by_label: tuple[tuple[str, str, str, Mapping[str, float]], ...] = (
+        ("jobs", "Jobs by state.", "state", _all(totals.jobs | queue.jobs, get_args(JobState))),
+        (
+            "jobs_failed",
+            "Failed or quarantined jobs by their error's code.",
+            "code",
+            queue.failures,
+        ),
+        ("jobs_waiting_for", "Queued jobs whose last attempt found this away.", "dependency", waiting),
+        ("workers_without", "Workers that hold jobs back, as this does not serve.", "dependency", away),
+        ("worker_sandbox", "Workers by the level of their decoders' sandbox.", "level", queue.sandboxes),
+        ("frames", "Frames by state.", "state", _all(totals.frames, get_args(FrameState))),
+        ("refusals", "Refused frames by the code of their refusal.", "code", totals.refusals),
+        ("damaged_files", "Files unlike their upload; the same upload heals one.", "state", damaged),
+        ("largest_organisation", "The most that any organisation uses of a quota.", "quota", quotas),
+        ("info", "The version that serves.", "version", {read_version(): 1}),
     )
-    yield f"stilb_oldest_queued_job_age_seconds {counts.oldest_queued_s:.3f}"
-    yield from _head("stilb_jobs_due_later", "Queued jobs whose time to be tried again has not come.")
-    yield f"stilb_jobs_due_later {counts.due_later}"
-    yield from _head("stilb_parts", "Processes by kind and by whether their work goes on.")
+    for name, meaning, label, rows in by_label:
+        family = GaugeMetricFamily(f"stilb_{name}", meaning, labels=(label,))
+        for key, count in rows.items():
+            family.add_metric((key,), count)
+        yield family
+    for name, meaning, value in (
+        (
+            "oldest_queued_job_age_seconds",
+            "How long the longest wait of a due job is.",
+            queue.oldest_queued_s,
+        ),
+        ("jobs_due_later", "Queued jobs whose time to be tried again has not come.", queue.due_later),
+        ("uploads", "Files that were ever received.", sum(totals.frames.values())),
+        ("scrub_age_seconds", "How long ago the file was proven that waits longest.", totals.proof_age_s),
+        ("stored_bytes", "Size of the files of all frames.", totals.stored_bytes),
+        ("versions_published", "Calibration versions in force at some time.", totals.versions_published),
+        ("data_free_bytes", "Room left on the disk of the data folder.", free_bytes),
+    ):
+        yield GaugeMetricFamily(f"stilb_{name}", meaning, value)
+    parts = GaugeMetricFamily("stilb_parts", "Processes by kind and state.", labels=("kind", "state"))
     for kind, state in product(get_args(Kind), get_args(PartState)):
-        yield f'stilb_parts{{kind="{kind}",state="{state}"}} {counts.parts.get((kind, state), 0)}'
-    yield from _head("stilb_jobs_failed", "Jobs that failed or were quarantined, by the code of their error.")
-    for code, count in counts.failures.items():
-        yield f'stilb_jobs_failed{{code="{code}"}} {count}'
-    yield from _head("stilb_jobs_waiting_for", "Queued jobs whose last attempt found this not to serve.")
-    yield from _by_dependency("stilb_jobs_waiting_for", counts.waiting_for)
-    yield from _head("stilb_workers_without", "Workers that hold jobs back, as this does not serve.")
-    yield from _by_dependency("stilb_workers_without", counts.workers_without)
-    yield from _head("stilb_worker_sandbox", "Workers by the level of their decoders' sandbox.")
-    for level, count in counts.sandboxes.items():
-        yield f'stilb_worker_sandbox{{level="{level}"}} {count}'
-    yield from _by_state("stilb_frames", "Frames by state.", counts.frames, get_args(FrameState))
-    yield from _head("stilb_uploads", "Files that were ever received.")
-    yield f"stilb_uploads {sum(counts.frames.values())}"
-    yield from _head("stilb_refusals", "Refused frames by the code of their refusal.")
-    for code, count in counts.refusals.items():
-        yield f'stilb_refusals{{code="{code}"}} {count}'
-    yield from _by_state(
-        "stilb_damaged_files",
-        "Stored files that are not what was uploaded; the same upload heals one.",
-        counts.damaged_files,
-        get_args(Damage),
+        parts.add_metric((kind, state), queue.count_parts(kind, state))
+    yield parts
+    yield _show_durations(queue.parts)
+
+
+def _all(counts: Mapping[str, int], states: Iterable[str]) -> dict[str, int]:
+    return {str(state): counts.get(state, 0) for state in states}
+
+
+def _show_durations(parts: Iterable[Part]) -> Metric:
+    family = HistogramMetricFamily(
+        "stilb_job_duration_seconds",
+        "Time that a worker took for a job, by process since its start.",
+        labels=("kind", "part"),
     )
-    yield from _head(
-        "stilb_scrub_age_seconds", "How long ago the stored file was proven whose proof is the oldest."
-    )
-    yield f"stilb_scrub_age_seconds {counts.proof_age_s:.0f}"
-    yield from _head("stilb_stored_bytes", "Size of the files of all frames.")
-    yield f"stilb_stored_bytes {counts.stored_bytes}"
-    yield from _head("stilb_largest_organisation", "The most that any one organisation uses of a quota.")
-    for quota, used in counts.largest_organisation.items():
-        yield f'stilb_largest_organisation{{quota="{quota}"}} {used}'
-    yield from _head("stilb_versions_published", "Calibration versions in force at some time.")
-    yield f"stilb_versions_published {counts.versions_published}"
-
-
-def _head(name: str, meaning: str) -> Iterator[str]:
-    yield f"# HELP {name} {meaning}"
-    yield f"# TYPE {name} gauge"
-
-
-def _by_dependency(name: str, counts: Mapping[str, int]) -> Iterator[str]:
-    for dependency in Dependency:
-        yield f'{name}{{dependency="{dependency}"}} {counts.get(dependency, 0)}'
-
-
-def _by_state(name: str, meaning: str, counts: Mapping[str, int], states: tuple[str, ...]) -> Iterator[str]:
-    yield from _head(name, meaning)
-    for state in states:
-        yield f'{name}{{state="{state}"}} {counts.get(state, 0)}'
+    bounds = [*map(str, BOUNDS_S), "+Inf"]
+    for part in parts:
+        for kind, (*counts, sum_s) in part.details.get("job_seconds", {}).items():
+            buckets = list(zip(bounds, accumulate(counts), strict=True))
+            family.add_metric((kind, part.id), buckets, sum_s)
+    return family

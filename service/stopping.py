@@ -4,6 +4,7 @@ import asyncio
 import signal
 import socket
 from contextlib import suppress
+from time import monotonic
 from types import FrameType
 
 import uvicorn
@@ -12,6 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
 from service import problems
+from service.metrics import Metrics
 from service.problems import Problem
 from service.waiting import JobWatch
 
@@ -38,6 +40,7 @@ class Traffic:
         self.stopping = False
         self.closed = False
         """Nothing more is begun."""
+        self.metrics = Metrics()
         self._open: set[_Exchange] = set()
         self._empty = asyncio.Event()
         self._empty.set()
@@ -60,12 +63,16 @@ class Traffic:
         exchange = _Exchange(self, scope, receive, send)
         self._open.add(exchange)
         self._empty.clear()
+        began = monotonic()
         try:
             await app(scope, receive, exchange.send)
         except asyncio.CancelledError:
             if not exchange.is_cut:
                 raise
         finally:
+            # an address that no route has is not a label: whoever asks could make as many as they like
+            route = getattr(scope.get("route"), "path", "none")
+            self.metrics.requests.labels(scope["method"], route, exchange.status).observe(monotonic() - began)
             self._open.discard(exchange)
             if not self._open:
                 self._empty.set()
@@ -82,6 +89,7 @@ class _Exchange:
         self._send = send
         self._task = asyncio.current_task()
         self._answering = False
+        self.status = 0
         self.is_cut = False
         self.ended = asyncio.Event()
         self.ended.set()
@@ -90,7 +98,7 @@ class _Exchange:
         if self.is_cut:
             return
         if message["type"] == "http.response.start":
-            self._answering = True
+            self._answering, self.status = True, message["status"]
             if self._traffic.stopping:
                 # Whoever keeps this connection would find it closed under its next request.
                 MutableHeaders(scope=message)["Connection"] = "close"

@@ -98,7 +98,13 @@ def main() -> int:
     except DecoderUnavailable as error:
         log.error("%s No job is done", error)  # noqa: TRY400  expected: no traceback
         return NO_DECODER_EXIT
-    presence = Presence(context.database, "worker", threads=settings.worker_threads, decoder_sandbox=sandbox)
+    presence = Presence(
+        context.database,
+        "worker",
+        threads=settings.worker_threads,
+        decoder_sandbox=sandbox,
+        job_seconds=context.durations.found,
+    )
     threads = build_threads(settings, context, presence)
     stop = Stop(threads, context.leases, presence, grace_s=settings.stop_grace_s)
     stop.heed_signals()

@@ -5,6 +5,7 @@ from functools import cached_property
 
 from store.blobs import Blobs
 from store.database import Database
+from store.durations import Durations
 from store.files import Files
 from store.reviews import Reviews
 from store.settings import Settings
@@ -21,6 +22,10 @@ class Context:
     decoders: DecoderPool
     leases: Leases
     needs: Needs
+
+    @cached_property
+    def durations(self) -> Durations:
+        return Durations()
 
     @cached_property
     def reviews(self) -> Reviews:

@@ -46,6 +46,7 @@ def claim_next(context: Context, turn: Turn) -> Claim | None:
 
 def run(context: Context, claim: Claim) -> None:
     """Do a job and end it, unless another worker holds it by then."""
+    began = time.monotonic()
     with context.leases.hold(claim):
         ending = _work(context, claim)
         try:
@@ -60,6 +61,8 @@ def run(context: Context, claim: Claim) -> None:
             log.warning("%s is another worker's now; what was computed here is dropped", claim.job_id)
         except DATABASE_AWAY as fault:
             log.warning("%s is not ended, its lease will run out: %s", claim.job_id, first_line(fault))
+        else:
+            context.durations.observe(claim.kind, time.monotonic() - began)
 
 
 def problem(code: str, detail: str) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """Whether the service lives and can serve."""
 
-import shutil
 from typing import Any, Literal
 
 from fastapi import APIRouter, Response
@@ -8,13 +7,11 @@ from fastapi.responses import PlainTextResponse
 from pydantic import Field
 
 from service.context import UsesContext
-from service.metrics import render
 from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Answer
 from service.stopping import stopping
 from store.parts import Part
-from store.queries.resource_counts import count_resources
 
 router = APIRouter(tags=["system"])
 
@@ -86,8 +83,10 @@ async def get_readyz(context: UsesContext) -> Response:
     },
 )
 def get_metrics(context: UsesContext) -> PlainTextResponse:
-    """Jobs, frames and versions, counted for Prometheus; the version; the room on the disk."""
-    free_bytes = shutil.disk_usage(context.settings.data).free
+    """Jobs, frames and versions, counted for Prometheus, durations, the version and the room on the disk.
+
+    What is under way is counted each time, all rows of a table at most once a minute.
+    """
     with context.database.reading() as session:
-        text = render(count_resources(session), free_bytes=free_bytes)
+        text = context.traffic.metrics.render(session, data=context.settings.data)
     return PlainTextResponse(text, media_type="text/plain; version=0.0.4")

@@ -9,13 +9,18 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 from store.columns import utc_now
 from store.files import count_damaged, find_proof_age_s
 from store.jobs import GIVEN_UP, oldest_wait_s
-from store.parts import list_parts
+from store.parts import Part, list_parts
 from store.tables import FrameRow, Job, Publication, Usage
+
+_UNDER_WAY = ("queued", "running", *GIVEN_UP)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResourceCounts:
+class QueueCounts:
+    """What is under way, by its indexes."""
+
     jobs: dict[str, int]
+    """By state, but those that succeeded."""
     oldest_queued_s: float
     due_later: int
     """Queued jobs that are not due yet: they are tried again later, or the clock was set back."""
@@ -23,12 +28,31 @@ class ResourceCounts:
     """Jobs that failed or were quarantined, by the code of their error."""
     waiting_for: dict[str, int]
     """Queued jobs whose last attempt found something away, by what that was."""
-    workers_without: dict[str, int]
-    """Workers that begin no job which needs a dependency, as it does not serve, by the dependency."""
-    parts: dict[tuple[str, str], int]
-    """Processes by kind and state."""
-    sandboxes: dict[str, int]
-    """Workers at work, by the level of their decoders' sandbox."""
+    parts: list[Part]
+
+    def count_parts(self, kind: str, state: str) -> int:
+        return sum((part.kind, part.state) == (kind, state) for part in self.parts)
+
+    @property
+    def workers_without(self) -> dict[str, int]:
+        """Workers that begin no job which needs a dependency, as it does not serve, by the dependency."""
+        return Counter(each for part in self._working() for each in part.details.get("away", {}))
+
+    @property
+    def sandboxes(self) -> dict[str, int]:
+        """Workers at work, by the level of their decoders' sandbox."""
+        said = (part.details.get("decoder_sandbox") for part in self._working())
+        return Counter(sandbox["level"] for sandbox in said if sandbox)
+
+    def _working(self) -> list[Part]:
+        return [part for part in self.parts if part.state == "working"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Totals:
+    """What there is of everything, over all organisations: whole tables are counted."""
+
+    jobs: dict[str, int]
     frames: dict[str, int]
     refusals: dict[str, int]
     """Refused frames by the code of their refusal."""
@@ -42,12 +66,22 @@ class ResourceCounts:
     """The most that any one organisation uses, to be held against the quotas; not which."""
 
 
-def count_resources(session: Session) -> ResourceCounts:
-    """Jobs and frames by state, and the versions that are in force at some time, over all organisations."""
+def count_queue(session: Session) -> QueueCounts:
+    due_later = select(func.count()).select_from(Job).where(Job.state == "queued", Job.due_at > utc_now())
+    return QueueCounts(
+        jobs=dict.fromkeys(_UNDER_WAY, 0) | _count_by(session, Job.state, Job.state.in_(_UNDER_WAY)),
+        oldest_queued_s=oldest_wait_s(session),
+        due_later=session.scalar(due_later) or 0,
+        failures=_count_by(session, Job.error["code"].as_string(), Job.state.in_(GIVEN_UP)),
+        waiting_for=_count_by(session, Job.waits_for, Job.state == "queued"),
+        parts=list_parts(session),
+    )
+
+
+def count_totals(session: Session) -> Totals:
     in_force = select(func.count(Publication.calibration_id.distinct())).where(
         Publication.known_to.is_(None), Publication.superseded_by.is_(None)
     )
-    due_later = select(func.count()).select_from(Job).where(Job.state == "queued", Job.due_at > utc_now())
     stored_bytes, most_bytes, most_frames = session.execute(
         select(
             func.coalesce(func.sum(Usage.stored_bytes), 0),
@@ -55,24 +89,8 @@ def count_resources(session: Session) -> ResourceCounts:
             func.coalesce(func.max(Usage.frames), 0),
         )
     ).one()
-    return ResourceCounts(
+    return Totals(
         jobs=_count_by(session, Job.state),
-        oldest_queued_s=oldest_wait_s(session),
-        due_later=session.scalar(due_later) or 0,
-        parts=Counter((part.kind, part.state) for part in list_parts(session)),
-        failures=_count_by(session, Job.error["code"].as_string(), Job.state.in_(GIVEN_UP)),
-        waiting_for=_count_by(session, Job.waits_for, Job.state == "queued"),
-        workers_without=Counter(
-            each
-            for part in list_parts(session)
-            if part.state == "working"
-            for each in part.details.get("away", {})
-        ),
-        sandboxes=Counter(
-            part.details["decoder_sandbox"]["level"]
-            for part in list_parts(session)
-            if part.state == "working" and "decoder_sandbox" in part.details
-        ),
         frames=_count_by(session, FrameRow.state),
         refusals=_count_by(session, FrameRow.refusal_code),
         versions_published=session.scalar(in_force) or 0,

@@ -8,6 +8,8 @@ from sqlalchemy.orm import Mapped, mapped_column
 from store.columns import UtcDateTime, new_id, utc_now
 from store.tables.base import Base, Json
 
+KINDS = ("extract", "fit", "measure")
+
 
 class Job(Base):
     """One unit of work for a worker.
@@ -20,7 +22,7 @@ class Job(Base):
 
     __tablename__ = "job"
     __table_args__ = (
-        CheckConstraint("kind IN ('extract', 'fit', 'measure')", "kind_known"),
+        CheckConstraint(f"kind IN {KINDS}", "kind_known"),
         CheckConstraint(
             "state IN ('queued', 'running', 'succeeded', 'failed', 'quarantined')", "state_known"
         ),

@@ -6,6 +6,7 @@ from datetime import timedelta
 
 import pytest
 import yaml
+from prometheus_client.parser import text_string_to_metric_families
 from sqlalchemy import update
 
 from store import jobs
@@ -23,44 +24,44 @@ def test_metrics_count_what_the_database_holds(house):
     campaign = house.campaign()
     house.upload(campaign, b"no raw file", role="light")
     lines = house.http.get("/metrics").text.splitlines()
-    assert 'stilb_jobs{state="queued"} 1' in lines
-    assert 'stilb_frames{state="received"} 1' in lines
+    assert 'stilb_jobs{state="queued"} 1.0' in lines
+    assert 'stilb_frames{state="received"} 1.0' in lines
     age = next(line for line in lines if line.startswith("stilb_oldest_queued_job_age_seconds "))
     assert float(age.split()[1]) > 0
-    assert "stilb_jobs_due_later 0" in lines
+    assert "stilb_jobs_due_later 0.0" in lines
     with house.database.writing("test") as session:
         later = utc_now() + timedelta(hours=1)
         session.execute(update(Job).values(due_at=later))
     lines = house.http.get("/metrics").text.splitlines()
-    assert "stilb_jobs_due_later 1" in lines
-    assert "stilb_oldest_queued_job_age_seconds 0.000" in lines
+    assert "stilb_jobs_due_later 1.0" in lines
+    assert "stilb_oldest_queued_job_age_seconds 0.0" in lines
     with house.database.writing("test") as session:
         mend_times(session, lease_s=30.0, jumped=False)
-    assert "stilb_jobs_due_later 0" in house.http.get("/metrics").text.splitlines()
+    assert "stilb_jobs_due_later 0.0" in house.http.get("/metrics").text.splitlines()
     house.work()
     lines = house.http.get("/metrics").text.splitlines()
-    assert 'stilb_jobs{state="failed"} 1' in lines
-    assert 'stilb_frames{state="refused"} 1' in lines
-    assert 'stilb_refusals{code="not_a_raw_file"} 1' in lines
-    assert "stilb_uploads 1" in lines
-    assert "stilb_oldest_queued_job_age_seconds 0.000" in lines
-    assert "stilb_versions_published 0" in lines
+    assert 'stilb_jobs{state="failed"} 1.0' in lines
+    assert 'stilb_frames{state="refused"} 1.0' in lines
+    assert 'stilb_refusals{code="not_a_raw_file"} 1.0' in lines
+    assert "stilb_uploads 1.0" in lines
+    assert "stilb_oldest_queued_job_age_seconds 0.0" in lines
+    assert "stilb_versions_published 0.0" in lines
 
 
 def test_metrics_tell_who_works_and_who_hangs(house):
     Presence(house.database, "worker").beat()
     Presence(house.database, "worker").beat(worked_s_ago=60.0)
     lines = house.http.get("/metrics").text.splitlines()
-    assert 'stilb_parts{kind="worker",state="working"} 1' in lines
-    assert 'stilb_parts{kind="worker",state="hung"} 1' in lines
-    assert 'stilb_parts{kind="sweeper",state="working"} 0' in lines
+    assert 'stilb_parts{kind="worker",state="working"} 1.0' in lines
+    assert 'stilb_parts{kind="worker",state="hung"} 1.0' in lines
+    assert 'stilb_parts{kind="sweeper",state="working"} 0.0' in lines
 
 
 def test_metrics_tell_the_version_and_the_room_on_the_disk(house):
     lines = house.http.get("/metrics").text.splitlines()
-    assert f'stilb_info{{version="{read_version()}"}} 1' in lines
+    assert f'stilb_info{{version="{read_version()}"}} 1.0' in lines
     (free,) = [line for line in lines if line.startswith("stilb_data_free_bytes ")]
-    assert int(free.split()[1]) == pytest.approx(shutil.disk_usage(house.folder).free, rel=0.2)
+    assert float(free.split()[1]) == pytest.approx(shutil.disk_usage(house.folder).free, rel=0.2)
 
 
 def test_metrics_tell_why_jobs_were_given_up_and_what_others_wait_for(house):
@@ -77,11 +78,11 @@ def test_metrics_tell_why_jobs_were_given_up_and_what_others_wait_for(house):
                 jobs.retry_later(session, claim, waits_for=Dependency.BLOBS)
     Presence(house.database, "worker", away={"blobs": "2026-05-01T00:00:00+00:00"}).beat()
     lines = house.http.get("/metrics").text.splitlines()
-    assert 'stilb_jobs_failed{code="worker_lost"} 1' in lines
-    assert 'stilb_jobs_waiting_for{dependency="blobs"} 1' in lines
-    assert 'stilb_jobs_waiting_for{dependency="decoder"} 0' in lines
-    assert 'stilb_workers_without{dependency="blobs"} 1' in lines
-    assert 'stilb_workers_without{dependency="database"} 0' in lines
+    assert 'stilb_jobs_failed{code="worker_lost"} 1.0' in lines
+    assert 'stilb_jobs_waiting_for{dependency="blobs"} 1.0' in lines
+    assert 'stilb_jobs_waiting_for{dependency="decoder"} 0.0' in lines
+    assert 'stilb_workers_without{dependency="blobs"} 1.0' in lines
+    assert 'stilb_workers_without{dependency="database"} 0.0' in lines
 
 
 def test_every_alert_rests_on_what_the_metrics_tell(house):
@@ -101,6 +102,56 @@ def test_every_alert_rests_on_what_the_metrics_tell(house):
 
 def test_the_level_of_the_decoders_sandbox_is_told(house):
     Presence(house.database, "worker", decoder_sandbox={"level": "seccomp only", "seccomp": True}).beat()
-    assert 'stilb_worker_sandbox{level="seccomp only"} 1' in house.http.get("/metrics").text.splitlines()
+    assert 'stilb_worker_sandbox{level="seccomp only"} 1.0' in house.http.get("/metrics").text.splitlines()
     parts = house.http.get("/readyz").json()["parts"]
     assert parts[0]["details"]["decoder_sandbox"]["level"] == "seccomp only"
+
+
+def read_samples(house, name):
+    families = text_string_to_metric_families(house.http.get("/metrics").text)
+    return {
+        (sample.name.removeprefix(name), *sample.labels.values()): sample.value
+        for family in families
+        if family.name == name
+        for sample in family.samples
+    }
+
+
+def test_requests_are_timed_by_route_not_by_address(house):
+    camera = house.camera()["id"]
+    house.get(f"/v1/cameras/{camera}")
+    house.get(f"/v1/cameras/{camera}")
+    house.get("/v1/cameras/cam_none", status=404)
+    house.http.get("/nowhere")
+    name = "stilb_request_duration_seconds"
+    samples = read_samples(house, name)
+    assert samples["_count", "GET", "/v1/cameras/{camera_id}", "200"] == 2
+    assert samples["_count", "GET", "/v1/cameras/{camera_id}", "404"] == 1
+    assert samples["_count", "GET", "none", "404"] == 1
+    assert samples["_sum", "GET", "/v1/cameras/{camera_id}", "200"] > 0
+
+
+def test_jobs_are_timed_by_kind_and_worker(house):
+    campaign = house.campaign()
+    house.upload(campaign, b"no raw file", role="light")
+    house.work()
+    Presence(house.database, "worker", job_seconds=house.worker.durations.found).beat()
+    samples = read_samples(house, "stilb_job_duration_seconds")
+    (part,) = {key[2] for key in samples if key[:2] == ("_count", "extract")}
+    assert samples["_count", "extract", part] == samples["_bucket", "extract", "+Inf", part] == 1
+    assert samples["_bucket", "extract", "1800.0", part] == 1
+    assert samples["_sum", "extract", part] > 0
+    assert samples["_count", "fit", part] == 0
+
+
+def test_whole_tables_are_counted_once_a_minute(house):
+    metrics = house.app.state.context.traffic.metrics
+    metrics.totals_every_s = 60.0
+    house.http.get("/metrics")
+    campaign = house.campaign()
+    house.upload(campaign, b"no raw file", role="light")
+    lines = house.http.get("/metrics").text.splitlines()
+    assert "stilb_uploads 0.0" in lines
+    assert 'stilb_jobs{state="queued"} 1.0' in lines
+    metrics.totals_every_s = 0.0
+    assert "stilb_uploads 1.0" in house.http.get("/metrics").text.splitlines()

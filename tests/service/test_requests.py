@@ -157,7 +157,7 @@ def test_an_unexpected_fault_is_a_problem_that_tells_nothing(house, monkeypatch)
     def fail(*_):
         raise RuntimeError("secret details")
 
-    monkeypatch.setattr("service.routes.system.count_resources", fail)
+    monkeypatch.setattr("service.metrics.count_queue", fail)
     with house.with_key("any") as client:
         answer = client.get("/metrics")
     assert (answer.status_code, answer.json()["code"]) == (500, "internal_error")

@@ -65,6 +65,7 @@ class House:
             traffic=Traffic(),
             health=Health(self.database, self.blobs),
         )
+        context.traffic.metrics.totals_every_s = 0.0
         self.app = _idle_apps.pop() if _idle_apps else build_app(context)
         self.app.state.context = context
         self._stack.callback(_idle_apps.append, self.app)
