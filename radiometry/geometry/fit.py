@@ -69,18 +69,7 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Return the coefficients as dashboards show them.
-
-    Parameters
-    ----------
-    fit : Fit
-        Result of the fit.
-
-    Returns
-    -------
-    tuple of CoefficientValue
-        Coefficients with unit and uncertainty.
-    """
+    """Return the coefficients as dashboards show them."""
     listed: list[tuple[str, Coefficient | Quantity, str | None, int | None]] = [
         (each.name, each, None, fit.degrees_of_freedom if each.standard_uncertainty else None)
         for each in fit.coefficients

@@ -68,20 +68,6 @@ def extract(
 ) -> Extracted[Features]:
     """Find the corners of the board in a window of a frame.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    regions : sequence of Region
-        Regions of the frame.
-    header : FrameHeader
-        Header of the frame.
-    exposure : Exposure or None
-        Exposure settings of the frame; part of the interface of all methods and not
-        used here.
-    target : Target
-        Board to find.
-
     Returns
     -------
     Extracted[Features]
@@ -107,10 +93,5 @@ def judge(
         Evidence of the campaign's frames.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    dict of str to Verdict
-        Verdict by name.
     """
     return judge_frames(frames, rows)

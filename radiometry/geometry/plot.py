@@ -12,11 +12,6 @@ def draw(result: Node) -> str:
     """Return the SVG of a stored geometry result; the swath is twice the standard uncertainty.
 
     Hollow marks were left out.
-
-    Parameters
-    ----------
-    result : Node
-        Stored result.
     """
     parts = [*_draw_curve(result["curve"]), *_draw_coverage(result), *_draw_views(result)]
     colours = result.get("lateral_colour") or []

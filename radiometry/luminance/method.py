@@ -90,13 +90,6 @@ _MOST_NAMES = 3
 def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
     """Compute the statistics of a region, one row per channel.
 
-    Parameters
-    ----------
-    frame : Frame
-        Window that contains the region's window.
-    polygon : Polygon
-        Region.
-
     Raises
     ------
     InputRejected
@@ -111,11 +104,6 @@ def extract(frame: Frame, polygon: Polygon) -> tuple[ChannelStatistics, ...]:
 
 def make_row(evidence: FrameEvidence[None]) -> FrameRow:
     """Convert the evidence of a frame to the row that the fit uses.
-
-    Parameters
-    ----------
-    evidence : FrameEvidence[None]
-        One frame of the campaign.
 
     Raises
     ------
@@ -144,17 +132,6 @@ def missing(
 ) -> tuple[str, ...]:
     """List by name what the fit still lacks.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Meter readings.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of frames that are not read yet.
-
     Returns
     -------
     tuple of str
@@ -171,15 +148,6 @@ def missing(
 
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
     """Fit K for every ISO value of a campaign.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Meter readings.
-    params : Params
-        Parameters of the fit.
 
     Returns
     -------
@@ -250,18 +218,7 @@ def _judge_spectrum(params: Params) -> SpectralQuality | None:
 
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
-    """List K of every ISO value, K of each of its f-numbers, then the dark signals, by rising ISO value.
-
-    Parameters
-    ----------
-    fitted : Fit
-        Result of the fit.
-
-    Returns
-    -------
-    tuple of CoefficientValue
-        Coefficients with the flags that apply to them.
-    """
+    """List K of every ISO value, K of each of its f-numbers, then the dark signals, by rising ISO value."""
     where: dict[str, list[str]] = {raised.where: [] for raised in fitted.flags}
     for raised in fitted.flags:
         where[raised.where].append(raised.flag)

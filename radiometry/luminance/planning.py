@@ -37,15 +37,6 @@ _FLICKER = 0.01
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
     """List by name what to add while the lamp is still in place.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Meter readings.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     tuple of str

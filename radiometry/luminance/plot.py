@@ -15,11 +15,6 @@ _X = "X = t S L / f²  [cd s/m²]"
 def draw(result: dict[str, Any]) -> str:
     """Draw a stored luminance result as SVG.
 
-    Parameters
-    ----------
-    result : dict of str to Any
-        Stored result of the fit.
-
     Returns
     -------
     str

@@ -27,22 +27,6 @@ def judge(
 ) -> dict[str, Verdict]:
     """Judge each frame of a campaign.
 
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        All frames of the campaign.
-    rows : sequence of FrameRow
-        Those of them that a fit would use.
-    readings : sequence of Reading
-        Meter readings.
-    params : Params
-        Parameters of the fit.
-
-    Returns
-    -------
-    dict of str to Verdict
-        Verdict by name of the frame.
-
     Notes
     -----
     Light frames are judged by dark frames without an elevated dark signal, so that

@@ -69,23 +69,6 @@ def extract(
 ) -> Extracted[Features]:
     """Read a square of raw samples of every channel.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    regions : sequence of Region
-        Regions of the frame; without a drawn region this is the whole frame.
-    header : FrameHeader
-        Header of the frame.
-    exposure : Exposure or None
-        Exposure settings; part of the interface of all methods, without effect on the
-        samples.
-
-    Returns
-    -------
-    Extracted[Features]
-        Statistics of the frame, and the blocks.
-
     Raises
     ------
     InputRejected
@@ -97,18 +80,6 @@ def extract(
 
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Evaluate every channel at every ISO value of a campaign.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
-    Returns
-    -------
-    Fit
-        Coefficients, points and flags.
 
     Raises
     ------
@@ -148,18 +119,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Return the coefficients of every ISO value and channel, those that exist.
-
-    Parameters
-    ----------
-    fit : Fit
-        Result of the fit.
-
-    Returns
-    -------
-    tuple of CoefficientValue
-        Coefficients with unit and uncertainty.
-    """
+    """Return the coefficients of every ISO value and channel, those that exist."""
     return tuple(
         CoefficientValue(
             name=name,

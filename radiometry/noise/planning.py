@@ -18,13 +18,6 @@ GOOD_STACK = 16
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     """List, by name, what to add while the lamp is still set up.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     tuple of str

@@ -10,13 +10,7 @@ Node = dict[str, Any]
 
 
 def draw(result: Node) -> str:
-    """Return the SVG of a stored noise result; levels outside the photon transfer are hollow.
-
-    Parameters
-    ----------
-    result : Node
-        Stored result.
-    """
+    """Return the SVG of a stored noise result; levels outside the photon transfer are hollow."""
     isos = sorted({fit["iso"] for fit in result["channel_fits"]})
     parts: list[str] = []
     for row, iso in enumerate(isos):

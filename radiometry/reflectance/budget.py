@@ -21,18 +21,7 @@ class BudgetLine(BudgetEntry):
 
 
 def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
-    """Return the budget of each band.
-
-    Parameters
-    ----------
-    fitted : Fit
-        Result of the fit.
-
-    Returns
-    -------
-    tuple of Budget
-        One budget per band.
-    """
+    """Return the budget of each band."""
     return tuple(
         Budget(
             holds_for={"band": fit.coefficient.band},

@@ -108,22 +108,6 @@ def extract(
 ) -> Extracted[Features]:
     """Compute the statistics and the signal of a region of one band.
 
-    Parameters
-    ----------
-    frame : Frame
-        Window that contains the region's window.
-    regions : sequence of Region
-        Regions of the frame, of which the first is used.
-    header : FrameHeader
-        Metadata of the frame.
-    exposure : Exposure or None
-        Exposure of the frame.
-
-    Returns
-    -------
-    Extracted[Features]
-        Statistics and features.
-
     Raises
     ------
     ValueError
@@ -137,13 +121,6 @@ def extract(
 
 def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
     """Find the panel in a whole frame of one band: as the camera states it, else by its code.
-
-    Parameters
-    ----------
-    frame : Frame
-        Whole frame.
-    header : FrameHeader
-        Metadata of the frame.
 
     Returns
     -------
@@ -170,15 +147,6 @@ def take_region(
 ) -> tuple[Polygon, float] | None:
     """Find the panel where another band of the same capture has found it.
 
-    Parameters
-    ----------
-    frame, other : Frame
-        Whole frames of this band and of the other one.
-    header, other_header : FrameHeader
-        Their metadata.
-    region : Polygon
-        Region on the panel in the other band.
-
     Returns
     -------
     tuple[Polygon, float] or None
@@ -191,11 +159,6 @@ def take_region(
 
 def make_row(evidence: FrameEvidence[Features]) -> FrameRow:
     """Convert the evidence of a frame to the row that the fit uses.
-
-    Parameters
-    ----------
-    evidence : FrameEvidence[Features]
-        One frame of the campaign.
 
     Raises
     ------
@@ -220,17 +183,6 @@ def missing(
 ) -> tuple[str, ...]:
     """List by name what the fit still lacks.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Reflectances of the panel.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of frames that are not read yet.
-
     Returns
     -------
     tuple of str
@@ -247,15 +199,6 @@ def missing(
 
 def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> Fit:
     """Fit K for every band of a campaign's panel frames.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Reflectances of the panel.
-    params : Params
-        Parameters of the fit.
 
     Returns
     -------
@@ -308,18 +251,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
 
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
-    """List K of every band, by rising wavelength where the files state it.
-
-    Parameters
-    ----------
-    fitted : Fit
-        Result of the fit.
-
-    Returns
-    -------
-    tuple of CoefficientValue
-        Coefficients with the flags that apply to them.
-    """
+    """List K of every band, by rising wavelength where the files state it."""
     coefficients = (each.coefficient for each in fitted.band_fits)
     return tuple(
         CoefficientValue(
@@ -345,11 +277,6 @@ def _flags_of(fitted: Fit, band: str) -> tuple[str, ...]:
 
 def configure(fitted: Fit) -> dict[str, Any]:
     """Return the sunshine sensor that the fit holds with: K belongs to the pair.
-
-    Parameters
-    ----------
-    fitted : Fit
-        Result of the fit.
 
     Returns
     -------

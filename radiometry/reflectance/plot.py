@@ -14,11 +14,6 @@ _ONE_MOMENT_S = 1.0
 def draw(result: Node) -> str:
     """Draw a stored reflectance result as SVG.
 
-    Parameters
-    ----------
-    result : Node
-        Stored result of the fit.
-
     Returns
     -------
     str

@@ -24,17 +24,6 @@ def judge(
 ) -> dict[str, Verdict]:
     """Judge each frame of a campaign.
 
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        All frames of the campaign.
-    rows : sequence of FrameRow
-        Those of them that a fit would use.
-    readings : sequence of Reading
-        Reflectances of the panel.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     dict of str to Verdict
@@ -94,17 +83,7 @@ def _inspect_sunshine(row: FrameRow, params: Params) -> list[Reason]:
 
 
 def plan(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[str, ...]:
-    """List by name what would improve the fit.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Frames of the campaign.
-    readings : sequence of Reading
-        Reflectances of the panel.
-    params : Params
-        Parameters of the fit.
-    """
+    """List by name what would improve the fit."""
     candidates = [each for each in collect_candidates(rows, readings, params) if not each.left_out]
     advice: list[str] = []
     shown = {row.header.multispectral.band for row in rows if row.header.multispectral is not None}

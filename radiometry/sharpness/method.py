@@ -69,20 +69,6 @@ def extract(
 ) -> Extracted[Features]:
     """Measure every region of a frame in every channel.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame, or a window of it that contains all regions.
-    regions : sequence of Region
-        Regions of the frame.
-    header : FrameHeader
-        Header of the frame.
-    exposure : Exposure or None
-        Exposure settings of the frame; part of the interface of all methods and not
-        used here.
-    target : Target
-        Photographed target.
-
     Returns
     -------
     Extracted[Features]
@@ -102,18 +88,6 @@ def extract(
 
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Merge the frames of every position, and compare the positions.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
-    Returns
-    -------
-    Fit
-        Results of all positions, falloff, points and flags.
 
     Raises
     ------
@@ -189,11 +163,6 @@ def _fit_spots(
 
 def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
     """Return every coefficient of every position, then the falloff to the corners.
-
-    Parameters
-    ----------
-    fitted : Fit
-        Result of the fit.
 
     Returns
     -------

@@ -12,13 +12,7 @@ _FIGURES = ("mtf50_cycles_per_pixel", "resolving_power_cycles_per_pixel")
 
 
 def draw(result: Node) -> str:
-    """Return the SVG of a stored sharpness result; swaths and bars are twice the standard uncertainty.
-
-    Parameters
-    ----------
-    result : Node
-        Stored result.
-    """
+    """Return the SVG of a stored sharpness result; swaths and bars are twice the standard uncertainty."""
     if result.get("blooming"):
         return _draw_blooming(result["blooming"])
     channels = list(dict.fromkeys(each["channel"] for each in result["positions"]))

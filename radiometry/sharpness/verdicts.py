@@ -30,11 +30,6 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
     params : Params
         Parameters of the fit.
 
-    Returns
-    -------
-    dict of str to Verdict
-        Verdict by name.
-
     Notes
     -----
     Reasons, each of them a warning: `chart_unusable` if some channel of some region has no response;
@@ -74,13 +69,6 @@ def _find_blurred(repeats: Sequence[Candidate], params: Params) -> list[tuple[st
 
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     """List, by name, what would make the fit good.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
 
     Returns
     -------

@@ -174,8 +174,8 @@ class MethodSpec:
         ``(header, *, exposure) -> sequence of Raised``, what the method finds in a frame's metadata when it
         is read; `frame_left_out` if it has no use for it. Raises InputRejected if the frame cannot be used.
     extract : callable
-        ``(frame, regions, *, header, exposure, target) -> Extracted``. ``exposure`` is None only for a
-        frame of a chart whose file has none. Raises InputRejected.
+        ``(frame, regions, *, header, exposure, target) -> Extracted``. ``frame`` contains the regions'
+        window. ``exposure`` is None only for a frame of a chart whose file has none. Raises InputRejected.
     find_region : callable
         ``(frame, *, header) -> found or None``.
     take_region : callable

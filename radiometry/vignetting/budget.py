@@ -24,11 +24,6 @@ class BudgetLine(BudgetEntry):
 def list_budgets(fitted: Fit) -> tuple[Budget, ...]:
     """Return the budget of the corner falloff of each f-number and channel.
 
-    Parameters
-    ----------
-    fitted : Fit
-        Result of the fit.
-
     Returns
     -------
     tuple of Budget

@@ -95,23 +95,6 @@ def extract(
 ) -> Extracted[Features]:
     """Compute the averages of a flat or dark frame over blocks.
 
-    Parameters
-    ----------
-    frame : Frame
-        Frame to measure.
-    regions : sequence of Region
-        Regions of the frame; without a drawn region this is the whole frame.
-    header : FrameHeader
-        Header of the frame.
-    exposure : Exposure or None
-        Exposure settings; part of the interface of all methods, without effect on the
-        blocks.
-
-    Returns
-    -------
-    Extracted[Features]
-        Statistics of the frame, and the blocks.
-
     Raises
     ------
     InputRejected
@@ -123,18 +106,6 @@ def extract(
 
 def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     """Fit the falloff of every f-number and channel of a campaign's flat frames.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
-    Returns
-    -------
-    Fit
-        Falloffs, points and flags.
 
     Raises
     ------
@@ -208,18 +179,7 @@ def _find_turns(candidates: Sequence[Candidate], params: Params) -> dict[str, fl
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
-    """Return k1, k2, k3, the centre and the corner's falloff, per f-number and channel.
-
-    Parameters
-    ----------
-    fit : Fit
-        Result of the fit.
-
-    Returns
-    -------
-    tuple of CoefficientValue
-        Coefficients with unit and uncertainty.
-    """
+    """Return k1, k2, k3, the centre and the corner's falloff, per f-number and channel."""
     return tuple(
         CoefficientValue(
             name=name,

@@ -25,13 +25,6 @@ UNSEEN_GRADIENT_REL = 0.01
 def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     """List, by name, what to add while the target is still set up.
 
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     tuple of str

@@ -21,13 +21,7 @@ _BELOW, _ABOVE = (0, 90, 181), (220, 50, 32)
 
 
 def draw(result: Node) -> str:
-    """Return the SVG of a stored vignetting result; swaths and bars are twice the standard uncertainty.
-
-    Parameters
-    ----------
-    result : Node
-        Stored result.
-    """
+    """Return the SVG of a stored vignetting result; swaths and bars are twice the standard uncertainty."""
     fits = result["channel_fits"]
     shown = _choose_channel(fits)
     mine = [fit for fit in fits if fit["coefficient"]["channel"] == shown]

@@ -32,11 +32,6 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
         Those of the frames that a fit would use.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    dict of str to Verdict
-        Verdict by name.
     """
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     for candidate in collect_candidates(rows, params):
