@@ -276,7 +276,7 @@ class Multispectral:
     irradiance : SunshineIrradiance or None, default: None
         Reading of a light sensor.
     exposed_at_us : int or None, default: None
-        Time of the exposure on the clock of the sunshine records [us].
+        Time of the exposure since the camera's start [us]: the clock of a Sequoia's sunshine records.
     panel_serial, panel_albedo : str or float, or None, default: None
         Serial number and albedo of a panel that the camera itself recognised.
     panel_region : tuple of tuple[float, float] or None, default: None

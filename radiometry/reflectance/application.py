@@ -17,11 +17,12 @@ from radiometry.reflectance.clock import read_clock_s
 from radiometry.reflectance.evaluation import KAtTime, evaluate_k
 from radiometry.reflectance.features import Features
 from radiometry.reflectance.fit import find_scale
+from radiometry.reflectance.gains import Gain
 from radiometry.reflectance.imaging import compute_signal, require_band
 from radiometry.reflectance.levelling import measure_light
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, require_flat_angle
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
-from radiometry.reflectance.sunshine import Sunshine
+from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, Sunshine
 
 _SAME_SCALE_REL = 0.01
 _SAME_ANGLE_DEG = 0.05
@@ -113,7 +114,7 @@ def find_scale_of_frame(
     -----
     With K at the frame's time; I_ss is left out with a panel-only K::
 
-        R = K I_sq / (I_ss cos(theta))        u_rel^2 = u_K^2 + sunshine^2 + tilt^2 + gain^2
+        R = K I_sq / (I_ss cos(theta))        u_rel^2 = u_K^2 + drift^2 + sunshine^2 + tilt^2 + gain^2
 
     The error of a gain is in K and in I_ss alike: with the same gain index in both
     it cancels, otherwise both count.
@@ -128,15 +129,20 @@ def find_scale_of_frame(
         flags.append(codes.INCIDENCE_ANGLE_DIFFERS.at("", detail))
     sunshine = None
     if coefficient.normalisation == "sunshine":
-        sunshine = measure_light(header, choice=coefficient.sunshine_choice, params=coefficient.tilt)
+        value, u_rel = coefficient.channel_ratio, coefficient.channel_ratio_u_rel or 0.0
+        sunshine = measure_light(
+            header,
+            choice=coefficient.sunshine_choice,
+            params=coefficient.tilt,
+            ratio=None if value is None else Gain(value=value, u_rel=u_rel),
+        )
         flags += sunshine.flags
     else:
         detail = "Its light was not compared with this frame's."
         flags.append(codes.PANEL_ONLY.at("", detail))
     k = evaluate_k(coefficient, at_s=read_clock_s(header))
-    if k.outside:
-        detail = "The frame's time is not between two panel captures."
-        flags.append(codes.OUTSIDE_PANEL_TIMES.at("", detail))
+    if k.outside_s != 0.0:
+        flags.append(codes.OUTSIDE_PANEL_TIMES.at("", _describe_outside(k)))
     sources = _list_sources(coefficient, k, sunshine)
     cosine = math.cos(math.radians(angle_deg))
     i_ss = sunshine.i_ss if sunshine else None
@@ -302,15 +308,29 @@ def compute_map(frame: Frame, *, header: FrameHeader, exposure: Exposure, scale:
 def _list_sources(
     coefficient: Coefficient, k: KAtTime, sunshine: Sunshine | None
 ) -> tuple[tuple[str, float], ...]:
+    sources = (("K", k.u_rel), ("drift", k.drift_u_rel))
     if sunshine is None:
-        return (("K", k.u_rel),)
+        return sources
     same_gain = len(coefficient.gain_indices) <= 1 and coefficient.gain_indices == sunshine.gain_indices
     gain = 0.0 if same_gain else math.hypot(coefficient.gain_u_rel, sunshine.gain_u_rel)
+    readings = sunshine.standard_uncertainty / sunshine.i_ss
+    if sunshine.is_single and coefficient.reading_u_rel is not None:
+        readings = math.sqrt(readings**2 - SINGLE_READING_U_REL**2 + coefficient.reading_u_rel**2)
     return (
-        ("K", k.u_rel),
-        ("sunshine readings", sunshine.standard_uncertainty / sunshine.i_ss),
+        *sources,
+        ("sunshine readings", readings),
         ("sunshine tilt", sunshine.level_u_rel),
         ("sunshine gain", gain),
+    )
+
+
+def _describe_outside(k: KAtTime) -> str:
+    if k.outside_s is None:
+        return "The time of the frame or of a panel capture is not known: the mean K was used."
+    side = "before the first" if k.outside_s < 0.0 else "after the last"
+    return (
+        f"{abs(k.outside_s) / 60.0:.0f} min {side} panel capture: its K was used, with "
+        f"{k.drift_u_rel:.1%} for drift since."
     )
 
 

@@ -9,6 +9,14 @@ SUNSHINE_READINGS_LEFT_OUT = flag(
     "`detail` counts them by reason.",
     *("calibration", "measurement"),
 )
+SUNSHINE_SECOND_CHANNEL = flag(
+    "sunshine_second_channel",
+    "No reading of the sunshine sensor's channel 0 is valid, mostly because all are saturated: channel 1 "
+    "took its place.",
+    "Take the panel in the light of the flight: its frames then show how the two channels compare. By the "
+    "gain table alone that is uncertain by 35 %, unless the panel was read in channel 1 too.",
+    *("calibration", "measurement"),
+)
 SUNSHINE_GAIN_ASSUMED = flag(
     "sunshine_gain_assumed",
     "The sunshine records state no gain and no integration time: index 1 and 100 ms were assumed.",
@@ -23,8 +31,10 @@ SUNSHINE_GAIN_TABLE_MISSING = flag(
 )
 SUNSHINE_SINGLE_READING = flag(
     "sunshine_single_reading",
-    "There is one sunshine reading, whose scatter is not known: 2 % was assumed.",
-    "This is always so with a light sensor of MicaSense; otherwise use the mean of several readings.",
+    "There is one sunshine reading, whose scatter is not known: 2.5 % was assumed, unless several frames of "
+    "a panel visit show it.",
+    "This is always so with a light sensor of MicaSense: take three or more captures at each panel visit. "
+    "Otherwise use the mean of several readings.",
     *("calibration", "measurement"),
 )
 SUNSHINE_TIME_UNKNOWN = flag(
@@ -125,12 +135,21 @@ PANEL_NOT_IDENTIFIED = flag(
 PANEL_DRIFT = flag(
     "panel_drift",
     "K differs by more than 3 % between the first and the last panel capture.",
-    "Check for haze, a tilted sensor or a dirty panel; use `interpolation: linear` if the change was slow.",
+    "Check for haze, a tilted sensor or a dirty panel. K follows the line between the captures; a frame far "
+    "from both is less certain.",
 )
 PANEL_ONCE = flag(
     "panel_once",
-    "The panel was taken at one time only: drift during the flight is not known, and not in the uncertainty.",
+    "The panel was taken at one time only: drift during the flight is not known. An assumed one is in the "
+    "uncertainty.",
     "Take the panel before and after the flight.",
+)
+PANEL_TIMES_DOUBTFUL = flag(
+    "panel_times_doubtful",
+    "The times of the panel captures cannot all be right, or do not belong to one flight; `detail` names the "
+    "reason. Where they contradict each other K is the mean of the captures, with their whole difference in "
+    "the uncertainty.",
+    "Set the camera's clock, or wait for its GPS fix, before the first panel capture; fit each day alone.",
 )
 PANEL_ONLY = flag(
     "panel_only",
@@ -173,8 +192,8 @@ SUNSHINE_UNUSABLE = reason(
 # of a measurement
 OUTSIDE_PANEL_TIMES = flag(
     "outside_panel_times",
-    "The frame was not taken between two panel captures, or its time is not known: K of the nearest, or the "
-    "mean, was used.",
+    "The frame was not taken between two panel captures, or a time is not known: K of the nearest, or the "
+    "mean, was used. The line `drift` of the uncertainty grows with the time to the nearest.",
     "Take the panel before and after the flight.",
     "measurement",
 )

@@ -1,12 +1,14 @@
 """Flags of panel frames, of their sunshine readings and of a fitted band."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from radiometry.findings import Raised, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
 from radiometry.reflectance.clock import has_set_clock, read_clock
+from radiometry.reflectance.evaluation import HALF_HOUR_S, interpolate
 from radiometry.reflectance.imaging import describe_kind, find_black_dn, inspect_band
 from radiometry.reflectance.panel import OLD_DAYS, list_named
 from radiometry.reflectance.points import MOST_SATURATED_SHARE, Candidate, sunshine_flags
@@ -157,8 +159,23 @@ def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
         detail = "State it with the panel."
         raised.append(codes.PANEL_UNCERTAINTY_MISSING.at(where, detail))
     if fit.drift_rel is None:
-        raised.append(codes.PANEL_ONCE.at(where, "Visits to the panel: 1."))
+        raised.append(codes.PANEL_ONCE.at(where, _foresee(fit)))
     elif abs(fit.drift_rel) > LARGEST_DRIFT_REL:
         detail = f"{fit.drift_rel:+.1%} from the first to the last of {fit.visits} visits."
         raised.append(codes.PANEL_DRIFT.at(where, detail))
     return raised
+
+
+def _foresee(fit: BandFit) -> str:
+    """State what drift costs half an hour after the only visit, and what it would after a second one."""
+    knot, coefficient = fit.coefficient.knots[0], fit.coefficient
+    rel = coefficient.drift_half_hour_rel or 0.0
+    knots = [replace(knot, at_s=at_s) for at_s in (0.0, HALF_HOUR_S)]
+    alone, between = (
+        interpolate(each, at_s=at_s, follow=True, drift_rel=rel).drift_u_rel
+        for each, at_s in ((knots[:1], HALF_HOUR_S), (knots, HALF_HOUR_S / 2.0))
+    )
+    return (
+        f"Visits to the panel: 1. Half an hour from it {alone:.1%} of K are assumed for drift; with a second "
+        f"visit then it would be {between:.1%} in between, if K had not changed."
+    )

@@ -1,50 +1,27 @@
 """K of one band from its panel frames, with its budget, before and after the flight."""
 
+import itertools
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Literal
 
 from radiometry.fitting.curve import coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.frame.multispectral import Multispectral, RadianceModel, SensorModel
 from radiometry.reflectance.clock import locate_sun_of
-from radiometry.reflectance.evaluation import evaluate_k
+from radiometry.reflectance.evaluation import HALF_HOUR_S, evaluate_k, interpolate
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.points import Candidate
 from radiometry.reflectance.results import BandFit, Coefficient, Knot, Point
 from radiometry.reflectance.rows import Normalisation, Params
+from radiometry.reflectance.sunshine import compare_channels
+from radiometry.reflectance.visits import Estimate, PanelFrame, Visit, judge_visit, pool_drift, pool_readings
 
 # Beyond this zenith angle the light of a panel is mostly the sky's.
 _STEEPEST_DEG = 80.0
 # A difference that may lie anywhere between two visits, as a rectangular distribution.
 _RECTANGLE = 1.0 / math.sqrt(12.0)
-
-
-@dataclass(frozen=True)
-class _Frame:
-    """K of one panel frame, and its errors that no other frame shares."""
-
-    candidate: Candidate
-    k: float
-    noise_u_rel: float
-    sunshine_u_rel: float
-    level_u_rel: float
-
-
-@dataclass(frozen=True)
-class _Own:
-    """Errors that panel captures do not share, as relative variances of K, with degrees of freedom."""
-
-    noise: float
-    sunshine: float
-    level: float
-    repeat: float
-    dof: float
-
-    @property
-    def total(self) -> float:
-        return self.noise + self.sunshine + self.level + self.repeat
 
 
 def compute_k(*, reflectance: float, incidence_angle_deg: float, i_sq: float, i_ss: float | None) -> float:
@@ -74,20 +51,15 @@ def compute_k(*, reflectance: float, incidence_angle_deg: float, i_sq: float, i_
     return lit * (1.0 if i_ss is None else i_ss) / i_sq
 
 
-def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
-    """Fit K of one band.
+def fit_bands(used: Sequence[Candidate], params: Params) -> dict[str, BandFit]:
+    """Fit K of every band.
 
     Parameters
     ----------
     used : sequence of Candidate
-        Panel frames in the order of time, at least one.
+        Panel frames in the order of band and time, at least one.
     params : Params
         Parameters of the fit.
-
-    Returns
-    -------
-    BandFit
-        Coefficient with its budget.
 
     Notes
     -----
@@ -102,37 +74,72 @@ def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
                   theta is the sun's zenith angle where none is stated
         evenness  gradient across the region / sqrt(12)
         gain      of the sunshine sensor's gain indices, which all frames share
-        drift     |K_last - K_first| / (K sqrt(12)) of a constant K; K(t) follows it
+        drift     of `evaluate_k` in the middle of the longest time between two captures, or half
+                  an hour after a single one
         tilt      of the sunshine sensor's attitude and the diffuse fraction, alike in a capture
         repeat    by how much the frames of a capture scatter beyond their noise
+
+    Readings and drift are estimated from all bands together (`pool_readings`, `pool_drift`).
     """
-    frames = [_measure(candidate, params) for candidate in used]
-    visits = [
-        [frame for frame in frames if frame.candidate.visit == number]
-        for number in sorted({frame.candidate.visit for frame in frames})
-    ]
-    owns = [_judge_visit(visit) for visit in visits]
-    knots = tuple(_knot(visit, own) for visit, own in zip(visits, owns, strict=True))
+    bands = {
+        band: [each for each in used if each.band.band == band]
+        for band in sorted({each.band.band for each in used})
+    }
+    frames = {
+        band: [
+            [_measure(each, params) for each in found if each.visit == number]
+            for number in sorted({each.visit for each in found})
+        ]
+        for band, found in bands.items()
+    }
+    reading = pool_readings([visit for visits in frames.values() for visit in visits])
+    visits = {band: [judge_visit(each, reading) for each in found] for band, found in frames.items()}
+    drift = pool_drift(list(visits.values()), assumed_rel=params.drift_half_hour_rel)
+    return {
+        band: _fit_band(found, visits[band], params, reading=reading, drift=drift)
+        for band, found in bands.items()
+    }
+
+
+def _fit_band(
+    used: Sequence[Candidate],
+    visits: Sequence[Visit],
+    params: Params,
+    *,
+    reading: Estimate,
+    drift: Estimate,
+) -> BandFit:
+    knots = tuple(visit.knot for visit in visits)
     k = statistics.fmean(knot.reflectance_k for knot in knots)
-    drift_rel = (knots[-1].reflectance_k - knots[0].reflectance_k) / k if len(knots) > 1 else None
-    count = len(owns) ** 2
+    change_rel = (knots[-1].reflectance_k - knots[0].reflectance_k) / k
+    count = len(visits) ** 2
     panels = [each.panel for each in used if each.panel]
-    sources = {
+    constant_u_rel = _RECTANGLE * abs(change_rel) if params.interpolation == "constant" else 0.0
+    midway = interpolate(
+        knots, at_s=_choose_moment(knots), follow=params.interpolation == "linear", drift_rel=drift.rel
+    )
+    sources: dict[str, tuple[Literal["A", "B"], float]] = {
         "panel reflectance": ("B", max(p.standard_uncertainty / p.reflectance for p in panels)),
         "panel angle": ("B", _angle_u_rel(used, params)),
-        "panel evenness": (
-            "B",
-            _RECTANGLE * statistics.fmean(f.candidate.features.gradient_rel for f in frames),
-        ),
+        "panel evenness": ("B", _RECTANGLE * statistics.fmean(c.features.gradient_rel for c in used)),
         "sunshine gain": ("B", max((c.sunshine.gain_u_rel for c in used if c.sunshine), default=0.0)),
-        "drift": ("B", _RECTANGLE * abs(drift_rel or 0.0) if params.interpolation == "constant" else 0.0),
-        "pixel noise": ("A", math.sqrt(sum(own.noise for own in owns) / count)),
-        "sunshine readings": ("A", math.sqrt(sum(own.sunshine for own in owns) / count)),
-        "sunshine tilt": ("B", math.sqrt(sum(own.level for own in owns) / count)),
-        "repeat of the panel": ("A", math.sqrt(sum(own.repeat for own in owns) / count)),
+        "drift": ("B", math.hypot(midway.drift_u_rel, constant_u_rel)),
+        "pixel noise": ("A", math.sqrt(sum(visit.noise for visit in visits) / count)),
+        "sunshine readings": ("A", math.sqrt(sum(visit.sunshine for visit in visits) / count)),
+        "sunshine tilt": ("B", math.sqrt(sum(visit.level for visit in visits) / count)),
+        "repeat of the panel": ("A", math.sqrt(sum(visit.repeat for visit in visits) / count)),
     }
+    # Welch and Satterthwaite: what was not estimated has no end of freedom
+    restless = math.fsum(visit.restless for visit in visits) / count**2 + midway.drift_u_rel**4 / drift.dof
     coefficient = _build(
-        used, params, knots, k=k, sources={name: u for name, (_, u) in sources.items()}, owns=owns
+        used,
+        params,
+        knots,
+        k=k,
+        sources={name: u for name, (_, u) in sources.items()},
+        restless=restless,
+        drift=(constant_u_rel, drift.rel),
+        reading_u_rel=reading.rel if any(c.sunshine and c.sunshine.is_single for c in used) else None,
     )
     total = math.fsum(u**2 for _, u in sources.values())
     return BandFit(
@@ -142,11 +149,20 @@ def fit_band(used: Sequence[Candidate], params: Params) -> BandFit:
             for name, (kind, u) in sources.items()
         ),
         visits=len(visits),
-        drift_rel=drift_rel,
+        drift_rel=change_rel if len(knots) > 1 else None,
     )
 
 
-def _measure(candidate: Candidate, params: Params) -> _Frame:
+def _choose_moment(knots: Sequence[Knot]) -> float | None:
+    """Return the moment for which the budget holds: K is least known in the middle of the longest gap."""
+    times = [knot.at_s for knot in knots if knot.at_s is not None]
+    if len(times) < len(knots):
+        return None
+    gaps = [(b - a, (a + b) / 2.0) for a, b in itertools.pairwise(times)]
+    return max(gaps)[1] if gaps else times[0] + HALF_HOUR_S
+
+
+def _measure(candidate: Candidate, params: Params) -> PanelFrame:
     features, sunshine, panel = candidate.features, candidate.sunshine, candidate.panel
     assert panel is not None  # noqa: S101  frames without one are left out
     k = compute_k(
@@ -155,37 +171,12 @@ def _measure(candidate: Candidate, params: Params) -> _Frame:
         i_sq=features.i_sq,
         i_ss=sunshine.i_ss if sunshine else None,
     )
-    return _Frame(
+    return PanelFrame(
         candidate=candidate,
         k=k,
         noise_u_rel=features.i_sq_standard_uncertainty / features.i_sq,
         sunshine_u_rel=sunshine.standard_uncertainty / sunshine.i_ss if sunshine else 0.0,
         level_u_rel=sunshine.level_u_rel if sunshine else 0.0,
-    )
-
-
-def _judge_visit(visit: Sequence[_Frame]) -> _Own:
-    """Compare the predicted scatter of the frames with the observed one; the larger of the two counts."""
-    n = len(visit)
-    noise = sum(frame.noise_u_rel**2 for frame in visit) / n**2
-    sunshine = sum(frame.sunshine_u_rel**2 for frame in visit) / n**2
-    scatter = 0.0
-    if n > 1:
-        values = [frame.k for frame in visit]
-        scatter = (statistics.stdev(values) / statistics.fmean(values)) ** 2 / n
-    repeat = max(0.0, scatter - noise - sunshine)
-    level = statistics.fmean(frame.level_u_rel for frame in visit) ** 2
-    return _Own(
-        noise=noise, sunshine=sunshine, level=level, repeat=repeat, dof=n - 1.0 if repeat > 0.0 else math.inf
-    )
-
-
-def _knot(visit: Sequence[_Frame], own: _Own) -> Knot:
-    times = [frame.candidate.at_s for frame in visit if frame.candidate.at_s is not None]
-    return Knot(
-        at_s=statistics.fmean(times) if times else None,
-        reflectance_k=statistics.fmean(frame.k for frame in visit),
-        u_rel=math.sqrt(own.total),
     )
 
 
@@ -203,15 +194,16 @@ def _build(
     *,
     k: float,
     sources: dict[str, float],
-    owns: Sequence[_Own],
+    restless: float,
+    drift: tuple[float, float],
+    reading_u_rel: float | None,
 ) -> Coefficient:
     first, panels = used[0], [each.panel for each in used if each.panel]
     panel = panels[0]  # frames without one are left out
     u_rel = math.hypot(*sources.values())
-    # Welch and Satterthwaite: what is not a visit's scatter has no end of freedom
-    restless = math.fsum((own.total / len(owns) ** 2) ** 2 / own.dof for own in owns)
     factor = coverage_factor(u_rel**4 / restless if restless > 0.0 else math.inf)
     sunshine = [candidate.sunshine for candidate in used if candidate.sunshine]
+    ratio = compare_channels(candidate.band for candidate in used) if sunshine else None
     return Coefficient(
         band=first.band.band,
         reflectance_k=k,
@@ -235,7 +227,11 @@ def _build(
             *(sources[name] for name in ("panel reflectance", "panel angle", "panel evenness"))
         ),
         gain_u_rel=sources["sunshine gain"],
-        drift_u_rel=sources["drift"],
+        drift_u_rel=drift[0],
+        drift_half_hour_rel=drift[1],
+        reading_u_rel=reading_u_rel,
+        channel_ratio=ratio.value if ratio else None,
+        channel_ratio_u_rel=ratio.u_rel if ratio else None,
         gain_indices=tuple(sorted({index for each in sunshine for index in each.gain_indices})),
         sensor_model_scale=find_scale(first.band),
         i_sq_range=_range([candidate.features.i_sq for candidate in used]),

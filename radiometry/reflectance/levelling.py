@@ -10,6 +10,7 @@ from radiometry.frame.light import SunshineIrradiance, SunshineRecord
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
 from radiometry.reflectance.clock import find_tilt, locate_sun_of
+from radiometry.reflectance.gains import Gain
 from radiometry.reflectance.sun import SunPosition
 from radiometry.reflectance.sunshine import Choice, Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import (
@@ -29,7 +30,12 @@ ASSUMED_SUN = SunPosition(elevation_deg=45.0, azimuth_deg=0.0)
 
 
 def measure_light(
-    header: FrameHeader, *, choice: Choice = "mean", params: TiltParams | None = None, where: str = ""
+    header: FrameHeader,
+    *,
+    choice: Choice = "mean",
+    params: TiltParams | None = None,
+    ratio: Gain | None = None,
+    where: str = "",
 ) -> Sunshine:
     """Compute the irradiance on a level surface at the time of a frame.
 
@@ -42,6 +48,8 @@ def measure_light(
     params : TiltParams or None, default: None
         Assumptions of the correction; None leaves the readings as the sensor was
         oriented.
+    ratio : Gain or None, default: None
+        CH0 / CH1 of a Sequoia's sensor, for a saturated channel 0.
     where : str, default: ""
         What the flags name.
 
@@ -74,13 +82,13 @@ def measure_light(
     if params is not None and not (band.irradiance is not None and band.irradiance.quantity != "spectral"):
         try:
             levelled = find_tilt(header, assumed)
-            found = measure_sunshine(band, choice=choice, tilt=levelled, where=where)
+            found = measure_sunshine(band, choice=choice, tilt=levelled, ratio=ratio, where=where)
         except InputRejected as rejected:
             if rejected.code != codes.TILT_NOT_CORRECTABLE:
                 raise
             levelled, reason = None, rejected.message
     if levelled is None:
-        found = measure_sunshine(band, choice=choice, where=where)
+        found = measure_sunshine(band, choice=choice, ratio=ratio, where=where)
     # of a lower sun the assumed share of direct light no longer holds
     sun = replace(sun, elevation_deg=max(sun.elevation_deg, LOWEST_SUN_DEG)) if sun else ASSUMED_SUN
     tilt = levelled or Tilt(sun=sun, params=assumed)

@@ -28,7 +28,7 @@ from radiometry.reflectance.application import (
 from radiometry.reflectance.application import apply_features as apply
 from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.findings import check_candidates, check_fit, check_frame, review_frame
-from radiometry.reflectance.fit import describe_point, fit_band
+from radiometry.reflectance.fit import describe_point, fit_bands
 from radiometry.reflectance.imaging import find_black_dn
 from radiometry.reflectance.indices import (
     BandMap,
@@ -60,6 +60,7 @@ from radiometry.reflectance.rows import FrameRow, Params, Reading
 from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import TiltParams
 from radiometry.reflectance.verdicts import judge, plan
+from radiometry.reflectance.visits import settle_times
 
 __all__ = [
     "AppliedReflectance",
@@ -205,10 +206,10 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     Fit
         Coefficients, points and flags. Per band: `panel_uneven`,
         `panel_uncertainty_missing`, `panel_from_file`, `panel_old`, `panel_drift`,
-        `panel_once`, `panel_only`. Of all: `panel_not_identified`. Per frame:
-        `panel_saturated`, `sunshine_*` of `measure_sunshine`, `sensor_model_scale`,
-        `black_level_disagrees`, `serial_unknown`, `sunshine_serial_unknown`. Per
-        capture: `band_missing`.
+        `panel_once`, `panel_only`. Of all: `panel_not_identified`, `panel_times_doubtful`.
+        Per frame: `panel_saturated`, `sunshine_*` of `measure_sunshine`,
+        `sensor_model_scale`, `black_level_disagrees`, `serial_unknown`,
+        `sunshine_serial_unknown`. Per capture: `band_missing`.
 
     Raises
     ------
@@ -234,11 +235,9 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         raise _explain(candidates)
     _require_one_pair(used, params)
     require_one_panel((each.row for each in used), readings)
-    fits = {
-        band: fit_band([each for each in used if each.band.band == band], params)
-        for band in sorted({each.band.band for each in used})
-    }
-    flags: list[Raised] = [*check_candidates(candidates)]
+    used, doubts = settle_times(used)
+    fits = fit_bands(used, params)
+    flags: list[Raised] = [*check_candidates(candidates), *doubts]
     for band, band_fit in fits.items():
         flags += check_fit(band_fit, [each for each in used if each.band.band == band])
     if params.normalisation == "panel_only":

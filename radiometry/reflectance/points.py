@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from radiometry.findings import Finding, InputRejected, Raised
@@ -10,10 +10,11 @@ from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
 from radiometry.reflectance.clock import read_clock, read_clock_s
 from radiometry.reflectance.features import Features
+from radiometry.reflectance.gains import Gain
 from radiometry.reflectance.levelling import measure_light
 from radiometry.reflectance.panel import PanelValue, choose_readings, find_value, list_contradictions
 from radiometry.reflectance.rows import FrameRow, Params, Reading
-from radiometry.reflectance.sunshine import Sunshine
+from radiometry.reflectance.sunshine import Sunshine, compare_channels
 
 PANEL = "panel"
 MOST_SATURATED_SHARE = 0.001
@@ -176,26 +177,41 @@ def collect_candidates(
     reasons = {exclusion.frame: f"{exclusion.reason} ({exclusion.by})" for exclusion in params.exclude}
     panels = [row for row in rows if row.role == PANEL and row.header.multispectral is not None]
     visits = _count_visits(panels)
+    bands = [row.header.multispectral for row in panels if row.header.multispectral is not None]
+    ratios = {name: compare_channels(b for b in bands if b.band == name) for name in {b.band for b in bands}}
     found = [
-        _judge(row, readings, params, visit=visits[row.frame], excluded=reasons.get(row.frame, ""))
+        _judge(
+            row,
+            readings,
+            params,
+            visit=visits[row.frame],
+            excluded=reasons.get(row.frame, ""),
+            ratios=ratios,
+        )
         for row in panels
     ]
     return tuple(sorted(found, key=lambda each: (each.band.band, each.at_s or 0.0, each.row.frame)))
 
 
 def _count_visits(panels: Sequence[FrameRow]) -> dict[str, int]:
-    """Number the panel captures; frames without a time belong to the first."""
+    """Number the panel captures; a frame without a time belongs to the only one, else to none (0)."""
     times = {row.frame: read_clock_s(row.header) for row in panels}
     known = sorted(at for at in times.values() if at is not None)
     starts = [after for before, after in itertools.pairwise(known) if after - before > VISIT_GAP_S]
     return {
-        frame: 1 + (sum(at >= start for start in starts) if at is not None else 0)
+        frame: 1 + sum(at >= start for start in starts) if at is not None else int(not starts)
         for frame, at in times.items()
     }
 
 
 def _judge(
-    row: FrameRow, readings: Sequence[Reading], params: Params, *, visit: int, excluded: str
+    row: FrameRow,
+    readings: Sequence[Reading],
+    params: Params,
+    *,
+    visit: int,
+    excluded: str,
+    ratios: Mapping[str, Gain | None],
 ) -> Candidate:
     band = row.header.multispectral
     assert band is not None  # noqa: S101  the caller chose rows with one
@@ -204,12 +220,15 @@ def _judge(
     left_out, code = (excluded, None) if excluded else _inspect(row)
     if not left_out and panel is None:
         left_out = NO_REFLECTANCE
+    if not left_out and not visit:
+        left_out = "its time is not known, and the panel was visited more than once"
     if not left_out and params.normalisation == "sunshine":
         try:
             sunshine = measure_light(
                 row.header,
                 choice=params.sunshine_choice,
                 params=params.levelling,
+                ratio=ratios[band.band],
                 where=f"frame {row.frame}",
             )
         except InputRejected as rejected:

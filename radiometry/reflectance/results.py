@@ -25,11 +25,14 @@ class Knot:
     u_rel : float
         Relative standard uncertainty that this capture does not share with others:
         noise, sunshine scatter and tilt.
+    half_span_s : float or None
+        Time from the mean to the frame furthest from it [s].
     """
 
     at_s: float | None
     reflectance_k: float
     u_rel: float
+    half_span_s: float | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,9 +83,9 @@ class Coefficient:
         Relative standard uncertainty of the sunshine sensor's gain, separate since
         it cancels at the same `gain_indices`.
     drift_u_rel : float
-        Relative standard uncertainty from the drift, of a constant K.
+        Relative standard uncertainty from the difference of the captures, of a constant K.
     gain_indices : tuple of int
-        Gain indices of the sunshine readings used.
+        Gain indices of the sunshine readings used; -1 - i for index i of channel 1.
     sensor_model_scale : float
         A of SensorModel, a1 of RadiometricCalibration, or SensorGainAdjustment.
     i_sq_range : tuple[float, float]
@@ -91,6 +94,15 @@ class Coefficient:
         Lowest and highest sunshine reading of the points used; None for panel_only.
     panel_measured_on : tuple of str or None
         Days of the panel's measurements that were used; None if none is dated.
+    drift_half_hour_rel : float or None
+        Relative standard deviation of K's change in half an hour, from the assumed one and
+        the differences between the captures.
+    channel_ratio, channel_ratio_u_rel : float or None
+        CH0 / CH1 of a Sequoia's sunshine sensor under the panel's light, for a frame whose CH0
+        is saturated, and its relative standard uncertainty.
+    reading_u_rel : float or None
+        Relative standard uncertainty of a single sunshine reading; None if the frames had
+        several, whose scatter shows it.
     """
 
     band: str
@@ -118,6 +130,10 @@ class Coefficient:
     i_sq_range: tuple[float, float]
     i_ss_range: tuple[float, float] | None
     panel_measured_on: tuple[str, ...] | None = field(default=None, metadata=LATER)
+    drift_half_hour_rel: float | None = field(default=None, metadata=LATER)
+    reading_u_rel: float | None = field(default=None, metadata=LATER)
+    channel_ratio: float | None = field(default=None, metadata=LATER)
+    channel_ratio_u_rel: float | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -35,11 +35,21 @@ class Params:
         labels={"mean": "Mean of the valid ones", "last": "The last", "nearest": "The nearest in time"},
     )
     interpolation: Interpolation = parameter(
-        "constant",
+        "linear",
         label="Between panel captures",
-        description="Constant: the mean of all panel captures, with their drift in u(K). Linear: K(t) "
-        "between them.",
+        description="Linear: K(t) between them, by the time of each frame. Constant: the mean of all panel "
+        "captures, with their difference in u(K).",
         labels={"constant": "One K", "linear": "K linear in time"},
+    )
+    drift_half_hour_rel: float = parameter(
+        0.02,
+        label="Assumed change of K",
+        description="Relative standard deviation of K's change in half an hour, by drift and by light that "
+        "is not modelled. It counts as four degrees of freedom, and the difference of two panel captures as "
+        "one more.",
+        minimum=0.0,
+        maximum=1.0,
+        later=True,
     )
     incidence_angle_deg: float = parameter(
         0.0,

@@ -3,7 +3,7 @@
 import itertools
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,7 +11,16 @@ from radiometry.findings import InputRejected, Raised
 from radiometry.frame.light import SunshineCounts, SunshineIrradiance, SunshineRecord
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
-from radiometry.reflectance.gains import REFERENCE_INDEX, ROUNDING, SATURATED_COUNT, Gain, measure_gains
+from radiometry.reflectance.gains import (
+    REFERENCE_INDEX,
+    ROUNDING,
+    Channel,
+    Gain,
+    is_saturated,
+    measure_gains,
+    measure_scales,
+    name_second,
+)
 from radiometry.reflectance.tilt import FURTHEST_FROM_SUN_DEG, Tilt, level_factor, sun_angle_deg
 
 Choice = Literal["mean", "last", "nearest"]
@@ -19,8 +28,8 @@ Choice = Literal["mean", "last", "nearest"]
 COUNTS_UNIT = "1/s"
 # What records without the two fields are taken for: what later firmware wrote by day.
 ASSUMED_INTEGRATION_TIME_S = 0.1
-# Of a file's only reading, whose scatter nobody sees.
-SINGLE_READING_U_REL = 0.02
+# Of a file's only reading: between a Sequoia at rest (0.2 %) and the bands of a RedEdge (4.7 %).
+SINGLE_READING_U_REL = 0.025
 _GENERATIONS = {"dls1": "W/m2/nm", "dls2": "uW/cm2/nm"}
 
 
@@ -33,9 +42,9 @@ class SunshineReading:
     time_us : int
         Time on the camera's clock [us].
     count : int
-        Count of channel 0.
+        Count of channel 0, or of channel 1 where that took its place.
     gain_index : int
-        Index of the gain.
+        Index i of the gain; -1 - i in channel 1.
     i_ss : float or None
         Reading [counts/s at gain index 1]; None if it is not valid.
     left_out : str
@@ -61,13 +70,13 @@ class Sunshine:
     i_ss : float
         Sunshine reading, in `unit`.
     standard_uncertainty : float
-        From the readings' scatter, 2 % of a single one, and from counting in whole
+        From the readings' scatter, 2.5 % of a single one, and from counting in whole
         numbers; not from the gain, and not from the attitude.
     gain_u_rel : float
         Relative standard uncertainty of the relative gain; it cancels between
         captures at the same `gain_indices`.
     gain_indices : tuple of int
-        Gain indices of the readings used.
+        Gain indices of the readings used; -1 - i for index i of channel 1.
     unit : str
         Unit of the reading.
     choice : Choice
@@ -101,9 +110,19 @@ class Sunshine:
     oriented: float
     level_u_rel: float = 0.0
 
+    @property
+    def is_single(self) -> bool:
+        """Return True of one reading, whose scatter it does not show."""
+        return self.spread_rel is None
+
 
 def measure_sunshine(
-    band: Multispectral, *, choice: Choice = "mean", tilt: Tilt | None = None, where: str = ""
+    band: Multispectral,
+    *,
+    choice: Choice = "mean",
+    tilt: Tilt | None = None,
+    ratio: Gain | None = None,
+    where: str = "",
 ) -> Sunshine:
     """Compute I_ss from a file's own readings.
 
@@ -117,13 +136,16 @@ def measure_sunshine(
     tilt : Tilt or None, default: None
         Corrects each reading to a level sensor by its own attitude; None leaves it
         as the sensor was oriented.
+    ratio : Gain or None, default: None
+        CH0 / CH1 under the light of the panel (`compare_channels`); None for that of the
+        gain table.
     where : str, default: ""
         What the flags name.
 
     Returns
     -------
     Sunshine
-        I_ss. Flags: `sunshine_readings_left_out`, `sunshine_gain_assumed`,
+        I_ss. Flags: `sunshine_readings_left_out`, `sunshine_second_channel`, `sunshine_gain_assumed`,
         `sunshine_gain_table_missing`, `sunshine_single_reading`,
         `sunshine_time_unknown`, `sunshine_scale_assumed`.
 
@@ -140,9 +162,10 @@ def measure_sunshine(
 
         I_ss = CH0 / (g_rel tau)
 
-    A mean of n has, with s_c the noise in counts::
+    Where no CH0 is valid, CH1 times the ratio of the channels takes its place. A mean of
+    n has, with s_c the noise in counts::
 
-        u^2 = s^2/n + (1/12) exp(-4 pi^2 s_c^2)          s = 2 % of a single reading
+        u^2 = s^2/n + (1/12) exp(-4 pi^2 s_c^2)          s = 2.5 % of a single reading
 
     Rounding to whole counts does not average out unless noise carries the counts
     across the steps, and a band may count 5.
@@ -157,15 +180,21 @@ def measure_sunshine(
         raise InputRejected(
             codes.SUNSHINE_MISSING, _advise(f"There is no sunshine reading: {band.sunshine_missing}.")
         )
-    readings = list_readings(band.counts, tilt=tilt)
-    valid = [reading for reading in readings if reading.i_ss is not None]
+    scales = measure_scales(band.counts.gains, ratio)
+    readings = list_readings(band.counts, scales, tilt=tilt)
     left_out = tuple(reading.left_out for reading in readings if reading.i_ss is None)
+    flags = _flag_counts(band.counts, left_out, len(readings), where)
+    if len(left_out) == len(readings):
+        readings = list_readings(band.counts, scales, tilt=tilt, channel="ch1")
+        origin = "the gain table" if ratio is None else "the panel frames"
+        detail = f"CH0: {', '.join(sorted(set(left_out)))}. The ratio of the channels is that of {origin}."
+        flags.append(codes.SUNSHINE_SECOND_CHANNEL.at(where, detail))
+    valid = [reading for reading in readings if reading.i_ss is not None]
     if not valid:
         reasons = ", ".join(sorted(set(left_out))) or "the list is empty"
         raise InputRejected(
             codes.SUNSHINE_MISSING, _advise(f"None of {len(readings)} sunshine readings is valid: {reasons}.")
         )
-    flags = _flag_counts(band.counts, left_out, len(readings), where)
     chosen = valid
     if choice != "mean":
         chosen = [valid[-1] if choice == "last" else _find_nearest(valid, band.exposed_at_us)]
@@ -173,19 +202,66 @@ def measure_sunshine(
             flags.append(codes.SUNSHINE_TIME_UNKNOWN.at(where, "No exposure time."))
     if len(valid) == 1:
         flags.append(codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1."))
-    gains = measure_gains(band.counts.gains)
-    return _summarise(valid, chosen, gains, choice=choice, left_out=left_out, flags=tuple(flags))
+    return _summarise(valid, chosen, scales, choice=choice, left_out=left_out, flags=tuple(flags))
 
 
-def list_readings(counts: SunshineCounts, *, tilt: Tilt | None = None) -> tuple[SunshineReading, ...]:
+def compare_channels(bands: Iterable[Multispectral]) -> Gain | None:
+    """Compute CH0 / CH1 of one band under the light of its files, at the reference index.
+
+    Parameters
+    ----------
+    bands : iterable of Multispectral
+        Metadata of the band's panel frames.
+
+    Returns
+    -------
+    Gain or None
+        Ratio of the file that states it best; None if none counts in both channels.
+    """
+    found = []
+    for counts in (band.counts for band in bands if band.counts is not None):
+        scales = measure_gains(counts.gains) | {
+            name_second(index): gain for index, gain in measure_gains(counts.gains, channel="ch1").items()
+        }
+        both = [
+            pair
+            for pair in zip(
+                list_readings(counts, scales), list_readings(counts, scales, channel="ch1"), strict=True
+            )
+            if all(reading.i_ss is not None for reading in pair)
+        ]
+        if both:
+            ch0, ch1 = zip(*both, strict=True)
+            u = [scales[each.gain_index].u_rel for each in (*ch0, *ch1)]
+            rounding = [ROUNDING / statistics.fmean(each.count for each in channel) for channel in (ch0, ch1)]
+            found.append(
+                Gain(
+                    value=math.fsum(each.oriented for each in ch0) / math.fsum(each.oriented for each in ch1),
+                    u_rel=math.hypot(max(u), *rounding),
+                )
+            )
+    return min(found, key=lambda gain: gain.u_rel, default=None)
+
+
+def list_readings(
+    counts: SunshineCounts,
+    scales: Mapping[int, Gain] | None = None,
+    *,
+    tilt: Tilt | None = None,
+    channel: Channel = "ch0",
+) -> tuple[SunshineReading, ...]:
     """List every reading with its I_ss, or the reason why it has none.
 
     Parameters
     ----------
     counts : SunshineCounts
         Irradiance list and gain table of the file.
+    scales : mapping of int to Gain, optional
+        Gains of `measure_scales`; None for those of the gain table.
     tilt : Tilt or None, default: None
         Tilt correction; None without it.
+    channel : Channel, default: "ch0"
+        Channel of the sensor.
 
     Returns
     -------
@@ -194,26 +270,29 @@ def list_readings(counts: SunshineCounts, *, tilt: Tilt | None = None) -> tuple[
 
     Notes
     -----
-    Not valid are a saturated count (65535), a count or integration time of zero,
-    and a gain index without a gain.
+    Not valid are a saturated count (65535, or 36863 in 100 ms), a count or integration
+    time of zero, and a gain index without a gain.
     """
-    gains = measure_gains(counts.gains)
-    return tuple(_read(record, gains, tilt) for record in counts.records)
+    scales = measure_scales(counts.gains) if scales is None else scales
+    return tuple(_read(record, scales, tilt, channel) for record in counts.records)
 
 
-def _read(record: SunshineRecord, gains: dict[int, Gain], tilt: Tilt | None) -> SunshineReading:
+def _read(
+    record: SunshineRecord, scales: Mapping[int, Gain], tilt: Tilt | None, channel: Channel
+) -> SunshineReading:
     index = REFERENCE_INDEX if record.gain_index is None else record.gain_index
+    index, count = (index, record.ch0) if channel == "ch0" else (name_second(index), record.ch1)
     time_s = record.integration_time_s
     if time_s is None:
         time_s = ASSUMED_INTEGRATION_TIME_S
     left_out, factor = "", 1.0
-    if record.ch0 >= SATURATED_COUNT:
+    if is_saturated(count, time_s):
         left_out = "saturated count"
-    elif record.ch0 == 0:
+    elif count == 0:
         left_out = "no light"
     elif not time_s > 0.0:
         left_out = "no integration time"
-    elif index not in gains:
+    elif index not in scales:
         left_out = "unknown gain"
     elif tilt is not None:
         angle_deg = _angle_to_sun(record, tilt)
@@ -221,10 +300,10 @@ def _read(record: SunshineRecord, gains: dict[int, Gain], tilt: Tilt | None) -> 
             left_out = "turned away from the sun"
         else:
             factor = level_factor(angle_deg, tilt)
-    oriented = 0.0 if left_out else record.ch0 / (gains[index].value * time_s)
+    oriented = 0.0 if left_out else count / (scales[index].value * time_s)
     return SunshineReading(
         time_us=record.time_us,
-        count=record.ch0,
+        count=count,
         gain_index=index,
         i_ss=None if left_out else oriented * factor,
         left_out=left_out,

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
+from radiometry.frame.light import SunshineCounts
 from radiometry.reflectance import method as reflectance
 from simulation.sequoia import BANDS, capture
 from tests.radiometry.reflectance.captures import (
@@ -17,6 +18,7 @@ from tests.radiometry.reflectance.captures import (
     PANEL,
     PANEL_R,
     READINGS,
+    change_band,
     extract,
     flags_of,
     make_header,
@@ -67,7 +69,7 @@ def test_the_stated_uncertainty_is_the_error_s():
     for seed in range(40):
         rows = take(seeded(2 * seed), {"red_edge": PANEL_R["red_edge"]})
         exact_level = reflectance.TiltParams(attitude_u_deg=0.0, diffuse_share_u=0.0)
-        params = {"incidence_angle_u_deg": 0.0, "tilt": exact_level}
+        params = {"incidence_angle_u_deg": 0.0, "tilt": exact_level, "drift_half_hour_rel": 0.0}
         exact = [dataclasses.replace(each, standard_uncertainty=0.0) for each in READINGS]
         fit = reflectance.fit(rows, exact, reflectance.Params(**params))
         (each,) = field(2 * seed + 1, {"red_edge": 0.25})
@@ -97,6 +99,31 @@ def test_a_gain_s_error_cancels_at_the_same_gain_and_counts_at_another():
     for found, expected in ((other, u_rel), (mixed, math.sqrt(2) * u_rel)):
         gain = {effect.source: effect.effect for effect in found.effects}["sunshine gain"]
         assert gain == pytest.approx(expected * found.reflectance.value, rel=1e-3)
+
+
+def saturate(rows):
+    """Ten readings at index 2, where CH0 has stopped and CH1 counts a fifth of it."""
+    (found,) = {row.header.multispectral.counts.gains for row in rows}
+    record = rows[0].header.multispectral.counts.records[0]
+    bright = dataclasses.replace(record, gain_index=2, ch0=65535, ch1=round(12.1 * 430 / 5))
+    counts = SunshineCounts(record_bytes=28, cut_short=False, records=(bright,) * 10, gains=found)
+    return change_band(rows, counts=counts)
+
+
+def test_a_saturated_channel_0_is_rescued_by_the_ratio_of_the_panel():
+    """The simulated channels are 5 to 1 under the sun and 4 to 1 in the table."""
+    (each,) = saturate(field(surface={"green": 0.25}))
+    found = measure(each, calibrate(take(seeded(), {"green": PANEL_R["green"]})))
+    assert "sunshine_second_channel" in flags_of(found.flags)
+    assert found.i_ss == pytest.approx(4300.0, rel=0.02)
+    gain = {effect.source: effect.effect for effect in found.effects}["sunshine gain"]
+    assert 0.001 < gain / found.reflectance.value < 0.01
+    alone = calibrate(saturate(take(seeded(), {"green": PANEL_R["green"]})))
+    (panel_too,) = alone
+    assert panel_too.gain_u_rel == pytest.approx(0.35, rel=0.01)
+    found = measure(each, alone)
+    assert {effect.source: effect.effect for effect in found.effects}["sunshine gain"] == 0.0
+    assert found.reflectance.value == pytest.approx(0.25, rel=0.02)
 
 
 def test_the_cosine_of_a_sloping_surface_is_divided_out():
@@ -167,7 +194,7 @@ def test_k_follows_the_time_when_asked_to():
     linear = calibrate(rows, interpolation="linear")
     ks = [measure(field(minutes=minutes)[0], linear).reflectance_k for minutes in (0.1, 10.0, 19.9)]
     assert ks == pytest.approx([1300.0, 1365.0, 1430.0], rel=0.02)
-    constant = measure(field(minutes=1.0)[0], calibrate(rows))
+    constant = measure(field(minutes=1.0)[0], calibrate(rows, interpolation="constant"))
     assert constant.reflectance_k == pytest.approx(1365.0, rel=0.02)
 
 
@@ -256,9 +283,8 @@ BLOCK_SHOT = expose(0.2)
 BLOCK_MAP = map_of(BLOCK_SHOT)[1]
 
 
-def test_a_header_without_a_time_takes_the_mean_and_says_so_only_for_k_of_time():
-    (each, *_) = field()
-    timeless = change_header(each, taken_at=None)
-    assert flags_of(measure(timeless).flags) == {"tilt_not_correctable"}
-    found = measure(timeless, calibrate(interpolation="linear"))
+@pytest.mark.parametrize("interpolation", ["linear", "constant"])
+def test_a_header_without_a_time_takes_the_mean_and_says_so(interpolation):
+    timeless = change_header(field()[0], taken_at=None)
+    found = measure(timeless, calibrate(interpolation=interpolation))
     assert flags_of(found.flags) == {"tilt_not_correctable", "outside_panel_times"}

@@ -68,7 +68,7 @@ def test_an_exact_camera_gives_k_to_the_steps_it_counts_in():
 
 
 def test_the_budget_adds_up():
-    params = reflectance.Params(incidence_angle_deg=30.0)
+    params = reflectance.Params(incidence_angle_deg=30.0, drift_half_hour_rel=0.0, interpolation="constant")
     fit = k_of(reflectance.fit([*panel(), *panel(2, minutes=20.0)], READINGS, params))
     shares = {entry.source: entry.u_rel for entry in fit.budget}
     assert shares["panel reflectance"] == pytest.approx(0.002 / 0.18)

@@ -29,6 +29,8 @@ from tests.radiometry.reflectance.test_tilt import make_tilt
 ROW = take(seeded(), {"green": PANEL_R["green"]})[0]
 # At this place and time the sun stands near the zenith angle that the latitude states.
 EQUINOX = {"taken_at": "2018-03-20T12:07:00", "longitude_deg": 0.0}
+# K at the panel capture, before it drifts.
+STEADY = reflectance.Params(drift_half_hour_rel=0.0)
 LEANING = {"yaw_deg": 0.0, "pitch_deg": 8.0, "roll_deg": 0.0}
 PLACE = {"taken_at": "2018-06-13T11:00:00", "latitude_deg": 50.85, "longitude_deg": 4.35}
 
@@ -152,7 +154,7 @@ def simulate(zenith_deg, noise_rel, *, readings, seed, count):
             light, h = {"counts": None, "irradiance": stated_light}, 43_000.0
         features = dataclasses.replace(ROW.features, i_sq=true_r * h * panel / 1300.0, gradient_rel=0.0)
         row = dataclasses.replace(ROW, header=header, features=features)
-        found = k_of(reflectance.fit(change_band([row], **light), READINGS, reflectance.Params())).coefficient
+        found = k_of(reflectance.fit(change_band([row], **light), READINGS, STEADY)).coefficient
         errors.append((found.reflectance_k - 1300.0) / found.expanded_uncertainty)
     return np.array(errors)
 

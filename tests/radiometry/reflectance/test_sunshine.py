@@ -12,7 +12,7 @@ from radiometry.findings import InputRejected
 from radiometry.frame.light import GainMeasurement, SunshineCounts, SunshineIrradiance
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance.gains import measure_gains
-from radiometry.reflectance.sunshine import list_readings, measure_sunshine
+from radiometry.reflectance.sunshine import compare_channels, list_readings, measure_sunshine
 from tests.radiometry.reflectance.captures import TABLE, flags_of, make_band, make_record
 
 
@@ -78,8 +78,8 @@ def test_dividing_by_the_gain_index_is_the_public_scripts_mistake():
 
 
 INVALID = {
-    "saturated count": make_record(ch0=65535),
-    "unknown gain": make_record(gain_index=3),
+    "saturated count": dataclasses.replace(make_record(ch0=65535), ch1=65535),
+    "unknown gain": make_record(gain_index=7),
     "no light": make_record(ch0=0),
     "no integration time": make_record(integration_time_s=0.0),
 }
@@ -99,6 +99,44 @@ def test_no_valid_reading_is_an_error_by_name(reason):
         measure_sunshine(make_band(INVALID[reason], INVALID[reason]))
     assert refusal.value.code == "sunshine_missing"
     assert "panel_only" in refusal.value.message
+
+
+def test_a_counter_stops_earlier_in_its_shortest_time():
+    """36863 in 100 ms is the limit of a TSL2591, whose gains a Sequoia's table shows."""
+    short, long = make_record(ch0=36863), make_record(ch0=36863, integration_time_s=0.6)
+    found = list_readings(make_band(short, long, make_record(ch0=36862)).counts)
+    assert [reading.left_out for reading in found] == ["saturated count", "", ""]
+
+
+# Both channels of a real Sequoia's red edge: its table, and its ten readings under the sun.
+REAL_TABLE = tuple(
+    GainMeasurement(gain_index=index, integration_time_s=0.6, ch0=ch0, ch1=ch1)
+    for index, ch0, ch1 in ((0, 8, 3), (1, 195, 79), (2, 3262, 1280), (3, 65535, 32727))
+)
+FIVES = (5, 5, 5, 5, 5, 5, 5, 6, 5, 6)
+REAL = make_band(*(dataclasses.replace(make_record(ch0=n), ch1=2) for n in FIVES), gains=REAL_TABLE)
+STOPPED = dataclasses.replace(make_record(ch0=65535, gain_index=3), ch1=860)
+BRIGHT = make_band(*[STOPPED] * 10, gains=REAL_TABLE)
+
+
+def test_channel_1_takes_the_place_of_a_saturated_channel_0():
+    """860 counts at index 3 are 2.08 at index 1, times 2.6 of the panel's frames, 2.47 of the table."""
+    ratio = compare_channels([REAL])
+    assert ratio.value == pytest.approx(52 / 20)
+    assert ratio.u_rel == pytest.approx(math.sqrt(1 / 12) * math.hypot(1 / 5.2, 1 / 2))
+    for stated, times, u_rel in ((ratio, 2.6, ratio.u_rel), (None, 195 / 79, 0.35)):
+        found = measure_sunshine(BRIGHT, ratio=stated)
+        assert found.i_ss == pytest.approx(860 / (32727 / 79) / 0.1 * times)
+        assert flags_of(found.flags) >= {"sunshine_second_channel"}
+        assert found.gain_u_rel == pytest.approx(u_rel, rel=0.01)
+        assert found.gain_indices == (-4,)
+    assert compare_channels([BRIGHT]) is None
+
+
+def test_channel_1_is_not_asked_where_channel_0_counts():
+    found = measure_sunshine(make_band(STOPPED, make_record(ch0=430), gains=REAL_TABLE))
+    assert (found.readings, found.gain_indices) == (1, (1,))
+    assert "sunshine_second_channel" not in flags_of(found.flags)
 
 
 def test_no_readings_at_all_are_told_with_the_file_s_reason():
@@ -132,7 +170,7 @@ def test_a_single_reading_says_that_its_scatter_is_unknown():
     assert found.spread_rel is None
     assert flags_of(found.flags) == {"sunshine_single_reading"}
     rounding = math.sqrt(1 / 12) / 430
-    assert found.standard_uncertainty / found.i_ss == pytest.approx(math.hypot(0.02, rounding))
+    assert found.standard_uncertainty / found.i_ss == pytest.approx(math.hypot(0.025, rounding))
 
 
 def test_equal_counts_keep_the_whole_rounding_error():

@@ -2,22 +2,34 @@
 
 import dataclasses
 import math
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance.clock import read_clock_s
 from radiometry.reflectance.evaluation import evaluate_k
+from radiometry.reflectance.levelling import measure_light
+from simulation.flights import draw_change
 from tests.radiometry.reflectance.captures import (
     CAMERA,
+    PANEL_R,
     READINGS,
+    change_band,
     change_features,
     flags_of,
     k_of,
     panel,
+    seeded,
+    take,
 )
 
 PARAMS = reflectance.Params()
+# half a walk, half light that settles: the variance of K's change relative to half an hour's, by hand
+V250, V600, V750, V1000, V1200 = (
+    0.5 * (t / 1800 + 1 - math.exp(-t / 300)) for t in (250, 600, 750, 1000, 1200)
+)
 
 
 def test_drift_between_two_visits_is_reported_and_counted():
@@ -34,35 +46,58 @@ def test_drift_between_two_visits_is_reported_and_counted():
 
 
 def make_linear(**changes):
-    """Knots of K = 1000 and 1100 at 0 s and 1000 s, 1 % and 2 % of their own, 0.5 % shared."""
+    """Knots of K = 1000 and 1100 at 0 s and 1000 s, 1 % and 2 % of their own, 0.5 % shared, 3 % of drift."""
     fit = reflectance.fit(panel(), READINGS, reflectance.Params(interpolation="linear"))
     knots = tuple(
-        reflectance.Knot(at_s=at_s, reflectance_k=k, u_rel=u)
+        reflectance.Knot(at_s=at_s, reflectance_k=k, u_rel=u, half_span_s=10.0)
         for at_s, k, u in ((0.0, 1000.0, 0.01), (1000.0, 1100.0, 0.02))
     )
-    return dataclasses.replace(
-        k_of(fit).coefficient, **{"knots": knots, "shared_u_rel": 0.005, "drift_u_rel": 0.0} | changes
-    )
+    fixed = {"knots": knots, "shared_u_rel": 0.005, "drift_u_rel": 0.0, "drift_half_hour_rel": 0.03}
+    return dataclasses.replace(k_of(fit).coefficient, **fixed | changes)
 
 
 @pytest.mark.parametrize(
-    ("at_s", "k", "own"), [(0.0, 1000.0, 10.0), (250.0, 1025.0, math.hypot(7.5, 5.5)), (1000.0, 1100.0, 22.0)]
+    ("at_s", "k", "own", "drift"),
+    [
+        (0.0, 1000.0, 10.0, 0.0),
+        (250.0, 1025.0, math.hypot(7.5, 5.5), 0.75 * V250 + 0.25 * V750 - 0.1875 * V1000),
+        (1000.0, 1100.0, 22.0, 0.0),
+    ],
 )
-def test_k_of_time_is_a_line_between_the_visits(at_s, k, own):
+def test_k_of_time_is_a_line_between_the_visits(at_s, k, own, drift):
     found = evaluate_k(make_linear(), at_s=at_s)
     assert found.value == pytest.approx(k)
     assert found.u_rel == pytest.approx(math.hypot(0.005, own / k))
-    assert not found.outside
+    assert found.drift_u_rel == pytest.approx(0.03 * math.sqrt(drift))
+    assert found.outside_s == 0.0
 
 
 @pytest.mark.parametrize(
-    ("at_s", "k", "own"), [(-1.0, 1000.0, 0.01), (1001.0, 1100.0, 0.02), (None, 1050.0, None)]
+    ("at_s", "k", "own", "outside_s"), [(-250.0, 1000.0, 0.01, -240.0), (1750.0, 1100.0, 0.02, 740.0)]
 )
-def test_outside_the_visits_k_is_the_nearest_and_less_certain(at_s, k, own):
+def test_outside_the_visits_k_is_the_nearest_and_drifts(at_s, k, own, outside_s):
     found = evaluate_k(make_linear(), at_s=at_s)
-    assert (found.value, found.outside) == (pytest.approx(k), True)
-    own = math.hypot(0.01, 0.02) / 2 if own is None else own
-    assert found.u_rel == pytest.approx(math.hypot(0.005, own, 100 / 1050))
+    assert (found.value, found.outside_s) == (pytest.approx(k), outside_s)
+    assert found.u_rel == pytest.approx(math.hypot(0.005, own))
+    variance = V250 if at_s < 0 else V750
+    assert found.drift_u_rel == pytest.approx(0.03 * math.sqrt(variance))
+
+
+def test_k_at_an_unknown_time_is_the_mean_with_the_whole_difference():
+    found = evaluate_k(make_linear(), at_s=None)
+    assert (found.value, found.outside_s) == (pytest.approx(1050.0), None)
+    assert found.drift_u_rel == pytest.approx(math.hypot(0.03, 100 / 1050))
+
+
+def test_years_between_a_frame_and_the_visits_count_as_a_day():
+    knots = make_linear().knots
+    late, day = (evaluate_k(make_linear(), at_s=knots[-1].at_s + s).drift_u_rel for s in (1.5e9, 86_400.0))
+    assert late == day == pytest.approx(0.03 * math.sqrt(24.5))
+
+
+def test_a_version_without_an_estimate_of_drift_takes_the_usual_one():
+    found = evaluate_k(make_linear(drift_half_hour_rel=None), at_s=1750.0)
+    assert found.drift_u_rel == pytest.approx(0.02 * math.sqrt(V750))
 
 
 def test_a_third_visit_bends_the_line():
@@ -105,4 +140,142 @@ def test_frames_that_scatter_more_than_they_should_make_k_less_certain():
         if entry.source in ("pixel noise", "sunshine readings", "repeat of the panel")
     ]
     assert math.hypot(*own) == pytest.approx(np.std(ks, ddof=1) / np.mean(ks) / math.sqrt(3))
-    assert fit.coefficient.coverage_factor > 3.0  # two degrees of freedom
+    assert fit.coefficient.coverage_factor > 2.5  # two degrees of freedom, and four of the drift
+
+
+def drift_of(fit):
+    return next(entry.u_rel for entry in fit.budget if entry.source == "drift")
+
+
+def test_the_difference_of_two_visits_is_in_the_budget():
+    """Five degrees of freedom, four of them assumed: 10 % in 20 minutes."""
+    again = panel(2, minutes=20.0)
+    less = [change_features([row], i_sq=row.features.i_sq / 1.1)[0] for row in again]
+    fits = [reflectance.fit([*panel(), *rows], READINGS, PARAMS) for rows in ([], again, less)]
+    once, same, other = (drift_of(k_of(fit)) for fit in fits)
+    middle = V600 - 0.25 * V1200
+    assert (once, same) == (pytest.approx(0.02, abs=1e-4), pytest.approx(0.02 * math.sqrt(0.8 * middle)))
+    expected = math.sqrt((4 * 0.02**2 + math.log(1.1) ** 2 / V1200) / 5 * middle)
+    assert other == pytest.approx(expected, rel=0.07)
+    detail = next(each.detail for each in fits[0].flags if each.flag == "panel_once")
+    assert "2.0% of K are assumed" in detail
+    assert "1.4% in between" in detail
+
+
+def test_a_constant_k_has_the_difference_as_a_rectangle():
+    rows = [*panel(), *panel(2, minutes=20.0)]
+    linear, constant = (
+        k_of(reflectance.fit(rows, READINGS, reflectance.Params(interpolation=each)))
+        for each in ("linear", "constant")
+    )
+    more = math.sqrt(drift_of(constant) ** 2 - drift_of(linear) ** 2)
+    assert more == pytest.approx(abs(constant.drift_rel) / math.sqrt(12))
+
+
+def test_several_single_readings_show_their_noise():
+    rows = [row for n in range(6) for row in panel(n, minutes=0.3 * n, gain_indices=(1,))]
+    steady = k_of(reflectance.fit(rows, READINGS, PARAMS)).coefficient
+    assert steady.reading_u_rel == pytest.approx(math.sqrt((4 * 0.025**2 + 20 * 0.01**2) / 24), rel=0.25)
+    random = seeded(4)
+    noisy = [
+        change_features([row], i_sq=row.features.i_sq * (1 + 0.05 * random.standard_normal()))[0]
+        for row in rows
+    ]
+    found = k_of(reflectance.fit(noisy, READINGS, PARAMS)).coefficient
+    assert found.reading_u_rel == pytest.approx(math.sqrt((4 * 0.025**2 + 20 * 0.05**2) / 24), rel=0.3)
+    assert k_of(reflectance.fit(panel(), READINGS, PARAMS)).coefficient.reading_u_rel is None
+
+
+def retime(rows, taken_at, **band):
+    changed = change_band(rows, **band) if band else rows
+    return [dataclasses.replace(r, header=dataclasses.replace(r.header, taken_at=taken_at)) for r in changed]
+
+
+def doubts_of(found):
+    return [each.detail for each in found.flags if each.flag == "panel_times_doubtful"]
+
+
+def test_the_order_of_upload_is_not_the_order_of_visits():
+    rows = [*panel(), *panel(2, minutes=20.0)]
+    there, back = (reflectance.fit(each, READINGS, PARAMS) for each in (rows, rows[::-1]))
+    assert there == back
+    assert doubts_of(there) == []
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "why"),
+    [
+        ({"taken_at": "1970-01-01T00:01:00"}, {"taken_at": "2018-06-13T11:20:00"}, "dated before 2000"),
+        (
+            {"taken_at": "2018-06-13T11:00:00", "exposed_at_us": 10**8, "flight_id": "F"},
+            {"taken_at": "2018-06-13T12:20:00", "exposed_at_us": 13 * 10**8, "flight_id": "F"},
+            "jumped by 3600 s",
+        ),
+    ],
+)
+def test_a_clock_that_jumped_between_the_visits_leaves_k_without_times(before, after, why):
+    fit = reflectance.fit(
+        [*retime(panel(), **before), *retime(panel(2, minutes=20.0), **after)], READINGS, PARAMS
+    )
+    assert [why in detail for detail in doubts_of(fit)] == [True]
+    coefficient = k_of(fit).coefficient
+    assert [knot.at_s for knot in coefficient.knots] == [None, None]
+    assert evaluate_k(coefficient, at_s=1.5e9).outside_s is None
+    assert drift_of(k_of(fit)) >= 0.02
+
+
+def test_visits_of_two_days_and_frames_without_a_time_are_said():
+    days = reflectance.fit([*panel(), *panel(2, minutes=24 * 60.0)], READINGS, PARAMS)
+    assert doubts_of(days) == ["Two visits to the panel are 24 hours apart."]
+    assert drift_of(k_of(days)) > 0.04
+    timeless = reflectance.fit(retime(panel(), None), READINGS, PARAMS)
+    assert doubts_of(timeless) == ["No panel frame states its time: one visit is assumed."]
+    mixed = [*panel(), *panel(2, minutes=20.0), *retime(panel(3, prefix="lost"), None)]
+    found = reflectance.fit(mixed, READINGS, PARAMS)
+    left_out = {point.left_out for point in found.points if "lost" in point.frame}
+    assert left_out == {"its time is not known, and the panel was visited more than once"}
+    assert k_of(found).visits == 2
+
+
+def simulate(kind, size_rel, *, visits_s, ask_s, seed, count):
+    """Return errors of K at moments of a flight in expanded uncertainties, while K changes unnoticed.
+
+    Light, level and panel err by what the fit states of them; it is not told how K changes.
+    """
+    random = seeded(seed)
+    base = take(seeded(), {name: PANEL_R[name] for name in ("green", "nir")})
+    stated = {entry.source: entry.u_rel for entry in k_of(reflectance.fit(base, READINGS, PARAMS)).budget}
+    times, start = sorted({*visits_s, *ask_s}), read_clock_s(base[0].header)
+    errors = []
+    for _ in range(count):
+        change = dict(zip(times, draw_change(random, times, kind=kind, size_rel=size_rel), strict=True))
+        panel_rel = stated["panel reflectance"] * random.standard_normal(len(base))
+        angle_rel, rows = stated["panel angle"] * random.standard_normal(), []
+        for at_s in visits_s:
+            level_rel = stated["sunshine tilt"] * random.standard_normal()
+            rest = stated["sunshine readings"] * random.standard_normal(len(base))
+            taken_at = datetime.fromtimestamp(start + at_s, UTC).isoformat()
+            for row, own in zip(base, panel_rel + angle_rel + level_rel + rest, strict=True):
+                r = PANEL_R[row.features.band]
+                i_ss = measure_light(row.header, params=PARAMS.levelling).i_ss
+                rows += retime(
+                    change_features([row], i_sq=r * i_ss / (1300.0 * math.exp(change[at_s] + own))), taken_at
+                )
+        rows = [dataclasses.replace(row, frame=f"{n}") for n, row in enumerate(rows)]
+        fit = k_of(reflectance.fit(rows, READINGS, PARAMS)).coefficient
+        for at_s in ask_s:
+            found = evaluate_k(fit, at_s=start + at_s)
+            u_rel = fit.coverage_factor * math.hypot(found.u_rel, found.drift_u_rel)
+            errors.append((found.value / (1300.0 * math.exp(change[at_s])) - 1.0) / u_rel)
+    return np.array(errors)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size_rel", "visits_s"),
+    [("walk", 0.03, (0.0, 1800.0)), ("light", 0.015, (0.0, 1800.0)), ("walk", 0.02, (0.0,))],
+)
+def test_k_in_flight_lies_within_its_uncertainty_as_often_as_stated(kind, size_rel, visits_s):
+    """40 flights, five moments each."""
+    asked = (300.0, 700.0, 900.0, 1100.0, 1500.0)
+    errors = simulate(kind, size_rel, visits_s=visits_s, ask_s=asked, seed=3, count=40)
+    assert 0.88 < np.mean(np.abs(errors) < 1.0) < 1.0

@@ -15,6 +15,7 @@ _W_PER_UW: Final = 0.01  # one uW/cm2/nm is 0.01 W/m2/nm
 _BRIGHTEST_W: Final = 5.0  # outside the atmosphere the sun has 2.1 W/m2/nm at its brightest wavelength
 _SI, _MICRO = "W/m2/nm", "uW/cm2/nm"
 _CORNERS: Final = 4
+_LONGEST_RUN_S: Final = 1e6
 # The first firmware whose horizontal irradiance its maker trusts: earlier ones computed it wrongly. By the
 # beginning of the model's name, longest first.
 _TRUSTED_SINCE: Final = {
@@ -62,6 +63,7 @@ def read_band(packet: Packet, problems: tuple[str, ...], **lens: Any) -> Multisp
         sunshine_serial=xmp.text("dls:Serial"),
         sunshine_missing=irradiance if isinstance(irradiance, str) else "",
         irradiance=None if isinstance(irradiance, str) else irradiance,
+        exposed_at_us=_read_time_since_start(xmp),
         panel_serial=xmp.text("micasense:PanelSerial") or xmp.text("camera:PanelSerial"),
         panel_albedo=xmp.first_number("micasense:Albedo", "camera:Albedo"),
         panel_region=_read_corners(xmp),
@@ -69,6 +71,11 @@ def read_band(packet: Packet, problems: tuple[str, ...], **lens: Any) -> Multisp
             packet, reference=reference is not None and reference == xmp.index("camera:RigCameraIndex")
         ),
     )
+
+
+def _read_time_since_start(xmp: Xmp) -> int | None:
+    started_s = xmp.number("micasense:BootTimestamp")
+    return round(started_s * 1e6) if started_s is not None and 0.0 < started_s < _LONGEST_RUN_S else None
 
 
 def _read_corners(xmp: Xmp) -> tuple[tuple[float, float], ...] | None:
