@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Generic, TypeVar
 
-from fastapi import Query, Request
+from fastapi import Depends, Query, Request
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
-from sqlalchemy import Select, select
+from sqlalchemy import Select, inspect, select
 from sqlalchemy.orm import Session
 
 from service.auth import Caller
@@ -34,6 +34,43 @@ class Page(Answer, Generic[AnswerType]):
     next: str | None = Field(json_schema_extra={"nullable_on_purpose": True})
 
 
+class Paging:
+    """The page that a request asks for."""
+
+    def __init__(self, request: Request, limit: int = 100, cursor: str | int | None = None) -> None:
+        self._request = request
+        self._limit = limit
+        self._cursor = cursor
+
+    def send(
+        self,
+        session: Session,
+        rows: Select[Any],
+        shape: Callable[[list[Any]], Sequence[Answer]],
+        *,
+        newest_first: bool = False,
+    ) -> JSONResponse:
+        """The rows after the cursor in the order of their key, and where the next ones are."""
+        table = rows.column_descriptions[0]["entity"]
+        (key,) = inspect(table).primary_key
+        by, limit = getattr(table, key.key), self._limit
+        if self._cursor is not None:
+            rows = rows.where(by < self._cursor if newest_first else by > self._cursor)
+        found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
+        more = len(found) > limit
+        last = getattr(found[limit - 1], by.key) if more else None
+        following = self._request.url.include_query_params(cursor=last)
+        address = absolute(self._request, f"{following.path}?{following.query}") if more else None
+        return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})
+
+
+def _read_paging(request: Request, limit: Limit = 100, cursor: Cursor = None) -> Paging:
+    return Paging(request, limit, cursor)
+
+
+UsesPaging = Annotated[Paging, Depends(_read_paging)]
+
+
 def page_own(
     request: Request,
     context: Context,
@@ -46,34 +83,6 @@ def page_own(
     asked = listing.model_dump(exclude={"limit", "cursor"}, exclude_none=True)
     rows = select(table).where(table.organisation_id == caller.organisation_id).filter_by(**asked)
     with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=table.id,
-            limit=listing.limit,
-            cursor=listing.cursor,
-            shape=lambda found: [shape(row) for row in found],
+        return Paging(request, listing.limit, listing.cursor).send(
+            session, rows, lambda found: [shape(row) for row in found]
         )
-
-
-def page(
-    session: Session,
-    request: Request,
-    rows: Select[Any],
-    *,
-    by: Any,  # noqa: ANN401  a column
-    limit: int,
-    cursor: str | int | None,
-    newest_first: bool = False,
-    shape: Callable[[list[Any]], Sequence[Answer]],
-) -> JSONResponse:
-    """The rows after the cursor in the order of a unique column, and where the next ones are."""
-    if cursor is not None:
-        rows = rows.where(by < cursor if newest_first else by > cursor)
-    found = list(session.scalars(rows.order_by(by.desc() if newest_first else by).limit(limit + 1)))
-    more = len(found) > limit
-    last = getattr(found[limit - 1], by.key) if more else None
-    following = request.url.include_query_params(cursor=last)
-    address = absolute(request, f"{following.path}?{following.query}") if more else None
-    return JSONResponse({"items": [item.dump() for item in shape(found[:limit])], "next": address})

@@ -7,7 +7,7 @@ from sqlalchemy import select
 
 from service.auth import Admin
 from service.context import UsesContext
-from service.paging import Limit, Page, page
+from service.paging import Limit, Page, Paging
 from service.routes import problems
 from service.schemas.audit import AuditEntryAnswer
 from service.schemas.base import Text
@@ -37,13 +37,6 @@ def list_audit_entries(
     if subject_id is not None:
         rows = rows.where(AuditEntry.subject_id == subject_id)
     with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=AuditEntry.seq,
-            limit=limit,
-            cursor=cursor,
-            newest_first=True,
-            shape=lambda found: [AuditEntryAnswer.restate(row) for row in found],
+        return Paging(request, limit, cursor).send(
+            session, rows, lambda found: [AuditEntryAnswer.restate(row) for row in found], newest_first=True
         )

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import ValidationError
-from sqlalchemy import select
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from radiometry import methods
@@ -16,7 +16,7 @@ from service.certificate import warn_of_gaps
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Page, Paging, UsesPaging
 from service.problems import Problem, invalid, located
 from service.routes import problems, sends_file
 from service.schemas.calibrations import (
@@ -90,17 +90,15 @@ def start_calibration(campaign_id: Id, body: NewCalibration, caller: Calibrator,
 )
 def list_campaign_calibrations(
     campaign_id: Id,
-    request: Request,
+    paging: UsesPaging,
     caller: Reader,
     context: UsesContext,
-    limit: Limit = 100,
-    cursor: Cursor = None,
 ) -> Response:
     """The versions that were fitted from a campaign, newest first."""
     with context.database.reading() as session:
         owned(session, Campaign, campaign_id, caller)
         rows = select(Calibration).where(Calibration.campaign_id == campaign_id)
-        return _page(session, request, rows, limit, cursor)
+        return _page(session, paging, rows)
 
 
 @router.get(
@@ -108,19 +106,17 @@ def list_campaign_calibrations(
 )
 def list_camera_calibrations(
     camera_id: Id,
-    request: Request,
+    paging: UsesPaging,
     caller: Reader,
     context: UsesContext,
     method: Annotated[str | None, Query()] = None,
     state: Annotated[State | None, Query()] = None,
-    limit: Limit = 100,
-    cursor: Cursor = None,
 ) -> Response:
     """A camera's history, newest first."""
     with context.database.reading() as session:
         owned(session, Camera, camera_id, caller)
         rows = history(camera_id, method=method, state=state)
-        return _page(session, request, rows, limit, cursor)
+        return _page(session, paging, rows)
 
 
 @router.get("/calibrations/{calibration_id}", response_model=CalibrationAnswer, responses=problems(404))
@@ -251,22 +247,13 @@ def _read_params(
     return replace(params, **{corrector: chosen.content_sha256})
 
 
-def _page(session: Session, request: Request, rows: Any, limit: int, cursor: str | None) -> Response:  # noqa: ANN401
+def _page(session: Session, paging: Paging, rows: Select[Any]) -> Response:
     def shape(found: list[Calibration]) -> list[CalibrationAnswer]:
         ids = [row.id for row in found]
         status, coefficients = read_version_statuses(session, ids), coefficients_of(session, ids)
         return [CalibrationAnswer.of(row, status[row.id], coefficients[row.id], whole=False) for row in found]
 
-    return page(
-        session,
-        request,
-        rows,
-        by=Calibration.id,
-        limit=limit,
-        cursor=cursor,
-        newest_first=True,
-        shape=shape,
-    )
+    return paging.send(session, rows, shape, newest_first=True)
 
 
 def _answer(session: Session, calibration: Calibration) -> CalibrationAnswer:

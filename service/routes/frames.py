@@ -18,8 +18,7 @@ from service.auth import Calibrator, Caller, Reader, Uploader
 from service.context import Context, UsesContext
 from service.immutable import send_blob
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page
-from service.paging import page as page_of
+from service.paging import Page, UsesPaging
 from service.problems import Problem, invalid, located
 from service.receive import receive
 from service.routes import problems, sends_stored_file
@@ -123,11 +122,9 @@ async def upload_frame(
 @router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer], responses=problems(404))
 def list_frames(
     campaign_id: Id,
-    request: Request,
+    paging: UsesPaging,
     caller: Reader,
     context: UsesContext,
-    limit: Limit = 100,
-    cursor: Cursor = None,
     *,
     brief: Annotated[bool, Query(description="Without `metadata` and `verdict`: shorter.")] = False,
 ) -> Response:
@@ -135,14 +132,10 @@ def list_frames(
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
     with context.database.reading() as session:
         owned(session, Campaign, campaign_id, caller)
-        return page_of(
+        return paging.send(
             session,
-            request,
             rows,
-            by=FrameRow.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: (
+            lambda found: (
                 [answer.model_copy(update={"metadata": None}) for answer in _answers(session, found, {})]
                 if brief
                 else _answers(session, found, _find_verdicts(context, session, found))

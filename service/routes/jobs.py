@@ -3,7 +3,7 @@
 import re
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi import APIRouter, Header, Query, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
@@ -12,7 +12,7 @@ from radiometry.findings import interface
 from service.auth import Caller, Reader, Scope, require
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Page, UsesPaging
 from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Text
@@ -34,11 +34,9 @@ _SCOPES: dict[str, Scope] = {"extract": "upload", "fit": "calibrate", "measure":
 
 @router.get("", response_model=Page[JobAnswer], responses=problems())
 def list_jobs(
-    request: Request,
+    paging: UsesPaging,
     caller: Reader,
     context: UsesContext,
-    limit: Limit = 100,
-    cursor: Cursor = None,
     state: Annotated[State | None, Query()] = None,
     kind: Annotated[Kind | None, Query()] = None,
 ) -> Response:
@@ -49,16 +47,7 @@ def list_jobs(
     if kind is not None:
         rows = rows.where(Job.kind == kind)
     with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=Job.id,
-            limit=limit,
-            cursor=cursor,
-            newest_first=True,
-            shape=lambda found: _answers(session, found),
-        )
+        return paging.send(session, rows, lambda found: _answers(session, found), newest_first=True)
 
 
 # before the route of one job, whose id it would be taken for

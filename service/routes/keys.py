@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -10,7 +10,7 @@ from radiometry.findings import interface
 from service.auth import SCOPES, Admin, Caller, get_caller
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Page, UsesPaging
 from service.problems import Problem, invalid
 from service.routes import problems
 from service.schemas.keys import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
@@ -51,21 +51,11 @@ def create_api_key(body: NewKey, caller: Admin, writing: Writes) -> Response:
 
 
 @router.get("/keys", response_model=Page[KeyAnswer], responses=problems())
-def list_keys(
-    request: Request, caller: Admin, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
-) -> Response:
+def list_keys(paging: UsesPaging, caller: Admin, context: UsesContext) -> Response:
     """The keys of your organisation, without their secrets."""
     rows = select(ApiKey).where(ApiKey.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=ApiKey.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: [KeyAnswer.restate(row) for row in found],
-        )
+        return paging.send(session, rows, lambda found: [KeyAnswer.restate(row) for row in found])
 
 
 @router.get("/keys/own", response_model=OwnKeyAnswer, responses=problems())

@@ -15,7 +15,7 @@ from service.context import Context, UsesContext
 from service.immutable import immutable_headers, not_modified, send_blob
 from service.lookup import Id, owned
 from service.measurements import OfCalibration, answer_measurements
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Page, UsesPaging
 from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_stored_file
 from service.routes.campaigns import read_roi
@@ -100,14 +100,12 @@ def start_campaign_measurements(
 
 @router.get("/measurements", response_model=Page[MeasurementAnswer], responses=problems())
 def list_measurements(
-    request: Request,
+    paging: UsesPaging,
     caller: Reader,
     context: UsesContext,
     camera_id: Annotated[Text | None, Query()] = None,
     campaign_id: Annotated[Text | None, Query()] = None,
     calibration_id: OfCalibration = None,
-    limit: Limit = 100,
-    cursor: Cursor = None,
 ) -> Response:
     """The measurements of your organisation, newest first."""
     rows = select(Measurement).where(Measurement.organisation_id == caller.organisation_id)
@@ -119,15 +117,8 @@ def list_measurements(
     if calibration_id is not None:
         rows = rows.where(Measurement.calibration_id == calibration_id)
     with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=Measurement.id,
-            limit=limit,
-            cursor=cursor,
-            newest_first=True,
-            shape=lambda found: answer_measurements(session, found),
+        return paging.send(
+            session, rows, lambda found: answer_measurements(session, found), newest_first=True
         )
 
 

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Page, UsesPaging
 from service.problems import invalid, located
 from service.reading_csv import read_readings
 from service.routes import problems
@@ -87,25 +87,15 @@ def add_campaign_readings(
 @router.get("/campaigns/{campaign_id}/readings", response_model=Page[ReadingAnswer], responses=problems(404))
 def list_readings(
     campaign_id: Id,
-    request: Request,
+    paging: UsesPaging,
     caller: Reader,
     context: UsesContext,
-    limit: Limit = 100,
-    cursor: Cursor = None,
 ) -> Response:
     """A campaign's readings, withdrawn ones too, oldest first."""
     rows = select(Reading).where(Reading.campaign_id == campaign_id)
     with context.database.reading() as session:
         owned(session, Campaign, campaign_id, caller)
-        return page(
-            session,
-            request,
-            rows,
-            by=Reading.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: [ReadingAnswer.of(row) for row in found],
-        )
+        return paging.send(session, rows, lambda found: [ReadingAnswer.of(row) for row in found])
 
 
 @router.delete("/readings/{reading_id}", response_model=ReadingAnswer, responses=problems(404))

@@ -1,13 +1,13 @@
 """Recalls: all versions with one cause, proposed, reviewed and revoked in one step."""
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.auth import Publisher, Reader
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Page, UsesPaging
 from service.routes import problems
 from service.schemas.recalls import NewPurge, PurgeAnswer
 from service.writing import Reply, Writes
@@ -34,21 +34,12 @@ def propose_purge(body: NewPurge, caller: Publisher, writing: Writes) -> Respons
 
 
 @router.get("", response_model=Page[PurgeAnswer], responses=problems())
-def list_purges(
-    request: Request, caller: Reader, context: UsesContext, limit: Limit = 100, cursor: Cursor = None
-) -> Response:
+def list_purges(paging: UsesPaging, caller: Reader, context: UsesContext) -> Response:
     """List the recalls of your organisation, newest first."""
     rows = select(Recall).where(Recall.organisation_id == caller.organisation_id)
     with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=Recall.id,
-            limit=limit,
-            cursor=cursor,
-            newest_first=True,
-            shape=lambda found: [PurgeAnswer.of(row) for row in found],
+        return paging.send(
+            session, rows, lambda found: [PurgeAnswer.of(row) for row in found], newest_first=True
         )
 
 

@@ -2,14 +2,14 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.auth import Caller, get_caller
 from service.context import UsesContext
 from service.lookup import Id, owned
-from service.paging import Cursor, Limit, Page, page
+from service.paging import Page, UsesPaging
 from service.problems import not_found
 from service.routes import problems
 from service.schemas.base import Text
@@ -26,12 +26,10 @@ AnyCaller = Annotated[Caller, Depends(get_caller)]
 
 @router.get("", response_model=Page[SessionAnswer], responses=problems())
 def list_sessions(
-    request: Request,
+    paging: UsesPaging,
     caller: AnyCaller,
     context: UsesContext,
     key_id: Annotated[Text | None, Query(description="Only those opened with this key.")] = None,
-    limit: Limit = 100,
-    cursor: Cursor = None,
 ) -> Response:
     """The browsers that are signed in with your key; for an admin, with any key of the organisation."""
     rows = (
@@ -44,15 +42,7 @@ def list_sessions(
     if key_id is not None:
         rows = rows.where(WebSession.key_id == key_id)
     with context.database.reading() as session:
-        return page(
-            session,
-            request,
-            rows,
-            by=WebSession.id,
-            limit=limit,
-            cursor=cursor,
-            shape=lambda found: [_answer(session, row, caller) for row in found],
-        )
+        return paging.send(session, rows, lambda found: [_answer(session, row, caller) for row in found])
 
 
 @router.delete("/{session_id}", response_model=SessionAnswer, responses=problems(404))
