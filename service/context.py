@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
 from service.attempts import Attempts
@@ -54,6 +55,11 @@ class Context:
     @cached_property
     def reviews(self) -> Reviews:
         return Reviews(self.database)
+
+    @cached_property
+    def presses(self) -> CapacityLimiter:
+        """How many certificates are made at once, in threads that no other request waits for."""
+        return CapacityLimiter(2)
 
     @cached_property
     def uses(self) -> Uses:

@@ -2,7 +2,7 @@
 
 from service.certificate.document import build_certificate
 from service.certificate.pages import lay_out
-from service.certificate.pdf import draw_region, render_pdf
+from service.certificate.pdf import draw_region, find_pdf, render_pdf
 from service.certificate.publishing import warn_of_gaps
 from service.certificate.rig import build_rig_certificate, lay_out_rig
 
@@ -10,6 +10,7 @@ __all__ = [
     "build_certificate",
     "build_rig_certificate",
     "draw_region",
+    "find_pdf",
     "lay_out",
     "lay_out_rig",
     "render_pdf",

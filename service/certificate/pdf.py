@@ -1,44 +1,64 @@
-"""The certificate as PDF: its sheets, set by Typst from one template, the same bytes for the same content.
-
-Nothing is read from the machine: no fonts but those that Typst brings along, no packages, no clock.
-"""
+"""The certificate as PDF: its sheets, set from one template, the same bytes for the same content."""
 
 import base64
+import hashlib
 import json
+import logging
+import subprocess
+import sys
 from collections.abc import Sequence
 from datetime import datetime
-from functools import cache
 from pathlib import Path
 from typing import Final
 
-import typst
+from sqlalchemy.exc import SQLAlchemyError
 
 from service.certificate.sheet import Node
+from service.context import Context
+from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
+from store.files import keep_blob
+from store.tables import Rendering
 
-_TEMPLATE = Path(__file__).parent / "certificate.typ"
-_STANDARD: Final = "a-2b"  # what archives keep
+log = logging.getLogger(__name__)
+
+_SETTING: Final = Path(__file__).with_name("setting.py")
+_WITHIN_S: Final = 300.0
 
 
 def render_pdf(sheets: Node) -> bytes:
-    """``sheets`` : everything that the template sets, of `lay_out` or `lay_out_rig`."""
-    content = json.dumps(sheets)
+    """Set the sheets of `lay_out` or `lay_out_rig` in a process of its own."""
     timestamp = int(datetime.fromisoformat(sheets["created_at"]).timestamp())
+    request = json.dumps({"sheets": json.dumps(sheets), "timestamp": timestamp})
+    command = [sys.executable, "-I", str(_SETTING)]
+    return subprocess.run(  # noqa: S603  our own script
+        command, input=request.encode(), stdout=subprocess.PIPE, check=True, timeout=_WITHIN_S
+    ).stdout
+
+
+def find_pdf(context: Context, sheets: Node) -> bytes:
+    """Return the PDF that is kept for this very content, or set it and keep it.
+
+    A kept certificate keeps its bytes, whatever Typst sets later.
+    """
+    source = hashlib.sha256(json.dumps(sheets, sort_keys=True).encode()).hexdigest()
+    with context.database.reading() as session:
+        kept = session.get(Rendering, source)
+    if kept is not None:
+        try:
+            return b"".join(context.files.open(kept.sha256)[1])
+        except (BlobDamaged, StorageUnavailable) as fault:
+            log.warning("a certificate is set again: %s", fault)
+    pdf = render_pdf(sheets)
     try:
-        pdf = _compiler(content).compile(format="pdf", pdf_standards=_STANDARD, timestamp=timestamp)
-    except typst.TypstError:
-        # a name in a script that the fonts lack: the archive's standard refuses it, a plain PDF shows a box
-        pdf = _compiler(content).compile(format="pdf", timestamp=timestamp)
-    assert isinstance(pdf, bytes)  # noqa: S101  narrows the type: one document was asked for
+        with context.blobs.writer() as writer:
+            writer.write(pdf)
+            blob = writer.commit()
+        with context.database.writing("certificate") as session:
+            keep_blob(session, blob)
+            session.merge(Rendering(source_sha256=source, sha256=blob.sha256))
+    except (SQLAlchemyError, StorageFull, StorageUnavailable) as error:
+        log.warning("a certificate is not kept: %s", error)
     return pdf
-
-
-def _compiler(content: str) -> typst.Compiler:
-    return typst.Compiler(
-        _TEMPLATE.read_bytes(),
-        font_paths=_fonts(),
-        ignore_system_fonts=True,
-        sys_inputs={"certificate": content},
-    )
 
 
 def draw_region(
@@ -57,8 +77,3 @@ def draw_region(
         f'<image href="data:image/png;base64,{picture}" width="{width_px}" height="{height_px}" '
         f'preserveAspectRatio="none"/>{drawn}</svg>'
     )
-
-
-@cache
-def _fonts() -> typst.Fonts:
-    return typst.Fonts(include_system_fonts=False)

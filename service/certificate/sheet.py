@@ -1,9 +1,12 @@
 """The few kinds of block that the template can set."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 Node = dict[str, Any]
+
+MOST_ROWS: Final = 200
+"""Of a printed table: about five pages."""
 
 
 def section(title: str, blocks: list[Node]) -> Node:
@@ -23,6 +26,9 @@ def table(
     head: list[str], rows: list[list[str]], *, align: str, widths: Sequence[float], caption: str = ""
 ) -> Node:
     """``align``: l or r a column. A row of one cell that begins with § is a heading across all columns."""
+    if len(rows) > MOST_ROWS:
+        cut = f"The first {MOST_ROWS} of {len(rows):,} rows; all are in the JSON certificate."
+        rows, caption = rows[:MOST_ROWS], f"{caption} {cut}".strip()
     return {
         "kind": "table",
         "head": head,

@@ -2,12 +2,14 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 
+from anyio import to_thread
 from fastapi import APIRouter, Request, Response
 from sqlalchemy.orm import Session
 
 from service.auth import Caller, Reader
-from service.certificate import build_certificate, draw_region, lay_out, render_pdf
+from service.certificate import build_certificate, draw_region, find_pdf, lay_out
 from service.certificate.sheet import Node
 from service.context import Context, UsesContext
 from service.immutable import not_modified, standing_headers
@@ -33,14 +35,20 @@ def get_certificate(calibration_id: Id, request: Request, caller: Reader, contex
 
 
 @router.get("/certificate.pdf", response_class=Response, responses=sends_stored_file("application/pdf"))
-def get_certificate_pdf(
+async def get_certificate_pdf(
     calibration_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
-    """The certificate on paper (PDF/A): the very numbers of certificate.json, with plots and the region."""
-    with context.database.reading() as session:
-        record = _gather(context, session, calibration_id, caller)
-    certificate = build_certificate(record).dump()
-    return send_certificate_pdf(request, lay_out(certificate, _draw_preview(record, context.files)))
+    """The certificate on paper (PDF/A): the very numbers of certificate.json, with plots and the region.
+
+    A table of more than 200 rows ends with a sentence that says so; certificate.json holds all of them.
+    """
+
+    def lay() -> Node:
+        with context.database.reading() as session:
+            record = _gather(context, session, calibration_id, caller)
+        return lay_out(build_certificate(record).dump(), _draw_preview(record, context.files))
+
+    return await send_certificate_pdf(request, context, lay)
 
 
 def send_certificate_json(request: Request, certificate: Node) -> Response:
@@ -49,11 +57,16 @@ def send_certificate_json(request: Request, certificate: Node) -> Response:
     return _answer(request, content, "application/json")
 
 
-def send_certificate_pdf(request: Request, sheets: Node) -> Response:
-    """Send a certificate on paper, named by its number."""
-    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in sheets["number"])
-    headers = {"Content-Disposition": f'inline; filename="{name}.pdf"'}
-    return _answer(request, render_pdf(sheets), "application/pdf", headers)
+async def send_certificate_pdf(request: Request, context: Context, lay: Callable[[], Node]) -> Response:
+    """Send a certificate on paper, named by its number; few are made at once, and the others wait."""
+
+    def make() -> Response:
+        sheets = lay()
+        name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in sheets["number"])
+        headers = {"Content-Disposition": f'inline; filename="{name}.pdf"'}
+        return _answer(request, find_pdf(context, sheets), "application/pdf", headers)
+
+    return await to_thread.run_sync(make, limiter=context.presses)
 
 
 def _gather(context: Context, session: Session, calibration_id: str, caller: Caller) -> CalibrationRecord:

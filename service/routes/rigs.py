@@ -141,7 +141,7 @@ def get_rig_certificate(
 
 
 @router.get("/{rig_id}/certificate.pdf", response_class=Response, responses=sends_file("application/pdf"))
-def get_rig_certificate_pdf(
+async def get_rig_certificate_pdf(
     rig_id: Id,
     request: Request,
     caller: Reader,
@@ -152,8 +152,9 @@ def get_rig_certificate_pdf(
 ) -> Response:
     """The certificate of a rig on paper (PDF/A): the very numbers of its certificate.json."""
     limits = {"deg": tolerance_deg, "m": tolerance_m}
-    certificate = _certify(rig_id, caller, context, calibration_id, limits)
-    return send_certificate_pdf(request, lay_out_rig(certificate))
+    return await send_certificate_pdf(
+        request, context, lambda: lay_out_rig(_certify(rig_id, caller, context, calibration_id, limits))
+    )
 
 
 def _certify(

@@ -8,7 +8,7 @@ from decimal import ROUND_HALF_EVEN, Decimal
 import pypdf
 import pytest
 
-from service.certificate import draw_region, lay_out, render_pdf
+from service.certificate import draw_region, find_pdf, lay_out, render_pdf
 from service.certificate.figures import in_step
 from tests.support.certificates import certificate_of, complete_version
 
@@ -151,6 +151,37 @@ def test_tables_go_on_over_pages_with_their_heads_and_long_names_stay_inside(cer
 @alone
 def test_the_same_certificate_gives_the_same_bytes(certificate):
     assert render_pdf(lay_out(certificate, "")) == render_pdf(lay_out(copy.deepcopy(certificate), ""))
+
+
+@alone
+def test_a_long_table_is_cut_with_a_sentence_and_the_json_is_whole(certificate):
+    long = copy.deepcopy(certificate)
+    long["frames"] = certificate["frames"] * 9
+    light = [frame for frame in long["frames"] if frame["role"] == "light"]
+    sections = {each["title"]: each["blocks"][-1] for each in lay_out(long, "")["sections"]}
+    assert len(sections["Light frames"]["rows"]) == 200 < len(light)
+    assert (
+        f"The first 200 of {len(light):,} rows; all are in the JSON certificate."
+        in (sections["Light frames"]["caption"])
+    )
+    assert "The first" not in sections["Dark frames"]["caption"]
+
+
+@alone
+def test_a_certificate_is_set_once_and_again_if_its_file_is_lost(house, certificate, monkeypatch):
+    sheets, set_pages = lay_out(certificate, ""), []
+    monkeypatch.setattr(
+        "service.certificate.pdf.render_pdf", lambda _: set_pages.append(1) or b"%PDF" + bytes(set_pages)
+    )
+    context = house.app.state.context
+    first = find_pdf(context, sheets)
+    assert find_pdf(context, sheets) == first
+    assert find_pdf(context, sheets | {"number": "another"}) != first
+    for path in (house.folder / "blobs").rglob("*"):
+        if path.is_file():
+            path.unlink()
+    assert find_pdf(context, sheets) == b"%PDF" + bytes([1, 1, 1])
+    assert len(set_pages) == 3
 
 
 @alone
