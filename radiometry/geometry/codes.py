@@ -12,6 +12,13 @@ VIEW_MIRRORED = flag(
     "A picture is mirrored or turned by 180 degrees against the others; it was left out.",
     "Use the pictures as the camera wrote them: a viewer or a phone may have turned or mirrored a copy.",
 )
+MIRROR_NOT_EXCLUDED = flag(
+    "mirror_not_excluded",
+    "A rendered picture may be mirrored or turned by 180 degrees without being found, and the principal "
+    "point be wrong by more than its standard uncertainty.",
+    "Use pictures as the camera wrote them, a ChArUco board, or a checkerboard with two odd and different "
+    "numbers of inner corners, whose colours show a mirrored picture.",
+)
 CORNER_WINDOW_WIDE = flag(
     "corner_window_wide",
     "Squares are so small that the fixed window reaches the edges of the next corner, which displace this "

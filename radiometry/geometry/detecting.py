@@ -1,7 +1,7 @@
 """Corners of a board in a grey picture, to a fraction of a pixel."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import cv2
 import numpy as np
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from radiometry.geometry.grey import Grey
 from radiometry.geometry.target import Target, make_charuco_board, measure_spacing_px
+
+FirstSquare = Literal["black", "white"]
 
 FIXED_WINDOW_PX: Final = 11
 """Half the side of the square in which a corner is placed, as OpenCV's own calibration sample has it."""
@@ -42,6 +44,9 @@ class Found:
         Half side of the fitted window [px].
     edge_rise_px : float or None
         10 to 90 % rise of the squares' edges [px].
+    first_square : {"black", "white"} or None, default: None
+        Colour of the square between the first corners of the first two rows, of a board that differs from
+        its mirror image.
     not_found : str, default: ""
         Reason why there are no corners, else "".
     """
@@ -52,6 +57,7 @@ class Found:
     spacing_px: float
     fitted_window_px: int
     edge_rise_px: float | None
+    first_square: FirstSquare | None = None
     not_found: str = ""
 
 
@@ -97,7 +103,7 @@ def find_corners(grey: Grey, target: Target) -> Found:
 
 def _nothing(reason: str) -> Found:
     none = np.empty((0, 2))
-    return Found(np.empty(0, np.int64), none, none, 0.0, 0, None, reason)
+    return Found(np.empty(0, np.int64), none, none, 0.0, 0, None, not_found=reason)
 
 
 def _shrink(coarse: NDArray[np.uint8], scale: int) -> NDArray[np.uint8]:
@@ -147,7 +153,20 @@ def _place(grey: Grey, target: Target, indices: NDArray[np.int64], rough: NDArra
         spacing_px=spacing,
         fitted_window_px=window,
         edge_rise_px=_measure_rise(grey.coarse, target, fitted) if len(indices) == target.corners else None,
+        first_square=_read_first_square(grey.coarse, target, fitted) if target.is_handed else None,
     )
+
+
+def _read_first_square(
+    coarse: NDArray[np.uint8], target: Target, corners: NDArray[np.float64]
+) -> FirstSquare:
+    """Return the colour of the first inner square from the means of both colours over all of them."""
+    grid = corners.reshape(target.rows, target.columns, 2)
+    middles = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4.0
+    places = middles[..., 0].astype(np.float32), middles[..., 1].astype(np.float32)
+    seen = cv2.remap(coarse, *places, cv2.INTER_LINEAR).astype(np.float64)
+    like_first = np.indices(seen.shape).sum(axis=0) % 2 == 0
+    return "white" if seen[like_first].mean() > seen[~like_first].mean() else "black"
 
 
 def _choose_window_px(target: Target, spacing_px: float) -> int:

@@ -11,7 +11,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.geometry.colour import ColourCorners, find_colours
-from radiometry.geometry.detecting import Found, find_corners
+from radiometry.geometry.detecting import FirstSquare, Found, find_corners
 from radiometry.geometry.grey import make_grey
 from radiometry.geometry.target import Target
 from radiometry.specification.stored import LATER
@@ -43,6 +43,9 @@ class Features:
         whole.
     board_share : float, default: 0.0
         Fraction of the frame that the corners span.
+    first_square : {"black", "white"} or None, default: None
+        Colour of the square between the first corners of the first two rows, of a board that differs from
+        its mirror image; else None.
     colours : tuple of ColourCorners or None, default: None
         Displacement of red's and blue's corners from those of green; None without colours.
     """
@@ -58,6 +61,7 @@ class Features:
     spacing_px: float = 0.0
     edge_rise_px: float | None = None
     board_share: float = 0.0
+    first_square: FirstSquare | None = field(default=None, metadata=LATER)
     colours: tuple[ColourCorners, ...] | None = field(default=None, metadata=LATER)
 
 
@@ -112,5 +116,6 @@ def _describe(frame: Frame, found: Found, target: Target) -> Features:
         spacing_px=found.spacing_px,
         edge_rise_px=found.edge_rise_px,
         board_share=float(cv2.contourArea(hull)) / (frame.height_px * frame.width_px),
+        first_square=found.first_square,
         colours=find_colours(frame, found),
     )

@@ -70,9 +70,22 @@ def check_views(settled: Settled, points: Sequence[Point], params: Params) -> li
     rendered = sum(each.row.header.rendered for each in used)
     if rendered:
         flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
+    flags += _check_mirror(settled)
     if len(used) < GOOD_VIEWS:
         flags.append(codes.FEW_VIEWS.at("", f"Views: {len(used)}."))
     return flags
+
+
+def _check_mirror(settled: Settled) -> list[Raised]:
+    hidden = settled.hidden
+    if hidden is None or hidden.ratio <= 1.0:
+        return []
+    row, col = hidden.shift_px
+    detail = (
+        f"If it were {hidden.words}, the principal point would be wrong by {row:+.2f} px in row and "
+        f"{col:+.2f} px in col, {hidden.ratio:.1f} standard uncertainties, and the corners would not show it."
+    )
+    return [codes.MIRROR_NOT_EXCLUDED.at(f"frame {settled.used[hidden.number].row.frame}", detail)]
 
 
 def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:

@@ -51,7 +51,8 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     exist is None.
 
     Flags of the whole fit: coverage_poor, tilt_poor, few_views, corner_window_wide, reprojection_large,
-    pixels_not_square, distortion_folds, rendered. Flags per frame: view_outlier, view_mirrored.
+    pixels_not_square, distortion_folds, rendered. Flags per frame: view_outlier, view_mirrored,
+    mirror_not_excluded.
     """
     lacking = list_missing(rows, params)
     if lacking:

@@ -75,6 +75,12 @@ class Target:
         return self.corner_columns * self.corner_rows
 
     @property
+    def is_handed(self) -> bool:
+        """True if a checkerboard differs from its mirror image: odd numbers of corners, which differ."""
+        odd = self.columns % 2 == 1 and self.rows % 2 == 1
+        return self.kind == "checkerboard" and odd and self.columns != self.rows
+
+    @property
     def name(self) -> str:
         """The board in words."""
         if self.kind == "charuco":

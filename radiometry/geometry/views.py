@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radiometry.findings import Finding
 from radiometry.geometry import codes
 from radiometry.geometry.features import Features
-from radiometry.geometry.mirror import find_turned
+from radiometry.geometry.mirror import TURNS, Hidden, find_turned, measure_hidden
 from radiometry.geometry.rows import CHART, FrameRow, Params
 from radiometry.geometry.solving import FreeParameters, Solution, View, solve
 from radiometry.geometry.target import locate_corners_mm
@@ -41,11 +41,15 @@ class Rejected:
 
 @dataclass(frozen=True)
 class Settled:
-    """Views that were used, with their solution, and those that were rejected."""
+    """Views that were used, with their solution, and those that were rejected.
+
+    ``hidden`` : what a rendered picture that is turned, and is not found, would do
+    """
 
     used: tuple[Candidate, ...]
     solution: Solution
     rejected: tuple[Rejected, ...]
+    hidden: Hidden | None
 
 
 def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
@@ -141,6 +145,34 @@ def make_view(features: Features, params: Params) -> View:
     return View(locate_corners_mm(features.target, np.array(features.indices)), np.array(seen))
 
 
+def _compare_colours(kept: list[Candidate]) -> tuple[list[Candidate], list[Rejected], tuple[str, ...]]:
+    """Reject the few views whose squares have the colours of the board's mirror image.
+
+    Returns what is kept, what is rejected, and the words of TURNS that the board does not exclude: markers
+    cannot be read in a mirror, and colours show it on a board that differs from its mirror image.
+    """
+    hands = [_find_hand(each.features) for each in kept if each.features]
+    few = min((1, -1), key=hands.count)
+    mirrored = [each for each, hand in zip(kept, hands, strict=True) if hand == few]
+    others = [each for each in kept if each not in mirrored]
+    if 0 in hands or 2 * len(mirrored) == len(kept) or len(others) < FEWEST_VIEWS:
+        board = kept[0].features
+        read = board is not None and board.target.kind == "charuco"
+        return kept, [], tuple(TURNS)[2:] if read else tuple(TURNS)
+    why = "it is mirrored against the other pictures: its squares have the colours of the mirror image"
+    return others, [Rejected(each, why, codes.VIEW_MIRRORED) for each in mirrored], tuple(TURNS)[2:]
+
+
+def _find_hand(features: Features) -> int:
+    """Return 1 or -1 by the way in which corners are numbered and the first square's colour, 0 if unknown."""
+    if features.first_square is None:
+        return 0
+    seen = np.array(features.fitted_px).reshape(features.target.rows, features.target.columns, 2)
+    (down, right), (lower, along) = seen[0, -1] - seen[0, 0], seen[-1, 0] - seen[0, 0]
+    turn = right * lower - down * along
+    return int(np.sign(turn)) * (1 if features.first_square == "white" else -1)
+
+
 def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters) -> Settled:
     """Fit, and leave out views that are turned or fit worse than the limit, one by one.
 
@@ -163,8 +195,7 @@ def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters
     The clearest goes first, then all others are fitted again. A rejected view never costs the fit: with
     three views left no more are rejected.
     """
-    kept = [candidate for candidate in candidates if not candidate.left_out]
-    rejected: list[Rejected] = []
+    kept, rejected, turns = _compare_colours([each for each in candidates if not each.left_out])
     limit = params.reject_above_px
     while True:
         views = [make_view(each.features, params) for each in kept if each.features]
@@ -173,17 +204,19 @@ def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters
         solution = solve(views, free, height_px=first.height_px, width_px=first.width_px)
         errors = [measure_rms_px(residual) for residual in solution.residuals_px]
         worst = int(np.argmax(errors))
-        if len(kept) <= FEWEST_VIEWS:
-            return Settled(tuple(kept), solution, tuple(rejected))
-        if turned := find_turned(views, solution):
+        few = len(kept) <= FEWEST_VIEWS
+        if not few and (turned := find_turned(views, solution, turns)):
             number, words = turned
             why = f"it is {words} against the other pictures"
             rejected.append(Rejected(kept.pop(number), why, codes.VIEW_MIRRORED))
-        elif limit is not None and errors[worst] > limit:
+        elif not few and limit is not None and errors[worst] > limit:
             why = f"it fits to {errors[worst]:.2f} px, worse than the limit of {limit:g} px"
             rejected.append(Rejected(kept.pop(worst), why))
         else:
-            return Settled(tuple(kept), solution, tuple(rejected))
+            # a viewer turns rendered pictures and no raw file
+            numbers = [number for number, each in enumerate(kept) if each.row.header.rendered]
+            hidden = measure_hidden(views, solution, free, numbers=numbers, turns=turns)
+            return Settled(tuple(kept), solution, tuple(rejected), hidden)
 
 
 def measure_rms_px(residual_px: NDArray[np.float64]) -> float:
