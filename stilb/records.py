@@ -93,7 +93,8 @@ class MeasureDetails(TypedDict, total=False):
     grid: Grid
     reflectance: float
     incidence_angle_deg: float
-    index: str  # of reflectance: ndvi | ndre | gndvi
+    index: str  # of reflectance: ndvi | ndre | gndvi | evi2 | savi, or a formula: (nir - red) / (nir + red)
+    quantity: str  # of a band: reflectance | radiance
     light_source: str  # a name of the library, or a table: wavelength in nm and value
     spectral_mismatch_u_rel: float
     distance_m: float

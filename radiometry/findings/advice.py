@@ -29,6 +29,12 @@ _BY_SOURCE = {
     "the largest source.",
     "sunshine readings": "Fly under a steady sky, or take the mean of more readings: the scatter of the "
     "sunshine sensor is the largest source.",
+    "sunshine tilt": "Mount the sunshine sensor level, and fly when the sun is high: its tilt is the largest "
+    "source.",
+    "panel": "Have the panel measured, and state how its errors correlate from band to band where its "
+    "certificate does: the panel is the largest source.",
+    "alignment": "Draw the region where its surroundings are even: what remains of the bands' displacement "
+    "is the largest source.",
     "sunshine gain": "Take the panel in the light of the flight, so that the sunshine sensor chooses the "
     "same gain: the gain's ratio is the largest source.",
     "scatter between repeats": "Keep the light and the camera still and average more frames: what the frames "

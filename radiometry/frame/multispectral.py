@@ -7,7 +7,7 @@ make the signal of the raw values, and the light sensor's reading stands beside 
 
 import re
 from dataclasses import dataclass, field
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 from radiometry.frame.light import SunshineCounts, SunshineIrradiance
 from radiometry.specification.stored import LATER
@@ -21,8 +21,17 @@ CAMERAS: Final = {
 """Cameras of each dialect by the name of its module; the first that knows a file reads it."""
 
 Kind = Literal["thermal", "panchromatic"]
-Index = Literal["ndvi", "ndre", "gndvi"]
-INDICES: tuple[Index, ...] = get_args(Index)
+NAMED_INDICES: Final = {
+    "ndvi": "(nir - red) / (nir + red)",
+    "ndre": "(nir - red_edge) / (nir + red_edge)",
+    "gndvi": "(nir - green) / (nir + green)",
+    "evi2": "2.5 * (nir - red) / (nir + 2.4 * red + 1)",
+    "savi": "1.5 * (nir - red) / (nir + red + 0.5)",
+}
+"""Vegetation indices by name, as formulas of reflectances."""
+
+MOST_LETTERS: Final = 200
+"""Longest formula of an index."""
 
 _THERMAL_NM: Final = 3000.0
 _PANCHROMATIC_WIDTH_NM: Final = 200.0
@@ -228,6 +237,36 @@ class RigGeometry:
     homography: tuple[float, ...] | None = field(default=None, metadata=LATER)
     offset_px: tuple[float, float] | None = field(default=None, metadata=LATER)
     calibrated_on: str | None = field(default=None, metadata=LATER)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alignment:
+    """How a band was aligned onto the first of its capture.
+
+    Attributes
+    ----------
+    band : str
+        Name of the band.
+    by : str
+        Lens data of the files, their refinement by correlation, or correlation alone.
+    residual_px : float
+        Root mean square distance that remains [px]; assumed without a refinement.
+    shift_px : tuple[float, float]
+        Correction by correlation (x, y) in the middle of the frame [px].
+    patches, tried : int
+        Number of patches in which the bands agree, and of those that were searched.
+    matrix : tuple of float, default: identity
+        (a, b, c, d, e, f): the band shows what the first shows at (x, y) where its lens data put
+        (a x + b y + c, d x + e y + f) [px].
+    """
+
+    band: str
+    by: Literal["lens_data", "lens_data_and_correlation", "correlation"]
+    residual_px: float
+    shift_px: tuple[float, float]
+    patches: int
+    tried: int
+    matrix: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,10 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame.multispectral import RigGeometry
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance import codes
+from radiometry.reflectance.registration import IDENTITY
 
 Grid = NDArray[np.float64]
+Matrix = tuple[float, ...]
 
 _WIDEST_RAD = 1.4
 _NOWHERE_PX = -10.0
@@ -19,7 +21,11 @@ _UNDISTORT_STEPS = 20
 
 
 def align(
-    plane: NDArray[np.float32], *, of: RigGeometry | None, onto: RigGeometry | None
+    plane: NDArray[np.float32],
+    *,
+    of: RigGeometry | None,
+    onto: RigGeometry | None,
+    matrix: Matrix = IDENTITY,
 ) -> NDArray[np.float32]:
     """Resample a band's whole frame to the pixels of another band of the same capture.
 
@@ -31,6 +37,8 @@ def align(
         Lens of the band to resample.
     onto : RigGeometry or None
         Lens of the band whose pixels are the result.
+    matrix : tuple of float, default: IDENTITY
+        Correction of `Registration.matrix`, applied to the pixels of the result first.
 
     Returns
     -------
@@ -54,7 +62,7 @@ def align(
     is moved instead, which is all that is corrected then: on a real capture 4 px or
     less remain of 11. Otherwise only the rotation is corrected. Lenses b [m] apart see a
     surface h [m] away shifted by c b/h pixels, c = 1055 px in a Sequoia: half a
-    pixel for 2 cm and 40 m, tens for a panel close by. No file states b. The sense
+    pixel for 2 cm and 40 m, tens for a panel close by; `register` finds it. The sense
     of R was determined on a real Sequoia capture (see the tests).
 
     References
@@ -66,15 +74,22 @@ def align(
     x, y = _find_positions(
         np.broadcast_to(cols, plane.shape),
         np.broadcast_to(rows[:, None], plane.shape),
-        of=_require(of),
-        onto=_require(onto),
+        of=require_lens_data(of),
+        onto=require_lens_data(onto),
+        matrix=matrix,
     )
     found = ndimage.map_coordinates(plane, [y, x], order=1, mode="constant", cval=np.nan, output=np.float32)
     return np.asarray(found, np.float32)
 
 
 def move_region(
-    polygon: Polygon, *, of: RigGeometry | None, onto: RigGeometry | None, height_px: int, width_px: int
+    polygon: Polygon,
+    *,
+    of: RigGeometry | None,
+    onto: RigGeometry | None,
+    height_px: int,
+    width_px: int,
+    matrix: Matrix = IDENTITY,
 ) -> tuple[Polygon, Polygon]:
     """Return a region of band `onto` as both bands see it: the part of it that both frames contain.
 
@@ -86,6 +101,8 @@ def move_region(
         Lenses of the two bands.
     height_px, width_px : int
         Size of the frames [px].
+    matrix : tuple of float, default: IDENTITY
+        Correction as in `align`.
 
     Returns
     -------
@@ -103,13 +120,15 @@ def move_region(
     The corners are moved as `align` moves pixels; the lines between them stay
     straight.
     """
-    lenses = (_require(of), _require(onto))
+    lenses = (require_lens_data(of), require_lens_data(onto))
     try:
-        moved = _move_points(np.array(polygon.points), of=lenses[0], onto=lenses[1])
+        moved = _move_points(np.array(polygon.points), of=lenses[0], onto=lenses[1], matrix=matrix)
         held = np.clip(moved, 0.0, (width_px, height_px))
         if np.array_equal(held, moved):
             return polygon, Polygon.from_points(held.tolist())
         back = _move_points(held, of=lenses[1], onto=lenses[0])
+        unmoved = np.linalg.solve(_square(matrix), _homogeneous(back - 0.5).T)
+        back = np.asarray(0.5 + unmoved.T[:, :2], np.float64)
         return Polygon.from_points(np.clip(back, 0.0, (width_px, height_px)).tolist()), Polygon.from_points(
             held.tolist()
         )
@@ -121,19 +140,31 @@ def move_region(
         ) from refusal
 
 
-def _move_points(points: Grid, *, of: RigGeometry, onto: RigGeometry) -> Grid:
+def _move_points(points: Grid, *, of: RigGeometry, onto: RigGeometry, matrix: Matrix = IDENTITY) -> Grid:
     """Move points (n, 2) [px] from where `onto` sees them: a region's 0.5 is the centre of pixel 0."""
-    x, y = _find_positions(points[:, 0] - 0.5, points[:, 1] - 0.5, of=of, onto=onto)
+    x, y = _find_positions(points[:, 0] - 0.5, points[:, 1] - 0.5, of=of, onto=onto, matrix=matrix)
     return np.column_stack((x, y)) + 0.5
 
 
-def _find_positions(x: Grid, y: Grid, *, of: RigGeometry, onto: RigGeometry) -> tuple[Grid, Grid]:
+def _homogeneous(points: Grid) -> Grid:
+    return np.column_stack((points, np.ones(len(points))))
+
+
+def _square(matrix: Matrix) -> Grid:
+    return np.array((*matrix, 0.0, 0.0, 1.0)).reshape(3, 3)
+
+
+def _find_positions(
+    x: Grid, y: Grid, *, of: RigGeometry, onto: RigGeometry, matrix: Matrix
+) -> tuple[Grid, Grid]:
     """Return where (x, y) [px] band `of` sees what `onto` sees at x, y, or a position beside the image.
 
     A file may state any number, and resampling at a position that is not finite
     reads outside the memory: what is not finite, or behind the lens, is put beside
     the image.
     """
+    a, b, c, d, e, f = matrix
+    x, y = a * x + b * y + c, d * x + e * y + f
     if of.offset_px is not None and onto.offset_px is not None:
         (dx, dy), (x0, y0) = of.offset_px, onto.offset_px
         return x + (dx - x0), y + (dy - y0)
@@ -232,11 +263,29 @@ def _rotation(lens: RigGeometry) -> Grid:
     return np.asarray(np.array(about_x) @ np.array(about_y) @ np.array(about_z), np.float64)
 
 
-def _require(lens: RigGeometry | None) -> RigGeometry:
-    """Refuse a band whose file does not state enough to align it."""
+def require_lens_data(lens: RigGeometry | None, *, turned: bool = True) -> RigGeometry:
+    """Refuse a band whose file does not state enough to align it.
+
+    Parameters
+    ----------
+    lens : RigGeometry or None
+        Lens of the band.
+    turned : bool, default: True
+        True if its rotation must be stated too; without it the band can be aligned by correlation alone.
+
+    Returns
+    -------
+    RigGeometry
+        The lens.
+
+    Raises
+    ------
+    InputRejected
+        `bands_not_aligned`.
+    """
     if lens is not None and lens.offset_px is not None:
         return lens
-    whole = lens is not None and lens.rotation_deg is not None
+    whole = lens is not None and (lens.rotation_deg is not None or not turned)
     if whole and lens is not None and lens.model == "fisheye":
         affine, terms = lens.fisheye_affine, lens.fisheye_polynomial
         whole = len(affine) == 4 and affine[0] * affine[3] != affine[1] * affine[2] and len(terms) > 1
@@ -248,8 +297,8 @@ def _require(lens: RigGeometry | None) -> RigGeometry:
     if not whole or lens is None:
         raise InputRejected(
             codes.BANDS_NOT_ALIGNED,
-            "A file of this capture does not say how its band lies against the others (RigRelatives): "
-            "the bands do not lie on one another, and an index of them would compare different places. "
+            "A file of this capture does not state how its band lies against the others (RigRelatives), and "
+            "too few edges agree between the bands to find it: an index would compare different places. "
             "Align them with photogrammetry software and compute the index there.",
         )
     return lens

@@ -293,16 +293,45 @@ def compute_map(frame: Frame, *, header: FrameHeader, exposure: Exposure, scale:
     InputRejected
         `sensor_model_unusable`.
     """
-    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
-    reflectance: NDArray[np.float32] = (signal * scale.factor).astype(np.float32)
-    saturated = frame.samples_dn >= min(frame.white_level_dn)
-    reflectance[saturated] = np.nan
+    reflectance = compute_radiance(frame, header=header, exposure=exposure, factor=scale.factor)
     return ReflectanceMap(
         reflectance=reflectance,
         below_zero=int(np.count_nonzero(reflectance < 0.0)),
         above_one=int(np.count_nonzero(reflectance > 1.0)),
-        saturated=int(np.count_nonzero(saturated)),
+        saturated=int(np.count_nonzero(np.isnan(reflectance))),
     )
+
+
+def compute_radiance(
+    frame: Frame, *, header: FrameHeader, exposure: Exposure, factor: float = 1.0
+) -> NDArray[np.float32]:
+    """Compute a multiple of the signal of every pixel of a window, of a MicaSense camera its radiance.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window of the frame.
+    header : FrameHeader
+        Metadata of the frame.
+    exposure : Exposure
+        Exposure of the frame.
+    factor : float, default: 1.0
+        Factor of the signal.
+
+    Returns
+    -------
+    ndarray of float32
+        Signal, (row, col); NaN where saturated.
+
+    Raises
+    ------
+    InputRejected
+        `sensor_model_unusable`.
+    """
+    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    found: NDArray[np.float32] = (signal * factor).astype(np.float32)
+    found[frame.samples_dn >= min(frame.white_level_dn)] = np.nan
+    return found
 
 
 def _list_sources(

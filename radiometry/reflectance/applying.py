@@ -4,15 +4,22 @@ from typing import Final
 
 from radiometry.reflectance import method
 from radiometry.reflectance.comparison import change_reflectance
-from radiometry.reflectance.measurement import measure_index, measure_region
+from radiometry.reflectance.formula import read_formula
+from radiometry.reflectance.imaging import RADIANCE_UNIT
+from radiometry.reflectance.indices import align_band, displace_region, move_regions
+from radiometry.reflectance.measurement import measure_radiance, measure_region, require_radiance
+from radiometry.reflectance.propagation import flag_alignment, map_uncertainty, measure_index
 from radiometry.specification.application import BandApplication
 
 APPLICATION: Final = BandApplication(
     quantity="reflectance",
     unit="1",
-    options=("incidence_angle_deg", "index"),
-    name_bands=method.name_bands,
-    align_region=method.align_region,
+    options=("incidence_angle_deg", "index", "quantity"),
+    read_formula=read_formula,
+    align_band=align_band,
+    flag_alignment=flag_alignment,
+    move_regions=move_regions,
+    displace_region=displace_region,
     find_scale_of_frame=method.find_scale_of_frame,
     extract_features=method.extract_features,
     apply=method.apply,
@@ -21,5 +28,10 @@ APPLICATION: Final = BandApplication(
     compute_map=method.compute_map,
     band_map=method.BandMap,
     compute_index=method.compute_index,
+    map_uncertainty=map_uncertainty,
+    radiance_unit=RADIANCE_UNIT,
+    require_radiance=require_radiance,
+    measure_radiance=measure_radiance,
+    compute_radiance=method.compute_radiance,
     change=change_reflectance,
 )

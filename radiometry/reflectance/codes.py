@@ -241,15 +241,40 @@ BAND_NOT_CALIBRATED = error(
     "The calibration has no K for the frame's band, or a band that an index needs is not there.",
     "Take the panel in that band, with the panel's reflectance in it, or upload the capture's other files.",
 )
+ALIGNMENT_NOT_REFINED = flag(
+    "alignment_not_refined",
+    "The bands were aligned by the lens data of their files alone: too few edges agree between them, as on "
+    "water, on bare even ground, and close to a scene with depth. 5 pixels are assumed to remain.",
+    "Use captures of structured ground from flight height, or a region that is even around its border.",
+    "measurement",
+)
+FORMULA_INVALID = error(
+    "formula_invalid",
+    "The formula of an index cannot be used; `detail` names the part, or the bands that there are.",
+    "Write bands, numbers, + - * / ** and parentheses.",
+)
+RADIANCE_UNKNOWN = error(
+    "radiance_unknown",
+    "The file states no absolute calibration of its sensor, from which its radiance would follow.",
+    "Ask for the reflectance. Cameras of MicaSense state a `RadiometricCalibration`.",
+)
+RADIANCE_UNCERTAINTY_UNKNOWN = flag(
+    "radiance_uncertainty_unknown",
+    "The radiance follows from the manufacturer's calibration, whose uncertainty the file does not state: "
+    "the uncertainty is that of the pixels' noise alone.",
+    "Compare it with a radiance standard.",
+    "measurement",
+)
 INDEX_UNDEFINED = error(
     "index_undefined",
-    "The reflectances of the two bands in the region add up to zero, so their index is not defined.",
+    "The index is not defined for the region's reflectances: a divisor is zero, or below zero for a named "
+    "index.",
     "Draw the region on something that reflects.",
 )
 BANDS_NOT_ALIGNED = error(
     "bands_not_aligned",
-    "The two files cannot be aligned for an index: they are not bands of one capture, or do not state how "
-    "their bands are turned (`RigRelatives`).",
+    "The files cannot be aligned: they are not bands of one capture, or do not state how their bands are "
+    "turned (`RigRelatives`) and too few edges agree between them.",
     "Align them with photogrammetry software and compute the index there.",
 )
 

@@ -1,22 +1,23 @@
-"""Measurement of a band's frame: a region and its pixels, and an index of two bands."""
+"""Measurement of a band's frame: a region and its pixels."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import InputRejected, Raised
+from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.multispectral import Index
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import codes
 from radiometry.reflectance.application import apply_features, choose_angle
 from radiometry.reflectance.features import extract_features
-from radiometry.reflectance.imaging import compute_signal
+from radiometry.reflectance.imaging import RADIANCE_UNIT, compute_signal, require_band, signal_unit
+from radiometry.reflectance.points import MOST_SATURATED_SHARE
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
 from radiometry.specification.stored import LATER
 
@@ -180,24 +181,12 @@ def measure_region(
     noise = estimate_noise(signal * factor, inside)
     shared_rel = _part(applied.effects, shared=True) / abs(applied.reflectance.value or 1.0)
 
-    def pixel(value: float, own: float = noise) -> Quantity:
-        return _quantity(value, math.hypot(value * shared_rel, own))
-
-    middle, *ranks = np.percentile(values, [50, *PERCENTILES]).tolist()
     return MeasuredReflectance(
         band=features.band,
-        pixels=int(values.size),
         mean=applied.reflectance,
         shared_u=_part(applied.effects, shared=True),
         noise_u=_part(applied.effects, shared=False),
-        smallest=pixel(float(values.min())),
-        largest=pixel(float(values.max())),
-        # the median of n has sqrt(pi / 2) times a mean's noise
-        median=pixel(middle, noise * math.sqrt(math.pi / 2 / values.size)),
-        percentiles=tuple(
-            Percentile(percent=percent, reflectance=pixel(value))
-            for percent, value in zip(PERCENTILES, ranks, strict=True)
-        ),
+        **_describe_pixels(values, noise=noise, shared_rel=shared_rel, unit=REFLECTANCE_UNIT),
         budget=_share_out(applied),
         i_sq=applied.i_sq,
         i_ss=applied.i_ss,
@@ -208,6 +197,132 @@ def measure_region(
         saturated_share=features.statistics.saturated_share,
         flags=applied.flags,
         i_ss_oriented=applied.i_ss_oriented,
+    )
+
+
+def _describe_pixels(
+    values: NDArray[np.float64], *, noise: float, shared_rel: float, unit: str
+) -> dict[str, Any]:
+    def pixel(value: float, own: float = noise) -> Quantity:
+        return Quantity(value=value, standard_uncertainty=math.hypot(value * shared_rel, own), unit=unit)
+
+    middle, *ranks = np.percentile(values, [50, *PERCENTILES]).tolist()
+    return {
+        "pixels": int(values.size),
+        "smallest": pixel(float(values.min())),
+        "largest": pixel(float(values.max())),
+        # the median of n has sqrt(pi / 2) times a mean's noise
+        "median": pixel(middle, noise * math.sqrt(math.pi / 2 / values.size)),
+        "percentiles": tuple(
+            Percentile(percent=percent, reflectance=pixel(value))
+            for percent, value in zip(PERCENTILES, ranks, strict=True)
+        ),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredRadiance:
+    """Radiance of a region by the manufacturer's calibration; nothing is clipped.
+
+    Attributes
+    ----------
+    radiance : str
+        Name of the band.
+    pixels : int
+        Number of pixels.
+    mean : Quantity
+        Radiance of the region's signal, with its noise alone as uncertainty [W/(m2 sr nm)].
+    smallest, largest, median : Quantity
+        Statistics as in `MeasuredReflectance`.
+    percentiles : tuple of Percentile
+        Percentiles of single pixels.
+    saturated_share : float
+        Saturated fraction of the region, 0 to 1.
+    flags : tuple of Raised
+        Flags of the measurement.
+    """
+
+    radiance: str
+    pixels: int
+    mean: Quantity
+    smallest: Quantity
+    largest: Quantity
+    median: Quantity
+    percentiles: tuple[Percentile, ...]
+    saturated_share: float
+    flags: tuple[Raised, ...]
+
+
+def require_radiance(header: FrameHeader) -> None:
+    """Refuse a band whose file states no absolute calibration.
+
+    Parameters
+    ----------
+    header : FrameHeader
+        Metadata of the frame.
+
+    Raises
+    ------
+    InputRejected
+        `radiance_unknown`.
+    """
+    band = require_band(header)
+    if signal_unit(band) != RADIANCE_UNIT:
+        raise codes.RADIANCE_UNKNOWN.refuse(
+            f"Band {band.band_name} of {header.model or 'this camera'} has a signal of unknown scale."
+        )
+
+
+def measure_radiance(
+    frame: Frame, polygon: Polygon, *, header: FrameHeader, exposure: Exposure
+) -> MeasuredRadiance:
+    """Measure the radiance of a region, L = V(x, y) a1 / (g (t + a2 y - a3 t y)) (p - B) [1]_.
+
+    Parameters
+    ----------
+    frame : Frame
+        Window that contains the region's window.
+    polygon : Polygon
+        Region.
+    header : FrameHeader
+        Metadata of the frame.
+    exposure : Exposure
+        Exposure of the frame.
+
+    Returns
+    -------
+    MeasuredRadiance
+        Radiance. Flags: `radiance_uncertainty_unknown` and `saturated`.
+
+    Raises
+    ------
+    InputRejected
+        `radiance_unknown`, and those of `extract_features`.
+
+    References
+    ----------
+    .. [1] MicaSense, "RedEdge Camera Radiometric Calibration Model"
+    """
+    require_radiance(header)
+    features = extract_features(frame, polygon, header=header, exposure=exposure)
+    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
+    height, width = signal.shape
+    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
+    flags = [codes.RADIANCE_UNCERTAINTY_UNKNOWN.at("", "Only the noise of the pixels is stated.")]
+    share = features.statistics.saturated_share
+    if share > MOST_SATURATED_SHARE:
+        flags.append(shared.SATURATED.at("", f"{share:.2%} of the samples."))
+    noise = estimate_noise(signal, inside)
+    return MeasuredRadiance(
+        radiance=features.band,
+        mean=Quantity(
+            value=features.i_sq,
+            standard_uncertainty=features.i_sq_standard_uncertainty,
+            unit=RADIANCE_UNIT,
+        ),
+        **_describe_pixels(signal[inside], noise=noise, shared_rel=0.0, unit=RADIANCE_UNIT),
+        saturated_share=share,
+        flags=tuple(flags),
     )
 
 
@@ -241,82 +356,6 @@ def estimate_noise(values: NDArray[np.float64], inside: NDArray[np.bool_]) -> fl
     spread = _MAD_TO_SIGMA * float(np.median(np.abs(differences)))
     kept = differences[np.abs(differences) <= _OUTLIER_SIGMAS * spread] if spread > 0.0 else differences
     return math.sqrt(float(np.mean(kept**2)) / 6.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class MeasuredIndex:
-    """Index of a region's mean reflectances.
-
-    Attributes
-    ----------
-    index : Index
-        Name of the index.
-    value : Quantity
-        Index with its standard uncertainty.
-    bands : tuple of AppliedReflectance
-        Mean reflectances, near infrared first.
-    flags : tuple of Raised
-        Flags of both bands.
-    """
-
-    index: Index
-    value: Quantity
-    bands: tuple[AppliedReflectance, ...]
-    flags: tuple[Raised, ...]
-
-
-def measure_index(index: Index, nir: AppliedReflectance, other: AppliedReflectance) -> MeasuredIndex:
-    """Compute (a - b) / (a + b) of a region's reflectances a (near infrared) and b.
-
-    Parameters
-    ----------
-    index : Index
-        Name of the index.
-    nir, other : AppliedReflectance
-        Reflectances a and b.
-
-    Returns
-    -------
-    MeasuredIndex
-        Index with its uncertainty.
-
-    Raises
-    ------
-    InputRejected
-        `index_undefined` if a + b is not positive.
-
-    Notes
-    -----
-    The two are taken as independent::
-
-        u^2 = (2 b / (a + b)^2)^2 u_a^2 + (2 a / (a + b)^2)^2 u_b^2
-
-    Errors of panel and light that are alike in both bands would cancel, so this is
-    no less than the true uncertainty where they are.
-    """
-    a, b = nir.reflectance, other.reflectance
-    total = a.value + b.value
-    if not total > 0.0:
-        raise InputRejected(
-            codes.INDEX_UNDEFINED,
-            f"{index.upper()} does not exist here: the reflectances of {nir.band} and {other.band} add up to "
-            f"{total:.4g}. Draw the region on something that reflects.",
-        )
-    u = math.hypot(2.0 * b.value * a.standard_uncertainty, 2.0 * a.value * b.standard_uncertainty) / total**2
-    return MeasuredIndex(
-        index=index,
-        value=_quantity((a.value - b.value) / total, u),
-        bands=(nir, other),
-        flags=tuple(
-            Raised(flag=raised.flag, where=f"band {band.band}", detail=raised.detail)
-            for band in (nir, other)
-            for raised in band.flags
-        ),
-    )
-
-
-def _quantity(value: float, standard_uncertainty: float) -> Quantity:
-    return Quantity(value=value, standard_uncertainty=standard_uncertainty, unit=REFLECTANCE_UNIT)
 
 
 def _part(effects: Sequence[Effect], *, shared: bool) -> float:

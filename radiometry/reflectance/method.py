@@ -23,6 +23,7 @@ from radiometry.reflectance.application import (
     ReflectanceMap,
     Scale,
     compute_map,
+    compute_radiance,
     find_scale_of_frame,
 )
 from radiometry.reflectance.application import apply_features as apply
@@ -30,13 +31,7 @@ from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.findings import check_candidates, check_fit, check_frame, review_frame
 from radiometry.reflectance.fit import describe_point, fit_bands
 from radiometry.reflectance.imaging import find_black_dn
-from radiometry.reflectance.indices import (
-    BandMap,
-    IndexMap,
-    align_region,
-    compute_index,
-    name_bands,
-)
+from radiometry.reflectance.indices import BandMap, IndexMap, compute_index
 from radiometry.reflectance.panel import require_one_panel
 from radiometry.reflectance.panel_code import FoundPanel, find_panel, find_stated_panel
 from radiometry.reflectance.panel_transfer import transfer_region
@@ -81,11 +76,11 @@ __all__ = [
     "Scale",
     "Sunshine",
     "TiltParams",
-    "align_region",
     "apply",
     "check_frame",
     "compute_index",
     "compute_map",
+    "compute_radiance",
     "configure",
     "extract",
     "extract_features",
@@ -97,7 +92,6 @@ __all__ = [
     "make_row",
     "measure_sunshine",
     "missing",
-    "name_bands",
     "plan",
     "review_frame",
     "take_region",

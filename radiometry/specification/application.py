@@ -102,10 +102,19 @@ class SurfaceApplication(Application):
 
 @dataclass(frozen=True, kw_only=True)
 class BandApplication(Application):
-    """Measurement of one band of a capture, or of an index of two of its bands."""
+    """Measurement of one band of a capture, or of an index of its bands.
 
-    name_bands: Function
-    align_region: Function
+    Attributes
+    ----------
+    radiance_unit : str
+        Unit of a band's radiance.
+    """
+
+    read_formula: Function
+    align_band: Function
+    flag_alignment: Function
+    move_regions: Function
+    displace_region: Function
     find_scale_of_frame: Function
     extract_features: Function
     apply: Function
@@ -114,6 +123,11 @@ class BandApplication(Application):
     compute_map: Function
     band_map: Function
     compute_index: Function
+    map_uncertainty: Function
+    radiance_unit: str
+    require_radiance: Function
+    measure_radiance: Function
+    compute_radiance: Function
     change: Function
 
 

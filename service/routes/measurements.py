@@ -34,7 +34,7 @@ from service.writing import Reply, Writes
 from store import jobs
 from store.errors import Conflict
 from store.measuring.captures import Captures
-from store.measuring.plan import Asked, find_subject, plan_measurement
+from store.measuring.plan import Asked, find_subject, list_others, plan_measurement
 from store.tables import Calibration, Campaign, FrameRow, Job, Measurement
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
@@ -158,7 +158,7 @@ def get_measurement_record(
         if unchanged is not None:
             return unchanged
         calibration = session.get_one(Calibration, row.calibration_id)
-        more = [*row.parameters.get("repeats", []), *filter(None, [row.parameters.get("other")])]
+        more = [*row.parameters.get("repeats", []), *list_others(row.parameters)]
         ids = [row.frame_id, *(named["frame_id"] for named in more)]
         frames = [session.get_one(FrameRow, frame_id) for frame_id in ids]
         return MeasurementRecord.of(row, frames, calibration).respond(immutable_headers(tag))
@@ -174,8 +174,9 @@ def get_measurement_map(
 ) -> Response:
     """What every pixel measured, float32, with the frame's metadata; NaN where it is not known.
 
-    A luminance in cd/m2; a band's reflectance or an index without unit. Of a geometry campaign's frame: its
-    undistorted picture, uint16.
+    A luminance in cd/m2; a band's reflectance or an index without unit, or its radiance in W/(m2 sr nm). With
+    the product `bands`: several planes on the same pixels, named in GDAL's metadata. Of a geometry campaign's
+    frame: its undistorted picture, uint16.
     """
     return _send_map(request, context, _owned(context, measurement_id, caller), "tif")
 
@@ -206,6 +207,7 @@ def _read_asked(body: MeasurementOptions) -> Asked:
         reflectance=body.reflectance,
         incidence_angle_deg=body.incidence_angle_deg,
         index=body.index,
+        quantity=body.quantity,
         frame_ids=tuple(body.list_frames()) if isinstance(body, NewMeasurement) and body.frame_ids else None,
         conditions=body.model_dump(include=set(CONDITIONS), exclude_unset=True),
         products=tuple(body.products or ()),

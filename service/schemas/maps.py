@@ -77,7 +77,7 @@ class MapValuesAnswer(Answer):
 
 def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
     """From a stored budget: all that is shared scales with the value, but for what is subtracted."""
-    if "budget" not in result:
+    if "smallest" not in result or "budget" not in result:
         return None
     mean, smallest = result["mean"]["value"], result["smallest"]
     shared = {

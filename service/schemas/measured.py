@@ -13,6 +13,7 @@ from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Instant, Quantity
 from service.schemas.calibrations import SCOPE_MEANING
 from service.schemas.measured_parts import (
+    AlignmentAnswer,
     BandAnswer,
     BudgetRow,
     CalibrationUsed,
@@ -73,6 +74,10 @@ class MeasurementAnswer(Answer):
     )
     reflected: ReflectedAnswer | None = Field(default=None, description="Of a band's reflectance.")
     index: IndexAnswer | None = None
+    radiance: str | None = Field(default=None, description="The band, of a radiance.")
+    alignment: list[AlignmentAnswer] | None = Field(
+        default=None, description="Of an index and of the product `bands`: the other bands of the capture."
+    )
     undistorted: UndistortedAnswer | None = Field(default=None, description="Of a geometry campaign's frame.")
     map: MapCounts | None = Field(default=None, description="Of a map of reflectance or of an index.")
     illuminance: Quantity | None = Field(default=None, description="E = pi L / rho of the region's mean.")
@@ -136,6 +141,7 @@ class MeasurementAnswer(Answer):
             corrections=result.get("corrections", []),
             percentiles=result.get("percentiles", []),
             map=result.get("map"),
+            alignment=result.get("alignment") or None,
             flags=flags,
             to_do_better=list(advise([FINDINGS[raised.flag] for raised in flags], budget=budget)),
             links=_links(row),
@@ -171,8 +177,20 @@ def _figures(row: Measurement) -> dict[str, Any]:
         undistorted = UndistortedAnswer.model_validate(result["undistorted"])
         return {"undistorted": undistorted, "vignetting": "none", "signal": "".join(undistorted.planes)}
     if "index" in result:
-        index = IndexAnswer(name=result["index"], bands=[_band(band) for band in result["bands"]])
+        index = IndexAnswer(
+            name=result["index"],
+            formula=result.get("formula") or None,
+            bands=[_band(band) for band in result["bands"]],
+        )
         return {"mean": result["value"], "index": index, "vignetting": "file", "signal": result["index"]}
+    if "radiance" in result:
+        return {
+            **{name: result[name] for name in (*_SHARED, "radiance")},
+            "min": result["smallest"],
+            "max": result["largest"],
+            "vignetting": "file",
+            "signal": result["radiance"],
+        }
     return {
         **{name: result[name] for name in _SHARED},
         "min": result["smallest"],

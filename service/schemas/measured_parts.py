@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from radiometry.fitting.evidence import FieldCorrection
-from radiometry.frame.multispectral import Index
+from radiometry.frame.multispectral import Alignment
 from service.schemas.base import Answer, Quantity
 
 
@@ -65,10 +65,15 @@ class BandAnswer(Answer):
 
 
 class IndexAnswer(Answer):
-    """(a - b) / (a + b) of the region's mean reflectances, near infrared first."""
+    """An index of the region's mean reflectances, that of the first band first."""
 
-    name: Index
+    name: str = Field(description="Name of the index, or its formula.")
+    formula: str | None = Field(default=None, description="Absent of measurements of older releases.")
     bands: list[BandAnswer]
+
+
+class AlignmentAnswer(Answer, restates=Alignment):
+    """How a band was aligned onto the pixels of the measurement's frame."""
 
 
 class UndistortedAnswer(Answer):

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from radiometry.frame.grid import MAX_CELLS_A_SIDE
-from radiometry.frame.multispectral import Index
+from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES
 from radiometry.methods import METHODS
 from service.schemas.base import Answer, Form, Number, Text
 from service.schemas.campaigns import NewRoi, Point, Reflectance
@@ -60,10 +60,30 @@ class MeasurementOptions(create_model("Conditions", __base__=Form, **make_fields
         ),
     ] = None
     index: Annotated[
-        Index | None,
-        Field(description="Of reflectance: of this frame's capture; its other band must be there."),
+        Text | None,
+        Field(
+            max_length=MOST_LETTERS,
+            description=f"Of reflectance, of this frame's capture, whose other bands must be there: "
+            f"{', '.join(f'`{name}`' for name in NAMED_INDICES)}, or a formula of band names, numbers, "
+            "`+ - * / **` and parentheses, such as `(nir - red) / (nir + red)`.",
+        ),
     ] = None
-    products: Annotated[list[Literal["map"]] | None, Field(max_length=1)] = None
+    quantity: Annotated[
+        Literal["reflectance", "radiance"] | None,
+        Field(
+            description="Of a band: its reflectance, or its radiance in W/(m2 sr nm) by the file's own "
+            "calibration, which only cameras of MicaSense state."
+        ),
+    ] = None
+    products: Annotated[
+        list[Literal["map", "bands"]] | None,
+        Field(
+            max_length=1,
+            description="`map`: every pixel in `map.tif`. `bands`, of reflectance: in it all bands of the "
+            "capture, aligned on this frame's pixels; with `index` the index, its standard uncertainty and "
+            "its bands.",
+        ),
+    ] = None
     allow: Annotated[
         list[Literal["image_part_empty"]] | None,
         Field(

@@ -47,7 +47,13 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
     mismatch: Annotated[
         float | None, typer.Option(help="Standard uncertainty of L from the spectrum; default: estimated.")
     ] = None,
-    index: Annotated[str | None, typer.Option(help="For a near infrared frame: ndvi, ndre or gndvi.")] = None,
+    index: Annotated[
+        str | None,
+        typer.Option(help='ndvi, ndre, gndvi, evi2, savi, or a formula: "(nir - red) / (nir + red)".'),
+    ] = None,
+    quantity: Annotated[
+        str | None, typer.Option(help="Of a band: reflectance, or radiance in W/(m2 sr nm).")
+    ] = None,
     allow: Annotated[
         list[str] | None,
         typer.Option(metavar="FLAG", help="Measure frames despite this flag: image_part_empty."),
@@ -56,6 +62,9 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         Path | None, typer.Option("--map", metavar="FOLDER", help="Save a map of each frame in this folder.")
     ] = None,
     *,
+    bands: Annotated[
+        bool, typer.Option("--bands", help="With --map: all bands of the capture, aligned, in one file.")
+    ] = False,
     average: Annotated[
         bool, typer.Option("--average", help="Average the frames: repeats of one scene.")
     ] = False,
@@ -65,6 +74,8 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         raise typer.BadParameter("give frames, or --campaign")
     for frame in frames or ():
         _refuse_file(frame)
+    if bands and save_map is None:
+        raise typer.BadParameter("--bands needs --map FOLDER")
     if average and len(frames or ()) < 2:
         raise typer.BadParameter("--average needs two frames or more")
     if light is not None and light.lower().endswith(".csv"):
@@ -81,18 +92,19 @@ def measure(  # noqa: PLR0913, PLR0917 (the command's options)
         "glare_share": glare,
         "spectral_mismatch_u_rel": mismatch,
         "index": index,
+        "quantity": quantity,
         "allow": allow or None,
     }
     details = cast("MeasureDetails", {name: value for name, value in given.items() if value is not None})
     refused: list[dict[str, Any]] = []
     with output.client() as client:
-        with_map = save_map is not None
+        wanted = {"with_map": save_map is not None, "with_bands": bands}
         if campaign is not None:
             campaign_id = client.find_campaign(campaign).id
-            found, refused = client.measure_campaign(campaign_id, with_map=with_map, **details)
+            found, refused = client.measure_campaign(campaign_id, **wanted, **details)
         else:
             asked = [frames or []] if average else frames or []
-            found = [client.measure(each, with_map=with_map, **details) for each in asked]
+            found = [client.measure(each, **wanted, **details) for each in asked]
         if save_map is not None:
             save_map.mkdir(parents=True, exist_ok=True)
             for one in found:

@@ -16,21 +16,31 @@ class Measurements(Jobs):
     """Frames of the field turned into physical units."""
 
     def measure(
-        self, frame: str | Sequence[str], *, with_map: bool = False, **details: Unpack[MeasureDetails]
+        self,
+        frame: str | Sequence[str],
+        *,
+        with_map: bool = False,
+        with_bands: bool = False,
+        **details: Unpack[MeasureDetails],
     ) -> Measurement:
         """Measure one frame, or the average of several of one scene, and wait.
 
         Without ``calibration_id``: what was in force when it was taken.
         """
         frames = {"frame_id": frame} if isinstance(frame, str) else {"frame_ids": list(frame)}
-        body = {**frames, **_options(details, with_map=with_map)}
+        body = {**frames, **_options(details, with_map=with_map, with_bands=with_bands)}
         return self._measured(Job.of(self._post(address("measurements"), body)))
 
     def measure_campaign(
-        self, campaign_id: str, *, with_map: bool = False, **details: Unpack[MeasureDetails]
+        self,
+        campaign_id: str,
+        *,
+        with_map: bool = False,
+        with_bands: bool = False,
+        **details: Unpack[MeasureDetails],
     ) -> tuple[list[Measurement], list[dict[str, Any]]]:
         """Measure every field frame of a campaign: what came of it, and what was not measured and why."""
-        body = _options(details, with_map=with_map)
+        body = _options(details, with_map=with_map, with_bands=with_bands)
         answer = self._post(address("campaigns", campaign_id, "measurements"), body)
         return [self._measured(Job.of(job)) for job in answer["jobs"]], list(answer["not_measured"])
 
@@ -80,8 +90,8 @@ class Measurements(Jobs):
         return self.measurement(str((done.result or {})["measurement_id"]))
 
 
-def _options(details: MeasureDetails, *, with_map: bool) -> dict[str, Any]:
+def _options(details: MeasureDetails, *, with_map: bool, with_bands: bool) -> dict[str, Any]:
     body: dict[str, Any] = {name: value for name, value in details.items() if name != "polygon"}
     if "polygon" in details:
         body["roi"] = region(details["polygon"])
-    return body | ({"products": ["map"]} if with_map else {})
+    return body | ({"products": ["bands" if with_bands else "map"]} if with_map or with_bands else {})

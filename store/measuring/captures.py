@@ -27,12 +27,19 @@ class Captures:
         capture_id = shown.get("capture_id")
         found = self._of_campaign(frame.campaign_id).get((capture_id, band)) if capture_id else None
         if found is None:
+            there = ", ".join(sorted(self.list_bands(frame)))
             raise InputRejected(
                 shared.CAPTURE_INCOMPLETE,
                 f"The campaign holds no frame of band {band} of the capture that {frame.filename} belongs "
-                "to, or it has not been read yet. Upload the capture's other files.",
+                f"to, or it has not been read yet; there are {there or 'none'}. Upload the other files.",
             )
         return self._session.get_one(FrameRow, found)
+
+    def list_bands(self, frame: FrameRow) -> dict[str, str]:
+        """Return the ids of all frames of a frame's capture by band."""
+        capture_id = ((frame.header or {}).get("multispectral") or {}).get("capture_id")
+        frames = self._of_campaign(frame.campaign_id) if capture_id else {}
+        return {band: frame_id for (capture, band), frame_id in frames.items() if capture == capture_id}
 
     def _of_campaign(self, campaign_id: str) -> dict[tuple[str, str], str]:
         """Ids by capture and band; of two frames of one band the older."""

@@ -39,7 +39,13 @@ class Side:
     @property
     def quantity(self) -> str:
         """What was measured: only the same can be compared."""
-        return str(self.result.get("index") or self.result.get("band") or self.measurement.method)
+        result = self.result
+        radiance = result.get("radiance")
+        return str(
+            result.get("index")
+            or result.get("band")
+            or (f"radiance of {radiance}" if radiance else self.measurement.method)
+        )
 
     @property
     def mean(self) -> dict[str, Any]:

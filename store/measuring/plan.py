@@ -8,7 +8,6 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.grid import Grid
-from radiometry.frame.multispectral import Index
 from radiometry.frame.proof import Proof
 from radiometry.frame.roi import Polygon, bounding_window
 from radiometry.methods import METHODS, get_method
@@ -34,7 +33,8 @@ class Asked:
     grid: Grid | None = None
     reflectance: float | None = None
     incidence_angle_deg: float | None = None
-    index: Index | None = None
+    index: str | None = None
+    quantity: str | None = None
     frame_ids: tuple[str, ...] | None = None
     """Frames of one scene that are averaged, the measurement's own first."""
     conditions: Mapping[str, Any] = field(default_factory=dict)
@@ -102,7 +102,12 @@ def find_subject(session: Session, frame: FrameRow, asked: Asked, captures: Capt
     application = get_method(method).application
     if not isinstance(application, BandApplication):
         raise TypeError(f"{method} takes an index without bands")
-    return captures.find(frame, application.name_bands(asked.index)[0])
+    return captures.find(frame, application.read_formula(asked.index).bands[0])
+
+
+def list_others(parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the frames of the capture's other bands that a plan names; older plans name one as `other`."""
+    return parameters.get("others") or list(filter(None, [parameters.get("other")]))
 
 
 def _require_repeat(repeat: FrameRow, frame: FrameRow) -> None:
@@ -219,20 +224,37 @@ def _plan_band(
     plan: dict[str, Any] = {} if angle_deg is None else {"incidence_angle_deg": angle_deg}
     header = decode_header(frame.header or {})
     bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
-    headers = [header]
+    radiance = asked.quantity not in (None, application.quantity)
+    calibrated = {coefficient.band for coefficient in coefficients}
+    others: list[FrameRow] = []
     if asked.index is not None:
-        other = captures.find(frame, application.name_bands(asked.index)[1])
+        if radiance:
+            raise InputRejected(
+                shared.OPTION_NOT_OF_METHOD, "An index is made of reflectances: leave quantity out."
+            )
+        formula = application.read_formula(asked.index, known=calibrated)
+        plan |= {"index": formula.name}
+        others = [captures.find(frame, band) for band in formula.bands[1:]]
+    elif "bands" in asked.products:
+        mine = (frame.header or {})["multispectral"]["band"]
+        others = [
+            captures.find(frame, band)
+            for band in sorted(captures.list_bands(frame))
+            if band != mine and (radiance or band in calibrated)
+        ]
+    for other in others:
         require_whole(other, read_proof(other), asked.allow)
-        headers.append(decode_header(other.header or {}))
-        here, there = application.align_region(polygon, header, headers[1])
-        plan |= {
-            "index": asked.index,
-            "polygon": _list_points(here),
-            "other": {"frame_id": other.id, "sha256": other.sha256, "polygon": _list_points(there)},
-        }
+    headers = [header, *(decode_header(other.header or {}) for other in others)]
+    if others:
+        # without a correction: what the files state decides whether the bands see the region at all
+        application.move_regions(polygon, header, [(each, None) for each in headers[1:]])
+        plan |= {"others": [{"frame_id": other.id, "sha256": other.sha256} for other in others]}
     for each in headers:
-        application.find_scale_of_frame(each, coefficients=coefficients, incidence_angle_deg=angle_deg)
-    return plan
+        if radiance:
+            application.require_radiance(each)
+        else:
+            application.find_scale_of_frame(each, coefficients=coefficients, incidence_angle_deg=angle_deg)
+    return plan | ({"quantity": asked.quantity} if radiance else {})
 
 
 def _list_points(polygon: Polygon) -> list[list[float]]:

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -127,13 +128,65 @@ def test_the_panel_measures_itself(sqlite_house, frames, version):
     assert found["mean"]["standard_uncertainty"] > 0.005
 
 
-@pytest.mark.parametrize("products", [[], ["map"]])
-def test_an_index_of_bands_that_lie_apart_is_refused_before_the_job(sqlite_house, frames, version, products):
-    """This firmware wrote no RigRelatives, and the bands lie some 40 pixels apart."""
-    body = {"frame_id": frames["field", "red"]["id"], "calibration_id": version["id"], "index": "ndvi"}
-    problem = sqlite_house.post("/v1/measurements", body | {"products": products}, status=422)
-    assert problem["code"] == "bands_not_aligned"
-    assert "RigRelatives" in problem["detail"]
+def read_planes(house, found):
+    content = house.http.get(found["links"]["map_tif"]).content
+    with tifffile.TiffFile(io.BytesIO(content)) as file:
+        metadata = ET.fromstring(file.pages[0].tags[42112].value)
+        return file.asarray(), json.loads(file.pages[0].description), metadata
+
+
+def test_an_index_of_bands_without_relatives_is_aligned_by_their_edges(sqlite_house, frames, version):
+    """This firmware wrote no RigRelatives, and the bands lie some pixels apart."""
+    formula = "1.16 * (nir - red) / (nir + red + 0.16)"
+    found = measure(sqlite_house, frames["field", "red"], version, index=formula, products=["bands"])
+    (alignment,) = found["alignment"]
+    assert (alignment["band"], alignment["by"]) == ("red", "correlation")
+    assert alignment["patches"] > 100
+    assert 0.05 < alignment["residual_px"] < 0.35
+    assert found["index"] == {"name": formula, "formula": formula, "bands": found["index"]["bands"]}
+    assert {share["source"] for share in found["budget"]} >= {"panel", "K", "alignment", "pixel noise"}
+    assert sum(share["variance_share"] for share in found["budget"]) == pytest.approx(1.0)
+    (index, u, nir, red), said, metadata = read_planes(sqlite_house, found)
+    named = [item.text for item in metadata if item.get("role") == "description"]
+    assert named == [formula, f"u({formula})", "NIR", "Red"]
+    assert [item.text for item in metadata if item.get("name") == "wavelength_nm" and item.get("sample")] == [
+        "840.0",
+        "668.0",
+    ]
+    assert said["formula"] == formula
+    assert said["calibration"]["id"] == version["id"]
+    assert set(said["frames"]) == {"nir", "red"}
+    known = np.isfinite(index)
+    assert known.mean() > 0.9
+    expected = 1.16 * (nir - red) / (nir + red + 0.16)
+    assert index[known] == pytest.approx(expected[known], rel=2e-3, abs=2e-3)
+    assert float(np.nanmedian(u)) == pytest.approx(found["mean"]["standard_uncertainty"], rel=0.6)
+    # an edge that is displaced by a third of a pixel is less certain than a field's middle
+    assert np.nanpercentile(u, 99) > 1.2 * np.nanmedian(u)
+
+
+def test_radiance_is_the_file_s_own_and_knows_no_uncertainty_but_noise(sqlite_house, frames, version):
+    found = measure(sqlite_house, frames["panel", "red"], version, quantity="radiance", products=["map"])
+    assert (found["radiance"], found["mean"]["unit"]) == ("red", "W/(m2*sr*nm)")
+    assert found["mean"]["value"] == pytest.approx(RADIANCE["red"], rel=1e-3)
+    assert "radiance_uncertainty_unknown" in [flag["flag"] for flag in found["flags"]]
+    plane, said, _ = read_planes(sqlite_house, found)
+    assert (said["quantity"], said["unit"]) == ("radiance", "W/(m2*sr*nm)")
+    assert float(np.nanmax(plane)) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("asked", "code", "match"),
+    [
+        ({"index": "nir / blu"}, "formula_invalid", "no band blu here, but blue, green, nir, red, red_edge"),
+        ({"index": "open('x')"}, "formula_invalid", "contains"),
+        ({"index": "ndvi", "quantity": "radiance"}, "option_not_of_method", "leave quantity out"),
+    ],
+)
+def test_what_is_no_index_is_refused_before_the_job(sqlite_house, frames, version, asked, code, match):
+    body = {"frame_id": frames["field", "red"]["id"], "calibration_id": version["id"]}
+    problem = sqlite_house.post("/v1/measurements", body | asked, status=422)
+    assert (problem["code"], match in problem["detail"]) == (code, True)
 
 
 def test_a_map_s_job_says_how_far_it_is(sqlite_house, frames, version, monkeypatch):
@@ -168,9 +221,9 @@ def test_a_flight_frame_is_measured_whole_and_its_map_agrees(sqlite_house, frame
         "above_one": int((plane > 1).sum()),
         "saturated": int(np.isnan(plane).sum()),
     }
-    assert b"<Camera:BandName>NIR</Camera:BandName>" in packet
+    assert b' Camera:BandName="NIR"' in packet
     assert b"Vignetting" not in packet
-    for angle in (b"Camera:IrradianceYaw>-21.1108", b"DLS:Pitch>-0.00964", b"DLS:Roll>-0.02679"):
+    for angle in (b'Camera:IrradianceYaw="-21.1108', b"DLS:Pitch>-0.00964", b"DLS:Roll>-0.02679"):
         assert angle in packet
     assert (gps["GPSLatitudeRef"], gps["GPSLongitudeRef"]) == ("N", "W")
     assert 0.8 < np.nanmax(plane) < 1.0  # 1.15 times as much, had the panel's light not been levelled

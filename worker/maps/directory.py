@@ -68,7 +68,13 @@ def _focal_plane(header: FrameHeader) -> list[Entry]:
         return []
     x, y = lens.pixels_per_mm
     unit = (tags.FOCAL_PLANE_RESOLUTION_UNIT, _SHORT, 1, struct.pack("<H", _PER_MILLIMETRE))
+    focal_px = lens.focal_length_px
+    if lens.model == "fisheye" and lens.fisheye_affine and len(lens.fisheye_polynomial) > 1:
+        # rho = p1 2 angle / pi times C near the axis
+        focal_px = 2.0 / math.pi * lens.fisheye_affine[0] * lens.fisheye_polynomial[1]
+    focal = [_rational(tags.FOCAL_LENGTH, focal_px / x)] if focal_px and focal_px > 0.0 else []
     return [
+        *focal,
         _rational(tags.FOCAL_PLANE_X_RESOLUTION, x),
         _rational(tags.FOCAL_PLANE_Y_RESOLUTION, y),
         unit,

@@ -2,7 +2,7 @@
 
 import itertools
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -49,7 +49,10 @@ def make_map(
     decoders: DecoderPool, subject: Subject, facts: MapFacts, target: Path, *, style: Style, caption: str
 ) -> Made:
     """Write the TIFF to ``target``, and draw its picture."""
-    reduction = write_map(decoders, subject, facts, target)
+    return _finish(write_map(decoders, subject, facts, target), style, caption)
+
+
+def _finish(reduction: Reduction, style: Style, caption: str) -> Made:
     return Made(
         picture=draw_picture(reduction.means(), caption, style),
         below_zero=reduction.below_zero,
@@ -69,6 +72,19 @@ def write_map(decoders: DecoderPool, subject: Subject, facts: MapFacts, target: 
     ):
         write_tiff(target, _make_tiles(reader, subject, reduction, threads), facts)
     return reduction
+
+
+def draw_map(
+    planes: Sequence[Plane], facts: MapFacts, target: Path, *, style: Style, caption: str, counts: bool
+) -> Made:
+    """Write planes that are computed already as one TIFF, and draw the first."""
+    reduction = Reduction(*planes[0].shape, counts=counts)
+    for top, bottom in cut_bands(len(planes[0]), TILE_PX):
+        reduction.add(reduction.reduce(planes[0][top:bottom], top=top))
+    with ThreadPoolExecutor(_THREADS, thread_name_prefix="bands") as threads:
+        cut = [plane[top:bottom] for plane in planes for top, bottom in cut_bands(len(plane), TILE_PX)]
+        write_tiff(target, itertools.chain.from_iterable(threads.map(encode_band, cut)), facts)
+    return _finish(reduction, style, caption)
 
 
 def average_maps(decoders: DecoderPool, subject: Subject, repeats: Iterable[Subject]) -> Subject:

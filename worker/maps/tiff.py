@@ -1,10 +1,11 @@
 """The map's TIFF: float32 in compressed tiles, with everything that is known of the frame."""
 
 import json
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
+from xml.sax.saxutils import escape, quoteattr
 
 import cv2
 import numpy as np
@@ -29,6 +30,7 @@ ROUNDING_REL: Final = 2.0 ** -(_KEPT_BITS + 1)
 _HALF: Final = np.uint32(1 << (_ALL_BITS - _KEPT_BITS - 1))
 _MASK: Final = ~np.uint32(2 * _HALF - 1)
 _BYTE, _ASCII, _LONG = 1, 2, 4
+_GDAL_METADATA, _GDAL_NODATA = 42112, 42113
 
 _WHOLE: Final = TILE_PX**2
 
@@ -37,10 +39,20 @@ Samples = NDArray[np.uint16]
 
 
 @dataclass(frozen=True, kw_only=True)
+class Layer:
+    """One plane of a map. ``said`` : further items of its metadata, by name."""
+
+    name: str
+    unit: str
+    said: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
 class MapFacts:
     """What a map says of itself beside its pixels.
 
-    ``description`` is kept as JSON in ImageDescription; ``packet`` : XMP, where the map has one
+    ``description`` is kept as JSON in ImageDescription; ``packet`` : XMP, where the map has one; ``layers`` :
+    its planes, in GDAL's words
     """
 
     header: FrameHeader
@@ -48,15 +60,19 @@ class MapFacts:
     software: str
     description: dict[str, Any]
     packet: bytes = b""
+    layers: tuple[Layer, ...] = ()
 
 
 def write_tiff(path: Path, tiles: Iterable[bytes], facts: MapFacts) -> None:
-    """Write tiles of `encode_band`, band after band, as one image."""
+    """Write tiles of `encode_band`, band after band and plane after plane, as one image."""
     header = facts.header
+    planes = max(1, len(facts.layers))
     with tifffile.TiffWriter(path, byteorder="<") as file:
         file.write(
             iter(tiles),
-            shape=(header.height_px, header.width_px),
+            shape=(*([planes] if planes > 1 else []), header.height_px, header.width_px),
+            planarconfig="separate" if planes > 1 else None,
+            extrasamples=["unspecified"] * (planes - 1),
             dtype=np.float32,
             tile=(TILE_PX, TILE_PX),
             compression=_DEFLATE,
@@ -93,6 +109,9 @@ def _tags(facts: MapFacts) -> list[tuple[int | str, int, int, Any, bool]]:
     named: list[tuple[int | str, int, int, Any, bool]] = [
         (tag, _ASCII, 0, text.encode("utf-8"), True) for tag, text in texts.items() if text
     ]
+    if facts.layers:
+        named.append((_GDAL_METADATA, _ASCII, 0, _describe_layers(facts), True))
+        named.append((_GDAL_NODATA, _ASCII, 0, "nan", True))
     if facts.packet:
         named.append((tags.XMP, _BYTE, len(facts.packet), facts.packet, True))
     # by their names: by number tifffile would refuse them; the values follow in append_directories
@@ -101,6 +120,25 @@ def _tags(facts: MapFacts) -> list[tuple[int | str, int, int, Any, bool]]:
     if header.latitude_deg is not None:
         named.append(("GPSTag", _LONG, 1, 0, True))
     return named
+
+
+def _describe_layers(facts: MapFacts) -> bytes:
+    """Return the names, units and other items of the planes, and the lineage of all, as GDAL reads them."""
+
+    def item(name: str, value: object, *more: tuple[str, object]) -> str:
+        attributes = "".join(f" {key}={quoteattr(str(of))}" for key, of in (("name", name), *more))
+        text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
+        return f"<Item{attributes}>{escape(text)}</Item>"
+
+    items = [item(name, value) for name, value in facts.description.items()]
+    for sample, layer in enumerate(facts.layers):
+        at = ("sample", sample)
+        items.append(item("DESCRIPTION", layer.name, at, ("role", "description")))
+        items.append(item("UNITTYPE", layer.unit, at, ("role", "unittype")))
+        items.append(item("SCALE", 1, at, ("role", "scale")))
+        items.append(item("OFFSET", 0, at, ("role", "offset")))
+        items += [item(name, value, at) for name, value in layer.said.items()]
+    return f"<GDALMetadata>{''.join(items)}</GDALMetadata>".encode("ascii", "xmlcharrefreplace")
 
 
 def encode_band(band: Plane) -> list[bytes]:

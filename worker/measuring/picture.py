@@ -56,7 +56,7 @@ def measure(task: Task, application: PictureApplication) -> tuple[dict[str, Any]
         exposure=decode_exposure(task.frame.exposure) if task.frame.exposure else None,
         software=f"stilb {read_version()}",
         description=description,
-        packet=write_packet(header.attitude),
+        packet=write_packet(header),
     )
     with tempfile.TemporaryDirectory(prefix="stilb-map-") as folder:
         target = Path(folder) / "map.tif"

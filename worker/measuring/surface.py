@@ -17,7 +17,7 @@ from worker.decode.pool import Readable
 from worker.maps.making import Subject, average_maps, make_map
 from worker.maps.packet import write_packet
 from worker.maps.picture import LUMINANCE
-from worker.maps.tiff import MapFacts
+from worker.maps.tiff import Layer, MapFacts
 from worker.measuring.task import Task, keep, keep_file
 
 
@@ -84,7 +84,8 @@ def _map(task: Task, application: SurfaceApplication, measured: Any) -> Products
             vignetting=_find_correction(task) or "none",
             corrections=[encode(each) for each in measured.corrections],
         ),
-        packet=write_packet(task.header.attitude),
+        packet=write_packet(task.header),
+        layers=(Layer(name=application.quantity, unit=application.unit),),
     )
     subject, more = make_subject(application, task.file, task.header, scale), ""
     if "repeats" in task.parameters:

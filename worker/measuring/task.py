@@ -43,6 +43,10 @@ class Task:
     def wants_map(self) -> bool:
         return "map" in self.parameters["products"]
 
+    @property
+    def wants_bands(self) -> bool:
+        return "bands" in self.parameters["products"]
+
     def open_repeats(self) -> Iterator[Readable]:
         """Return the files of further frames with which the frame is averaged, one open at a time."""
         for repeat in self.parameters.get("repeats", []):

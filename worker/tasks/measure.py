@@ -12,12 +12,12 @@ from radiometry.specification.application import BandApplication, PictureApplica
 from store.blobs import StoredFile
 from store.codec import decode_header, encode
 from store.jobs import Claim
-from store.measuring.plan import read_proof, require_whole
+from store.measuring.plan import list_others, read_proof, require_whole
 from store.measuring.record import Products, find_measurement, has_lost_products, write_measurement
 from store.tables import Calibration, FrameRow, Measurement
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed, Readable
-from worker.measuring import band, picture, surface
+from worker.measuring import band, capture, picture, surface
 from worker.measuring.task import Task
 from worker.tasks.outcome import Outcome
 
@@ -59,7 +59,7 @@ def measure_frame(task: Task) -> tuple[dict[str, Any], Products | None]:
         case SurfaceApplication() as application:
             measured, products = surface.measure(task, application)
         case BandApplication() as application:
-            measured, products = band.measure(task, application)
+            measured, products = _measure_band(task, application)
         case PictureApplication() as application:
             measured, products = picture.measure(task, application)
         case _:
@@ -68,13 +68,20 @@ def measure_frame(task: Task) -> tuple[dict[str, Any], Products | None]:
     return measured, products
 
 
+def _measure_band(task: Task, application: BandApplication) -> tuple[dict[str, Any], Products | None]:
+    if "index" in task.parameters:
+        return capture.measure_index(task, application)
+    measured, products = band.measure(task, application)
+    return capture.write_bands(task, application, measured) if task.wants_bands else (measured, products)
+
+
 def _find_doubts(task: Task) -> Iterator[dict[str, Any]]:
     """Flag doubts about the frame, and about those that are measured with it, that the request allowed.
 
     A frame that was read before there were proofs is read as a whole here.
     """
     yield from _find_doubt(task, task.frame, task.file)
-    for named in [*task.parameters.get("repeats", []), *filter(None, [task.parameters.get("other")])]:
+    for named in [*task.parameters.get("repeats", []), *list_others(task.parameters)]:
         with task.lend(named["frame_id"]) as (row, file):
             yield from _find_doubt(task, row, file)
 

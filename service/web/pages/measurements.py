@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from radiometry.frame.multispectral import INDICES
+from radiometry.frame.multispectral import NAMED_INDICES
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.schemas.base import Text
@@ -22,7 +22,7 @@ def show_measurements(page: SignedInPage) -> Response:
 # before the page of one measurement, whose id it would be taken for
 @router.get("/measurements/new")
 def show_new_measurement(page: SignedInPage) -> Response:
-    return page.render("measurement-new.html", title="Measure a frame", indices=" ".join(INDICES))
+    return page.render("measurement-new.html", title="Measure a frame", indices=" ".join(NAMED_INDICES))
 
 
 @router.get("/measurements/comparison")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,38 +11,75 @@ from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.comparison import change_reflectance
-from radiometry.reflectance.measurement import estimate_noise, measure_index
-from radiometry.reflectance.results import AppliedReflectance
+from radiometry.reflectance.formula import compute, read_formula
+from radiometry.reflectance.measurement import estimate_noise
+from radiometry.reflectance.propagation import measure_index
+from radiometry.reflectance.results import AppliedReflectance, Effect
 from tests.radiometry.reflectance.captures import READINGS, k_of, panel
 
 HAZY = Raised(flag="panel_once", where="", detail="Once.")
 
 
-def applied(band, value, u, *flags):
+def applied(band, value, u, *flags, source="pixel noise"):
+    effects = {"pixel noise": 0.0, source: u}
     return AppliedReflectance(
         band=band,
         reflectance=Quantity(value=value, standard_uncertainty=u, unit="1"),
         i_sq=1.0,
         i_ss=1.0,
         reflectance_k=value,
-        effects=(),
+        effects=tuple(Effect(source=name, shared=name == "K", effect=of) for name, of in effects.items()),
         flags=flags,
     )
 
 
+def coefficients(shared_u_rel=0.0):
+    return [SimpleNamespace(band=band, shared_u_rel=shared_u_rel) for band in ("nir", "red")]
+
+
+def measure(text, *bands, shared_u_rel=0.0, **more):
+    return measure_index(read_formula(text), bands, coefficients=coefficients(shared_u_rel), **more)
+
+
 def test_an_index_by_hand():
-    found = measure_index("ndvi", applied("nir", 0.5, 0.01), applied("red", 0.3, 0.02, HAZY))
-    assert found.value.value == pytest.approx(0.25)
+    found = measure("ndvi", applied("nir", 0.5, 0.01), applied("red", 0.3, 0.02, HAZY))
+    assert (found.index, found.value.value) == ("ndvi", pytest.approx(0.25))
     # 2 b u_a / (a + b)^2 = 0.006 / 0.64, 2 a u_b / (a + b)^2 = 0.02 / 0.64
     assert found.value.standard_uncertainty == pytest.approx(math.hypot(0.006, 0.02) / 0.64)
     assert found.flags == (Raised(flag="panel_once", where="band red", detail="Once."),)
+    assert sum(share.variance_share for share in found.budget) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("red", [-0.5, -0.6])
 def test_an_index_of_nothing_does_not_exist(red):
-    with pytest.raises(InputRejected, match=r"NDVI does not exist here.* add up to (-0\.1|0)\.") as refusal:
-        measure_index("ndvi", applied("nir", 0.5, 0.01), applied("red", red, 0.01))
+    with pytest.raises(InputRejected, match=r"NDVI does not exist here.* nir 0\.5, red -0") as refusal:
+        measure("ndvi", applied("nir", 0.5, 0.01), applied("red", red, 0.01))
     assert refusal.value.code == "index_undefined"
+
+
+def test_a_tilt_cancels_in_a_ratio_and_a_panel_is_taken_at_its_worse():
+    bands = (("nir", 0.5, 0.01), ("red", 0.3, 0.006))
+    tilted = measure("ndvi", *(applied(*each, source="sunshine tilt") for each in bands))
+    assert tilted.value.standard_uncertainty == pytest.approx(0.0, abs=1e-12)
+    panel = [applied(*each, source="K") for each in bands]
+    ratio, total = (measure(text, *panel, shared_u_rel=0.02) for text in ("ndvi", "nir + red"))
+    # both of 2 %: independent in the ratio, the same in the sum
+    assert ratio.value.standard_uncertainty == pytest.approx(math.hypot(0.006, 0.006) / 0.64)
+    assert total.value.standard_uncertainty == pytest.approx(0.016)
+    assert measure("nir + red", *panel).value.standard_uncertainty == pytest.approx(math.hypot(0.01, 0.006))
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("text", ["ndvi", "savi", "nir + red"])
+def test_the_interval_holds_for_every_correlation_of_the_panel(text, correlation):
+    random, bands = np.random.default_rng(5), (("nir", 0.45, 0.009), ("red", 0.08, 0.0016))
+    found = measure(text, *(applied(*each, source="K") for each in bands), shared_u_rel=0.02)
+    common, own = random.standard_normal((1, 4000)), random.standard_normal((2, 4000))
+    errors = math.sqrt(correlation) * common + math.sqrt(1 - correlation) * own
+    values = {name: value + u * error for (name, value, u), error in zip(bands, errors, strict=True)}
+    truth = found.value.value
+    within = np.abs(compute(read_formula(text), values)[0] - truth) <= 1.96 * found.value.standard_uncertainty
+    assert np.mean(within) >= 0.94
 
 
 def test_the_noise_of_a_pixel_is_found_below_a_slope_and_a_few_outliers():

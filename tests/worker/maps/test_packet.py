@@ -37,7 +37,7 @@ def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path)
         exposure=None,
         software="stilb",
         description={},
-        packet=write_packet(header.attitude, told),
+        packet=write_packet(header, [told]),
     )
     write_tiff(target, tiles, facts)
     (main,) = read_directories(target.read_bytes())
@@ -60,21 +60,51 @@ def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path)
 def test_what_the_map_has_taken_in_is_not_said_again(name):
     header = reading.read_header(data_file(name))
     kept = {angle.name for angle in header.attitude}
-    properties = set(parse_xmp(write_packet(header.attitude, header.multispectral))) - kept
+    properties = set(parse_xmp(write_packet(header, [header.multispectral]))) - kept
     words = ("Vignetting", "SensorModel", "Radiometric", "Irradiance", "Sunshine", "Albedo")
     assert not [key for key in properties if any(word in key for word in words)]
 
 
+def make_header(**more):
+    return dataclasses.replace(reading.read_header(data_file(FILES[1])), **({"attitude": ()} | more))
+
+
 def test_attitude_alone_is_a_packet_and_nothing_is_none():
     angles = (StatedAngle(name="drone-dji:GimbalYawDegree", value=-12.3),)
-    assert parse_xmp(write_packet(angles)) == {"drone-dji:GimbalYawDegree": ("-12.3",)}
-    assert b"<drone-dji:GimbalYawDegree>-12.3<" in write_packet(angles)
-    assert write_packet(()) == b""
+    packet = write_packet(make_header(attitude=angles))
+    assert parse_xmp(packet) == {"drone-dji:GimbalYawDegree": ("-12.3",)}
+    assert b' drone-dji:GimbalYawDegree="-12.3"' in packet
+    assert write_packet(make_header()) == b""
 
 
 def test_a_name_cannot_break_out_of_the_packet():
-    band = Multispectral(system="micasense", band="x", band_name='</Camera:BandName>&"<x>')
-    assert parse_xmp(write_packet((), band)) == {"camera:BandName": ('</Camera:BandName>&"<x>',)}
+    band = Multispectral(system="micasense", band="x", band_name="</Camera:BandName>&\"'<x>")
+    assert parse_xmp(write_packet(make_header(), [band])) == {"camera:BandName": (band.band_name,)}
+
+
+def test_captures_and_fixes_are_written_as_the_cameras_write_them():
+    """OpenDroneMap finds a DJI's and a Sequoia's capture as an attribute alone, a RedEdge's as an element."""
+    header = reading.read_header(data_file("p4m/DJI_0014.TIF"))
+    packet = write_packet(header, [header.multispectral]).decode()
+    capture = header.multispectral.capture_id
+    assert f' drone-dji:CaptureUUID="{capture}"' in packet
+    assert ' drone-dji:RtkFlag="50"' in packet
+    assert ' drone-dji:RtkStdHgt="0.02043"' in packet
+    assert ' Camera:GPSXYAccuracy="0.0123"' in packet
+    assert ' Camera:PerspectiveFocalLengthUnits="mm"' in packet
+    rededge = reading.read_header(data_file(FILES[1]))
+    packet = write_packet(rededge, [rededge.multispectral]).decode()
+    assert f"<MicaSense:CaptureId>{rededge.multispectral.capture_id}</" in packet
+    assert "<DLS:Yaw>" in packet
+
+
+def test_several_bands_are_a_sequence_and_keep_one_lens():
+    headers = [reading.read_header(data_file(f"rededge/0000SET_000_IMG_0001_{n}.tif")) for n in (4, 3)]
+    found = parse_xmp(write_packet(headers[0], [each.multispectral for each in headers]))
+    assert found["camera:BandName"] == ("NIR", "Red")
+    assert [float(each) for each in found["camera:CentralWavelength"]] == [840, 668]
+    assert "camera:RigCameraIndex" not in found
+    assert found["micasense:CaptureId"] == (headers[0].multispectral.capture_id,)
 
 
 @pytest.mark.parametrize("resolution", [0.0, -266.0, 9.0, 1e9, float("inf")])

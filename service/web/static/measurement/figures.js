@@ -24,8 +24,16 @@ function figures(found) {
   if (found.illuminance) rows.push(["Illuminance π L / ρ", quantity(found.illuminance)]);
   if (found.saturated_share) rows.push(["Saturated", percent(found.saturated_share), "of the region’s samples"]);
   if (found.reflected) rows.push(...reflected(found.reflected));
+  for (const each of found.alignment ?? []) rows.push([`Alignment of ${words(each.band)}`, `${number(each.residual_px, 2)} px`, ALIGNED[each.by](each)]);
   return rows;
 }
+
+const patches = (row) => `${row.patches} of ${row.tried} patches agree`;
+const ALIGNED = {
+  lens_data: (row) => `assumed, by lens data alone: ${patches(row)}`,
+  lens_data_and_correlation: (row) => `left after a correction by ${number(Math.hypot(...row.shift_px), 3)} px; ${patches(row)}`,
+  correlation: (row) => `left, by correlation alone; ${patches(row)}`,
+};
 
 function reflected(row) {
   return [

@@ -90,18 +90,24 @@ function offerSettings(versions) {
   // a method without options answers with the whole picture
   place.hidden = !options.length;
   chosen.number = decimal();
-  chosen.index = select([["", "Reflectance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
+  chosen.formula = h("input", { type: "text", maxlength: 200, placeholder: "(nir - red) / (nir + red)" });
+  chosen.bands = h("input", { type: "checkbox", id: "with-bands" });
+  chosen.index = select([["", "Reflectance of the band"], ["radiance", "Radiance of the band"], ...document.querySelector("main").dataset.indices.split(" ").map((name) => [name, name.toUpperCase()])]);
   chosen.conditions = statedPart(methodOf(chosen.campaign.method).conditions);
   fill(
     settings,
     field("Calibration", chosen.calibration),
     options.includes("reflectance") ? field("Reflectance ρ of the surface", chosen.number, "For the illuminance E = π L / ρ; asphalt has about 0.08. Optional.") : null,
     options.includes("index") ? field("Quantity", chosen.index) : null,
+    options.includes("index") ? field("Formula", chosen.formula, "Another index of the capture’s bands: names of bands, numbers, + - * / ** and parentheses. Optional.") : null,
     options.includes("incidence_angle_deg") ? field("Incidence angle [°]", chosen.number, "Between the surface’s normal and the light. Empty: that of the fit.") : null,
     h("p", { class: "field" }, h("span", { class: "label" }, "Map"), h("span", { class: "check" }, chosen.map, h("label", { for: "with-map", class: "check" }, "of every pixel"))),
+    options.includes("index") ? h("p", { class: "field" }, h("span", { class: "label" }, "Bands"), h("span", { class: "check" }, chosen.bands, h("label", { for: "with-bands", class: "check" }, "all of the capture, aligned in one file"))) : null,
     methodOf(chosen.campaign.method).conditions.length ? h("details", { class: "fold wide" }, h("summary", {}, "Light and surroundings"), chosen.conditions.element) : null,
   );
 }
+
+const quantityOf = (name) => (name === "radiance" ? { quantity: name } : name ? { index: name } : {});
 
 async function measure() {
   const progress = byId("progress");
@@ -115,8 +121,8 @@ async function measure() {
     ...chosen.conditions.read(),
     ...(said === undefined ? {} : { [name]: said }),
     ...(chosen.calibration.value ? { calibration_id: chosen.calibration.value } : {}),
-    ...(options.includes("index") && chosen.index.value ? { index: chosen.index.value } : {}),
-    ...(chosen.map.checked ? { products: ["map"] } : {}),
+    ...(options.includes("index") ? quantityOf(chosen.formula.value.trim() || chosen.index.value) : {}),
+    ...(chosen.bands.checked ? { products: ["bands"] } : chosen.map.checked ? { products: ["map"] } : {}),
   };
   try {
     progress.textContent = "Asking…";

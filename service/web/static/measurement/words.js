@@ -16,7 +16,9 @@ export const regionOf = ({ region_origin: origin }) => REGIONS[origin];
 
 /** "luminance", "reflectance, band red", "NDVI". */
 export function titleOf(measurement) {
-  if (measurement.index) return measurement.index.name.toUpperCase();
+  const { index, radiance } = measurement;
+  if (index) return index.name === index.formula ? index.name : index.name.toUpperCase();
+  if (radiance) return `radiance, band ${words(radiance)}`;
   const { measured_quantity: quantity, measurement_options: options } = methodOf(measurement.method);
   return options.includes("index") ? `${quantity}, band ${words(measurement.signal)}` : (quantity ?? words(measurement.method));
 }
