@@ -29,6 +29,8 @@ _BY_SOURCE = {
     "the largest source.",
     "sunshine readings": "Fly under a steady sky, or take the mean of more readings: the scatter of the "
     "sunshine sensor is the largest source.",
+    "drift": "Take the panel nearer to the frames in time, before and after them: K's drift between the "
+    "panel visits is the largest source.",
     "sunshine tilt": "Mount the sunshine sensor level, and fly when the sun is high: its tilt is the largest "
     "source.",
     "panel": "Have the panel measured, and state how its errors correlate from band to band where its "

@@ -125,6 +125,9 @@ def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camer
     elif "index" in result:
         found, names, unit = {"mean": result["value"]}, {"mean": "index_value"}, ""
         cells |= {"signal": result["index"], "index": result["index"]}
+    elif "radiance" in result:
+        # stored rows have no column for it
+        return cells | {"signal": f"radiance {result['radiance']}"}
     else:
         found = {name: result[_STORED.get(name, name)] for name in _PIXELS}
         names, unit = {name: f"{name}_reflectance" for name in _PIXELS}, "reflectance"
