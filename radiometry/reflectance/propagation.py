@@ -111,8 +111,9 @@ def combine(
         correlation r       V_r = (1 - r) V_0 + r V_1
 
     K's scatter between captures, light readings, noise and alignment are a band's own; the tilt of the light
-    sensor is common. Panel, drift of K and sensor gains have an unknown r, equal for all pairs: V_r is linear in it, so
-    the larger of V_0 and V_1 bounds it for every r from 0 to 1. For a ratio that is V_0, for a sum V_1.
+    sensor is common. Panel, drift of K and sensor gains have an unknown r, equal for all pairs: V_r is linear
+    in it, so the larger of V_0 and V_1 bounds it for every r from 0 to 1. For a ratio that is V_0, for a sum
+    V_1.
     """
     sources = dict.fromkeys(source for of_band in effects.values() for source in of_band)
     found: dict[str, NDArray[np.floating]] = {}
