@@ -55,6 +55,7 @@ class CampaignDetails(TypedDict, total=False):
     lamp_modulation: float
     acceptance: str  # simple | guarded | shared_risk
     panel_id: str  # of a reflectance campaign
+    panel_serial: str  # in its place: a registered panel's, or that of the panel which the frames name
     target: dict[str, Any]  # what is photographed, as its method's page says
 
 

@@ -50,7 +50,10 @@ def touch_band(
 
 
 def _panels(version: Calibration) -> set[tuple[str, str]]:
-    return {(panel["serial"], panel["measured_on"]) for panel in version.inputs.get("panels", [])}
+    fits = [each["coefficient"] for each in version.result["band_fits"]]
+    used = {(each["panel"], day) for each in fits for day in each.get("panel_measured_on", ())}
+    # versions from before the days were stored had one measurement
+    return used or {(panel["serial"], panel["measured_on"]) for panel in version.inputs.get("panels", [])}
 
 
 def _panel_u_rel(version: Calibration) -> dict[str, float]:

@@ -73,7 +73,12 @@ def _readings(spec: MethodSpec, data: Data) -> list[Any]:
     rows = data.readings
     if spec.reference == "panel":
         rows = [
-            {**band, "panel": panel["serial"], "measured_on": panel["measured_on"]}
+            {
+                **band,
+                "panel": panel["serial"],
+                "measured_on": panel["measured_on"],
+                "from_file": True if band.get("origin") == "file" else None,
+            }
             for panel in data.panels
             for band in sorted(panel["bands"], key=lambda each: str(each["band"]))
         ]

@@ -21,6 +21,7 @@ CERTIFICATE: Final = CertificateText(
         Column(name="i_ss_oriented", head="as oriented"),
         Column(name="sunshine_spread_rel", head="s(I_ss) / I_ss", form="percent"),
         Column(name="gradient_rel", head="gradient", form="percent"),
+        Column(name="panel_reflectance", head="R of panel"),
         Column(name="reflectance_k", head="K"),
         Column(name="residual_rel", head="deviation", form="percent"),
     ),

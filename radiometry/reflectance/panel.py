@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Final
 
@@ -117,7 +117,7 @@ def require_one_panel(rows: Iterable[FrameRow], readings: Sequence[Reading]) -> 
 
 
 def choose_readings(readings: Sequence[Reading], params: Params) -> list[Reading]:
-    """Return the readings of the measurement that the parameters name, else all of them.
+    """Return the readings of the measurement that the parameters name, else all; a file's only without one.
 
     Parameters
     ----------
@@ -126,8 +126,10 @@ def choose_readings(readings: Sequence[Reading], params: Params) -> list[Reading
     params : Params
         Parameters of the fit.
     """
-    day = params.panel_measured_on
-    return [each for each in readings if day is None or each.measured_on == day]
+    if params.panel_measured_on is not None:
+        return [each for each in readings if each.measured_on == params.panel_measured_on]
+    measured = {each.band for each in readings if not each.from_file}
+    return [each for each in readings if not each.from_file or each.band not in measured]
 
 
 def find_value(
@@ -174,6 +176,8 @@ def find_value(
             states_uncertainty=False,
             from_file=True,
         )
+    if own[-1].from_file:
+        return replace(_combine(own[-1]), measured_on=(), from_file=True)
     own.sort(key=lambda each: each.measured_on or "")
     day = at.date() if at is not None and has_set_clock(at) else None
     before = [each for each in own if day is None or (each.measured_on or "") <= day.isoformat()]

@@ -1,6 +1,7 @@
 """Search for a reflectance panel with a QR code in a band's image."""
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 import zxingcpp
 from numpy.typing import NDArray
 
-from radiometry.frame.multispectral import PANEL_SERIAL
+from radiometry.frame.multispectral import PANEL_SERIAL, name_panel
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import FoundBy
 
@@ -28,6 +29,8 @@ SMALLEST_PX, MOST_OBLONG = 20.0, 2.0
 LONGEST_SIDE_PX = 2600
 """A larger picture is made smaller first, by a whole factor: a code is found at any size, in less time."""
 
+# two pairs of a wavelength in nm and a reflectance in thousandths
+_ALBEDO = re.compile(r"(\d{4})(\d{3})(\d{4})(\d{3})$", re.ASCII)
 _SAMPLES, _CELLS = 64, 8
 _FIRST_LATE, _CORNERS = 3, 4
 _QR = zxingcpp.BarcodeFormats(zxingcpp.BarcodeFormat.QRCode)
@@ -52,11 +55,42 @@ class FoundPanel:
         Name of the panel in the code; None if no code was read.
     by : FoundBy
         How it was found.
+    text : str, default: ""
+        Text of the code.
     """
 
     region: Polygon | None
     serial: str | None
     by: FoundBy = "code"
+    text: str = ""
+
+    def read_albedo(self, wavelength_nm: float | None) -> float | None:
+        """Return the reflectance that the code states for a wavelength.
+
+        Parameters
+        ----------
+        wavelength_nm : float or None
+            Centre wavelength of a band [nm].
+
+        Returns
+        -------
+        float or None
+            On the line through the two points at the end of the code, as the
+            manufacturer's library [1]_ reads it; None if there are none, or the band
+            lies beside them.
+
+        References
+        ----------
+        .. [1] MicaSense, reflectance_from_panel_serial in micasense/imageprocessing, panel.py
+        """
+        stated = _ALBEDO.search(self.text)
+        if stated is None or wavelength_nm is None:
+            return None
+        low, r_low, high, r_high = map(float, stated.groups())
+        if not low <= wavelength_nm <= high or low == high:
+            return None
+        albedo = float(np.interp(wavelength_nm, (low, high), (r_low, r_high))) / 1000.0
+        return albedo if 0.0 < albedo <= 1.0 else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +149,7 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
     if plane is None:
         return None
     read = _read_codes(plane)
-    names = {name for name, _ in read}
+    names = {name_panel(text) for text, _ in read}
     if len(names) != 1:
         return None
     (name,) = names
@@ -123,7 +157,7 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
     square = _find_square(plane, read[0][1], layout) if len(read) == 1 else None
     # a tenth of a pixel is finer than the corners are known
     region = None if square is None else Polygon.from_points(np.round(square * factor, 1).tolist())
-    return FoundPanel(region=region, serial=name)
+    return FoundPanel(region=region, serial=name, text=read[0][0])
 
 
 def _shrink(samples_dn: NDArray[np.uint16]) -> tuple[Plane | None, int]:
@@ -140,9 +174,9 @@ def _shrink(samples_dn: NDArray[np.uint16]) -> tuple[Plane | None, int]:
 
 
 def _read_codes(plane: Plane) -> list[tuple[str, Corners]]:
-    """Return the name of every panel whose code is read, once, with the code's corners (x, y) [px]."""
+    """Return the text of every panel's code that is read, once, with its corners (x, y) [px]."""
     for grey, scale in _stretch(plane):
-        if found := _group((name, corners / scale) for name, corners in _search(grey)):
+        if found := _group((text, corners / scale) for text, corners in _search(grey)):
             return found
     return []
 
@@ -168,7 +202,7 @@ def _search(grey: Grey) -> Iterator[tuple[str, Corners]]:
             if serial := PANEL_SERIAL.search(code.text):
                 at = code.position
                 corners = [(c.x, c.y) for c in (at.top_left, at.top_right, at.bottom_right, at.bottom_left)]
-                yield serial[0], np.array(corners, float)[:, ::way]
+                yield code.text[serial.start() :].strip(), np.array(corners, float)[:, ::way]
 
 
 def _group(readings: Iterable[tuple[str, Corners]]) -> list[tuple[str, Corners]]:

@@ -154,6 +154,9 @@ class Reading:
         Absolute standard uncertainty; None if it is not stated.
     measured_on : str or None, default: None
         Day of the measurement, ISO 8601; None if it is not known.
+    from_file : bool or None, default: None
+        True if a camera, or the panel's code, states the reflectance: its day is not
+        known, and any measurement goes before it.
     """
 
     panel: str
@@ -161,6 +164,7 @@ class Reading:
     reflectance: float
     standard_uncertainty: float | None = None
     measured_on: str | None = field(default=None, metadata=LATER)
+    from_file: bool | None = field(default=None, metadata=LATER)
 
     def __post_init__(self) -> None:
         """Check what every caller must have checked at its interface."""

@@ -152,8 +152,17 @@ def _budgets(certificate: Node) -> Iterator[Node]:
 
 
 def _panels(certificate: Node) -> Iterator[Node]:
+    fits = [each["coefficient"] for each in certificate["result"]["band_fits"]]
     for panel in certificate["panels"]:
-        yield facts([["Serial number", panel["serial"]], ["Measured on", panel["measured_on"]]])
+        day, stated = panel["measured_on"], any(band.get("origin") for band in panel["bands"])
+        used = [each["band"] for each in fits if day in each.get("panel_measured_on", ())]
+        yield facts(
+            [
+                ["Serial number", panel["serial"]],
+                ["Stated by files of" if stated else "Measured on", day],
+                *([] if stated else [["Used for", ", ".join(used) or "no band"]]),
+            ]
+        )
         rows = [
             [
                 band["band"],

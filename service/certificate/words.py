@@ -83,7 +83,11 @@ def _through_meters(meters: Sequence[UsedMeter]) -> str:
 def _through_panels(panels: Sequence[UsedPanel]) -> str:
     if not panels:
         return "Not demonstrated: the panel is not registered. Its reflectance was taken from the files."
-    named = "; ".join(f"{panel.serial}, measured on {panel.measured_on}" for panel in panels)
+    ways = {True: "stated by files of", False: "measured on"}
+    named = "; ".join(
+        f"{panel.serial}, {ways[any(band.origin for band in panel.bands)]} {panel.measured_on}"
+        for panel in panels
+    )
     return (
         f"Reflectance depends on panel {named}. Who measured the panel, and against what, is documented with "
         "it and is not recorded here."

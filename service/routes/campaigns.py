@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from radiometry import methods
 from radiometry.findings import interface
 from radiometry.fitting.evidence import Region
+from radiometry.frame.multispectral import name_panel
 from radiometry.frame.roi import Polygon, parse_imagej
 from service.auth import Calibrator, Reader
 from service.context import UsesContext
@@ -26,9 +27,12 @@ from service.schemas.campaigns import (
     NewRoi,
     RoiAnswer,
 )
+from service.schemas.panels import PanelOffered
 from service.writing import Reply, Writes
 from store.codec import decode, read_strictly
 from store.queries.campaigns import Drawing, count, find_or_add_roi, renew_extractions, set_roi
+from store.queries.equipment import find_or_add_panel
+from store.queries.references import Offer, find_by_serial, find_offer
 from store.tables import Camera, Campaign, Panel, Roi
 from store.verdicts import Assessment, assess
 
@@ -44,8 +48,10 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
         _check_stated(body.method, body)
-        values = body.model_dump() | {"target": _read_target(body.method, body.target)}
+        values = body.model_dump(exclude={"panel_serial"})
+        values["target"] = _read_target(body.method, body.target)
         campaign = Campaign(organisation_id=caller.organisation_id, **values)
+        _choose_panel(session, campaign, body.panel_serial, offer=None)
         session.add(campaign)
         session.flush()
         return Reply(status=201, body=CampaignAnswer.restate(campaign))
@@ -84,13 +90,15 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
         _check_stated(campaign.method, body)
-        values = body.model_dump(exclude_unset=True)
+        values = body.model_dump(exclude_unset=True, exclude={"panel_serial"})
         jobs = []
         if body.target is not None:
             values["target"] = _read_target(campaign.method, body.target)
             jobs = renew_extractions(session, campaign, by=caller.key_id)
         for name, value in values.items():
             setattr(campaign, name, value)
+        if body.panel_serial is not None:
+            _choose_panel(session, campaign, body.panel_serial, offer=find_offer(session, campaign))
         session.flush()
         return Reply(status=200, body=_whole(session, campaign, assess(session, campaign)), jobs=jobs)
 
@@ -133,6 +141,20 @@ def read_roi(body: NewRoi) -> Drawing:
     return Drawing(polygon=polygon, corners=polygon.points)
 
 
+def _choose_panel(session: Session, campaign: Campaign, serial: str | None, *, offer: Offer | None) -> None:
+    """Name the registered panel of a serial number, or register the offered one as its files state it."""
+    if serial is None:
+        return
+    panel = find_by_serial(session, campaign.organisation_id, serial)
+    if panel is None and offer is not None and offer.serial == name_panel(serial) and offer.bands:
+        values = {"serial": offer.serial, "measured_on": offer.stated_on, "bands": offer.bands}
+        panel, _ = find_or_add_panel(session, campaign.organisation_id, values)
+    if panel is None:
+        message = "is not registered, and no frame of this campaign states what it reflects: register it"
+        raise invalid([{"type": "panel", "loc": ("body", "panel_serial"), "msg": message}])
+    campaign.panel_id = panel.id
+
+
 def _check_stated(method: str, body: CampaignDetails) -> None:
     """Refuse what belongs to the fit of another method, and a lamp or response that cannot be read."""
     spec = methods.get_method(method)
@@ -166,4 +188,11 @@ def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | N
 
 def _whole(session: Session, campaign: Campaign, readiness: Assessment) -> CampaignAnswer:
     counts = count(session, campaign)
-    return CampaignAnswer.restate(campaign, readiness, frames=counts, readings=counts.readings)
+    offer = find_offer(session, campaign)
+    return CampaignAnswer.restate(
+        campaign,
+        readiness,
+        frames=counts,
+        readings=counts.readings,
+        panel_offered=PanelOffered.restate(offer) if offer else None,
+    )

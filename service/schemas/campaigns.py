@@ -7,6 +7,7 @@ from pydantic import AfterValidator, ConfigDict, Field, create_model, model_vali
 from radiometry.methods import METHODS
 from service.schemas.base import Answer, Form, FrameRole, Instant, LongText, Method, Number, Text
 from service.schemas.fits import make_fields
+from service.schemas.panels import PanelOffered
 from store.queries.campaigns import Counts
 from store.tables import Campaign, Reading, Roi
 
@@ -36,6 +37,13 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
         Text | None,
         Field(
             description="Of a reflectance campaign; left out: the panel that the files name, or the only one."
+        ),
+    ] = None
+    panel_serial: Annotated[
+        Text | None,
+        Field(
+            description="In place of `panel_id`: the registered panel of this serial number, or the one that "
+            "`panel_offered` names, which is then registered with the reflectances that its files state."
         ),
     ] = None
     target: Annotated[
@@ -71,6 +79,10 @@ class CampaignAnswer(
     method: Method
     frames: FrameCounts | None = None
     readings: int | None = None
+    panel_offered: PanelOffered | None = Field(
+        default=None,
+        description="The panel that the frames name, where it is not the campaign's. Send its serial.",
+    )
     missing: list[str] | None = Field(default=None, description="What a fit still needs, by name.")
     advice: list[str] | None = Field(default=None, description="What would make a fit good, by name.")
 

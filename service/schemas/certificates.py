@@ -59,6 +59,7 @@ class PanelBand(Answer):
     band: str
     reflectance: float
     standard_uncertainty: float | None = None
+    origin: Literal["file"] | None = None
 
 
 class UsedPanel(Answer):

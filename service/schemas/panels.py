@@ -1,10 +1,11 @@
 """Reflectance panels as they were measured on a day."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from service.schemas.base import Answer, BandName, Day, Form, Number, Text
+from store.queries.references import Offer
 from store.tables import Panel
 
 
@@ -17,6 +18,10 @@ class PanelBand(Form, Answer):
     ]
     standard_uncertainty: Annotated[
         Number | None, Field(ge=0, lt=1, description="Absolute, as the reflectance is; k = 1.")
+    ] = None
+    origin: Annotated[
+        Literal["file"] | None,
+        Field(description="`file`: as the camera or the panel's code states it, on a day that is not known."),
     ] = None
 
 
@@ -36,6 +41,12 @@ class NewPanel(Form):
         """The table's columns; the bands in an order that does not depend on how they were sent."""
         bands = sorted((band.model_dump(exclude_none=True) for band in self.bands), key=lambda b: b["band"])
         return {"serial": self.serial, "measured_on": self.measured_on, "bands": bands}
+
+
+class PanelOffered(Answer, restates=Offer, fields="serial registered"):
+    """The panel that a campaign's frames name, where it is not the campaign's."""
+
+    bands: list[PanelBand] = Field(description="As the files or the panel's code state them; may be empty.")
 
 
 class PanelAnswer(Answer, restates=Panel, fields="id serial measured_on created_at"):

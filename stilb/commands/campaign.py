@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -17,7 +17,7 @@ from stilb.commands.tables import table
 from stilb.field.files import sort_files
 from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
 from stilb.field.pushing import Report, as_json
-from stilb.field.running import ensure_campaign, ensure_readings
+from stilb.field.running import ensure_campaign, ensure_panel, ensure_readings, list_parameters
 from stilb.field.template import read_methods, write_template
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Unclear
@@ -84,7 +84,8 @@ def run(
     if not output.as_json:
         output.note("\n".join(lines(report)))
     with output.client() as client:
-        calibration = client.calibrate(campaign.id, **plan.fit)
+        ensure_panel(client, plan, campaign.id)
+        calibration = client.calibrate(campaign.id, **list_parameters(plan))
     _end(output, report, {"calibration": calibration.raw}, format_calibration(calibration))
 
 
@@ -117,7 +118,40 @@ def show(output: Output, campaign: Annotated[str, typer.Argument(help="Its id or
         f"{found['readings']} readings",
         *([f"missing: {each}" for each in found["missing"]] or [f"ready: stilb calibrate {campaign}"]),
         *(f"advice: {each}" for each in found["advice"]),
+        *_offer(found, campaign),
     )
+
+
+def _offer(found: dict[str, Any], campaign: str) -> list[str]:
+    offered = found.get("panel_offered")
+    return [f"the frames show panel {offered['serial']}: stilb campaign panel {campaign}"] if offered else []
+
+
+@app.command("panel")
+@command
+def panel(
+    output: Output,
+    campaign: Annotated[str, typer.Argument(help="Its id or project number.")],
+    serial: Annotated[
+        str | None, typer.Option(help="Serial number; default: the panel that the frames name.")
+    ] = None,
+) -> None:
+    """Name the panel that the frames show.
+
+    A panel that is not registered is registered with the reflectances that its files or its code state.
+    """
+    with output.client() as client:
+        found = client.campaign(client.find_campaign(campaign).id)
+        named = serial or (found.raw.get("panel_offered") or {}).get("serial")
+        if named is None:
+            raise Unclear("The frames name no other panel than the campaign's. Name one with --serial.")
+        changed = client.change_campaign(found.id, panel_serial=named)
+        bands = client.panel(changed.raw["panel_id"]).raw["bands"]
+    rows = [
+        (each["band"], f"{each['reflectance']:.4g}", "file" if each.get("origin") else "measured")
+        for each in bands
+    ]
+    output.answer(changed.raw, f"panel {named}", table(("band", "reflectance", "from"), rows))
 
 
 @app.command("readings")

@@ -29,10 +29,10 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
         {"make", "model", "serial"},
     ),
     "campaign": (
-        {"method", *CampaignDetails.__annotations__} - {"panel_id", "target"},
+        {"method", *CampaignDetails.__annotations__} - {"panel_id", "panel_serial", "target"},
         {"method", "project_number"},
     ),
-    "panel": ({"serial", "measured_on", "bands"}, {"serial", "measured_on", "bands"}),
+    "panel": ({"serial", "measured_on", "bands"}, {"serial"}),
     "target": (set(), set()),
     "meter": ({"kind", "make", "model", "serial", "certificate"}, {"kind", "make", "model", "serial"}),
     "frames": ({"role", "pattern", "scene", "first", "last", *_EXPOSURE}, {"role"}),
@@ -45,6 +45,8 @@ _TABLES: dict[str, tuple[set[str], set[str]]] = {
     "fit": (set(), set()),
 }
 _LISTS = frozenset({"meter", "frames", "reading"})
+# A table, or several: a panel that was measured more than once.
+_EITHER = frozenset({"panel"})
 _NEEDED = frozenset({"camera", "campaign"})
 
 
@@ -52,8 +54,8 @@ _NEEDED = frozenset({"camera", "campaign"})
 class Plan:
     """What campaign.toml says.
 
-    ``panel``: as `Client.create_panel` takes it; ``readings_csv``: the text of the spreadsheet; of
-    ``polygon``, ``imagej`` and ``parts`` one at most.
+    ``panels``: as `Client.create_panel` takes them, or one by its serial alone; ``readings_csv``: the
+    text of the spreadsheet; of ``polygon``, ``imagej`` and ``parts`` one at most.
     """
 
     make: str
@@ -63,7 +65,7 @@ class Plan:
     method: str
     project_number: str
     campaign: CampaignDetails
-    panel: dict[str, Any] | None = None
+    panels: tuple[dict[str, Any], ...] = ()
     meters: tuple[dict[str, Any], ...] = ()
     rules: tuple[Rule, ...] = USUAL_RULES
     readings: tuple[Reading, ...] = ()
@@ -110,7 +112,7 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
         method=campaign.pop("method"),
         project_number=campaign["project_number"],
         campaign=cast("CampaignDetails", campaign),
-        panel=said.get("panel"),
+        panels=_list_panels(said.get("panel", [])),
         meters=tuple(said.get("meter", ())),
         rules=USUAL_RULES if frames is None else tuple(map(_rule, frames)),
         readings=tuple(said.get("reading", ())),
@@ -120,6 +122,18 @@ def _plan(said: dict[str, Any], folder: Path) -> Plan:
     )
 
 
+def _list_panels(said: dict[str, Any] | list[dict[str, Any]]) -> tuple[dict[str, Any], ...]:
+    """One table, or one a measurement; without figures the panel is the one that the frames name."""
+    panels = said if isinstance(said, list) else [said]
+    for panel in panels:
+        if len(panels) > 1 or len(panel) > 1:
+            for name in sorted({"measured_on", "bands"} - {name for name, value in panel.items() if value}):
+                raise Unclear(f"{name} in panel is not filled in; only the serial stands alone")
+    if len({panel["serial"] for panel in panels}) > 1:
+        raise Unclear("panel has several serials: a campaign has one panel, measured once or several times")
+    return tuple(panels)
+
+
 def _check(said: Mapping[str, Any]) -> None:
     """Name the first table or key that is unknown, missing or empty."""
     _known("", set(said), set(_TABLES))
@@ -127,11 +141,12 @@ def _check(said: Mapping[str, Any]) -> None:
         raise Unclear(f"the table [{name}] is missing")
     for name, value in said.items():
         allowed, needed = _TABLES[name]
-        rows = value if name in _LISTS else [value]
+        listed = name in _LISTS or (name in _EITHER and isinstance(value, list))
+        rows = value if listed else [value]
         if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
             raise Unclear(f"{name} must be written as {f'[[{name}]]' if name in _LISTS else f'[{name}]'}")
         for number, row in enumerate(rows, start=1):
-            where = f"{name} {number}" if name in _LISTS else name
+            where = f"{name} {number}" if listed else name
             if allowed:
                 _known(f" in {where}", set(row), allowed)
             for key in sorted(key for key in needed if row.get(key) in (None, "", [])):

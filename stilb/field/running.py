@@ -33,6 +33,19 @@ def ensure_campaign(client: Client, plan: Plan) -> Campaign:
     return campaign
 
 
+def ensure_panel(client: Client, plan: Plan, campaign_id: str) -> None:
+    """Name the panel that the plan gives by its serial alone, once the frames are read that state it."""
+    if plan.panels and "bands" not in plan.panels[0]:
+        client.wait_for(campaign_id)
+        client.change_campaign(campaign_id, panel_serial=plan.panels[0]["serial"])
+
+
+def list_parameters(plan: Plan) -> dict[str, Any]:
+    """The parameters of the fit; of a panel that the plan gives one measurement of, that one is used."""
+    days = [panel["measured_on"] for panel in plan.panels if "bands" in panel]
+    return {**({"panel_measured_on": days[0]} if len(days) == 1 else {}), **plan.fit}
+
+
 def ensure_readings(client: Client, plan: Plan, campaign_id: str) -> tuple[int, list[str]]:
     """Send the plan's readings once: how many they are, and the ids of others that the campaign has."""
     meters = [client.create_meter(**meter).id for meter in plan.meters]
@@ -45,9 +58,8 @@ def ensure_readings(client: Client, plan: Plan, campaign_id: str) -> tuple[int, 
 
 
 def _details(client: Client, plan: Plan) -> CampaignDetails:
-    if plan.panel is None:
-        return plan.campaign
-    return {**plan.campaign, "panel_id": client.create_panel(**plan.panel).id}
+    measured = [client.create_panel(**panel).id for panel in plan.panels if "bands" in panel]
+    return {**plan.campaign, "panel_id": measured[-1]} if measured else plan.campaign
 
 
 def _correct(client: Client, campaign: Campaign, details: CampaignDetails) -> Campaign:

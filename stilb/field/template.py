@@ -55,6 +55,7 @@ _METER = """\
 """
 _PANEL = """
 # The panel as it was measured on a day: what it reflects in each band, and with what standard uncertainty.
+# The serial alone takes a registered panel, or what its files state. Measured more than once: [[panel]].
 # [panel]
 # serial = "RP04-1832179-SC"
 # measured_on = 2026-03-14

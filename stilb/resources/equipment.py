@@ -57,6 +57,12 @@ class Equipment(Connection):
         body = {"serial": serial, "measured_on": measured_on, "bands": list(bands)}
         return Panel.of(self._post(address("panels"), body))
 
+    def panel(self, panel_id: str) -> Panel:
+        return Panel.of(self._get(address("panels", panel_id)))
+
+    def panels(self) -> Iterator[Panel]:
+        return map(Panel.of, self._transport.items(address("panels")))
+
 
 def _names(cameras: list[Camera]) -> str:
     return ", ".join(f"{one.make} {one.model} {one.serial} ({one.id})" for one in cameras)

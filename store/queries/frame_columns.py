@@ -1,11 +1,12 @@
 """A campaign's frames in columns: each is read once, without an entity and without what no judge needs."""
 
 import json
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from sqlalchemy import Text, cast, select
+from sqlalchemy import Text, cast, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from radiometry import methods
@@ -69,11 +70,13 @@ _PLAIN: tuple[InstrumentedAttribute[Any], ...] = (
 _JSON = (FrameRow.warnings, FrameRow.found, FrameRow.header, FrameRow.exposure, FrameRow.proof)
 
 
-def read_frames(session: Session, campaign: Campaign) -> list[FrameColumns]:
-    """Read all frames of a campaign, in the order in which they came."""
+def read_frames(
+    session: Session, campaign: Campaign, roles: Collection[str] | None = None
+) -> list[FrameColumns]:
+    """Read all frames of a campaign, or those of some roles, in the order in which they came."""
     rows = session.execute(
         select(*(cast(column, Text) for column in _JSON), *_PLAIN)
-        .where(FrameRow.campaign_id == campaign.id)
+        .where(FrameRow.campaign_id == campaign.id, FrameRow.role.in_(roles) if roles else true())
         .order_by(FrameRow.id)
     )
     return [

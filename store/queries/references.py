@@ -11,7 +11,8 @@ from sqlalchemy.orm import Session
 from radiometry.frame.multispectral import name_panel
 from radiometry.methods import get_method
 from radiometry.specification.method import MethodSpec
-from store.queries.frame_columns import FrameColumns
+from store.columns import utc_now
+from store.queries.frame_columns import FrameColumns, read_frames
 from store.tables import Campaign, Meter, Panel, Reading
 
 _ENGRAVED = ("kind", "make", "model", "serial")
@@ -68,6 +69,55 @@ def list_panels(frame: FrameColumns) -> list[str]:
     return [serial for serial in stated if serial]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Offer:
+    """The panel that a campaign's frames name, where it is not the campaign's.
+
+    ``bands``: as the files or the code state them; ``stated_on``: the day of the first of these frames.
+    """
+
+    serial: str
+    registered: bool
+    bands: list[dict[str, Any]]
+    stated_on: date
+
+
+def find_offer(session: Session, campaign: Campaign) -> Offer | None:
+    """The one panel that the frames name; None where that is the campaign's, or there are none or several."""
+    spec = get_method(campaign.method)
+    if spec.reference != "panel":
+        return None
+    frames = sorted(read_frames(session, campaign, spec.role_names), key=lambda each: each.filename)
+    shown = [(frame, frame.header) for frame in frames if frame.header is not None and list_panels(frame)]
+    names = {name_panel(serial) for frame, _ in shown for serial in list_panels(frame)}
+    if len(names) != 1:
+        return None
+    if names == {name_panel(panel.serial) for panel in list_measurements(session, campaign, frames)}:
+        return None
+    bands: dict[str, dict[str, Any]] = {}
+    for frame, header in shown:
+        band = header.multispectral
+        albedo = (band.panel_albedo if band else None) or frame.found.get("albedo")
+        if band and albedo and 0.0 < albedo <= 1.0:
+            bands.setdefault(band.band, {"band": band.band, "reflectance": albedo, "origin": "file"})
+    days = [header.taken_at[:10] for _, header in shown if header.taken_at]
+    (serial,) = names
+    return Offer(
+        serial=serial,
+        registered=find_by_serial(session, campaign.organisation_id, serial) is not None,
+        bands=[bands[name] for name in sorted(bands)],
+        stated_on=date.fromisoformat(min(days)) if days else utc_now().date(),
+    )
+
+
+def find_by_serial(session: Session, organisation_id: str, serial: str) -> Panel | None:
+    """The last measurement of a registered panel; its serial number may be written in any way."""
+    panels = session.scalars(
+        select(Panel).where(Panel.organisation_id == organisation_id).order_by(Panel.measured_on.desc())
+    )
+    return next((panel for panel in panels if name_panel(panel.serial) == name_panel(serial)), None)
+
+
 def _read_panel(panel: Panel, spec: MethodSpec) -> list[Any]:
     return [
         spec.reading(
@@ -76,6 +126,7 @@ def _read_panel(panel: Panel, spec: MethodSpec) -> list[Any]:
             reflectance=band["reflectance"],
             standard_uncertainty=band.get("standard_uncertainty"),
             measured_on=panel.measured_on.isoformat(),
+            from_file=True if band.get("origin") == "file" else None,
         )
         for band in sorted(panel.bands, key=lambda band: str(band["band"]))
     ]

@@ -1,5 +1,6 @@
 """A panel with a code needs no drawing: five real frames without a region, and what people draw beside it."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -7,6 +8,7 @@ import tifffile
 
 from radiometry import methods
 from service.certificate.regions import region_blocks
+from tests.support.campaigns import calibrate
 from tests.support.data import data_file
 
 BANDS = ("blue", "green", "red", "nir", "red_edge")
@@ -129,6 +131,56 @@ def test_a_band_without_a_readable_code_takes_its_region_from_another(sqlite_hou
         bare = sqlite_house.get(f"/v1/frames/{bare['id']}")
     assert (bare["state"], bare["roi_found_by"], bare["panel_serial"]) == ("extracted", "other_band", SERIAL)
     assert bare["statistics"][0]["i_sq"] == pytest.approx(frames["nir"]["statistics"][0]["i_sq"], rel=3e-3)
+
+
+def state(content, albedo, *, serial=SERIAL, area=""):
+    """A file as a camera writes it that has recognised the panel, in place of its dark rows."""
+    said = {"Albedo": albedo, "PanelSerial": serial, "ReflectArea": area}
+    text = "".join(f"<MicaSense:{tag}>{value}</MicaSense:{tag}>" for tag, value in said.items() if value)
+    block = re.search(rb"<MicaSense:DarkRowValue>.*?</MicaSense:DarkRowValue>", content, re.DOTALL)
+    return content.replace(block[0], text.encode().ljust(len(block[0])))
+
+
+def test_a_panel_that_the_files_name_is_offered_and_taken_by_one_field(house):
+    """Nothing is registered: its reflectances are those that the files state, and flagged as such."""
+    made = start(house)
+    for band in ("blue", "red"):
+        content = state(data_file(f"rededge/{name(0, band)}").read_bytes(), ALBEDO[band])
+        house.upload(made, content, filename=name(0, band), role="panel")
+    house.work()
+    path = f"/v1/campaigns/{made['id']}"
+    offered = house.get(path)["panel_offered"]
+    assert (offered["serial"], offered["registered"]) == (SERIAL, False)
+    assert {band["band"]: band["reflectance"] for band in offered["bands"]} == {"blue": 0.67, "red": 0.68}
+    refused = house.http.patch(path, json={"panel_serial": "RP02-1603099-SC"})
+    assert (refused.status_code, refused.json()["errors"][0]["field"]) == (422, "body.panel_serial")
+    taken = house.http.patch(path, json={"panel_serial": SERIAL}).json()
+    assert "panel_offered" not in taken
+    panel = house.get(f"/v1/panels/{taken['panel_id']}")
+    assert [(band["band"], band["origin"]) for band in panel["bands"]] == [("blue", "file"), ("red", "file")]
+    version = calibrate(house, made)
+    flags = {flag for row in version["coefficients"] for flag in row["flags"]}
+    assert {"panel_from_file", "panel_uncertainty_missing"} <= flags
+    # a measurement goes before it, and a panel that was measured is named by its serial alone
+    bands = [{"band": band, "reflectance": 0.6} for band in ("blue", "red")]
+    house.post("/v1/panels", {"serial": SERIAL.lower(), "measured_on": "2017-10-01", "bands": bands})
+    assert {point["panel_reflectance"] for point in calibrate(house, made)["points"]} == {0.6}
+
+
+def test_the_file_s_own_region_is_taken_and_a_drawn_one_goes_before_it(sqlite_house):
+    area = "809,613, 648,615, 646,454, 808,452"
+    content = state(data_file(f"rededge/{name(0, 'blue')}").read_bytes(), 0.67, area=area)
+    made = start(sqlite_house)
+    frame = read(sqlite_house, sqlite_house.upload(made, content, filename=name(0, "blue"), role="panel"))
+    assert (frame["roi_origin"], frame["roi_found_by"], frame["panel_serial"]) == (
+        "found",
+        "reflect_area",
+        SERIAL,
+    )
+    assert frame["statistics"][0]["i_sq"] == pytest.approx(RADIANCE["blue"], rel=5e-3)
+    put(sqlite_house, f"/v1/frames/{frame['id']}/roi", DRAWN)
+    drawn = read(sqlite_house, frame)
+    assert (drawn["roi_origin"], "roi_found_by" in drawn) == ("drawn", False)
 
 
 def test_a_region_that_comes_with_the_frame_is_kept(sqlite_house):

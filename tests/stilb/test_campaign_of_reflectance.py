@@ -8,8 +8,8 @@ from simulation.sequoia import BANDS, SEQUOIA, capture
 from simulation.sequoia_file import name_file, write_sequoia
 from stilb.commands.exits import Exit
 from stilb.field.plan import read_plan
-from stilb.field.running import ensure_campaign
-from stilb.problem import Unclear
+from stilb.field.running import ensure_campaign, ensure_panel, list_parameters
+from stilb.problem import Problem, Unclear
 
 REFLECTS = 0.18
 BANDS_TOML = ", ".join(
@@ -70,6 +70,54 @@ def test_a_corrected_panel_takes_the_place_of_the_other(card, team):
     other = ensure_campaign(team.client, read_plan(card))
     assert other.id == first.id
     assert other.raw["panel_id"] != first.raw["panel_id"]
+
+
+def write_panels(card, text):
+    path = card / "campaign.toml"
+    head, _, rest = path.read_text().partition("[panel]")
+    path.write_text(head + text + "\n[region]" + rest.partition("[region]")[2])
+
+
+def test_a_panel_measured_twice_is_used_by_the_day_and_one_alone_as_it_is(card, team):
+    day = 'measured_on = {}\nbands = [{{ band = "green", reflectance = 0.18 }}]\n'
+    alone = read_plan(card)
+    assert list_parameters(alone) == {"panel_measured_on": "2018-03-01"}
+    write_panels(
+        card,
+        "".join('[[panel]]\nserial = "P-19"\n' + day.format(each) for each in ("2017-01-01", "2019-01-01")),
+    )
+    plan = read_plan(card)
+    assert (len(plan.panels), list_parameters(plan)) == (2, {})
+    campaign = ensure_campaign(team.client, plan)
+    assert team.client.panel(campaign.raw["panel_id"]).measured_on == "2019-01-01"
+
+
+def test_a_serial_alone_names_a_registered_panel(card, team, signed_in):
+    write_panels(card, '[panel]\nserial = "P-20"\n')
+    plan = read_plan(card)
+    campaign = ensure_campaign(team.client, plan)
+    bands = [{"band": "green", "reflectance": 0.18}]
+    with pytest.raises(Problem, match="is not registered"):
+        ensure_panel(team.client, plan, campaign.id)
+    panel = team.client.create_panel("P-20", measured_on="2018-01-01", bands=bands)
+    ensure_panel(team.client, plan, campaign.id)
+    assert team.client.campaign(campaign.id).raw["panel_id"] == panel.id
+    ended = signed_in("campaign", "panel", campaign.id, "--serial", "P-20")
+    assert (ended.code, "measured" in ended.out) == (Exit.DONE, True), ended.err
+    assert signed_in("campaign", "panel", campaign.id).code == Exit.USAGE
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[panel]\nserial = "P"\nmeasured_on = 2018-01-01\n', "bands in panel is not filled in"),
+        ('[[panel]]\nserial = "P"\n[[panel]]\nserial = "P"\n', "bands in panel is not filled in"),
+    ],
+)
+def test_half_a_panel_is_refused_by_what_it_lacks(card, text, said):
+    write_panels(card, text)
+    with pytest.raises(Unclear, match=said):
+        read_plan(card)
 
 
 def test_a_target_is_said_anew_only_when_it_has_changed(card, team, monkeypatch):

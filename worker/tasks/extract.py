@@ -250,7 +250,8 @@ def _keep_panel(session: Session, frame: FrameRow, campaign: Campaign, panel: Fo
     """Keep its serial, and its region unless somebody has drawn one, or changed the role, meanwhile."""
     if frame.role not in methods.get_method(campaign.method).role_names:
         return None
-    frame.found = {"serial": panel.serial, "by": panel.by}
+    albedo = panel.read_albedo(((frame.header or {}).get("multispectral") or {}).get("wavelength_nm"))
+    frame.found = {"serial": panel.serial, "by": panel.by, **({"albedo": albedo} if albedo else {})}
     if panel.region is None or current_roi(session, frame, campaign) is not None:
         return None
     drawing = Drawing(polygon=panel.region, corners=panel.region.points)

@@ -31,6 +31,9 @@ class TakenRegion:
     serial: str | None
     by: FoundBy = "other_band"
 
+    def read_albedo(self, wavelength_nm: float | None) -> float | None:
+        """None: what the code states is read in the other band."""
+
 
 def list_siblings(
     session: Session, campaign: Campaign, frame_id: str, header: FrameHeader, *, found: bool

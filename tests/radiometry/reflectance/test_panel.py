@@ -11,6 +11,7 @@ from radiometry.frame.multispectral import Multispectral, name_panel
 from radiometry.frame.verdicts import ReviewedFrame
 from radiometry.reflectance import method as reflectance
 from radiometry.reflectance.panel import find_value
+from radiometry.reflectance.panel_code import FoundPanel
 from radiometry.reflectance.verdicts import judge
 from tests.radiometry.reflectance.captures import PANEL_R, READINGS, change_band, flags_of, k_of, panel
 
@@ -83,6 +84,21 @@ def test_the_verdict_names_both_panels_before_any_fit():
     ]
     for verdict in judge(frames, rows, OURS, PARAMS).values():
         assert any(each.code == "panel_differs" and OTHER in each.detail for each in verdict.reasons)
+
+
+@pytest.mark.parametrize(
+    ("text", "wavelength_nm", "albedo"),
+    [
+        (f"{OWN}_04000530100005", None, None),
+        (f"{OWN}_04004700850490", 475.0, 0.4733),
+        (f"{OWN}_04004700850490", 840.0, 0.4896),
+        (f"{OWN}_04004700850490", 900.0, None),
+        (OWN, 475.0, None),
+    ],
+)
+def test_a_code_s_own_reflectances_are_read_on_their_line(text, wavelength_nm, albedo):
+    found = FoundPanel(region=None, serial=OWN, text=text).read_albedo(wavelength_nm)
+    assert found == (albedo and pytest.approx(albedo, abs=1e-4))
 
 
 def value(day, *measured, named=None):

@@ -1,12 +1,14 @@
 // How far a campaign is: what has come, what it still lacks, what would make it good.
 
-import { figure, fill, h } from "../dom.js";
+import { patch } from "../api.js";
+import { figure, fill, h, may } from "../dom.js";
 import { counted, number } from "../format.js";
+import { act } from "../states.js";
 import { countOwn } from "./holding.js";
 
 export function overview(state) {
   const element = h("div", { class: "overview" });
-  const draw = () => fill(element, figures(state), advice(state.campaign));
+  const draw = () => fill(element, figures(state), offer(state), advice(state.campaign));
   state.on("campaign", draw);
   state.on("frames", draw);
   draw();
@@ -43,6 +45,21 @@ function region({ roi, method, frames }) {
   if (roi) return figure("Region", roi.regions ? counted(roi.regions.length, "part") : counted(roi.polygon.length, "corner"), said);
   if (method.whole_frame) return figure("Region", "Whole frame", said);
   return figure("Region", own ? (found === own ? "Found" : "Per frame") : "None yet", said, marked(!own));
+}
+
+/** Another panel than the campaign's: one click names it, and registers it as its files state it. */
+function offer(state) {
+  const panel = state.campaign.panel_offered;
+  if (!panel) return null;
+  const stated = panel.bands.map((band) => `${band.band} ${number(band.reflectance)}`).join(", ");
+  const known = panel.registered ? "It is registered." : stated ? `Its files state ${stated}.` : "Its files do not state what it reflects: register it.";
+  const button = h("button", { type: "button" }, `Use panel ${panel.serial}`);
+  const take = async () => {
+    await patch(state.path, { panel_serial: panel.serial });
+    await state.touch();
+  };
+  button.addEventListener("click", () => act(button, take));
+  return h("div", { class: "note warn" }, h("h2", {}, `The frames show panel ${panel.serial}`), h("p", {}, `It is not the campaign’s panel. ${known}`), may("calibrate") && (panel.registered || stated) ? h("p", { class: "actions" }, button) : null);
 }
 
 function advice({ missing, advice: better }) {

@@ -7,7 +7,7 @@ import { readNumber, wrong } from "./numbers.js";
 
 /** {element, read()}: the form, and the id of the panel; undefined leaves the choice to the files. */
 export function panelPart(panels) {
-  const known = panels.map((each) => [each.id, `${each.serial}, measured ${each.measured_on} (${each.bands.map((band) => band.band).join(", ")})`]);
+  const known = panels.map((each) => [each.id, `${each.serial}, ${each.bands.some((band) => band.origin) ? "stated by files of" : "measured"} ${each.measured_on} (${each.bands.map((band) => band.band).join(", ")})`]);
   const chosen = select([["", "As named in the files, or the only one"], ...known, ["new", "Register another…"]], {}, "");
   const serial = decimal({ inputmode: "text" });
   const measured = h("input", { type: "date" });
