@@ -47,6 +47,7 @@ SPEC: Final = MethodSpec(
     fit=method.fit,
     list_coefficients=method.list_coefficients,
     draw=draw,
+    draws_flight=True,
     certificate=CERTIFICATE,
     application=APPLICATION,
     applied="band_fits",

@@ -115,7 +115,7 @@ def name_second(index: int) -> int:
     return -1 - index
 
 
-def is_saturated(count: int, time_s: float) -> bool:
+def has_stopped(count: int, time_s: float) -> bool:
     """Return True if a counter has stopped.
 
     Parameters

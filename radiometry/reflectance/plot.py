@@ -1,18 +1,29 @@
-"""Plot of a reflectance calibration: K per band, and K of each panel capture relative to the band's K."""
+"""Plot of a reflectance calibration: K per band, and each band's K in time with the flight's frames."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
+from datetime import datetime
 from typing import Any
 
-from radiometry.drawing.sheet import Axis, bar, dot, finish, line, name_series, place, write
+from radiometry.drawing.sheet import Axis, bar, dot, finish, line, place, swath, write
+from radiometry.drawing.svg import Panel
+from radiometry.reflectance.evaluation import HALF_HOUR_S, USUAL_DRIFT_REL, KAtTime, interpolate
+from radiometry.reflectance.results import Knot
 
 Node = dict[str, Any]
 
 _BESIDE_NM = 30.0
-_ONE_MOMENT_S = 1.0
+_MARGIN_S = 300.0
+_STEPS = 80
 
 
 def draw(result: Node) -> str:
     """Draw a stored reflectance result as SVG.
+
+    Parameters
+    ----------
+    result : Node
+        Stored result of the fit; "flight" in it holds the times of measured frames.
 
     Returns
     -------
@@ -21,8 +32,12 @@ def draw(result: Node) -> str:
         drawn.
     """
     coefficients = [fit["coefficient"] for fit in result["band_fits"]]
-    parts = [*_draw_bands(coefficients), *_draw_visits(result, coefficients)]
-    return finish(parts, panels=2, label="Reflectance calibration")
+    flight_s = [datetime.fromisoformat(each).timestamp() for each in result.get("flight", ())]
+    parts = [*_draw_bands(coefficients)]
+    for series, coefficient in enumerate(coefficients):
+        points = [p for p in result["points"] if p["used"] and p["band"] == coefficient["band"]]
+        parts += _draw_time(coefficient, points, flight_s, series)
+    return finish(parts, panels=1 + len(coefficients), label="Reflectance calibration")
 
 
 def _draw_bands(coefficients: list[Node]) -> Iterator[str]:
@@ -50,55 +65,84 @@ def _draw_bands(coefficients: list[Node]) -> Iterator[str]:
         yield write(panel, x, panel.y.low + 0.03 * (panel.y.high - panel.y.low), c["band"])
 
 
-def _draw_visits(result: Node, coefficients: list[Node]) -> Iterator[str]:
-    """Draw K relative to each band's K, since bands differ in size; the means of the captures are joined."""
-    points = [p for p in result["points"] if p["used"] and p.get("reflectance_k") is not None]
-    times = [p["at_s"] for p in points if p.get("at_s") is not None]
-    # the bands of one capture differ by less than a moment
-    timed = len(times) == len(points) and max(times) - min(times) > _ONE_MOMENT_S
-    start = min(times) if timed else 0.0
+def _draw_time(c: Node, points: list[Node], flight_s: Sequence[float], series: int) -> Iterator[str]:
+    """Draw K(t) relative to the band's K: the panel visits, the line between them, and the flight's frames.
+
+    Bars and swath are expanded uncertainties without what all visits share, which does not bend the line.
+    """
+    knots = [
+        Knot(**{name: knot.get(name) for name in ("at_s", "reflectance_k", "u_rel")}) for knot in c["knots"]
+    ]
+    times = [knot.at_s for knot in knots if knot.at_s is not None]
+    start_s = times[0] if len(times) == len(knots) else None
+    factor = 100.0 * c.get("coverage_factor", 2.0)
+
+    def find(at_s: float | None) -> KAtTime:
+        drift_rel = c.get("drift_half_hour_rel")
+        return interpolate(
+            knots,
+            at_s=at_s,
+            follow=c.get("interpolation", "linear") == "linear",
+            drift_rel=USUAL_DRIFT_REL if drift_rel is None else drift_rel,
+        )
+
+    def place_point(at_s: float | None, visit: int) -> float:
+        return (at_s - start_s) / 60.0 if start_s is not None and at_s is not None else float(visit)
+
+    curve: list[tuple[float, float, float]] = []
+    near_s: list[float] = []
+    if start_s is not None:
+        first_s, last_s = start_s - _MARGIN_S, times[-1] + (_MARGIN_S if len(times) > 1 else HALF_HOUR_S)
+        near_s = [at for at in flight_s if first_s - HALF_HOUR_S <= at <= last_s + HALF_HOUR_S]
+        first_s, last_s = min([first_s, *near_s]), max([last_s, *near_s])
+        steps = sorted({*times, *(first_s + n * (last_s - first_s) / _STEPS for n in range(_STEPS + 1))})
+        for at_s in steps:
+            found = find(at_s)
+            u = factor * math.hypot(found.u_rel, found.drift_u_rel)
+            curve.append((place_point(at_s, 0), _percent(found.value, c), u))
+    seen = [
+        (place_point(p.get("at_s"), p.get("visit") or 1), _percent(p["reflectance_k"], c), p["frame"])
+        for p in points
+        if p.get("reflectance_k") is not None
+    ]
+    bars = [
+        (place_point(knot.at_s, n), _percent(knot.reflectance_k, c), factor * knot.u_rel)
+        for n, knot in enumerate(knots, start=1)
+    ]
+    ends = [y + sign * u for _, y, u in (*curve, *bars) for sign in (-1.0, 1.0)]
     panel = place(
-        1,
+        1 + series,
         x=Axis(
-            values=[_when(p, start, timed=timed) for p in points],
-            label="since the first panel frame [s]" if timed else "visit to the panel",
+            values=[*(x for x, *_ in (*curve, *bars)), *(x for x, *_ in seen)],
+            label="visit to the panel" if start_s is None else "since the first visit to the panel [min]",
         ),
         y=Axis(
-            values=[
-                *(_percent(p["reflectance_k"], c) for c in coefficients for p in points if _is_of(p, c)),
-                *(_percent(k["reflectance_k"], c) + u for c in coefficients for k, u in _list_bars(c)),
-            ],
-            include=(-1.0, 1.0),
-            label="K of the frame / K of the band - 1 [%]",
+            values=ends,
+            include=(-1.0, 1.0, min(ends) - 0.15 * (max(ends) - min(ends))),
+            label="K / K of the band - 1 [%]",
         ),
-        title="K by visit",
+        title=f"K in time, {c['band']}",
     )
     yield from panel.frame()
     yield panel.line([(panel.x.low, 0.0), (panel.x.high, 0.0)], "limit")
-    for series, c in enumerate(coefficients):
-        knots = [(k["at_s"] - start if timed else float(i), k) for i, k in enumerate(c["knots"], start=1)]
-        yield panel.line([(x, _percent(knot["reflectance_k"], c)) for x, knot in knots], line(series))
-        for x, knot in knots:
-            y, u = _percent(knot["reflectance_k"], c), 200.0 * knot["u_rel"]
-            yield bar(panel, x, y - u, y + u, series)
-        for p in points:
-            if _is_of(p, c):
-                at = _when(p, start, timed=timed)
-                yield panel.dot(at, _percent(p["reflectance_k"], c), dot(series), p["frame"])
-    yield from name_series(panel, [c["band"] for c in coefficients])
+    if curve:
+        yield swath(panel, [(x, y - u, y + u) for x, y, u in curve], series)
+        yield panel.line([(x, y) for x, y, _ in curve], line(series))
+    for x, y, u in bars:
+        yield bar(panel, x, y - u, y + u, series)
+    for x, y, frame in seen:
+        yield panel.dot(x, y, dot(series), frame)
+    yield from _mark_flight(panel, [place_point(at_s, 0) for at_s in near_s])
 
 
-def _list_bars(coefficient: Node) -> list[tuple[Node, float]]:
-    """List each panel capture with both ends of its bar, in %."""
-    return [(k, sign * 200.0 * k["u_rel"]) for k in coefficient["knots"] for sign in (-1.0, 1.0)]
-
-
-def _when(point: Node, start: float, *, timed: bool) -> float:
-    return float(point["at_s"]) - start if timed else float(point["visit"])
-
-
-def _is_of(point: Node, coefficient: Node) -> bool:
-    return bool(point["band"] == coefficient["band"])
+def _mark_flight(panel: Panel, minutes: list[float]) -> Iterator[str]:
+    """Mark when frames were taken, at most one a pixel."""
+    height = panel.y.high - panel.y.low
+    foot, top = panel.y.low + 0.02 * height, panel.y.low + 0.06 * height
+    for x in {round(panel.x(minute)): minute for minute in minutes}.values():
+        yield panel.line([(x, foot), (x, top)], "box")
+    if minutes:
+        yield write(panel, min(minutes), panel.y.low + 0.08 * height, "frames of the flight", "note")
 
 
 def _percent(k: float, coefficient: Node) -> float:

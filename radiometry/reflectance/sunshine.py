@@ -16,7 +16,7 @@ from radiometry.reflectance.gains import (
     ROUNDING,
     Channel,
     Gain,
-    is_saturated,
+    has_stopped,
     measure_gains,
     measure_scales,
     name_second,
@@ -286,7 +286,7 @@ def _read(
     if time_s is None:
         time_s = ASSUMED_INTEGRATION_TIME_S
     left_out, factor = "", 1.0
-    if is_saturated(count, time_s):
+    if has_stopped(count, time_s):
         left_out = "saturated count"
     elif count == 0:
         left_out = "no light"

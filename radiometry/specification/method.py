@@ -196,6 +196,8 @@ class MethodSpec:
         ``(fitted) -> tuple of CoefficientValue``.
     draw : callable
         ``(stored result) -> str``, a plot as SVG. What does not exist may be None or missing.
+    draws_flight : bool
+        True if `draw` marks when measured frames were taken: times in ISO 8601 under "flight".
     certificate : CertificateText
         What a certificate prints of the method.
     list_budgets : callable
@@ -253,6 +255,7 @@ class MethodSpec:
     several_regions: bool = False
     tolerance_unit: ToleranceUnit = "%"
     manual_exposure: bool = True
+    draws_flight: bool = False
     list_budgets: Callable[[Any], tuple[Budget, ...]] = field(default=_none)
     check_frame: Callable[..., Sequence[Raised]] = field(default=_none)
     find_region: Callable[..., FoundRegion | None] = field(default=_nothing)

@@ -77,6 +77,7 @@ def build_certificate(record: CalibrationRecord) -> CertificateAnswer:
         vignetting=vignetting,
         falloff=row.inputs.get("vignetting"),
         flags=[FlagInWords(**flag, meaning=FINDINGS[flag["flag"]].sentence) for flag in result["flags"]],
+        flight=record.flight or None,
         checklist=_checklist(record),
         software={**row.software, "extractor": row.inputs["extractor"]},
         author=_name(record, row.created_by),

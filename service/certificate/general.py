@@ -52,7 +52,8 @@ def list_sections(certificate: Node, preview: str) -> list[Node]:
 
 
 def _drawn(certificate: Node) -> Node:
-    plot = get_method(certificate["method"]).draw(certificate["result"])
+    flight = {"flight": certificate.get("flight", [])}
+    plot = get_method(certificate["method"]).draw(certificate["result"] | flight)
     return figure(plot, "Bars and bands: expanded uncertainty. Hollow: excluded or rejected.", width=1.0)
 
 

@@ -1,5 +1,6 @@
 """Fits, versions and what is decided of them."""
 
+import hashlib
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ from radiometry.fitting.evidence import Exclusion
 from service.auth import Calibrator, Caller, Publisher, Reader
 from service.certificate import warn_of_gaps
 from service.context import UsesContext
-from service.immutable import immutable_headers, not_modified
+from service.immutable import immutable_headers, not_modified, standing_headers
 from service.lookup import Id, owned
 from service.paging import Page, Paging, UsesPaging
 from service.problems import Problem, invalid, located
@@ -39,6 +40,7 @@ from store.impact import list_touched
 from store.queries.calibrations import coefficients_of, history, read_version_statuses
 from store.queries.campaigns import count_being_read
 from store.queries.evidence import Evidence, gather
+from store.queries.flight import list_flight
 from store.tables import Calibration, Camera, Campaign, Panel
 
 router = APIRouter(prefix="/v1", tags=["calibrations"])
@@ -152,18 +154,23 @@ def get_points_csv(calibration_id: Id, request: Request, caller: Reader, context
 def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
     """The result drawn, each method its own way.
 
-    Luminance: signal against X and residuals, a row per ISO value. Reflectance: K per band and per visit.
+    Luminance: signal against X and residuals, a row per ISO value. Reflectance: K per band, and each band's K
+    in time with the frames that were measured, which the ETag follows.
     Vignetting: falloff by f-number, and what is left over. Sharpness: the response by position. Geometry:
     distortion, where corners were seen, each view's error. Noise: photon transfer, signal to noise,
     linearity.
     """
     with context.database.reading() as session:
         calibration = owned(session, Calibration, calibration_id, caller)
+        flight = [at.isoformat() for at in list_flight(session, calibration)]
+    spec = methods.get_method(calibration.method)
     tag = f"{calibration.content_sha256}-plot"
-    return not_modified(request, tag) or Response(
-        methods.get_method(calibration.method).draw(calibration.result),
-        headers=immutable_headers(tag),
-        media_type="image/svg+xml",
+    headers = immutable_headers(tag)
+    if spec.draws_flight:
+        tag += hashlib.sha256("".join(flight).encode()).hexdigest()[:16]
+        headers = standing_headers(tag)
+    return not_modified(request, tag, headers) or Response(
+        spec.draw(calibration.result | {"flight": flight}), headers=headers, media_type="image/svg+xml"
     )
 
 

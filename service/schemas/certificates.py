@@ -229,6 +229,10 @@ class CertificateAnswer(Answer):
         default=None, description="The vignetting version of a luminance K, with its coefficients."
     )
     flags: list[FlagInWords]
+    flight: list[Instant] | None = Field(
+        default=None,
+        description="When the frames of the plot in time were taken: measured with the version, or to be.",
+    )
     checklist: Checklist
     software: dict[str, Any] = Field(
         description="The fit code version (`stilb`), the release (`release`) and the packages that fitted."

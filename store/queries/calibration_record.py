@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import select
@@ -13,6 +14,7 @@ from radiometry.specification.application import FoundBy
 from store.queries.calibrations import VersionStatus, coefficients_of, read_version_statuses
 from store.queries.checklist import ChecklistItem, RecordState, read_checklist, read_signature
 from store.queries.decisions import Act, key_names, list_publishings
+from store.queries.flight import list_flight
 from store.queries.frames import statistics_of
 from store.tables import (
     Blob,
@@ -73,6 +75,7 @@ class CalibrationRecord:
     frames: dict[str, FrameAsUsed]
     checklist: list[ChecklistItem]
     signature: ChecklistSignature | None
+    flight: list[datetime]
     names: dict[str, str]
 
 
@@ -101,6 +104,7 @@ def read_calibration_record(
         frames=_frames_used(session, calibration),
         checklist=read_checklist(session, campaign, state),
         signature=read_signature(session, campaign),
+        flight=list_flight(session, calibration),
         names=key_names(session, calibration.organisation_id),
     )
 

@@ -30,6 +30,7 @@ def reflectance():
             "reflectance_k": k,
             "reflectance_k_unit": "1/s",
             "expanded_uncertainty": 0.1 * k,
+            "coverage_factor": 2.0,
             "knots": [
                 {"at_s": 100.0, "reflectance_k": 0.9 * k, "u_rel": 0.01},
                 {"at_s": 700.0, "reflectance_k": 1.1 * k, "u_rel": 0.01},
@@ -283,18 +284,43 @@ def test_nothing_is_drawn_beside_the_sheet(method):
             assert 0 <= float(y) <= height
 
 
-def test_reflectance_shows_k_by_wavelength_and_its_drift():
+def test_reflectance_shows_k_by_wavelength():
     dots = told(draw("reflectance"))
     (x_green, y_green, _), (x_nir, y_nir, _) = dots["green: 10"], dots["nir: 40"]
     # x from 520 to 820 with 6 % of air, over 290 px
     assert x_nir - x_green == pytest.approx(240 * 290 / (300 * 1.12), abs=0.2)
     # y from 0 to 44 with 6 % of air, over 204 px
     assert y_green - y_nir == pytest.approx(30 * 204 / (44 * 1.12), abs=0.2)
+
+
+def read_axes(picture, panel):
+    """Return functions from a pixel to the value along both axes of a panel."""
+    ticks = (axes_of(picture)[2 * panel + axis][1] for axis in (0, 1))
+    fits = [np.polyfit(*zip(*[(at, float(text)) for at, text in each], strict=True), 1) for each in ticks]
+    return [np.poly1d(fit) for fit in fits]
+
+
+def test_reflectance_shows_k_in_time_between_its_visits_and_the_flight():
+    flight = {"flight": [f"1970-01-01T00:{minute:02}:00+00:00" for minute in (3, 5, 9, 20)]}
+    picture = ET.fromstring(get_method("reflectance").draw(reflectance() | flight))
+    x, y = read_axes(picture, 1)
+    dots = told(picture)
     first, last = dots["green-100.0"], dots["green-700.0"]
-    # -10 % and +10 %, with bars of 2 % more
-    assert first[1] - last[1] == pytest.approx(20 * 204 / (24 * 1.12), abs=0.2)
-    assert last[0] - first[0] == pytest.approx(290 / 1.12, abs=0.2)
+    assert [x(first[0]), x(last[0])] == pytest.approx([0.0, 10.0], abs=0.05)
+    assert [y(first[1]), y(last[1])] == pytest.approx([-10.0, 10.0], abs=0.1)
     assert "green-300.0" not in dots
+    band = next(each for each in picture.iter(f"{GRAPH}polygon"))
+    points = [tuple(map(float, point.split(","))) for point in band.get("points").split()]
+    lower, upper = points[: len(points) // 2], points[len(points) // 2 :][::-1]
+    widths = {round(x(a), 1): y(b) - y(c) for (a, b), (_, c) in zip(upper, lower, strict=True)}
+    # two times 1 % either way at a visit; more between and after the visits, where nothing was measured
+    assert widths[0.0] == pytest.approx(4.0, abs=0.1)
+    assert widths[10.0] == pytest.approx(4.0, abs=0.1)
+    assert max(widths) > 18.0
+    assert widths[max(widths)] > 1.3 * widths[10.0]
+    marks = [mark for mark in lines(picture, "box") if len(mark) == 2]
+    assert [x(at) for (at, _), _ in marks[:4]] == pytest.approx([4 / 3, 10 / 3, 22 / 3, 55 / 3], abs=0.05)
+    assert texts(picture).count("frames of the flight") == 2
 
 
 def test_vignetting_shows_the_curve_of_green_and_the_map_of_what_is_left():

@@ -242,6 +242,8 @@ def test_an_index_of_a_capture_is_that_of_its_maps(house, contents):
 def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, contents):
     campaign = begin(house, {"green": contents["green"], "red": contents["red"]})
     fit_of_green = fit(house, campaign, exclude=[])
+    plot = f"/v1/calibrations/{fit_of_green['id']}/plot.svg"
+    before = house.http.get(plot)
     flight_id = flight_of(house, campaign, {band: contents[band] for band in ("green", "nir")})
     body = {"calibration_id": fit_of_green["id"]}
     answer = house.post(f"/v1/campaigns/{flight_id}/measurements", body, status=202)
@@ -256,6 +258,14 @@ def test_a_flight_is_one_request_and_each_frame_that_fails_is_named(house, conte
     lines = house.http.get(f"/v1/campaigns/{flight_id}/measurements.csv").text.splitlines()
     columns = dict(zip(lines[0].split(","), lines[1].split(","), strict=True))
     assert float(columns["mean_reflectance"]) == pytest.approx(row["mean"]["value"])
+    assert [line["source"] for line in row["budget"] if line["source"] == "drift"] == ["drift"]
+    # its time is now on the version's plot, which a browser must ask for again, and on the certificate
+    after = house.http.get(plot, headers={"If-None-Match": before.headers["ETag"]})
+    assert after.status_code == 200
+    assert ["frames of the flight" in each.text for each in (before, after)] == [False, True]
+    assert house.http.get(plot, headers={"If-None-Match": after.headers["ETag"]}).status_code == 304
+    certificate = house.get(f"/v1/calibrations/{fit_of_green['id']}/certificate.json")
+    assert [at[:19] for at in certificate["flight"]] == ["2018-04-13T08:06:58"]
 
 
 def test_an_index_of_a_flight_names_what_has_not_been_read(house, contents):
