@@ -50,7 +50,7 @@ class Hints:
     """Sends hints, and never fails: what is not hinted is found when a worker looks by itself.
 
     After a failure it stays silent for two seconds: a broker that is down or hangs delays one request by a
-    second, not each.
+    second, not each. Where MOST_HINTS wait already, none is added: whoever takes them finds every job.
     """
 
     def __init__(self, broker_url: str) -> None:
@@ -62,14 +62,23 @@ class Hints:
 
     def send(self, job_ids: list[str]) -> None:
         """Send messages to the workers that these jobs wait."""
-        for job_id in job_ids[:MOST_HINTS]:
-            with self._lock:
-                # Looked at behind the lock: those who waited for one that failed do not try one by one.
-                if time.monotonic() < self._silent_until:
-                    return
-                try:
-                    self._celery.send_task(RUN_TASK, args=[job_id], retry=False, ignore_result=True)
-                except (OperationalError, RedisError, OSError) as error:
-                    log.warning("no hint for %s, a worker will find it: %s", job_id, error)
-                    self._silent_until = time.monotonic() + _SILENCE_AFTER_FAILURE_S
-                    return
+        if not job_ids:
+            return
+        with self._lock:
+            # Looked at behind the lock: those who waited for one that failed do not try one by one.
+            if time.monotonic() < self._silent_until:
+                return
+            try:
+                self._send(job_ids)
+            except (OperationalError, RedisError, OSError) as error:
+                log.warning("no hint for %s, a worker will find it: %s", job_ids[0], error)
+                self._silent_until = time.monotonic() + _SILENCE_AFTER_FAILURE_S
+
+    def _send(self, job_ids: list[str]) -> None:
+        with self._celery.producer_or_acquire() as producer:
+            # without a worker nobody takes them away
+            waiting = producer.channel.queue_declare(self._celery.conf.task_default_queue).message_count
+            for job_id in job_ids[: max(MOST_HINTS - waiting, 0)]:
+                self._celery.send_task(
+                    RUN_TASK, args=[job_id], producer=producer, retry=False, ignore_result=True
+                )

@@ -1,12 +1,17 @@
 """Whoever sends hints is never held up by a broker that does not answer."""
 
+import os
 import socket
+import subprocess
 import threading
 from contextlib import contextmanager
 
 import pytest
+import redis
 
-from store.broker import Hints
+from service.launch.valkey import valkey_binary, valkey_command
+from store.broker import MOST_HINTS, Hints
+from tests.support.deployments import spawn
 from tests.support.processes import wait_until
 
 
@@ -49,3 +54,27 @@ def test_one_attempt_for_all_who_send_at_once(answers):
             sender.start()
         wait_until(lambda: not any(sender.is_alive() for sender in senders))
         assert len(taken) == 1
+
+
+@contextmanager
+def own_broker(folder):
+    sock = folder / "valkey.sock"
+    command = valkey_command(valkey_binary(), folder, sock)
+    with spawn(command, dict(os.environ), stdout=subprocess.DEVNULL) as process:
+        try:
+            with redis.Redis(unix_socket_path=str(sock)) as broker:
+                wait_until(lambda: sock.exists() and broker.ping())
+                yield f"redis+socket://{sock}", broker
+        finally:
+            process.terminate()
+
+
+def test_hints_do_not_pile_up_where_no_worker_takes_them(tmp_path):
+    with own_broker(tmp_path) as (url, broker):
+        hints = Hints(url)
+        for number in range(3 * MOST_HINTS):
+            hints.send([f"job_{number}", f"job_{number}b"])
+        assert broker.llen("celery") == MOST_HINTS
+        broker.lpop("celery")
+        hints.send(["job_last"])
+        assert broker.llen("celery") == MOST_HINTS
