@@ -95,9 +95,9 @@ def map_ours(pool: DecoderPool, band: Band, path: Path) -> None:
     header = pool.read_header(path)
 
     def compute(frame: Frame) -> Plane:
-        return reflectance.compute_map(
-            frame, header=header, exposure=band.exposure, scale=band.scale
-        ).reflectance
+        return reflectance.scale_pixels(
+            frame, header=header, exposure=band.exposure, factor=band.scale.factor
+        )
 
     facts = MapFacts(header=header, exposure=band.exposure, software="stilb", description={"unit": "1"})
     write_map(pool, Subject(file=path, header=header, compute=compute), facts, band.target("ours"))

@@ -62,26 +62,6 @@ class Scale:
     i_ss_oriented: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReflectanceMap:
-    """Reflectance of a window.
-
-    Attributes
-    ----------
-    reflectance : ndarray of float32
-        Reflectance, (row, col); NaN where saturated.
-    below_zero, above_one : int
-        Number of pixels below 0 and above 1.
-    saturated : int
-        Number of saturated pixels.
-    """
-
-    reflectance: NDArray[np.float32]
-    below_zero: int
-    above_one: int
-    saturated: int
-
-
 def find_scale_of_frame(
     header: FrameHeader, *, coefficients: Sequence[Coefficient], incidence_angle_deg: float | None = None
 ) -> Scale:
@@ -269,43 +249,13 @@ def apply_features(
     )
 
 
-def compute_map(frame: Frame, *, header: FrameHeader, exposure: Exposure, scale: Scale) -> ReflectanceMap:
-    """Compute the reflectance of every pixel of a window; it equals that of the whole frame there.
-
-    Parameters
-    ----------
-    frame : Frame
-        Window of the frame.
-    header : FrameHeader
-        Metadata of the frame.
-    exposure : Exposure
-        Exposure of the frame.
-    scale : Scale
-        Scale of the frame.
-
-    Returns
-    -------
-    ReflectanceMap
-        Reflectance, with the numbers of pixels outside [0, 1].
-
-    Raises
-    ------
-    InputRejected
-        `sensor_model_unusable`.
-    """
-    reflectance = compute_radiance(frame, header=header, exposure=exposure, factor=scale.factor)
-    return ReflectanceMap(
-        reflectance=reflectance,
-        below_zero=int(np.count_nonzero(reflectance < 0.0)),
-        above_one=int(np.count_nonzero(reflectance > 1.0)),
-        saturated=int(np.count_nonzero(np.isnan(reflectance))),
-    )
-
-
-def compute_radiance(
+def scale_pixels(
     frame: Frame, *, header: FrameHeader, exposure: Exposure, factor: float = 1.0
 ) -> NDArray[np.float32]:
-    """Compute a multiple of the signal of every pixel of a window, of a MicaSense camera its radiance.
+    """Compute a multiple of the signal of every pixel of a window; it equals that of the whole frame there.
+
+    With the factor of a `Scale` it is the reflectance, with 1 the radiance of a MicaSense camera. Nothing is
+    clipped.
 
     Parameters
     ----------

@@ -20,11 +20,9 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance import codes
 from radiometry.reflectance.application import (
-    ReflectanceMap,
     Scale,
-    compute_map,
-    compute_radiance,
     find_scale_of_frame,
+    scale_pixels,
 )
 from radiometry.reflectance.application import apply_features as apply
 from radiometry.reflectance.features import Features, extract_features
@@ -72,15 +70,12 @@ __all__ = [
     "Params",
     "Point",
     "Reading",
-    "ReflectanceMap",
     "Scale",
     "Sunshine",
     "TiltParams",
     "apply",
     "check_frame",
     "compute_index",
-    "compute_map",
-    "compute_radiance",
     "configure",
     "extract",
     "extract_features",
@@ -94,6 +89,7 @@ __all__ = [
     "missing",
     "plan",
     "review_frame",
+    "scale_pixels",
     "take_region",
 ]
 

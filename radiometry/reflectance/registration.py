@@ -20,7 +20,8 @@ _LEAST_CORRELATION = 0.3
 _MOST_BACK_PX = 0.7
 _AFFINE_PATCHES = 16
 _LEAST_PATCHES = 8
-_LEAST_SHARE = 0.25
+_LEAST_SHARE = 0.15
+_WIDE_SHARE = 0.5
 _MOST_RESIDUAL_PX = 1.5
 _MAD_TO_SIGMA = 1.4826
 _SMOOTHING_PX = 1.2
@@ -78,8 +79,9 @@ def register(fixed: Plane, moving: Plane, *, reach_px: int = 0) -> Registration:
     of the gradient over its local mean. Patches of 64 px are searched by normalised correlation, with a
     parabola through the peak. A patch counts if the correlation is at least 0.3, its peak lies inside the
     search, and the search back from the other band ends within 0.7 px of its start; on water or bare noise
-    few do. An affine correction, or a shift for fewer than 16 patches, is fitted to them without outliers,
-    three times. It is trusted with 8 patches and a quarter of those tried, and a residual of 1.5 px or less.
+    few do. An affine correction is fitted to them without outliers, three times; only a shift to fewer than
+    16, or to those that do not span half of the frame both ways. It is trusted with 8 patches and 15 % of
+    those tried, and a residual of 1.5 px or less.
     Each patch's distance is that from the fit of the others: e / (1 - h) with the leverage h.
     """
     edges = [_find_edges(plane) for plane in (fixed, moving)]
@@ -97,7 +99,7 @@ def register(fixed: Plane, moving: Plane, *, reach_px: int = 0) -> Registration:
         places, shifts, tried = _find_patches(edges[0], moved, search_px)
         if len(places) < _LEAST_PATCHES:
             break
-        change, kept, residual = _fit(places, shifts)
+        change, kept, residual = _fit(places, shifts, size)
         # `change` leads from the fixed band's pixels to those of the band as corrected so far
         matrix = matrix @ np.vstack((change, (0.0, 0.0, 1.0)))
     found = int(np.count_nonzero(kept)) if len(places) >= _LEAST_PATCHES else len(places)
@@ -178,7 +180,7 @@ def _peak(before: float, at: float, after: float) -> float:
     return 0.5 * (before - after) / curvature if curvature < 0.0 else 0.0
 
 
-def _fit(places: Matrix, shifts: Matrix) -> tuple[Matrix, NDArray[np.bool_], float]:
+def _fit(places: Matrix, shifts: Matrix, size: tuple[int, int]) -> tuple[Matrix, NDArray[np.bool_], float]:
     """Fit places + shifts by an affine map or a shift, without outliers; the map, the kept, the residual."""
     kept = np.ones(len(places), np.bool_)
     change, distances = np.zeros((2, 3)), np.zeros(len(places))
@@ -187,13 +189,14 @@ def _fit(places: Matrix, shifts: Matrix) -> tuple[Matrix, NDArray[np.bool_], flo
     offsets = (places - middle) / scale
     ones = np.ones((len(places), 1))
     for _ in range(6):
-        affine = np.count_nonzero(kept) >= _AFFINE_PATCHES
+        spans = np.ptp(places[kept], axis=0) >= _WIDE_SHARE * np.array(size)
+        affine = np.count_nonzero(kept) >= _AFFINE_PATCHES and bool(spans.all())
         design = np.hstack((ones, offsets)) if affine else ones
         if not affine:
             kept = _near(shifts - np.median(shifts[kept], axis=0)) if kept.all() else kept
         solved, *_ = np.linalg.lstsq(design[kept], shifts[kept])
         errors = shifts - design @ solved
-        near = _near(errors - 0.0, of=kept)
+        near = _near(errors, of=kept)
         distances = np.hypot(*errors.T)
         if np.array_equal(near, kept) or np.count_nonzero(near) < _LEAST_PATCHES:
             break

@@ -129,14 +129,13 @@ class BandApplication(Application):
     apply: Function
     measure_region: Function
     measure_index: Function
-    compute_map: Function
     band_map: Function
     compute_index: Function
     map_uncertainty: Function
     radiance_unit: str
     require_radiance: Function
     measure_radiance: Function
-    compute_radiance: Function
+    scale_pixels: Function
     change: Function
 
 

@@ -128,7 +128,8 @@ def _describe_layers(facts: MapFacts) -> bytes:
     def item(name: str, value: object, *more: tuple[str, object]) -> str:
         attributes = "".join(f" {key}={quoteattr(str(of))}" for key, of in (("name", name), *more))
         text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
-        return f"<Item{attributes}>{escape(text)}</Item>"
+        # twice, as GDAL writes and reads it
+        return f"<Item{attributes}>{escape(escape(text))}</Item>"
 
     items = [item(name, value) for name, value in facts.description.items()]
     for sample, layer in enumerate(facts.layers):

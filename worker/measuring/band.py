@@ -103,7 +103,7 @@ def _map_band(task: Task, application: BandApplication) -> tuple[Made, Products]
     )
 
     def compute(frame: Frame) -> Plane:
-        made: Plane = application.compute_radiance(frame, header=header, exposure=exposure, factor=factor)
+        made: Plane = application.scale_pixels(frame, header=header, exposure=exposure, factor=factor)
         return made
 
     subject = Subject(
@@ -185,7 +185,7 @@ def read_plane(task: Task, application: BandApplication) -> Plane:
     plane = np.empty((header.height_px, header.width_px), np.float32)
     for top, height in cut_strips(header):
         frame = task.decoders.read_window(task.file, (top, 0, height, header.width_px))
-        plane[top : top + height] = application.compute_radiance(
+        plane[top : top + height] = application.scale_pixels(
             frame, header=header, exposure=exposure, factor=factor
         )
     return plane
