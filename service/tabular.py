@@ -5,7 +5,7 @@ import io
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-_FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 def write_csv(rows: Iterable[Mapping[str, Any]], columns: list[str] | None = None) -> str:
@@ -41,7 +41,7 @@ def _cell(value: Any) -> Any:  # noqa: ANN401
         return ""
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, str) and value.startswith(_FORMULA_STARTS):
+    if isinstance(value, str) and value.startswith(FORMULA_STARTS):
         return f"'{value}"
     # repr gives a float its shortest exact form
     return repr(value) if isinstance(value, float) else value

@@ -13,7 +13,7 @@ Polygon = Sequence[tuple[float, float]]
 Moment = datetime | str
 
 _QUANTITY = {"value", "standard_uncertainty", "unit"}
-_TIMES = frozenset({"created_at", "started_at", "taken_at", "valid_from", "valid_to"})
+_TIMES = frozenset({"computed_at", "created_at", "started_at", "taken_at", "valid_from", "valid_to"})
 
 
 class LensDetails(TypedDict, total=False):

@@ -166,7 +166,9 @@ class Transport:
             )
         return answer
 
-    def items(self, path: str, query: Query | None = None) -> Iterator[dict[str, Any]]:
+    def items(
+        self, path: str, query: Query | None = None, *, member: str = "items"
+    ) -> Iterator[dict[str, Any]]:
         """Every item of a list, page after page.
 
         Of ``next`` only the query is used: the key never goes to another host, and a proxy that changes the
@@ -174,7 +176,7 @@ class Transport:
         """
         page = self.json(Call(method="GET", path=path, query=query or {}))
         while True:
-            yield from page["items"]
+            yield from page[member]
             if not page.get("next"):
                 return
             page = self.json(Call(method="GET", path=path, query=dict(httpx.URL(page["next"]).params)))

@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import JSONResponse
+from pydantic import Field
 from pydantic_core import from_json
-from sqlalchemy import RowMapping
 
 from radiometry.findings import interface
 from service.auth import Reader
@@ -16,14 +15,14 @@ from service.lookup import Id, owned
 from service.problems import Problem
 from service.ready import ReadyRoute, Wanted, answer_held
 from service.routes import UNCHANGED, problems
-from service.schemas.base import Instant, Method, Text, rfc3339
+from service.schemas.base import Instant
 from service.schemas.calibrations import CoefficientsAnswer
 from service.schemas.series import SeriesAnswer, SeriesRow
-from service.tabular import write_csv
+from service.series import SeriesQuery, answer_series, describe_columns, sends_series
 from store.columns import utc_now
-from store.queries.calibrations import series
 from store.ready.lookups import Held, find_ready
 from store.ready.publications import show_instant
+from store.ready.series import CoefficientSeries
 from store.tables import Camera
 
 router = APIRouter(prefix="/v1", tags=["coefficients"])
@@ -59,34 +58,26 @@ def get_coefficients(
     return answer
 
 
+class CoefficientSeriesQuery(SeriesQuery):
+    start: Instant | None = Field(default=None, alias="from", description="In force at this time or later.")
+    end: Instant | None = Field(default=None, alias="to", description="In force before this time.")
+
+
+_COLUMNS = describe_columns(SeriesRow)
+
+
 @router.get(
-    "/series/coefficients",
-    response_model=SeriesAnswer,
-    responses={
-        200: {"content": {"text/csv": {"schema": {"type": "string"}}}},
-        **problems(404),
-    },
+    "/series/coefficients", response_model=SeriesAnswer, responses={**sends_series(), **problems(404)}
 )
 def get_coefficient_series(
-    caller: Reader,
-    context: UsesContext,
-    camera_id: Annotated[Text | None, Query()] = None,
-    method: Annotated[Method | None, Query()] = None,
-    start: Annotated[Instant | None, Query(alias="from")] = None,
-    end: Annotated[Instant | None, Query(alias="to")] = None,
-    format: Annotated[Literal["json", "csv"], Query()] = "json",  # noqa: A002  the contract's name
+    query: Annotated[CoefficientSeriesQuery, Query()], request: Request, caller: Reader, context: UsesContext
 ) -> Response:
-    """Every published coefficient with its validity: flat, in one answer, for a panel or a spreadsheet."""
-    with context.database.reading() as session:
-        if camera_id is not None:
-            owned(session, Camera, camera_id, caller)
-        found = series(
-            session, caller.organisation_id, camera_id=camera_id, method=method, start=start, end=end
-        )
-        rows = [_flatten(row) for row in found]
-    if format == "csv":
-        return Response(write_csv(rows, list(SeriesRow.model_fields)), media_type="text/csv")
-    return JSONResponse({"rows": rows})
+    """Every published coefficient with its validity: flat, in one answer, for a panel or a spreadsheet.
+
+    The rows are ordered by camera, `valid_from` and method. An answer has at most `limit` rows, 200,000
+    without it; if more follow, `next` and the header `Link` (`rel="next"`) are their address.
+    """
+    return answer_series(request, context, caller, CoefficientSeries, query, _COLUMNS)
 
 
 def _explain_none(wanted: Wanted, at: datetime, found: Sequence[Held]) -> str:
@@ -98,13 +89,3 @@ def _explain_none(wanted: Wanted, at: datetime, found: Sequence[Held]) -> str:
         f"Version {versions} is in force at {show_instant(at)}, but has no such coefficient. "
         f"It was calibrated for ISO {', '.join(f'{iso:g}' for iso in isos)}."
     )
-
-
-def _flatten(row: RowMapping) -> dict[str, Any]:
-    """As SeriesRow says, without its checks: for a hundred thousand rows they cost more than all the rest."""
-    flat = {name: value for name, value in row.items() if value is not None}
-    flat["flags"] = " ".join(flat["flags"])
-    for name in ("valid_from", "valid_to"):
-        if name in flat:
-            flat[name] = rfc3339(flat[name])
-    return flat

@@ -1,24 +1,47 @@
 """Measurements by the list: of a campaign as CSV or GeoJSON, of a time as a series."""
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
-from fastapi.responses import JSONResponse
-from sqlalchemy import select
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import JSONResponse, StreamingResponse
+from pydantic import Field
 
 from service.auth import Caller, Reader
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
-from service.measurement_rows import COLUMNS, flatten, make_feature
-from service.measurements import OfCalibration, answer_measurements
+from service.measurements import OfCalibration
 from service.routes import problems
 from service.schemas.base import Instant, Text
-from service.schemas.measured import MeasurementAnswer
-from service.schemas.series import FeaturesAnswer, MeasurementSeriesAnswer
-from service.tabular import write_csv
-from store.tables import Calibration, Camera, Campaign, Measurement
+from service.schemas.series import FeaturesAnswer, MeasurementSeriesAnswer, MeasurementSeriesRow
+from service.series import (
+    MEDIA_TYPES,
+    SeriesQuery,
+    answer_series,
+    describe_columns,
+    gather,
+    sends_series,
+    write_csv,
+)
+from store.ready.measurements import COLUMNS, read_row
+from store.ready.series import Asked, MeasurementSeries, Page
+from store.tables import Campaign
 
 router = APIRouter(prefix="/v1", tags=["measurements"])
+
+
+class MeasurementSeriesQuery(SeriesQuery):
+    campaign_id: Text | None = None
+    calibration_id: OfCalibration = None
+    start: Instant | None = Field(
+        default=None,
+        alias="from",
+        description="Of frames taken at this time or later, as far as the file names a time zone.",
+    )
+    end: Instant | None = Field(default=None, alias="to", description="Of frames taken before this time.")
+
+
+_COLUMNS = describe_columns(MeasurementSeriesRow)  # type: ignore[arg-type]
 
 
 class GeoJson(JSONResponse):
@@ -35,9 +58,9 @@ class GeoJson(JSONResponse):
 def get_campaign_measurements_csv(
     campaign_id: Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
 ) -> Response:
-    """Every measurement of a campaign, a line each, oldest first."""
-    found = _of_campaign(context, campaign_id, caller, calibration_id)
-    return Response(write_csv([flatten(answer) for answer in found], COLUMNS), media_type="text/csv")
+    """Every measurement of a campaign, a line each, by the time at which its frame was taken."""
+    pages = _of_campaign(context, campaign_id, caller, calibration_id)
+    return StreamingResponse(gather(write_csv(pages, _COLUMNS)), media_type=MEDIA_TYPES["csv"])
 
 
 @router.get(
@@ -49,49 +72,45 @@ def get_campaign_measurements_csv(
 def get_campaign_measurements_geojson(
     campaign_id: Id, caller: Reader, context: UsesContext, calibration_id: OfCalibration = None
 ) -> Response:
-    """Every measurement of a campaign as a feature where its frame was taken, oldest first."""
-    found = _of_campaign(context, campaign_id, caller, calibration_id)
-    collection = {"type": "FeatureCollection", "features": [make_feature(answer) for answer in found]}
-    return GeoJson(collection)
+    """Every measurement of a campaign as a feature where its frame was taken, by that time."""
+    pages = _of_campaign(context, campaign_id, caller, calibration_id)
+    features = [_make_feature(row) for page in pages for row in zip(*page, strict=True)]
+    return GeoJson({"type": "FeatureCollection", "features": features})
 
 
 @router.get(
     "/series/measurements",
     response_model=MeasurementSeriesAnswer,
-    responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}, **problems(404)},
+    responses={**sends_series(), **problems(404)},
 )
 def get_measurement_series(
-    caller: Reader,
-    context: UsesContext,
-    camera_id: Annotated[Text | None, Query()] = None,
-    start: Annotated[Instant | None, Query(alias="from")] = None,
-    end: Annotated[Instant | None, Query(alias="to")] = None,
-    format: Annotated[Literal["json", "csv"], Query()] = "json",  # noqa: A002  the contract's name
+    query: Annotated[MeasurementSeriesQuery, Query()], request: Request, caller: Reader, context: UsesContext
 ) -> Response:
-    """Every measurement made in a time: flat, in one answer, for a panel or a spreadsheet, oldest first."""
-    rows = select(Measurement).where(Measurement.organisation_id == caller.organisation_id)
-    if start is not None:
-        rows = rows.where(Measurement.created_at >= start)
-    if end is not None:
-        rows = rows.where(Measurement.created_at < end)
-    with context.database.reading() as session:
-        if camera_id is not None:
-            owned(session, Camera, camera_id, caller)
-            of_camera = select(Calibration.id).where(Calibration.camera_id == camera_id)
-            rows = rows.where(Measurement.calibration_id.in_(of_camera))
-        found = answer_measurements(session, list(session.scalars(rows.order_by(Measurement.id))))
-    flat = [flatten(answer) for answer in found]
-    if format == "csv":
-        return Response(write_csv(flat, COLUMNS), media_type="text/csv")
-    return JSONResponse({"rows": flat})
+    """Every measurement, flat, in one answer, for a panel or a spreadsheet.
+
+    The rows are ordered by the time at which the frame was taken; a frame without a time is placed where its
+    measurement was computed, and is left out by `from` and `to`. An answer has at most `limit` rows, 200,000
+    without it; if more follow, `next` and the header `Link` (`rel="next"`) are their address.
+    """
+    return answer_series(request, context, caller, MeasurementSeries, query, _COLUMNS)
 
 
 def _of_campaign(
     context: Context, campaign_id: str, caller: Caller, calibration_id: str | None
-) -> list[MeasurementAnswer]:
-    rows = select(Measurement).where(Measurement.campaign_id == campaign_id)
-    if calibration_id is not None:
-        rows = rows.where(Measurement.calibration_id == calibration_id)
+) -> Iterator[Page]:
     with context.database.reading() as session:
         owned(session, Campaign, campaign_id, caller)
-        return answer_measurements(session, list(session.scalars(rows.order_by(Measurement.id))))
+    asked = Asked(
+        organisation_id=caller.organisation_id, campaign_id=campaign_id, calibration_id=calibration_id
+    )
+    return MeasurementSeries(context.database, asked).read(after=None, until=None)
+
+
+def _make_feature(cells: tuple[str, ...]) -> dict[str, Any]:
+    """Make a feature of RFC 7946: longitude first, and no geometry where the file names no place."""
+    row = read_row(dict(zip(COLUMNS, cells, strict=True)))
+    place = [row[name] for name in ("longitude_deg", "latitude_deg", "altitude_m") if name in row]
+    geometry = (
+        {"type": "Point", "coordinates": place} if {"longitude_deg", "latitude_deg"} <= row.keys() else None
+    )
+    return {"type": "Feature", "id": row["id"], "geometry": geometry, "properties": row}

@@ -1,15 +1,19 @@
 """Series: flat rows, all in one answer, for a dashboard's panel."""
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, create_model
 
-from service.measurement_rows import COLUMNS, KINDS
 from service.schemas.base import Answer, Instant
+from store.ready.measurements import COLUMNS, KINDS
+
+_NULL: dict[str, Any] = {"nullable_on_purpose": True}
+_Number = Annotated[float | None, Field(json_schema_extra=_NULL)]
+_Word = Annotated[str | None, Field(json_schema_extra=_NULL)]
 
 
 class SeriesRow(Answer):
-    """One coefficient of one published version: flat, for a dashboard's panel."""
+    """One coefficient of one published version: flat, for a dashboard's panel. What it has not is null."""
 
     camera_id: str
     make: str
@@ -22,22 +26,38 @@ class SeriesRow(Answer):
     value: float
     standard_uncertainty: float
     unit: str
-    iso: float | None = None
-    f_number: float | None = None
-    band: str | None = None
-    channel: str | None = None
+    iso: _Number = None
+    f_number: _Number = None
+    band: _Word = None
+    channel: _Word = None
     model: str
-    flags: str
+    flags: str = Field(description="Codes, separated by spaces.")
     valid_from: Instant
-    valid_to: Instant | None = None
+    valid_to: Annotated[Instant | None, Field(json_schema_extra=_NULL)] = None
+    campaign_id: str
+    computed_at: Instant = Field(description="When the version was fitted.")
+
+
+_NEXT = Field(default=None, description="Where the next rows are. Absent where none are left.")
 
 
 class SeriesAnswer(Answer):
     rows: list[SeriesRow]
+    next: str | None = _NEXT
 
+
+_ALWAYS = frozenset(
+    (
+        *("id", "frame_id", "filename", "calibration_id", "calibration_version", "calibration_state"),
+        *("region_origin", "frames", "vignetting", "signal", "flags", "created_at"),
+        *("camera_id", "make", "model_name", "serial", "campaign_id", "method"),
+    )
+)
+_NULLABLE = {float: _Number, str: _Word, int: Annotated[int | None, Field(json_schema_extra=_NULL)]}
 
 if TYPE_CHECKING:
     MeasurementRow = dict[str, Any]
+    MeasurementSeriesRow = dict[str, Any]
 else:
     MeasurementRow = create_model(
         "MeasurementRow",
@@ -45,12 +65,24 @@ else:
         __doc__="One measurement, flat; what it does not have is left out.",
         **{name: (KINDS.get(name, float) | None, None) for name in COLUMNS},
     )
+    MeasurementSeriesRow = create_model(
+        "MeasurementSeriesRow",
+        __base__=Answer,
+        __doc__="One measurement, flat, with every column; what it does not have is null.",
+        **{
+            name: (kind, ...) if name in _ALWAYS else (_NULLABLE[kind], None)
+            for name in COLUMNS
+            for kind in (KINDS.get(name, float),)
+        }
+        | {"created_at": (Instant, ...)},
+    )
 
 
 class MeasurementSeriesAnswer(Answer):
     """One row a measurement; the columns are those of measurements.csv."""
 
-    rows: list[MeasurementRow]
+    rows: list[MeasurementSeriesRow]
+    next: str | None = _NEXT
 
 
 class PointAnswer(Answer):

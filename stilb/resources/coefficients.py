@@ -73,10 +73,8 @@ class Coefficients(Equipment):
         handed to ``pandas.DataFrame``.
         """
         times = {"from": _text_of(start), "to": _text_of(end)}
-        answer = self._get(
-            address("series", "coefficients"), {"camera_id": camera_id, "method": method, **times}
-        )
-        rows = answer["rows"]
+        query = {"camera_id": camera_id, "method": method, **times}
+        rows = list(self._transport.items(address("series", "coefficients"), query, member="rows"))
         columns = dict.fromkeys(name for row in rows for name in row)
         return [as_times({name: row.get(name) for name in columns}) for row in rows]
 

@@ -1,15 +1,14 @@
-"""Versions, how each stands, and the flat rows that dashboards draw."""
+"""Versions, and how each stands."""
 
 from collections import defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Literal
 
-from sqlalchemy import RowMapping, Select, func, select
+from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from store.tables import Calibration, Camera, CoefficientRow, Publication, Revocation
+from store.tables import Calibration, CoefficientRow, Publication, Revocation
 
 State = Literal["draft", "published", "superseded", "revoked"]
 
@@ -122,58 +121,3 @@ def next_version(session: Session, camera_id: str, method: str) -> int:
         )
     )
     return (last or 0) + 1
-
-
-_SERIES = (
-    Camera.id.label("camera_id"),
-    Camera.make,
-    Camera.model.label("model_name"),
-    Camera.serial,
-    Calibration.method,
-    Calibration.version,
-    Calibration.id.label("calibration_id"),
-    CoefficientRow.name,
-    CoefficientRow.value,
-    CoefficientRow.standard_uncertainty,
-    CoefficientRow.unit,
-    CoefficientRow.iso,
-    CoefficientRow.f_number,
-    CoefficientRow.band,
-    CoefficientRow.channel,
-    CoefficientRow.model,
-    CoefficientRow.flags,
-    Publication.valid_from,
-    Publication.valid_to,
-)
-
-
-def series(
-    session: Session,
-    organisation_id: str,
-    *,
-    camera_id: str | None,
-    method: str | None,
-    start: datetime | None,
-    end: datetime | None,
-) -> Iterator[RowMapping]:
-    """Every coefficient of every version in force at some time in [start, end), by camera, time and name.
-
-    Plain columns, a row at a time: a hundred thousand of them are one answer.
-    """
-    rows = (
-        select(*_SERIES)
-        .join(CoefficientRow, CoefficientRow.calibration_id == Calibration.id)
-        .join(Camera, Camera.id == Calibration.camera_id)
-        .join(Publication, Publication.calibration_id == Calibration.id)
-        .where(Calibration.organisation_id == organisation_id, Publication.known_to.is_(None))
-        .order_by(Camera.id, Publication.valid_from, Calibration.method, CoefficientRow.position)
-    )
-    if camera_id is not None:
-        rows = rows.where(Calibration.camera_id == camera_id)
-    if method is not None:
-        rows = rows.where(Calibration.method == method)
-    if start is not None:
-        rows = rows.where(Publication.valid_to.is_(None) | (Publication.valid_to > start))
-    if end is not None:
-        rows = rows.where(Publication.valid_from < end)
-    yield from session.execute(rows.execution_options(yield_per=1000)).mappings()

@@ -7,10 +7,10 @@ import { coefficientLabel, headlineOf } from "./methods.js";
 /** "ISO 3200, f/2.8, band 650": what a coefficient holds for. */
 export function holdsFor(row) {
   return [
-    row.iso !== undefined ? `ISO ${number(row.iso, 6)}` : "",
-    row.f_number !== undefined ? `f/${number(row.f_number)}` : "",
-    row.band !== undefined ? `band ${words(row.band)}` : "",
-    row.channel !== undefined ? `channel ${row.channel}` : "",
+    row.iso != null ? `ISO ${number(row.iso, 6)}` : "",
+    row.f_number != null ? `f/${number(row.f_number)}` : "",
+    row.band != null ? `band ${words(row.band)}` : "",
+    row.channel != null ? `channel ${row.channel}` : "",
     // after a colon: where in the frame
     row.model?.includes(":") ? row.model.split(":")[1] : "",
   ]

@@ -1,0 +1,285 @@
+"""Series as JSON, CSV or an Arrow stream, a page at a time: memory does not grow with the rows."""
+
+import base64
+import binascii
+import csv
+import hashlib
+import io
+import json
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Annotated, Any, Final, Literal, get_args
+
+import numpy as np
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+from numpy.typing import NDArray
+from pydantic import Field
+
+from service.auth import Caller
+from service.context import Context
+from service.hosts import absolute
+from service.immutable import not_modified, standing_headers
+from service.lookup import owned
+from service.problems import invalid
+from service.routes import UNCHANGED
+from service.schemas.base import Answer, Form, Instant, Method, Text
+from service.tabular import FORMULA_STARTS
+from store.database import Database
+from store.ready.series import Asked, Key, Page, Series
+from store.software import read_version
+from store.tables import Camera
+
+Kind = Literal["text", "number", "count", "instant"]
+Shape = Literal["json", "csv", "arrow"]
+
+ROW_LIMIT: Final = 200_000
+MOST_ROWS: Final = 1_000_000
+MEDIA_TYPES: Final[dict[Shape, str]] = {
+    "json": "application/json",
+    "csv": "text/csv; charset=utf-8",
+    "arrow": "application/vnd.apache.arrow.stream",
+}
+_CHUNK_BYTES = 1 << 16
+_STARTS = frozenset(FORMULA_STARTS)
+_GZIP = 31
+"""The window of zlib's format with the header of gzip."""
+
+
+_CHOOSING = ("camera_id", "campaign_id", "calibration_id", "method", "start", "end")
+
+
+class SeriesQuery(Form):
+    """Which rows of a series, how many, and in which form."""
+
+    camera_id: Text | None = None
+    method: Method | None = None
+    computed_from: Instant | None = Field(default=None, description="Computed at this time or later.")
+    computed_to: Instant | None = Field(default=None, description="Computed before this time.")
+    limit: Annotated[int, Field(ge=1, le=MOST_ROWS)] | None = Field(
+        default=None, description=f"How many rows at most; without it, {ROW_LIMIT:,}."
+    )
+    cursor: Text | None = Field(
+        default=None, description="Taken from the `next` address of the answer before."
+    )
+    format: Shape | None = Field(
+        default=None, description="Without it, what `Accept` names first of JSON, CSV and Arrow; else JSON."
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    name: str
+    kind: Kind
+    empty: str
+    """What JSON has where the cell is empty."""
+
+
+def describe_columns(row: type[Answer]) -> tuple[Column, ...]:
+    """Return the columns of a series, as the schema of its rows states them."""
+    columns = []
+    for name, field in row.model_fields.items():
+        stated = {field.annotation, *get_args(field.annotation)}
+        kind: Kind = "text" if str in stated else "count" if int in stated else "instant"
+        kind = "number" if float in stated else kind
+        columns.append(Column(name=name, kind=kind, empty='""' if field.is_required() else "null"))
+    return tuple(columns)
+
+
+def answer_series(
+    request: Request,
+    context: Context,
+    caller: Caller,
+    kind: Callable[[Database, Asked], Series],
+    query: SeriesQuery,
+    columns: tuple[Column, ...],
+) -> Response:
+    """Stream the rows that were asked for, or answer 304 while none of the organisation has changed."""
+    chosen = {name: getattr(query, name, None) for name in _CHOOSING}
+    asked = Asked(
+        organisation_id=caller.organisation_id,
+        computed_start=query.computed_from,
+        computed_end=query.computed_to,
+        **chosen,
+    )
+    series = kind(context.database, asked)
+    shape = query.format or _choose_shape(request.headers.get("accept", ""))
+    packed = "gzip" in request.headers.get("accept-encoding", "")
+    after = _read_cursor(query.cursor, series)
+    with context.database.reading() as session:
+        if query.camera_id is not None:
+            owned(session, Camera, query.camera_id, caller)
+        said = [read_version(), series.read_state(session), caller.organisation_id, str(request.url), shape]
+        tag = hashlib.sha256(json.dumps(said).encode()).hexdigest()[:32] + ("-gzip" if packed else "")
+        headers = standing_headers(tag) | {"Vary": "Accept, Accept-Encoding, Authorization"}
+        unchanged = not_modified(request, tag, headers)
+        if unchanged is not None:
+            return unchanged
+        until = series.find_end(session, after=after, limit=query.limit or ROW_LIMIT)
+    following = None
+    if until is not None:
+        address = request.url.include_query_params(cursor=_write_cursor(until))
+        following = absolute(request, f"{address.path}?{address.query}")
+        headers["Link"] = f'<{following}>; rel="next"'
+    pages = series.read(after=after, until=until)
+    match shape:
+        case "json":
+            content = gather(_write_json(pages, columns, following))
+        case "csv":
+            content = gather(write_csv(pages, columns))
+        case "arrow":
+            content = gather(_write_arrow(pages, columns))
+    if packed:
+        headers["Content-Encoding"] = "gzip"
+        content = _pack(content)
+    # what fails at the first page is a problem, not an answer that breaks off
+    first = next(content, b"")
+    return StreamingResponse(chain([first], content), headers=headers, media_type=MEDIA_TYPES[shape])
+
+
+def sends_series() -> dict[int | str, dict[str, Any]]:
+    """Document the forms of a series."""
+    text, binary = {"type": "string"}, {"type": "string", "format": "binary"}
+    schemas: dict[Shape, Any] = {"csv": text, "arrow": binary}
+    content = {MEDIA_TYPES[shape].partition(";")[0]: {"schema": schema} for shape, schema in schemas.items()}
+    return {200: {"content": content}, **UNCHANGED}
+
+
+def _choose_shape(accept: str) -> Shape:
+    named = [part.partition(";")[0].strip().lower() for part in accept.split(",")]
+    for name in named:
+        for shape, media_type in MEDIA_TYPES.items():
+            if name == media_type.partition(";")[0]:
+                return shape
+    return "json"
+
+
+def _write_cursor(key: Key) -> str:
+    return base64.urlsafe_b64encode(json.dumps(key, separators=(",", ":")).encode()).decode().rstrip("=")
+
+
+def _read_cursor(text: str | None, series: Series) -> Key | None:
+    if text is None:
+        return None
+    try:
+        key = json.loads(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
+        if isinstance(key, list) and series.is_place(key):
+            return key
+    except (binascii.Error, ValueError):
+        pass
+    raise invalid([{"type": "cursor", "loc": ("query", "cursor"), "msg": "is none of this series"}])
+
+
+def gather(parts: Iterable[bytes]) -> Iterator[bytes]:
+    """Join small parts: each one that is sent costs a turn of the loop and a thread."""
+    gathered = bytearray()
+    for part in parts:
+        gathered += part
+        if len(gathered) >= _CHUNK_BYTES:
+            yield bytes(gathered)
+            gathered.clear()
+    yield bytes(gathered)
+
+
+def _pack(parts: Iterable[bytes]) -> Iterator[bytes]:
+    packer = zlib.compressobj(1, wbits=_GZIP)
+    for part in parts:
+        if packed := packer.compress(part):
+            yield packed
+    yield packer.flush()
+
+
+def _write_json(pages: Iterator[Page], columns: Sequence[Column], following: str | None) -> Iterator[bytes]:
+    quote = json.encoder.encode_basestring_ascii
+    yield b'{"rows":['
+    between = ""
+    for page in pages:
+        members: list[str] = []
+        cells: list[Sequence[str]] = []
+        for column, read in zip(columns, page, strict=True):
+            found, texts = read, column.kind in {"text", "instant"}
+            if not any(found):
+                members.append(f'"{column.name}":{column.empty}')
+            elif texts and found[0] == found[-1] and len(different := set(found)) == 1:
+                members.append(f'"{column.name}":{quote(*different).replace("%", "%%")}')
+            else:
+                members.append(f'"{column.name}":%s')
+                if texts:
+                    found = [quote(text) if text else column.empty for text in found]
+                elif "" in found:
+                    found = [text or column.empty for text in found]
+                cells.append(found)
+        line = "{" + ",".join(members) + "}"
+        rows = zip(*cells, strict=True) if cells else [()] * len(page[0])
+        yield (between + ",".join([line % row for row in rows])).encode()
+        between = ","
+    yield f'],"next":{json.dumps(following)}}}'.encode() if following else b"]}"
+
+
+def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
+    """Write rows that a spreadsheet opens without running them."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\r\n")
+    writer.writerow([column.name for column in columns])
+    for page in pages:
+        for place, column in enumerate(columns):
+            if column.kind == "text" and not _STARTS.isdisjoint({text[:1] for text in page[place]}):
+                page[place] = [
+                    f"'{text}" if text.startswith(FORMULA_STARTS) else text for text in page[place]
+                ]
+        writer.writerows(zip(*page, strict=True))
+        yield out.getvalue().encode()
+        out.seek(0)
+        out.truncate()
+    yield out.getvalue().encode()
+
+
+def _write_arrow(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
+    """Write the stream format of Arrow: the schema, and a record batch for each page."""
+    import nanoarrow as na  # noqa: PLC0415  loaded where it is used
+    from nanoarrow.ipc import StreamWriter  # noqa: PLC0415
+
+    types = {
+        "text": na.string,
+        "number": na.float64,
+        "count": na.int64,
+        "instant": lambda: na.timestamp("us", "UTC"),
+    }
+    fields = [types[column.kind]() for column in columns]
+    schema = na.struct({column.name: field for column, field in zip(columns, fields, strict=True)})
+    nothing: Page = [()] * len(columns)
+    out = io.BytesIO()
+    with StreamWriter.from_writable(out) as writer:
+        # without a batch, no schema is written
+        first = next(pages, nothing)
+        for page in chain([first], pages):
+            children = [
+                na.c_array_from_buffers(field, len(texts), _write_buffers(column.kind, texts))
+                for column, field, texts in zip(columns, fields, page, strict=True)
+            ]
+            writer.write_array(na.c_array_from_buffers(schema, len(page[0]), [None], children=children))
+            yield out.getvalue()
+            out.seek(0)
+            out.truncate()
+    yield out.getvalue()
+
+
+def _write_buffers(kind: Kind, texts: Sequence[str]) -> list[Any]:
+    """Write the cells of a column as Arrow's buffers: where there is one, and what it is."""
+    present = np.array([bool(text) for text in texts], bool)
+    valid = None if present.all() else np.packbits(present, bitorder="little")
+    if kind == "text":
+        encoded = [text.encode() for text in texts]
+        offsets = np.zeros(len(texts) + 1, np.int32)
+        np.cumsum([len(each) for each in encoded], out=offsets[1:])
+        return [valid, offsets, b"".join(encoded)]
+    values: NDArray[Any]
+    if kind == "instant":
+        values = np.array([text.removesuffix("Z") or "NaT" for text in texts], "M8[us]").view(np.int64)
+    elif kind == "number":
+        values = np.array([float(text) if text else 0.0 for text in texts], np.float64)
+    else:
+        values = np.array([int(text) if text else 0 for text in texts], np.int64)
+    return [valid, values]

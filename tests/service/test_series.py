@@ -1,0 +1,135 @@
+"""Series: the same rows in every form and in pages of every size."""
+
+import base64
+import csv
+import io
+import json
+
+import nanoarrow
+import pytest
+from sqlalchemy import delete, select
+
+from service import series as answers
+from service.schemas.series import MeasurementSeriesRow, SeriesRow
+from store.ready import series
+from store.ready.backfill import write_missing
+from store.tables import MeasuredRow
+from tests.support.campaigns import published_campaign
+from tests.support.measuring import field_frame, measure
+
+pytestmark = pytest.mark.either_database
+
+COEFFICIENTS, MEASUREMENTS = "/v1/series/coefficients", "/v1/series/measurements"
+ARROW = "application/vnd.apache.arrow.stream"
+
+
+@pytest.fixture
+def measured(house, staged):
+    """A version that is in force twice, with a gap, and two measurements with it."""
+    version = staged(published_campaign)
+    later = {"valid_from": "2027-05-01T00:00:00Z", "valid_to": "2027-06-01T00:00:00Z", "reason": "later"}
+    house.post(f"/v1/calibrations/{version['id']}/publish", later, status=200)
+    frames = [field_frame(house, version["campaign_id"], seed=seed) for seed in (1, 2)]
+    return version, [measure(house, frame, version) for frame in frames]
+
+
+def read_all(house, address, **query):
+    rows, taken = [], 0
+    answer = house.get(address, **query)
+    while True:
+        rows += answer["rows"]
+        taken += 1
+        if "next" not in answer:
+            return rows, taken
+        answer = house.get(answer["next"])
+
+
+@pytest.mark.parametrize(
+    ("address", "row"), [(COEFFICIENTS, SeriesRow), (MEASUREMENTS, MeasurementSeriesRow)]
+)
+def test_every_form_and_every_page_has_the_same_rows(house, measured, address, row, monkeypatch):
+    rows = house.get(address)["rows"]
+    version, _ = measured
+    assert len(rows) == (3 * len(version["coefficients"]) if address == COEFFICIENTS else 2)
+    assert {tuple(each) for each in rows} == {tuple(row.model_fields)}
+    text = house.http.get(address, headers={"Accept": "text/csv"}).text
+    lines = list(csv.DictReader(io.StringIO(text)))
+    assert [[*line] for line in lines] == [[*each] for each in rows]
+    for line, each in zip(lines, rows, strict=True):
+        assert list(line.values()) == ["" if cell is None else str(cell) for cell in each.values()]
+    answer = house.http.get(address, headers={"Accept": ARROW})
+    assert answer.headers["Content-Type"] == ARROW
+    (batch,) = nanoarrow.ArrayStream.from_readable(answer.content).iter_chunks()
+    plain = [name for name in rows[0] if not name.endswith(("_at", "_from", "_to")) or name == "taken_at"]
+    table = [{name: found[name] or None for name in plain} for found in batch.to_pylist()]
+    assert table == [{name: each[name] or None for name in plain} for each in rows]
+    moment = "valid_from" if address == COEFFICIENTS else "created_at"
+    found = [each[moment].isoformat().replace("+00:00", "Z") for each in batch.to_pylist()]
+    assert found == [each[moment] for each in rows]
+    for limit in (1, 5):
+        assert read_all(house, address, limit=limit) == (rows, -(-len(rows) // limit))
+    monkeypatch.setattr(series, "_PAGE", 2)
+    monkeypatch.setattr(series, "_VERSIONS", 1)
+    monkeypatch.setattr(answers, "ROW_LIMIT", 1)
+    assert read_all(house, address, limit=100) == (rows, 1)
+    assert read_all(house, address, limit=5)[0] == rows
+    cut = house.http.get(address, params={"format": "csv"})
+    assert len(list(csv.DictReader(io.StringIO(cut.text)))) == 1
+    assert 'rel="next"' in cut.headers["Link"]
+
+
+def test_series_is_sent_again_only_after_a_decision(house, measured):
+    version, _ = measured
+    for address in (COEFFICIENTS, MEASUREMENTS):
+        packed = house.http.get(address, headers={"Accept-Encoding": "gzip"})
+        plain = house.http.get(address, headers={"Accept-Encoding": "identity"})
+        assert (packed.headers["Content-Encoding"], packed.json()) == ("gzip", plain.json())
+        assert packed.headers["ETag"] != plain.headers["ETag"]
+        tag = {"If-None-Match": plain.headers["ETag"], "Accept-Encoding": "identity"}
+        assert house.http.get(address, headers=tag).status_code == 304
+        assert house.http.get(address, params={"limit": 1}, headers=tag).status_code == 200
+    house.post(f"/v1/calibrations/{version['id']}/revoke", {"reason": "wrong"}, status=200)
+    assert house.http.get(MEASUREMENTS, headers=tag).status_code == 200
+    assert house.get(COEFFICIENTS)["rows"] == []
+    rows = house.get(MEASUREMENTS)["rows"]
+    assert {row["calibration_state"] for row in rows} == {"revoked"}
+    assert all("calibration_revoked" in row["flags"].split() for row in rows)
+
+
+def test_measurements_are_chosen_by_when_their_frame_was_taken(house, measured):
+    version, answers_ = measured
+    rows = house.get(MEASUREMENTS)["rows"]
+    assert {row["id"]: row["mean_cd_m2"] for row in rows} == {
+        each["id"]: each["mean"]["value"] for each in answers_
+    }
+    assert {(row["camera_id"], row["campaign_id"]) for row in rows} == {
+        (version["camera_id"], version["campaign_id"])
+    }
+    taken, computed = rows[0]["taken_at"], rows[0]["created_at"]
+    assert "2026-04-30" < taken < "2026-05-03" < computed
+
+    def count(**query):
+        return len(house.get(MEASUREMENTS, **query)["rows"])
+
+    april, june = "2026-04-01T00:00:00Z", "2026-06-01T00:00:00Z"
+    assert (count(**{"from": april, "to": june}), count(**{"from": june}), count(to=april)) == (2, 0, 0)
+    assert (count(computed_from=computed), count(computed_to=computed)) == (2, 0)
+    assert (count(method="luminance"), count(method="noise"), count(campaign_id="other")) == (2, 0, 0)
+
+
+@pytest.mark.usefixtures("measured")
+def test_rows_of_measurements_are_written_for_what_was_measured_before(house):
+    with house.database.writing("test") as session:
+        rows = session.execute(select(MeasuredRow.__table__)).all()
+        session.execute(delete(MeasuredRow))
+        write_missing(session)
+        assert session.execute(select(MeasuredRow.__table__)).all() == rows
+    assert len(rows) == 2
+
+
+@pytest.mark.parametrize("key", [[], ["a", "b"], [1, 2], ["2026-01-01", "a\0"], {"a": 1}, "x", None])
+def test_forged_cursor_is_refused(sqlite_house, key):
+    cursor = base64.urlsafe_b64encode(json.dumps(key).encode()).decode().rstrip("=")
+    for address in (COEFFICIENTS, MEASUREMENTS):
+        problem = sqlite_house.get(address, status=422, cursor=cursor)
+        assert problem["errors"][0]["field"] == "query.cursor"
