@@ -23,6 +23,9 @@ DARKEST_PANEL = 0.35
 MOST_UNEVEN_REL, MOST_TILTED_REL = 0.05, 0.15
 """Of the square's 8 x 8 cells over their mean above black: scatter about a plane, and the plane's range."""
 
+CLEARLY_LESS_EVEN = 2.0
+"""Scatter of the second most even side over that of the first, where both look like a panel."""
+
 SMALLEST_PX, MOST_OBLONG = 20.0, 2.0
 """Shortest side of a stated panel, and its longest over its shortest."""
 
@@ -127,9 +130,9 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
 
         up to RP02   D = 1.68, S = 1.30          from RP03 on   D = 1.57, S = 0.75
 
-    The image determines which side it is: of the four squares exactly one must be
-    bright (35 % of the way from the code's black to its white) and even (5 %, about
-    a plane of at most 15 %).
+    The image determines which side it is: of the four squares one must be bright
+    (35 % of the way from the code's black to its white) and even (5 %, about a plane
+    of at most 15 %), and each other one that is must scatter twice as much.
     Position, size and rotation follow from the code's corners; the returned square
     is 0.65 S wide, in the middle of the panel. The first layout was measured on
     RP02-1603036-SC, five bands; the manufacturer's reference points [1]_ agree
@@ -137,9 +140,9 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
     image of our own.
 
     A code's corners are found to a pixel or two. It is searched in a linear stretch
-    of the image to 8 bits enlarged twofold, in the same as it is, in one of local
-    contrast, and in one of the bright half; it needs 2 px a module. A transposed
-    image gives the transposed region.
+    of the image to 8 bits enlarged twofold, in the same as it is, in one enlarged
+    threefold and sharpened, in one of local contrast, and in one of the bright half;
+    it needs 2 px a module. A transposed image gives the transposed region.
 
     References
     ----------
@@ -190,6 +193,10 @@ def _stretch(plane: Plane) -> Iterator[tuple[Grey, float]]:
     # corners are whole pixels of what is searched
     yield cv2.resize(grey, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC).astype(np.uint8), 2.0
     yield grey, 1.0
+    # a blurred edge of one pixel hides the modules of a small code
+    large = cv2.resize(grey, None, fx=3.0, fy=3.0, interpolation=cv2.INTER_CUBIC).astype(np.float32)
+    soft = cv2.GaussianBlur(large, (0, 0), 3.0)
+    yield np.clip(3.0 * large - 2.0 * soft, 0.0, 255.0).astype(np.uint8), 3.0
     yield cv2.createCLAHE(4.0, (_CELLS, _CELLS)).apply(grey).astype(np.uint8), 1.0
     if high > middle:
         yield np.clip((plane - middle) * (255.0 / (high - middle)), 0.0, 255.0).astype(np.uint8), 1.0
@@ -237,10 +244,14 @@ def _find_square(plane: Plane, code: Corners, layout: _Layout) -> Corners | None
     for way in (across, -across, down, -down):
         centre = code.mean(axis=0) + layout.distance * way
         inner = _sample(plane, centre, 2.0 * half * across, 2.0 * half * down)
-        if inner is not None and _looks_like_panel(inner, float(black), float(white)):
+        uneven = _measure_panel(inner, float(black), float(white)) if inner is not None else None
+        if uneven is not None:
             turns = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-            seen.append(np.array([centre + half * (right * across + low * down) for right, low in turns]))
-    return seen[0] if len(seen) == 1 else None
+            square = [centre + half * (right * across + low * down) for right, low in turns]
+            seen.append((uneven, np.array(square)))
+    seen.sort(key=lambda each: each[0])
+    sure = len(seen) == 1 or (len(seen) > 1 and seen[1][0] > CLEARLY_LESS_EVEN * seen[0][0])
+    return seen[0][1] if sure else None
 
 
 def _sample(plane: Plane, centre: Corners, across: Corners, down: Corners) -> Plane | None:
@@ -310,10 +321,11 @@ def is_even(plane: Plane, square: Corners, *, black_dn: float) -> bool:
     across = (square[1] - square[0] + square[2] - square[3]) / 2.0
     down = (square[3] - square[0] + square[2] - square[1]) / 2.0
     inner = _sample(plane, square.mean(axis=0), across, down)
-    return inner is not None and _looks_like_panel(inner, black_dn, black_dn + 1.0)
+    return inner is not None and _measure_panel(inner, black_dn, black_dn + 1.0) is not None
 
 
-def _looks_like_panel(inner: Plane, black: float, white: float) -> bool:
+def _measure_panel(inner: Plane, black: float, white: float) -> float | None:
+    """Return the relative scatter of a square that is bright and even as a panel; None of another one."""
     side = _SAMPLES // _CELLS
     cells = inner.reshape(_CELLS, side, _CELLS, side).mean(axis=(1, 3), dtype=float) - black
     mean = float(cells.mean())
@@ -322,4 +334,5 @@ def _looks_like_panel(inner: Plane, black: float, white: float) -> bool:
     rest = cells - mean - slopes[0] * _RAMP - slopes[1] * _RAMP.T
     tilt = float(np.ptp(slopes[0] * _RAMP + slopes[1] * _RAMP.T))
     bright = mean >= DARKEST_PANEL * (white - black) > 0.0
-    return bright and float(rest.std()) <= MOST_UNEVEN_REL * mean and tilt <= MOST_TILTED_REL * mean
+    uneven = float(rest.std()) / mean if bright else math.inf
+    return uneven if uneven <= MOST_UNEVEN_REL and tilt <= MOST_TILTED_REL * mean else None
