@@ -1,8 +1,8 @@
 """Targets: what the camera sees, as shares of the lamp's luminance."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -102,14 +102,21 @@ class Edge:
         """The box as a region."""
         return _box(self.name, self.row0, self.col0, self.height, self.width)
 
-    def fill(self) -> Plane:
-        """Return the shares in the box: 0 on the dark side, 1 on the bright side."""
+    @property
+    def normal(self) -> Plane:
+        """Unit normal of the edge in its middle, (row, col)."""
+        angle = math.radians(self.angle_deg)
+        across, along = math.cos(angle), -math.sin(angle)
+        return np.array([across, along] if self.horizontal else [along, across])
+
+    def fill(self, *, moved_px: float = 0.0) -> Plane:
+        """Return the shares in the box, moved along the normal: 0 on the dark side, 1 on the bright side."""
         row, col = np.mgrid[: self.height, : self.width].astype(np.float64)
         row, col = row - (self.height - 1) / 2.0, col - (self.width - 1) / 2.0
         across, along, length = (row, col, self.width) if self.horizontal else (col, row, self.height)
         angle = math.radians(self.angle_deg)
         bow = self.bend_px * (2.0 * along / length) ** 2
-        normal = (across - bow) * math.cos(angle) - along * math.sin(angle)
+        normal = (across - bow) * math.cos(angle) - along * math.sin(angle) - moved_px
         normal = (normal if self.rising else -normal) / self.blur_px
         return np.asarray(np.clip(normal + 0.5, 0.0, 1.0) if self.blur == "box" else ndtr(normal), np.float64)
 
@@ -182,15 +189,30 @@ def true_mtf(frequency: Plane, *, blur: str, blur_px: float) -> Plane:
 
 @dataclass(frozen=True)
 class Chart:
-    """Edges and stars in their boxes, half bright beside them."""
+    """Edges and stars in their boxes, half bright beside them.
+
+    ``magnified`` : scale of a colour about the middle of the frame, where it is not 1; of edges alone
+    """
 
     parts: Sequence[Edge | Star | Spot]
+    magnified: Mapping[str, float] = field(default_factory=dict)
 
     def draw(self, camera: Camera, window: Window) -> Plane:
         """Return the shares of the window's pixels."""
-        share = np.full((camera.sensor.height_px, camera.sensor.width_px), 0.5)
+        if self.magnified:
+            scales = [self.magnified.get(colour, 1.0) for colour in "RGB"]
+            return np.stack([self._draw(camera, window, scale) for scale in scales], axis=-1)
+        return self._draw(camera, window, 1.0)
+
+    def _draw(self, camera: Camera, window: Window, scale: float) -> Plane:
+        size = np.array([camera.sensor.height_px, camera.sensor.width_px])
+        share = np.full(size, 0.5)
         for each in self.parts:
-            box = each.fill()
+            if isinstance(each, Edge) and scale != 1.0:
+                middle = np.array([each.row0 + each.height / 2.0, each.col0 + each.width / 2.0])
+                box = each.fill(moved_px=(scale - 1.0) * float(each.normal @ (middle - size / 2.0)))
+            else:
+                box = each.fill()
             share[each.row0 : each.row0 + box.shape[0], each.col0 : each.col0 + box.shape[1]] = box
         return Picture(share).draw(camera, window)
 

@@ -304,5 +304,12 @@ ATTITUDE_MISSING = error(
     "sensor writes them: the camera's rotation rate is not known.",
     "Enter the rotation rate in `POST /v1/tools/motion` instead.",
 )
+LATERAL_COLOUR_LARGE = flag(
+    "lateral_colour_large",
+    "Red or blue lies more than 1 px, and two standard uncertainties, from green at an edge, or within the "
+    "corners of a board.",
+    "Measure colour ratios of small or sharp features away from the corners, or correct each channel by its "
+    "curve.",
+)
 
 FINDINGS = declared(globals())

@@ -51,12 +51,6 @@ DISTORTION_FOLDS = flag(
     "The radial polynomial turns back inside the frame, which no lens does.",
     "Bring the board into the corners, or free fewer `radial_terms`.",
 )
-LATERAL_COLOUR_LARGE = flag(
-    "lateral_colour_large",
-    "Red or blue lies more than 1 px, and two standard uncertainties, from green within the corners seen.",
-    "Measure colour ratios of small or sharp features away from the corners, or correct each channel by its "
-    "curve.",
-)
 BOARD_NOT_FOUND = reason(
     "board_not_found",
     "fail",

@@ -122,7 +122,7 @@ def check_colours(colours: Sequence[LateralColour]) -> list[Raised]:
                 f"{each.channels} is {most.displacement_px:+.2f} px at {most.radius_px:.0f} px from the "
                 f"principal point (u {most.standard_uncertainty_px:.2f} px)."
             )
-            flags.append(codes.LATERAL_COLOUR_LARGE.at(each.channels, detail))
+            flags.append(shared.LATERAL_COLOUR_LARGE.at(each.channels, detail))
     return flags
 
 

@@ -50,6 +50,9 @@ SPEC: Final = MethodSpec(
         CoefficientKind(
             name="unresolved_diameter_px", label="Diameter of the unresolved disc", units=("px",)
         ),
+        CoefficientKind(
+            name="lateral_colour_px", label="Lateral colour against green, outwards", units=("px",)
+        ),
         CoefficientKind(name="blooming_px", label="Blooming, as a length of saturated pixels", units=("px",)),
         CoefficientKind(
             name="corner_falloff",

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
 from radiometry.sharpness import codes
-from radiometry.sharpness.features import EdgeResponse, Estimate
+from radiometry.sharpness.features import EdgePlace, EdgeResponse, Estimate
 from radiometry.sharpness.location import Edge, locate_edge
 from radiometry.sharpness.profile import BINS_PER_PIXEL, Profile, form_profile, gather, measure_lengths
 from radiometry.sharpness.sampling import Plane
@@ -34,9 +34,12 @@ JACKKNIFE_DOF = _BLOCKS - 1
 _AROUND_CROSSING = np.array([0.8, 1.2])
 _MOST_RESIDUAL_PX = 2.0
 _WIDEST_GAP_PX = 0.45
+_INNER = 0.9  # of the region: lines that every channel has
 
 
-def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
+def measure_edge(
+    plane: Plane, *, order: int, orientation: str, box: tuple[float, float, float, float]
+) -> EdgeResponse:
     """Measure an edge that crosses the plane's lines.
 
     Parameters
@@ -47,6 +50,8 @@ def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
         Order of the polynomial through the edge.
     orientation : str
         "vertical" or "horizontal"; copied to the result.
+    box : tuple of float
+        First and last line, and first and last place across, of the region [px], for all channels alike.
 
     Raises
     ------
@@ -99,6 +104,28 @@ def measure_edge(plane: Plane, *, order: int, orientation: str) -> EdgeResponse:
         lsf_fwhm_px=figures[3],
         overshoot=figures[4],
         undershoot=figures[5],
+        place=_place(plane, edge, order=order, vertical=orientation == "vertical", box=box),
+    )
+
+
+def _place(
+    plane: Plane, edge: Edge, *, order: int, vertical: bool, box: tuple[float, float, float, float]
+) -> EdgePlace:
+    """Return the mean of the curve over the lines of the box, less its middle, with its uncertainty."""
+    first, last, low, high = box
+    middle, half = (first + last) / 2.0, (last - first) / 2.0
+    every = middle + half * _INNER * np.linspace(-1.0, 1.0, 2 * FEWEST_LINES + 1)
+    mean = np.polynomial.polynomial.polyvander((every - middle) / half, order).mean(axis=0)
+    basis = np.polynomial.polynomial.polyvander((plane.line_px - middle) / half, order)
+    dof = plane.line_px.size - order - 1
+    scale2 = edge.residual_px**2 * plane.line_px.size / dof
+    cosine = 1.0 / math.hypot(1.0, edge.slope)
+    normal = (cosine, -edge.slope * cosine)  # across the lines, and along them
+    return EdgePlace(
+        normal=normal[::-1] if vertical else normal,
+        place_px=(float(edge.curve(every).mean()) - (low + high) / 2.0) * cosine,
+        place_u_px=math.sqrt(scale2 * float(mean @ np.linalg.solve(basis.T @ basis, mean))) * cosine,
+        dof=float(dof),
     )
 
 

@@ -90,12 +90,15 @@ def _measure_region(
         turned = _runs_along_rows(frame, window, tone)
         planes = read_planes(frame, window, tone=tone, transposed=turned)
         orientation = "horizontal" if turned else "vertical"
+        rows = (window.row0, window.row0 + window.height - 1.0)
+        cols = (window.col0, window.col0 + window.width - 1.0)
+        box = (*cols, *rows) if turned else (*rows, *cols)
         for plane in planes:
             _try(
                 edges,
                 refused,
                 plane,
-                lambda one: measure_edge(one, order=target.edge_order, orientation=orientation),
+                lambda one: measure_edge(one, order=target.edge_order, orientation=orientation, box=box),
             )
     elif target.kind == "saturated_spot":
         for plane in read_planes(frame, window, tone=tone, transposed=False):

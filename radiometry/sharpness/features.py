@@ -18,6 +18,26 @@ class Estimate:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EdgePlace:
+    """Place of an edge in one channel.
+
+    Attributes
+    ----------
+    normal : tuple of float
+        Unit normal (row, col), to the right or downwards.
+    place_px, place_u_px : float
+        Mean place along the normal from the middle of the region, and its standard uncertainty [px].
+    dof : float
+        Degrees of freedom of the latter.
+    """
+
+    normal: tuple[float, float]
+    place_px: float
+    place_u_px: float
+    dof: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class EdgeResponse:
     """Response of one channel at one edge; lengths are in pixels of the whole sensor, normal to the edge.
 
@@ -51,6 +71,8 @@ class EdgeResponse:
         Full width at half maximum of the line spread function [px].
     overshoot, undershoot : Estimate or None
         Excess beyond the bright and the dark side, as a fraction of the step.
+    place : EdgePlace or None
+        Place of the edge; None in features from before it was measured.
     """
 
     channel: str
@@ -69,6 +91,7 @@ class EdgeResponse:
     lsf_fwhm_px: Estimate | None
     overshoot: Estimate | None
     undershoot: Estimate | None
+    place: EdgePlace | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

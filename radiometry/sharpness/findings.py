@@ -6,7 +6,7 @@ from radiometry.findings import Raised, shared
 from radiometry.sharpness import codes
 from radiometry.sharpness.candidates import Candidate
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL
-from radiometry.sharpness.results import FalloffTable, PositionFit
+from radiometry.sharpness.results import EdgeColour, FalloffTable, PositionFit
 from radiometry.sharpness.rows import Params
 from radiometry.sharpness.spots import Blooming
 
@@ -14,6 +14,7 @@ LARGEST_OVERSHOOT = 0.05
 LARGEST_DEPARTURE_PX = 0.25
 SCATTER_RATIO = 4.0
 LEAST_BLOOMING_PX = 1.0
+LARGEST_COLOUR_PX = 1.0
 _OVERSHOOT_ERRORS = 3.0
 
 
@@ -123,6 +124,30 @@ def check_falloff(positions: Sequence[PositionFit], tables: Sequence[FalloffTabl
         return []
     detail = f"No position lies within {CENTRE_RADIUS_REL:g} of the half diagonal."
     return [codes.SHARPNESS_CENTRE_MISSING.at("", detail)]
+
+
+def check_colours(colours: Sequence[EdgeColour]) -> list[Raised]:
+    """Check how far red and blue lie from green.
+
+    Parameters
+    ----------
+    colours : sequence of EdgeColour
+        Displacements at all positions.
+
+    Returns
+    -------
+    list of Raised
+        Flags: lateral_colour_large.
+    """
+    return [
+        shared.LATERAL_COLOUR_LARGE.at(
+            f"position {each.position}" if each.position else "",
+            f"{each.channels} is {each.shift.value:+.2f} px along the edge's normal, {each.radius_px:.0f} px "
+            f"from the middle of the frame (u {each.shift.standard_uncertainty:.2f} px).",
+        )
+        for each in colours
+        if abs(each.shift.value) - 2.0 * each.shift.standard_uncertainty > LARGEST_COLOUR_PX
+    ]
 
 
 def check_blooming(blooming: Sequence[Blooming]) -> list[Raised]:

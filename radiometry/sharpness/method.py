@@ -23,12 +23,14 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.sharpness.candidates import BLOOMING, Candidate, collect_candidates
 from radiometry.sharpness.candidates import list_missing as missing
+from radiometry.sharpness.colour import LATERAL_COLOUR, measure_colours
 from radiometry.sharpness.extraction import extract_features
 from radiometry.sharpness.falloff import compare_positions
 from radiometry.sharpness.features import Features
 from radiometry.sharpness.findings import (
     check_blooming,
     check_candidates,
+    check_colours,
     check_falloff,
     check_positions,
     name_position,
@@ -98,9 +100,9 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     -----
     The same input in any order gives the same result to the last bit.
 
-    Flags per position: sharpness_once, sharpness_repeats_differ, sharpening_suspected, edge_curved,
-    sharpness_beyond_curve. Flag per frame: region_left_out. Flags of the whole fit: rendered,
-    sharpness_centre_missing.
+    Flags per position: lateral_colour_large, sharpness_once, sharpness_repeats_differ,
+    sharpening_suspected, edge_curved, sharpness_beyond_curve. Flag per frame: region_left_out. Flags of the
+    whole fit: rendered, sharpness_centre_missing.
     """
     lacking = missing(rows, params)
     if lacking:
@@ -109,6 +111,7 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
     used = [each for each in candidates if not each.left_out]
     if not used:
         raise InputRejected(shared.FIT_INCOMPLETE, "No edge, star or spot of the chart frames can be used.")
+    colours = measure_colours(used)
     blooming, candidates = _fit_spots(candidates, params)
     shown = [each for each in used if not isinstance(each.response, SpotResponse)]
     positions = tuple(
@@ -124,8 +127,10 @@ def fit(rows: Sequence[FrameRow], params: Params) -> Fit:
             *check_candidates(candidates, params),
             *check_positions(positions),
             *check_falloff(positions, falloff),
+            *check_colours(colours),
             *check_blooming(blooming),
         ),
+        lateral_colour=colours or None,
         blooming=blooming or None,
     )
 
@@ -184,6 +189,21 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
         )
         for each in fitted.positions
         for coefficient in each.coefficients
+    ]
+    figures += [
+        CoefficientValue(
+            name=LATERAL_COLOUR,
+            value=each.radial.value,
+            standard_uncertainty=each.radial.standard_uncertainty,
+            unit=each.radial.unit,
+            model=f"slanted_edge:{each.position}" if each.position else "slanted_edge",
+            f_number=each.f_number,
+            channel=each.channels,
+            flags=_flags_at(fitted, f"position {each.position}" if each.position else ""),
+            effective_dof=each.effective_dof,
+        )
+        for each in fitted.lateral_colour or ()
+        if each.radial is not None
     ]
     figures += [
         CoefficientValue(

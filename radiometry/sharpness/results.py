@@ -216,6 +216,42 @@ class Point:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EdgeColour:
+    """Displacement of one colour against green at one position; what does not exist is None.
+
+    Attributes
+    ----------
+    channels : str
+        Pair of channels, such as "R-G".
+    position : str
+        Name of the position.
+    f_number : float or None
+        F-number.
+    radius_px, radius_rel : float
+        Distance of the edge from the middle of the frame [px], and 1 at its corners.
+    shift : Quantity
+        Displacement along the edge's normal, positive away from the middle of the frame.
+    radial : Quantity or None
+        Radial displacement of which `shift` is the part along the normal, positive is outwards; None within a
+        tenth of the half diagonal, and where the normal is more than 60 degrees off the radius.
+    frames : int
+        Number of frames.
+    effective_dof : float
+        Effective degrees of freedom of both.
+    """
+
+    channels: str
+    position: str
+    f_number: float | None
+    radius_px: float
+    radius_rel: float
+    shift: Quantity
+    radial: Quantity | None
+    frames: int
+    effective_dof: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Fit:
     """A sharpness calibration."""
 
@@ -223,4 +259,5 @@ class Fit:
     falloff: tuple[FalloffTable, ...]
     points: tuple[Point, ...]
     flags: tuple[Raised, ...]
+    lateral_colour: tuple[EdgeColour, ...] | None = field(default=None, metadata=LATER)
     blooming: tuple[Blooming, ...] | None = field(default=None, metadata=LATER)
