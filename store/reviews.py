@@ -4,6 +4,7 @@ A kept review holds for the very revision, and the very code, that it was comput
 finds it stale computes it again, a worker does so as soon as it has no job.
 """
 
+import gc
 import hashlib
 import json
 import logging
@@ -81,7 +82,13 @@ class Reviews:
             select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
         ).one()
         began = time.monotonic()
-        found = assess(session, session.get_one(Campaign, campaign_id))
+        # a large campaign is a million objects, all of which stay until the end: to search them for garbage
+        # takes a third of the time
+        gc.disable()
+        try:
+            found = assess(session, session.get_one(Campaign, campaign_id))
+        finally:
+            gc.enable()
         rest = timedelta(seconds=min(_PAUSE * (time.monotonic() - began), _LONGEST_PAUSE_S))
         try:
             with self._database.writing("review") as writing:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from radiometry.findings import Reason, shared
 from radiometry.frame.darkness import TAKE_AGAIN, inspect_black
-from radiometry.frame.statistics import Signal, measure_signal
+from radiometry.frame.statistics import Signal
 from radiometry.luminance.dark import EXPOSURE_RATIO, time_ratio
 from radiometry.luminance.points import DETECTION_ERRORS
 from radiometry.luminance.rows import FrameRow, Params
@@ -33,7 +33,7 @@ def inspect_darks(rows: Sequence[FrameRow], params: Params) -> dict[str, list[Re
     agree with each other.
     """
     darks = [row for row in rows if row.role == "dark" and row.statistics]
-    signals = {row.frame: measure_signal(row.statistics or (), channel=params.channel) for row in darks}
+    signals = {row.frame: row.measure(params.channel) for row in darks}
     by_iso: dict[float, list[FrameRow]] = {}
     for row in darks:
         by_iso.setdefault(row.exposure.iso, []).append(row)
@@ -73,7 +73,7 @@ def name_unusable(rows: Sequence[FrameRow], found: Mapping[str, Sequence[Reason]
     for iso in {row.exposure.iso for row in rows if row.frame in unusable}:
         group = [row for row in rows if row.role == "dark" and row.statistics and row.exposure.iso == iso]
         left = [row for row in group if row.frame not in unusable]
-        left.sort(key=lambda row: (measure_signal(row.statistics or ()).value_dn, row.frame))
+        left.sort(key=lambda row: (row.measure("green").value_dn, row.frame))
         unusable |= {row.frame for row in left[1:]}
     return sorted(unusable)
 

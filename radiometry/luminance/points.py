@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Settings, compute_rhs
-from radiometry.frame.statistics import Signal, measure_signal
+from radiometry.frame.statistics import ChannelStatistics, Signal
 from radiometry.luminance.conditions import Colour, measure_colour
 from radiometry.luminance.dark import Dark, estimate_dark
 from radiometry.luminance.lamp import Change, follow_lamp
@@ -53,8 +53,8 @@ class Candidate:
         "" if it counts, else the reason.
     lens_share : Quantity or None, default: None
         Relative illumination V of its region, if vignetting is corrected.
-    colour : tuple[float, float] or None, default: None
-        R/G and B/G of its region; None without colours.
+    statistics : tuple of ChannelStatistics, default: ()
+        Rows of its region.
     """
 
     frame: str
@@ -68,7 +68,13 @@ class Candidate:
     rhs: float | None
     left_out: str
     lens_share: Quantity | None = None
-    colour: Colour | None = None
+    statistics: tuple[ChannelStatistics, ...] = ()
+
+    @property
+    def colour(self) -> Colour | None:
+        """R/G and B/G of its region; None without colours."""
+        dark_above_black_dn = self.dark.signal_dn - self.signal.black_level_dn
+        return measure_colour(self.statistics, dark_above_black_dn=dark_above_black_dn)
 
     @property
     def above_dark_dn(self) -> float:
@@ -153,9 +159,7 @@ def _one_iso(
     lamp: dict[str, Change],
     params: Params,
 ) -> IsoSeries:
-    signals = {
-        row.frame: measure_signal(row.statistics or (), channel=params.channel) for row in light + black
-    }
+    signals = {row.frame: row.measure(params.channel) for row in light + black}
     lit = [signals[row.frame] for row in light]
     times = [row.exposure.on_basis(params.exposure_basis).exposure_time_s for row in black]
     span_dn = max(min(each.white_level_dn - each.black_level_dn for each in lit), 1.0)
@@ -191,9 +195,7 @@ def _candidate(
         rhs=compute_rhs(settings, luminance_cd_m2=luminance) if luminance is not None else None,
         left_out=_why_left_out(row, signal, dark, scene, params),
         lens_share=row.lens_share,
-        colour=measure_colour(
-            row.statistics or (), dark_above_black_dn=dark.signal_dn - signal.black_level_dn
-        ),
+        statistics=row.statistics or (),
     )
 
 

@@ -1,11 +1,13 @@
 """Inputs of a luminance fit: parameters, frames with their statistics, meter readings."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.statistics import ChannelStatistics
+from radiometry.frame.statistics import ChannelStatistics, measure_signal
+from radiometry.frame.statistics import Signal as MeasuredSignal
 from radiometry.specification.parameters import check_parameters, parameter
 from radiometry.specification.stored import LATER
 from radiometry.spectral.curves import list_lamps, list_responses, read_lamp, read_response
@@ -276,6 +278,22 @@ class FrameRow:
     taken_at: str | None = None
     gain_maps: tuple[str, ...] = ()
     lens_share: Quantity | None = None
+
+    @cached_property
+    def _signals(self) -> dict[str, MeasuredSignal]:
+        return {}
+
+    def measure(self, channel: str) -> MeasuredSignal:
+        """Compute the signal of the frame's region once: verdicts, plan and fit all need it.
+
+        Parameters
+        ----------
+        channel : str
+            As in `measure_signal`.
+        """
+        if channel not in self._signals:
+            self._signals[channel] = measure_signal(self.statistics or (), channel=channel)
+        return self._signals[channel]
 
 
 @dataclass(frozen=True, kw_only=True)
