@@ -3,7 +3,7 @@
 import sys
 import time
 
-from bench import mapping, pages, reading, reflectance, upload
+from bench import growth, mapping, pages, reading, reflectance, upload
 from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
 
@@ -19,6 +19,7 @@ def main(scale: Scale | None = None) -> int:
         *reflectance.run(scale),
         *upload.run(scale),
         *pages.run(scale),
+        *growth.run(scale),
     ]
     say(f"\n{summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
     return 0

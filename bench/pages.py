@@ -1,32 +1,23 @@
 """A campaign of a thousand frames in a real browser: from the navigation until a click is answered."""
 
-import hashlib
 import os
 import shutil
 import tempfile
 from pathlib import Path
-from typing import TypeVar
 
 from playwright.sync_api import Browser, StorageState, sync_playwright
-from sqlalchemy import select
-from sqlalchemy.orm import Session
 
 import stilb
+from bench.filling import copy_frame, do_jobs
 from bench.report import judge_seconds, say, show_times
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.timing import Seconds
 from bench.upload import KEY, Service, serving
-from store.columns import new_id
-from store.jobs import Turn
 from store.settings import Settings
-from store.tables import Base, Blob, ChannelRow, Extraction, FrameRow
 from worker.__main__ import build_context
-from worker.runner import claim_next
-from worker.runner import run as run_job
 
 PAGE = "the campaign's page, nothing cached"
 _LIMIT_S = 1.0
-Row = TypeVar("Row", bound=Base)
 _SMALL = Scale(rows=480, cols=640)
 # The first row that is drawn is clicked; what the click opens must have been drawn as well.
 _ANSWERED = """() => new Promise((done) => {
@@ -87,7 +78,6 @@ def _open_page(browser: Browser, address: str, session: StorageState) -> float:
 
 
 def _fill_campaign(scale: Scale, service: Service, folder: Path) -> str:
-    """One frame that is uploaded and read; the others are its rows once more, under names of their own."""
     (path,) = write_copies(folder, make_mosaic(_SMALL), "none", names=1)
     with stilb.Client(service.url, KEY) as client:
         camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
@@ -96,35 +86,9 @@ def _fill_campaign(scale: Scale, service: Service, folder: Path) -> str:
         frame = client.push(campaign, path, role="light", scene="level-1")
     worker = build_context(Settings(data=folder / "data"))
     try:
-        claim = claim_next(worker, Turn())
-        assert claim is not None  # noqa: S101  the frame has just been uploaded
-        run_job(worker, claim)
-        with worker.database.writing("bench") as session:
-            for number in range(1, scale.frames):
-                _copy(session, frame.id, number)
+        do_jobs(worker)
+        copy_frame(worker, frame.id, scale.frames)
     finally:
         worker.decoders.close()
         worker.database.dispose()
     return campaign
-
-
-def _copy(session: Session, frame_id: str, number: int) -> None:
-    """The frame, its statistics and their channels, of a file that nobody has."""
-    sha256 = hashlib.sha256(f"{number}".encode()).hexdigest()
-    session.add(Blob(sha256=sha256, size_bytes=1))
-    session.flush()
-    frame = session.get_one(FrameRow, frame_id)
-    copied = _again(session, frame, id=new_id("frm"), sha256=sha256, filename=f"DJI_{number:04}.DNG")
-    statement = select(Extraction).where(Extraction.frame_id == frame_id)
-    for extraction in session.scalars(statement):
-        anew = _again(session, extraction, id=new_id("ext"), frame_id=copied.id)
-        for row in session.scalars(select(ChannelRow).where(ChannelRow.extraction_id == extraction.id)):
-            _again(session, row, extraction_id=anew.id)
-
-
-def _again(session: Session, row: Row, **changes: str) -> Row:
-    columns = {column.key: getattr(row, column.key) for column in row.__mapper__.columns}
-    made = type(row)(**columns | changes)
-    session.add(made)
-    session.flush()
-    return made

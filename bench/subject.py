@@ -34,6 +34,8 @@ class Scale:
     rounds: int = 15
     uploads: int = 7
     frames: int = 1000
+    grown: int = 10_000
+    certificates: int = 31
 
 
 def make_mosaic(scale: Scale) -> NDArray[np.uint16]:

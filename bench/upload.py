@@ -71,7 +71,7 @@ def _measure(
     }
 
     def prepare() -> None:
-        _renew(path, next(fresh))
+        renew(path, next(fresh))
         path.with_suffix(".copy").unlink(missing_ok=True)
 
     take_turns(ways, rounds=1, warm_up=1, prepare=prepare)
@@ -94,7 +94,7 @@ def _measure(
     ]
 
 
-def _renew(path: Path, number: int) -> None:
+def renew(path: Path, number: int) -> None:
     """Change eight bytes: the service keeps equal bytes once, and would have less to do."""
     with path.open("r+b") as file:
         file.seek(-4096, os.SEEK_END)

@@ -1,0 +1,56 @@
+"""Large campaigns: one frame is uploaded and read, the others are its rows once more under other names."""
+
+import hashlib
+from typing import Any
+
+from sqlalchemy import insert, select, update
+from sqlalchemy.orm import Session
+
+from store.columns import new_id
+from store.jobs import Turn
+from store.tables import Base, Blob, CampaignReview, ChannelRow, Extraction, FrameRow
+from worker.context import Context
+from worker.runner import claim_next, run
+
+
+def do_jobs(worker: Context) -> None:
+    """Do every job that is due."""
+    turn = Turn()
+    while (claim := claim_next(worker, turn)) is not None:
+        run(worker, claim)
+
+
+def copy_frame(worker: Context, frame_id: str, times: int) -> None:
+    """Add the frame, its statistics and their channels again, each time as a file that nobody has."""
+    with worker.database.writing("bench") as session:
+        frame = session.get_one(FrameRow, frame_id)
+        statement = select(Extraction).where(Extraction.frame_id == frame_id)
+        extraction = session.scalars(statement).one()
+        channels = session.scalars(select(ChannelRow).where(ChannelRow.extraction_id == extraction.id)).all()
+        rows: dict[type[Base], list[dict[str, Any]]] = {
+            Blob: [],
+            FrameRow: [],
+            Extraction: [],
+            ChannelRow: [],
+        }
+        for number in range(1, times):
+            sha256 = hashlib.sha256(f"{frame_id} {number}".encode()).hexdigest()
+            one, two = new_id("frm"), new_id("ext")
+            name = f"DJI_{number:05}.DNG"
+            rows[Blob].append({"sha256": sha256, "size_bytes": 1})
+            rows[FrameRow].append(_read(frame) | {"id": one, "sha256": sha256, "filename": name})
+            rows[Extraction].append(_read(extraction) | {"id": two, "frame_id": one})
+            rows[ChannelRow] += [_read(each) | {"extraction_id": two} for each in channels]
+        _insert(session, rows)
+        mine = CampaignReview.campaign_id == frame.campaign_id
+        session.execute(update(CampaignReview).where(mine).values(revision=CampaignReview.revision + 1))
+
+
+def _insert(session: Session, rows: dict[type[Base], list[dict[str, Any]]]) -> None:
+    for table, values in rows.items():
+        if values:
+            session.execute(insert(table), values)
+
+
+def _read(row: Base) -> dict[str, Any]:
+    return {column.key: getattr(row, column.key) for column in row.__mapper__.columns}

@@ -1,0 +1,166 @@
+"""How the cost of looking at a campaign and adding to it grows with its frames; memory of certificates."""
+
+import itertools
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import httpx
+import numpy as np
+
+import stilb
+from bench.filling import copy_frame, do_jobs
+from bench.memory import read_memory_mb
+from bench.report import judge, say, show_times
+from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
+from bench.timing import Ratio, Seconds, compare, take_turns
+from bench.upload import KEY, Service, renew, serving
+from radiometry.frame.exposure import Settings as Exposure
+from simulation.dng import write_dng
+from store.settings import Settings
+from worker.__main__ import build_context
+from worker.context import Context
+
+_SMALL = Scale(rows=480, cols=640)
+_SCENES = {"bright": (1600, 40.0), "middle": (800, 20.0), "dim": (400, 10.0)}
+
+
+def run(scale: Scale) -> list[bool]:
+    """Compare a campaign of ``grown`` frames with one of a hundredth of that, and make certificates."""
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
+        folder = Path(name)
+        with (
+            serving(folder / "data") as service,
+            stilb.Client(service.url, KEY) as client,
+            httpx.Client(
+                base_url=service.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=300
+            ) as http,
+        ):
+            worker = build_context(Settings(data=folder / "data"))
+            try:
+                return [
+                    *_grow(scale, folder, client, http, worker),
+                    *_certify(scale, folder, service, client, http, worker),
+                ]
+            finally:
+                worker.decoders.close()
+                worker.database.dispose()
+
+
+def _grow(
+    scale: Scale, folder: Path, client: stilb.Client, http: httpx.Client, worker: Context
+) -> list[bool]:
+    few, many = max(scale.grown // 100, 2), scale.grown
+    say(f"\na campaign of {many:,} frames beside one of {few:,}")
+    (path,) = write_copies(folder, make_mosaic(scale), "none", names=1)
+    camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
+    fresh = itertools.count(1)
+    frames: dict[int, stilb.Frame] = {}
+    for count in (few, many):
+        campaign = client.create_campaign(camera.id).id
+        client.set_roi(campaign, polygon=draw_roi(scale).points)
+        renew(path, next(fresh))
+        frames[count] = client.push(campaign, path, role="light", scene="level-1")
+        do_jobs(worker)
+        copy_frame(worker, frames[count].id, count)
+        while worker.reviews.renew_next():
+            pass
+
+    def get(template: str, count: int) -> Callable[[], object]:
+        frame = frames[count]
+        path = template.format(frame=frame.id, campaign=frame.raw["campaign_id"])
+        return lambda: http.get(path).raise_for_status()
+
+    def add(count: int) -> object:
+        renew(path, next(fresh))
+        frame = client.push(str(frames[count].raw["campaign_id"]), path, role="light", scene="level-1")
+        do_jobs(worker)
+        while worker.reviews.renew_next():
+            pass
+        return http.get(f"/v1/frames/{frame.id}").raise_for_status()
+
+    verdicts = []
+    for text, template in {
+        "one frame": "/v1/frames/{frame}",
+        "a page of 100 frames": "/v1/campaigns/{campaign}/frames?limit=100",
+        "the campaign": "/v1/campaigns/{campaign}",
+        "its checklist": "/v1/campaigns/{campaign}/checklist",
+    }.items():
+        ways = {f"{text}, of {count:,}": get(template, count) for count in (few, many)}
+        verdicts.append(_compare(text, take_turns(ways, rounds=scale.rounds), at_most=1.5))
+    ways = {f"adding a frame to {count:,}": (lambda count=count: add(count)) for count in (few, many)}
+    seconds = take_turns(ways, rounds=scale.uploads, warm_up=1)
+    return [*verdicts, _compare("adding a frame, with the verdicts on all", seconds, at_most=3.0)]
+
+
+def _compare(text: str, seconds: dict[str, Seconds], *, at_most: float) -> bool:
+    show_times(seconds)
+    small, large = seconds.values()
+    return judge(f"{text}: large to small", compare(large, small), at_most=at_most)
+
+
+def _certify(
+    scale: Scale, folder: Path, service: Service, client: stilb.Client, http: httpx.Client, worker: Context
+) -> list[bool]:
+    say(f"\n{scale.certificates} certificates, each with other content")
+    version = _calibrate(folder, client, worker)
+    camera, campaign = version.camera_id, str(version.raw["campaign_id"])
+    number = itertools.count()
+
+    def certify() -> None:
+        item = {"key": "general_recorder", "done": True, "note": f"note {next(number)}"}
+        http.patch(f"/v1/campaigns/{campaign}/checklist", json={"items": [item]}).raise_for_status()
+        http.get(f"/v1/calibrations/{version.id}/certificate.pdf").raise_for_status()
+
+    def look() -> float:
+        began = time.perf_counter()
+        http.get(f"/v1/cameras/{camera}").raise_for_status()
+        return time.perf_counter() - began
+
+    certify()
+    alone = [look() for _ in range(10 * scale.rounds)]
+    before_mb = read_memory_mb(service.pid, "VmRSS")
+    for _ in range(scale.certificates):
+        certify()
+    after_mb = read_memory_mb(service.pid, "VmRSS")
+    say(f"  the service's memory: {before_mb:.0f} MB before, {after_mb:.0f} MB after")
+    threads = [threading.Thread(target=certify) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    beside = [look()]
+    while any(thread.is_alive() for thread in threads):
+        beside.append(look())
+    show_times({"a look-up, alone": alone, "a look-up during four certificates": beside})
+    median = statistics.median(beside) / statistics.median(alone)
+    grown = after_mb / before_mb
+    return [
+        judge("memory after them, to before", Ratio(grown, grown, grown), at_most=1.1),
+        judge("a look-up during four, to alone", Ratio(median, median, median), at_most=3.0),
+    ]
+
+
+def _calibrate(folder: Path, client: stilb.Client, worker: Context) -> stilb.Calibration:
+    """Fit three scenes of two frames each."""
+    random = np.random.default_rng(2)
+    camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
+    campaign = client.create_campaign(camera.id).id
+    client.set_roi(campaign, polygon=draw_roi(_SMALL).points)
+    taken_at = datetime(2026, 5, 1, 20, 0, tzinfo=UTC)
+    for scene, (signal_dn, luminance) in _SCENES.items():
+        for f_number in (4.0, 4.0 * 2**0.5):
+            level = CAMERA.sensor.black_level_dn + signal_dn * 16 / f_number**2
+            mosaic = random.normal(level, 8.0, (_SMALL.rows, _SMALL.cols)).astype(np.uint16)
+            path = folder / f"{scene}-{f_number:.1f}.dng"
+            exposure = Exposure(exposure_time_s=0.01, f_number=f_number, iso=3200)
+            write_dng(path, mosaic, camera=CAMERA, settings=exposure, taken_at=taken_at)
+            client.push(campaign, path, role="light", scene=scene)
+        reading = {"scene": scene, "quantity": "luminance", "value": luminance, "unit": "cd/m2"}
+        client.add_readings(campaign, [reading])
+    do_jobs(worker)
+    job = client.start_calibration(campaign)
+    do_jobs(worker)
+    return client.calibration(str(client.wait(job).result["calibration_id"]))
