@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Any, get_args, get_type_hints
 
@@ -15,6 +15,7 @@ from store.tables.base import Json
 
 _HEADER = TypeAdapter(FrameHeader)
 _EXPOSURE = TypeAdapter(Exposure)
+_STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
 # one a type, built once: building an adapter costs far more than using it
 _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
@@ -62,7 +63,7 @@ def decode_exposure(stored: dict[str, Any]) -> Exposure:
 
 
 def encode_statistics(row: ChannelStatistics) -> dict[str, Any]:
-    return asdict(row)
+    return {name: getattr(row, name) for name in _STATISTICS}
 
 
 def _find_later(kind: Any) -> frozenset[str]:  # noqa: ANN401
