@@ -202,6 +202,11 @@ def _candidate(
 def is_saturated(signal: Signal) -> bool:
     """Return True if too many samples are saturated for the mean to count.
 
+    Parameters
+    ----------
+    signal : Signal
+        Signal of a region.
+
     Returns
     -------
     bool

@@ -36,6 +36,7 @@ _WHOLE: Final = TILE_PX**2
 
 Plane = NDArray[np.float32]
 Samples = NDArray[np.uint16]
+Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,19 +157,21 @@ def encode_band(band: Plane) -> list[bytes]:
     .. [1] M. Kloewer et al., Nat. Comput. Sci. 1, 713 (2021), doi:10.1038/s43588-021-00156-2
     .. [2] Adobe Photoshop TIFF Technical Note 3 (2005)
     """
-    return [isal_zlib.compress(_predict(tile), LEVEL) for tile in _cut_tiles(band)]
-
-
-def _predict(tile: Plane) -> NDArray[np.uint8]:
     # a carry into the exponent is the right rounding, and NaN and infinity have no bit below the mask
-    rounded = (tile.view(np.uint32) + _HALF) & _MASK
-    planes = cv2.split(rounded.view(np.uint8).reshape(*tile.shape, 4))
-    rows = np.concatenate(planes[::-1], axis=1, dtype=np.uint8)
-    rows[:, 1:] -= rows[:, :-1].copy()
-    return rows
+    bits = band.view(np.uint32) + _HALF
+    bits &= _MASK
+    planes = cv2.split(bits.view(np.uint8).reshape(*band.shape, 4))
+    tiles = zip(*(_cut_tiles(np.asarray(plane, np.uint8)) for plane in reversed(planes)), strict=True)
+    return [isal_zlib.compress(_differentiate(np.hstack(tile)), LEVEL) for tile in tiles]
 
 
-def _cut_tiles(band: Plane) -> Iterator[Plane]:
+def _differentiate(rows: Bytes) -> Bytes:
+    found = rows.copy()
+    np.subtract(rows[:, 1:], rows[:, :-1], out=found[:, 1:])
+    return found
+
+
+def _cut_tiles(band: Bytes) -> Iterator[Bytes]:
     """Tiles are stored whole: the last ones repeat the border, which a reader cuts off."""
     for left in range(0, band.shape[1], TILE_PX):
         tile = band[:, left : left + TILE_PX]
