@@ -10,6 +10,7 @@ from sqlalchemy import select
 
 from store.columns import new_id
 from store.tables import Blob, FrameRow
+from tests.service.test_found_panels import state_panel
 from tests.support.browser import check_access, look, settle, sign_in, visit
 from tests.support.data import data_file
 from tests.support.fieldwork import write_campaign
@@ -292,3 +293,22 @@ def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, tea
     assert reflecting["panel_id"] == panel["id"]
     assert (spots["target"]["kind"], spots["target"]["tone_curve"]) == ("saturated_spot", "linear")
     assert json.dumps(panel["bands"]).count("reflectance") == 2
+
+
+def test_the_panel_that_the_frames_show_is_named_by_one_click(page, team):
+    camera = team.client.create_camera("MicaSense", "RedEdge", "1777777")
+    campaign = team.client.create_campaign(camera.id, method="reflectance")
+    name = "0000SET_000_IMG_0000_1.tif"
+    content = state_panel(data_file(f"rededge/{name}").read_bytes(), 0.67)
+    with team.http() as http:
+        path = f"/v1/campaigns/{campaign.id}/frames?role=panel&filename={name}"
+        assert http.post(path, content=content).status_code == 201
+    team.client.wait_for(campaign.id, timeout_s=60)
+    page.goto(f"/campaigns/{campaign.id}")
+    settle(page)
+    expect(page.get_by_text("Its files state blue 0.67.")).to_be_visible()
+    check_access(page)
+    page.get_by_role("button", name="Use panel RP02-1603036-SC").click()
+    expect(page.get_by_role("button", name="Use panel")).to_have_count(0)
+    panel = team.client.panel(team.client.campaign(campaign.id).raw["panel_id"])
+    assert [band["origin"] for band in panel.raw["bands"]] == ["file"]

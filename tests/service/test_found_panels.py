@@ -133,7 +133,7 @@ def test_a_band_without_a_readable_code_takes_its_region_from_another(sqlite_hou
     assert bare["statistics"][0]["i_sq"] == pytest.approx(frames["nir"]["statistics"][0]["i_sq"], rel=3e-3)
 
 
-def state(content, albedo, *, serial=SERIAL, area=""):
+def state_panel(content, albedo, *, serial=SERIAL, area=""):
     """A file as a camera writes it that has recognised the panel, in place of its dark rows."""
     said = {"Albedo": albedo, "PanelSerial": serial, "ReflectArea": area}
     text = "".join(f"<MicaSense:{tag}>{value}</MicaSense:{tag}>" for tag, value in said.items() if value)
@@ -145,7 +145,7 @@ def test_a_panel_that_the_files_name_is_offered_and_taken_by_one_field(house):
     """Nothing is registered: its reflectances are those that the files state, and flagged as such."""
     made = start(house)
     for band in ("blue", "red"):
-        content = state(data_file(f"rededge/{name(0, band)}").read_bytes(), ALBEDO[band])
+        content = state_panel(data_file(f"rededge/{name(0, band)}").read_bytes(), ALBEDO[band])
         house.upload(made, content, filename=name(0, band), role="panel")
     house.work()
     path = f"/v1/campaigns/{made['id']}"
@@ -169,7 +169,7 @@ def test_a_panel_that_the_files_name_is_offered_and_taken_by_one_field(house):
 
 def test_the_file_s_own_region_is_taken_and_a_drawn_one_goes_before_it(sqlite_house):
     area = "809,613, 648,615, 646,454, 808,452"
-    content = state(data_file(f"rededge/{name(0, 'blue')}").read_bytes(), 0.67, area=area)
+    content = state_panel(data_file(f"rededge/{name(0, 'blue')}").read_bytes(), 0.67, area=area)
     made = start(sqlite_house)
     frame = read(sqlite_house, sqlite_house.upload(made, content, filename=name(0, "blue"), role="panel"))
     assert (frame["roi_origin"], frame["roi_found_by"], frame["panel_serial"]) == (
