@@ -9,7 +9,7 @@ _RULES: Final = {
     "simple": "The verdict compares the largest deviation of a point from the luminance meter with the "
     "tolerance. Measurement uncertainty is not taken into account in this decision.",
     "guarded": "Decision rule (ILAC-G8:09/2019, guard band w = U): the largest deviation of a point from the "
-    "luminance meter plus the expanded uncertainty of K must not exceed the tolerance.",
+    "luminance meter plus the expanded uncertainty of K at its f-number must not exceed the tolerance.",
     "shared_risk": "Decision rule (JCGM 106:2012, shared risk): the largest deviation of a point from the "
     "luminance meter must not exceed the tolerance, and the expanded uncertainty of K must not exceed it "
     "either. The parties share the risk of a wrong decision.",
@@ -22,7 +22,9 @@ def state_conditions(parameters: Mapping[str, Any], result: Mapping[str, Any]) -
     risks = [fit["beyond_tolerance_risk"] for fit in result["iso_fits"] if "beyond_tolerance_risk" in fit]
     risk = ""
     if risks:
-        risk = f" The largest deviation is beyond the tolerance with a probability of up to {max(risks):.0%}."
+        risk = f" A deviation is beyond the tolerance with a probability of up to {max(risks):.0%}."
+    elif rule != "simple":
+        risk = " K is relative only: its expanded uncertainty is unknown, and this rule accepts nothing."
     spectral = result.get("spectral") or {"lamp": "not recorded", "camera_response": "not recorded"}
     index = f", f1' = {spectral['f1_prime']:.0%}" if spectral.get("f1_prime") is not None else ""
     distance_m = parameters.get("focus_distance_m")

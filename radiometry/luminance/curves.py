@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -33,7 +33,7 @@ _NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
 
 
 def fit_series(
-    series: IsoSeries, params: Params, *, calibration_u_rel: float
+    series: IsoSeries, params: Params, *, calibration_u_rel: float, certified: bool
 ) -> tuple[IsoFit, tuple[Point, ...]]:
     """Fit all models to one ISO value and report the requested one.
 
@@ -46,6 +46,8 @@ def fit_series(
     calibration_u_rel : float
         Relative standard uncertainty of the meter's calibration, common to all
         points: it does not average down.
+    certified : bool
+        False if K is relative only.
 
     Returns
     -------
@@ -61,10 +63,6 @@ def fit_series(
     coefficient, chosen = fit_coefficient(series, params, calibration_u_rel=calibration_u_rel, curve=curve)
     others = [fit_curve(curve, model=model) if model != params.model else chosen for model in get_args(Model)]
     points = _points(series, chosen, curve.scatter_weights if params.estimator == "robust" else None)
-    largest = max(abs(point.residual_rel) for point in points if point.residual_rel is not None)
-    scale = abs(coefficient.luminance_k)
-    against: dict[str, float] = {"error_rel": largest, "tolerance_rel": params.tolerance_rel}
-    expanded_u_rel = coefficient.expanded_uncertainty / scale
     return IsoFit(
         coefficient=coefficient,
         models=tuple(_report(fit, curve) for fit in others if fit is not None),
@@ -74,15 +72,38 @@ def fit_series(
         expected_k=expect_luminance_k(
             black_level_dn=coefficient.black_level_dn, white_level_dn=coefficient.white_level_dn
         ),
-        largest_residual_rel=largest,
-        passed=decide(params.acceptance, expanded_u_rel=expanded_u_rel, **against),
-        expanded_u_rel=expanded_u_rel if params.acceptance else None,
-        beyond_tolerance_risk=compute_risk(
-            u_rel=coefficient.luminance_k_standard_uncertainty / scale, **against
-        )
-        if params.acceptance
-        else None,
+        **_judge(points, coefficient, params, certified=certified),
     ), points
+
+
+def _judge(
+    points: Sequence[Point], coefficient: Coefficient, params: Params, *, certified: bool
+) -> dict[str, Any]:
+    """Return the verdict: each point with U of K at its f-number, where that was calibrated."""
+    own = {each.f_number: each for each in coefficient.apertures or ()}
+    against = {"tolerance_rel": params.tolerance_rel}
+    judged = [
+        (abs(point.residual_rel), own.get(point.f_number, coefficient))
+        for point in points
+        if point.residual_rel is not None
+    ]
+    widths = [(error, k.expanded_uncertainty / abs(k.luminance_k)) for error, k in judged]
+    verdict: dict[str, Any] = {
+        "largest_residual_rel": max(error for error, _ in judged),
+        "passed": all(
+            decide(params.acceptance, error_rel=error, expanded_u_rel=width if certified else None, **against)
+            for error, width in widths
+        ),
+    }
+    if params.acceptance and certified:
+        verdict["expanded_u_rel"] = max(widths, key=sum)[1]
+        verdict["beyond_tolerance_risk"] = max(
+            compute_risk(
+                error_rel=error, u_rel=k.luminance_k_standard_uncertainty / abs(k.luminance_k), **against
+            )
+            for error, k in judged
+        )
+    return verdict
 
 
 def fit_coefficient(

@@ -180,7 +180,9 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
     calibration_u_rel, certified = meter_calibration_u_rel(readings)
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)
     series = collect_series(rows, readings, params)
-    fitted = [fit_series(one, params, calibration_u_rel=calibration_u_rel) for one in series]
+    fitted = [
+        fit_series(one, params, calibration_u_rel=calibration_u_rel, certified=certified) for one in series
+    ]
     iso_fits = tuple(iso_fit for iso_fit, _ in fitted)
     points = tuple(itertools.chain.from_iterable(points for _, points in fitted))
     flags = check_scenes(scenes)
@@ -332,6 +334,8 @@ def _check_fit(series: IsoSeries, iso_fit: IsoFit, params: Params) -> list[Raise
     flags += _check_repeatability(by_model[params.model], params, where)
     if not iso_fit.passed:
         width = f", U {iso_fit.expanded_u_rel:.1%}" if iso_fit.expanded_u_rel is not None else ""
+        if not width and params.acceptance not in {None, "simple"}:
+            width = ", U unknown without a meter certificate, which the decision rule needs"
         detail = (
             f"Largest error in L {iso_fit.largest_residual_rel:.1%}{width}, tolerance "
             f"{params.tolerance_rel:.1%}."

@@ -377,8 +377,9 @@ class IsoFit:
     passed : bool
         True if it passes by the campaign's decision rule.
     expanded_u_rel, beyond_tolerance_risk : float or None
-        U of K, relative, and the probability that the largest error is really
-        beyond the tolerance; None if the campaign states no decision rule.
+        U of K at the f-number of the point with the largest |error| + U, relative, and
+        the largest probability that the error of a point is really beyond the
+        tolerance; None if the campaign states no decision rule, or K is relative only.
     """
 
     coefficient: Coefficient

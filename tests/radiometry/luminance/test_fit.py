@@ -166,16 +166,28 @@ def test_guard_band_needs_the_tolerance_for_error_and_uncertainty_together():
         stated = dataclasses.replace(PARAMS, acceptance=rule, tolerance_rel=tolerance)
         result = fit(rows, params=stated)
         (one,) = result.iso_fits
-        k = one.coefficient
-        assert one.expanded_u_rel == k.expanded_uncertainty / k.luminance_k
+        u_of = {k.f_number: k.expanded_uncertainty / k.luminance_k for k in one.coefficient.apertures}
+        used = [(abs(p.residual_rel), u_of[p.f_number]) for p in result.points]
+        assert one.expanded_u_rel == max(used, key=sum)[1]
         assert one.largest_residual_rel < 0.02
-        passes = one.largest_residual_rel + one.expanded_u_rel <= tolerance
-        assert result.passed is (passes if rule == "guarded" else one.expanded_u_rel <= tolerance)
+        assert result.passed is (max(map(sum if rule == "guarded" else max, used)) <= tolerance)
         assert 0.0 <= one.beyond_tolerance_risk < 0.5
         if not result.passed:
             (flag,) = [each for each in result.flags if each.flag == luminance_codes.TOLERANCE_EXCEEDED]
             assert f"U {one.expanded_u_rel:.1%}" in flag.detail
     assert fit(rows).iso_fits[0].expanded_u_rel is None
+
+
+@pytest.mark.parametrize("rule", ["simple", "guarded", "shared_risk"])
+def test_a_guard_band_accepts_no_k_that_is_relative_only(rule):
+    stated = dataclasses.replace(PARAMS, acceptance=rule, tolerance_rel=0.5)
+    bare = [dataclasses.replace(r, expanded_uncertainty_rel=None, coverage_factor=None) for r in READINGS]
+    result = fit(readings=bare, params=stated)
+    assert result.passed is (rule == "simple")
+    assert result.iso_fits[0].expanded_u_rel is None
+    assert result.iso_fits[0].beyond_tolerance_risk is None
+    details = [each.detail for each in result.flags if each.flag == luminance_codes.TOLERANCE_EXCEEDED]
+    assert ["meter certificate" in each for each in details] == [True] * (rule != "simple")
 
 
 def test_lamp_response_and_colour_are_kept_with_k():

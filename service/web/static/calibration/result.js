@@ -56,7 +56,7 @@ function curves({ diagnostics, coefficients: rows, parameters, uncertainty_scope
 function conditions({ spectral, iso_fits: fits }, { acceptance }) {
   const said = [
     spectral ? `Lamp: ${spectral.lamp}. Camera response: ${spectral.camera_response}${spectral.f1_prime === undefined ? "" : `, f₁′ ${percent(spectral.f1_prime)}`}.` : null,
-    acceptance ? `Decision rule: ${words(acceptance)}; U of K up to ${percent(Math.max(...fits.map((fit) => fit.expanded_u_rel)))}, beyond the tolerance with a probability of up to ${percent(Math.max(...fits.map((fit) => fit.beyond_tolerance_risk)))}.` : null,
+    acceptance ? `Decision rule: ${words(acceptance)}; ${fits.some((fit) => fit.expanded_u_rel === undefined) ? "U of K is unknown, because K is relative only" : `U of K up to ${percent(Math.max(...fits.map((fit) => fit.expanded_u_rel)))}, beyond the tolerance with a probability of up to ${percent(Math.max(...fits.map((fit) => fit.beyond_tolerance_risk)))}`}.` : null,
   ].filter(Boolean);
   return said.length ? h("p", { class: "small muted" }, said.join(" ")) : null;
 }
