@@ -10,7 +10,7 @@ FIT_CODE_VERSION = "0.1.3"
 It is not the version of the product: a release that fits as before keeps it, and with it every stored hash.
 """
 
-MEASURER = "measure-2"
+MEASURER = "measure-3"
 """Of a measurement and its map. Part of a measurement's content hash."""
 
 EXTRACTOR = "extract-2"

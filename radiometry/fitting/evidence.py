@@ -1,12 +1,13 @@
 """Inputs and outputs shared by all calibration methods."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.frame.statistics import ChannelStatistics
+from radiometry.specification.stored import LATER
 
 F = TypeVar("F")
 
@@ -138,6 +139,8 @@ class FieldCorrection:
         What is left of the offset [cd/m2].
     basis : str, default: ""
         What the correction, or the uncertainty in its place, is based on.
+    assumed : bool or None, default: None
+        True if nothing was stated of the source, so that a plausible size is in the budget.
     """
 
     source: str
@@ -146,6 +149,7 @@ class FieldCorrection:
     u_rel: float = 0.0
     u_cd_m2: float = 0.0
     basis: str = ""
+    assumed: bool | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -271,7 +271,8 @@ def luminance_per_dn(coefficient: Coefficient, exposure: Exposure) -> float:
     if coefficient.model != "proportional":
         raise InputRejected(
             shared.FIT_FAILED,
-            f"A map needs a calibration with the proportional model; this one is {coefficient.model}.",
+            "A map, or glare_share, needs a calibration with the proportional model; this one is "
+            f"{coefficient.model}.",
         )
     settings = exposure.on_basis(coefficient.exposure_basis)
     k = (find_aperture(coefficient, settings) or coefficient).luminance_k

@@ -18,6 +18,7 @@ APPLICATION: Final = SurfaceApplication(
     outline=surface.outline,
     find_window=measurement.find_window,
     find_map_scale=maps.find_map_scale,
+    needs_scale=measurement.needs_scale,
     measure=measurement.measure,
     compute_map=maps.compute_map,
     change=change.change_luminance,

@@ -169,7 +169,8 @@ FLICKER_UNKNOWN = flag(
 )
 STRAY_LIGHT_UNKNOWN = flag(
     "stray_light_unknown",
-    "The glare of the lens is not known: minimum and U_o may be too large, dark parts the most.",
+    "The glare of the lens is not known: minimum and U_o may be too large, dark parts the most. The budget "
+    "assumes up to 4 % of the frame's mean luminance.",
     "Photograph a black trap in a bright scene and state its luminance over that of the whole frame as "
     "`glare_share`.",
     "measurement",

@@ -35,6 +35,9 @@ _UNKNOWN_MODULATION = 1.0 / math.sqrt(3.0)
 _PUPIL_REL = 0.25
 # Glare at a place of the frame is between half of what the trap showed and one and a half; rectangular.
 _GLARE_REL = 0.5 / math.sqrt(3.0)
+# Lenses scatter up to 4 % (ISO 9358 veiling glare); the rms of anything from 0 on, at any place of the frame.
+_USUAL_GLARE = 0.04
+_UNKNOWN_GLARE = _USUAL_GLARE / math.sqrt(3.0) * math.hypot(1.0, _GLARE_REL)
 
 
 def correct_spectrum(
@@ -91,7 +94,7 @@ def correct_spectrum(
     ]
     basis = f"assumed: {', '.join(lacking)} not known"
     flag = codes.SPECTRAL_MISMATCH_UNKNOWN.at("", f"{basis.capitalize()}; {u_rel:.0%} of L assumed.")
-    return FieldCorrection(source=SOURCE, u_rel=u_rel, basis=basis), (flag,)
+    return FieldCorrection(source=SOURCE, u_rel=u_rel, basis=basis, assumed=True), (flag,)
 
 
 def correct_flicker(
@@ -124,9 +127,10 @@ def correct_flicker(
         for each in (_MAINS_HZ if mains is None else (mains,))
     )
     u_rel = (_UNKNOWN_MODULATION if depth is None else depth) * largest / math.sqrt(2.0 * frames)
-    supply = "mains frequency unknown" if mains is None else f"{mains:g} Hz mains"
-    basis = f"{supply}, modulation {'unknown' if depth is None else f'{depth:g}'}"
-    line = FieldCorrection(source=FLICKER, u_rel=u_rel, basis=basis)
+    supply = "assumed: mains frequency of 50 or 60 Hz" if mains is None else f"{mains:g} Hz mains"
+    basis = f"{supply}, modulation {'assumed from 0 to 1' if depth is None else f'{depth:g}'}"
+    assumed = True if mains is None or depth is None else None
+    line = FieldCorrection(source=FLICKER, u_rel=u_rel, basis=basis, assumed=assumed)
     if mains is not None or u_rel <= _NAMED_FLICKER:
         return line, ()
     detail = f"At {settings.exposure_time_s:g} s, light of 50 or 60 Hz mains can err by {largest:.1%}."
@@ -204,8 +208,8 @@ def correct_focus(field: FieldConditions, coefficient: Coefficient) -> FieldCorr
         for text, given in (("distance", here), ("calibration's distance", there), ("focal length", focal_mm))
         if given is None
     ]
-    basis = f"not corrected: {', '.join(lacking)} not known"
-    return FieldCorrection(source=FOCUS, u_rel=worst / math.sqrt(3.0), basis=basis)
+    basis = f"assumed, not corrected: {', '.join(lacking)} not known"
+    return FieldCorrection(source=FOCUS, u_rel=worst / math.sqrt(3.0), basis=basis, assumed=True)
 
 
 def _lose(distance_m: float, focal_length_mm: float) -> float:
@@ -224,7 +228,7 @@ def correct_stray_light(
     field : FieldConditions
         Conditions of the measurement.
     mean_cd_m2 : float or None
-        Mean luminance of the whole frame [cd/m2]; None if the glare is not known.
+        Mean luminance of the whole frame [cd/m2]; None for a model that has no map.
 
     Returns
     -------
@@ -238,11 +242,17 @@ def correct_stray_light(
         L = L_shown - g L_mean
 
     Its standard uncertainty is 29 % of it: at another place of the frame glare is taken to be within a half
-    of that at the trap.
+    of that at the trap. A glare that is not stated may be anything from 0 to 4 %: nothing is subtracted, and
+    its rms, 2.4 % of L_mean, is the standard uncertainty.
     """
     if field.glare_share is None or mean_cd_m2 is None:
         detail = "Each percent of glare raises every part of the frame by 1 % of the frame's mean luminance."
-        return FieldCorrection(source=STRAY), (codes.STRAY_LIGHT_UNKNOWN.at("min", detail),)
+        raised = (codes.STRAY_LIGHT_UNKNOWN.at("min", detail),)
+        if mean_cd_m2 is None:
+            return FieldCorrection(source=STRAY), raised
+        basis = f"assumed: glare of up to {_USUAL_GLARE:.0%} of the frame's mean of {mean_cd_m2:.4g} cd/m2"
+        u_cd_m2 = _UNKNOWN_GLARE * abs(mean_cd_m2)
+        return FieldCorrection(source=STRAY, u_cd_m2=u_cd_m2, basis=basis, assumed=True), raised
     offset = field.glare_share * mean_cd_m2
     basis = f"{field.glare_share:.2%} of the frame's mean of {mean_cd_m2:.4g} cd/m2"
     return FieldCorrection(source=STRAY, offset_cd_m2=offset, u_cd_m2=_GLARE_REL * offset, basis=basis), ()

@@ -87,7 +87,7 @@ class Vignetting:
 
 
 def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
-    """Return the window that contains the region and the grid, or the whole frame to correct glare.
+    """Return the window of a frame that a measurement reads.
 
     Parameters
     ----------
@@ -96,18 +96,44 @@ def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
     height_px, width_px : int
         Size of the frame [px].
 
+    Returns
+    -------
+    Window
+        Smallest one that contains the region and the grid; of a frame of the field the whole, whose mean
+        the glare depends on.
+
     Raises
     ------
     InputRejected
         `roi_outside_frame`, `roi_empty` or `grid_invalid`.
     """
+    part = _find_part(request, height_px=height_px, width_px=width_px)
+    return part if request.conditions is None else Window(row0=0, col0=0, height=height_px, width=width_px)
+
+
+def needs_scale(request: Request) -> bool:
+    """Return True if a measurement needs the scale of a map, which a model may not have: to subtract glare.
+
+    Parameters
+    ----------
+    request : Request
+        Region, grid and conditions.
+
+    Returns
+    -------
+    bool
+        True if the request states a glare.
+    """
+    return request.conditions is not None and request.conditions.glare_share is not None
+
+
+def _find_part(request: Request, *, height_px: int, width_px: int) -> Window:
+    """Return the window that contains the region and the grid."""
     cells = itertools.chain.from_iterable(lay_grid(request.grid)) if request.grid else ()
     windows = [
         bounding_window(polygon, height_px=height_px, width_px=width_px)
         for polygon in (request.polygon, *cells)
     ]
-    if request.conditions and request.conditions.glare_share is not None:
-        return Window(row0=0, col0=0, height=height_px, width=width_px)
     row0, col0 = min(w.row0 for w in windows), min(w.col0 for w in windows)
     return Window(
         row0=row0,
@@ -115,6 +141,13 @@ def find_window(request: Request, *, height_px: int, width_px: int) -> Window:
         height=max(w.row0 + w.height for w in windows) - row0,
         width=max(w.col0 + w.width for w in windows) - col0,
     )
+
+
+def _crop(frame: Frame, part: Window) -> Frame:
+    """Return a part of a window of a frame."""
+    rows = slice(part.row0 - frame.row0, part.row0 - frame.row0 + part.height)
+    cols = slice(part.col0 - frame.col0, part.col0 - frame.col0 + part.width)
+    return replace(frame, samples_dn=frame.samples_dn[rows, cols], row0=part.row0, col0=part.col0)
 
 
 def measure(
@@ -184,12 +217,14 @@ def measure(
     camera = _Camera(exposure, coefficient, lens, ())
     cells = lay_grid(request.grid) if request.grid else ()
     signals, of_cells, summed = [], [], None
+    part, whole = _find_part(request, height_px=frame.height_px, width_px=frame.width_px), frame
+    frame = _crop(whole, part)
     # one frame at a time: a region may be most of it
-    for each in itertools.chain([frame], repeats):
+    for each in itertools.chain([frame], (_crop(each, part) for each in repeats)):
         signals.append(camera.read(each, request.polygon))
         of_cells.append([[camera.read(each, cell, of_grid=True) for cell in line] for line in cells])
         summed = add_signal(summed, sum_signal(each, channel=coefficient.channel))
-    corrections, raised = _find_corrections(frame, request, camera, frames=len(signals))
+    corrections, raised = _find_corrections(frame, whole, request, camera, frames=len(signals))
     camera = replace(camera, corrections=corrections)
     region = camera.apply(signals)
     disagreement = flag_scatter([signal for signal, _ in signals], dark_signal_dn=coefficient.dark_signal_dn)
@@ -302,7 +337,7 @@ class _Camera:
 
 
 def _find_corrections(
-    frame: Frame, request: Request, camera: _Camera, *, frames: int
+    frame: Frame, whole: Frame, request: Request, camera: _Camera, *, frames: int
 ) -> tuple[tuple[FieldCorrection, ...], tuple[Raised, ...]]:
     """Find the corrections of the field; none without conditions."""
     field, coefficient = request.conditions, camera.coefficient
@@ -313,8 +348,8 @@ def _find_corrections(
         dark_above_black_dn=coefficient.dark_signal_dn - coefficient.black_level_dn,
     )
     mean_cd_m2 = None
-    if field.glare_share is not None:
-        mean_cd_m2 = average_map(frame, find_map_scale((coefficient,), camera.exposure, lens=camera.lens))
+    if needs_scale(request) or coefficient.model == "proportional":
+        mean_cd_m2 = average_map(whole, find_map_scale((coefficient,), camera.exposure, lens=camera.lens))
     pairs = (
         correct_spectrum(field, coefficient, colour),
         correct_flicker(field, camera.exposure.on_basis(coefficient.exposure_basis), frames=frames),
@@ -322,7 +357,9 @@ def _find_corrections(
         correct_stray_light(field, mean_cd_m2),
     )
     made = tuple(
-        each for each, _ in pairs if each.u_rel > _ROUNDING or each.offset_cd_m2 or each.factor != 1.0
+        each
+        for each, _ in pairs
+        if each.u_rel > _ROUNDING or each.u_cd_m2 or each.offset_cd_m2 or each.factor != 1.0
     )
     return made, tuple(itertools.chain.from_iterable(flags for _, flags in pairs))
 

@@ -101,6 +101,7 @@ class SurfaceApplication(Application):
     outline: Function
     find_window: Function
     find_map_scale: Function
+    needs_scale: Function
     measure: Function
     compute_map: Function
     change: Function

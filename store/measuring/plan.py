@@ -165,8 +165,6 @@ def _plan_surface(
     if lens is not None:
         channels = application.name_channels(header["cfa"], channel=coefficient.channel)
         lens.require(channels=channels, height_px=header["height_px"], width_px=header["width_px"])
-    if "map" in asked.products:
-        application.find_map_scale(coefficients, exposure, lens=lens)
     plan = {
         **({"grid": encode(asked.grid)} if asked.grid else {}),
         **({"reflectance": asked.reflectance} if asked.reflectance is not None else {}),
@@ -175,6 +173,8 @@ def _plan_surface(
     }
     request = read_request(application, {"polygon": _list_points(polygon), **plan})
     application.find_window(request, height_px=header["height_px"], width_px=header["width_px"])
+    if "map" in asked.products or application.needs_scale(request):
+        application.find_map_scale(coefficients, exposure, lens=lens)
     return plan
 
 

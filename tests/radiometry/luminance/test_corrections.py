@@ -81,9 +81,10 @@ def test_stray_light_by_hand():
     line, raised = correct_stray_light(FieldConditions(glare_share=0.02), 5.0)
     assert (line.offset_cd_m2, line.u_cd_m2) == (pytest.approx(0.1), pytest.approx(0.1 * 0.5 / math.sqrt(3)))
     assert not raised
-    line, raised = correct_stray_light(FieldConditions(), None)
-    assert line.offset_cd_m2 == 0.0
-    assert [(each.flag, each.where) for each in raised] == [("stray_light_unknown", "min")]
+    for mean, u in ((None, 0.0), (5.0, 0.04 * 5.0 * math.sqrt((1 + 1 / 12) / 3))):
+        line, raised = correct_stray_light(FieldConditions(), mean)
+        assert (line.offset_cd_m2, line.u_cd_m2) == (0.0, pytest.approx(u))
+        assert [(each.flag, each.where) for each in raised] == [("stray_light_unknown", "min")]
 
 
 def test_spectrum_is_corrected_as_far_as_it_is_known():
@@ -190,7 +191,7 @@ SITES = np.array([[0, 1], [1, 2]])[np.arange(24)[:, None] % 2, np.arange(24) % 2
 
 
 def measure_night(random, told):
-    """Measure the dark half of a scene; (L - truth) / truth and u / L."""
+    """Measure the dark half of a scene; (L - truth) / truth and u / truth."""
     camera, light = random.choice(CAMERAS), str(random.choice(LIGHTS))
     night = draw_field(random, camera=str(camera), lamp="A", light=light)
     exposure = dataclasses.replace(EXPOSURE, exposure_time_s=1 / 60)
@@ -221,7 +222,7 @@ def measure_night(random, told):
         frame, Request(polygon=DARK_HALF, conditions=stated if told is not None else None),
         exposure=exposure, coefficients=(exact,), calibrated=(DARK_HALF,),
     )  # fmt: skip
-    return found.mean.value / 8.0 - 1.0, found.mean.standard_uncertainty / found.mean.value
+    return found.mean.value / 8.0 - 1.0, found.mean.standard_uncertainty / 8.0
 
 
 EVERYTHING = frozenset(
@@ -229,11 +230,15 @@ EVERYTHING = frozenset(
 )
 
 
-@pytest.mark.parametrize("told", [EVERYTHING, EVERYTHING - {"light_source"}], ids=["all", "but-the-light"])
-def test_interval_holds_the_truth_of_a_night(told):
+@pytest.mark.parametrize(
+    ("told", "widest"),
+    [(EVERYTHING, 0.1), (EVERYTHING - {"light_source"}, 0.1), (frozenset(), 0.13)],
+    ids=["all", "but-the-light", "nothing"],
+)
+def test_interval_holds_the_truth_of_a_night(told, widest):
     """80 nights: 87 % or more are within 2u in 997 of 1000 runs if 95 % are; uncorrected 1 % are."""
     random = np.random.default_rng(11)
     errors, us = np.array([measure_night(random, told) for _ in range(80)]).T
     assert np.mean(np.abs(errors) <= 2 * us) >= 0.87
     # not by a wide interval: the glare of the dark half alone is up to 18 % of it, flicker up to 16 %
-    assert np.mean(us) < 0.1
+    assert np.mean(us) < widest
