@@ -288,13 +288,12 @@ def test_what_becomes_of_the_version_is_told_with_every_measurement(house, versi
     assert house.post("/v1/measurements", asked, status=409)["code"] == "calibration_revoked"
 
 
-def test_a_map_of_a_model_that_is_no_scale_is_refused_at_once(house, version):
+def test_a_map_or_glare_of_a_model_that_is_no_scale_is_refused_at_once(house, version):
     power = calibrate(house, {"id": version["campaign_id"]}, model="power")
     frame = field_frame(house, field_campaign(house))
     asked = {"frame_id": frame["id"], "calibration_id": power["id"]}
-    assert (
-        "proportional" in house.post("/v1/measurements", asked | {"products": ["map"]}, status=422)["detail"]
-    )
+    for more in ({"products": ["map"]}, {"glare_share": 0.02}):
+        assert "proportional" in house.post("/v1/measurements", asked | more, status=422)["detail"]
     assert measure(house, frame, calibration_id=power["id"])["mean"]["value"] == pytest.approx(20.0, rel=0.05)
 
 
