@@ -12,7 +12,6 @@ from radiometry.reflectance.clock import has_set_clock
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 
 OLD_DAYS: Final = 730.5
-_RECTANGLE: Final = 1.0 / math.sqrt(3.0)
 _FEWEST_DAYS: Final = 365.25
 """Two measurements closer than this state no rate of ageing: their difference is mostly the meter's."""
 
@@ -158,12 +157,13 @@ def find_value(
     Between the measurements a and b on either side of the day, at the fraction w of the time between
     them, and after (or before) the last two::
 
-        R = (1 - w) R_a + w R_b       u = (1 - w) u_a + w u_b       u_change = |R_b - R_a| sqrt(w (1 - w) / 3)
-        R = R_b                       u = u_b                       u_change = |R_b - R_a| d / (T sqrt(3))
+        R = (1 - w) R_a + w R_b       u = (1 - w) u_a + w u_b       u_change = |R_b - R_a| sqrt(w (1 - w))
+        R = R_b                       u = u_b                       u_change = |R_b - R_a| d / T
 
-    T is the time between the two, at least a year, and d the time to the nearest. The change follows no
-    line: half-way it may lie anywhere between both values, at a measurement it is known. With one
-    measurement the change since is not known, and `panel_old` states its age.
+    T is the time between the two, at least a year, and d the time to the nearest. The
+    first u_change is that of a single step at a time that is not known, the largest of
+    any change that goes one way; the second is the whole of a change that goes on.
+    With one measurement the change since is not known, and `panel_old` states its age.
     """
     own = [each for each in choose_readings(readings, params) if each.band == band.band]
     if not own:
@@ -187,14 +187,14 @@ def find_value(
     if before and after:
         span = _days(before[-1], after[0])
         w = (day - _day(before[-1])).days / span
-        change = abs(after[0].reflectance - before[-1].reflectance) * math.sqrt(w * (1.0 - w) / 3.0)
+        change = abs(after[0].reflectance - before[-1].reflectance) * math.sqrt(w * (1.0 - w))
         return _combine(before[-1], after[0], w=w, change=change)
     near, far = (before[-1], before[-2:-1]) if before else (after[0], after[1:2])
     age_days = abs((day - _day(near)).days)
     change = 0.0
     for other in far:
         rate = abs(near.reflectance - other.reflectance) / max(_days(other, near), _FEWEST_DAYS)
-        change = rate * age_days * _RECTANGLE
+        change = rate * age_days
     return _combine(near, change=change, age_days=age_days)
 
 

@@ -115,11 +115,11 @@ NEW, USED = ("2020-01-01", 0.50, 0.005), ("2022-01-01", 0.48, 0.003)
 
 
 def test_between_two_measurements_the_value_is_interpolated():
-    """Half-way u is the mean of both, and a rectangle as wide as the change."""
+    """Half-way u is the mean of both, and half of the change: a step may have come before or after."""
     found = value("2021-01-01", USED, NEW)
     w = 366 / 731
     assert found.reflectance == pytest.approx(0.50 - 0.02 * w)
-    assert found.standard_uncertainty == pytest.approx((0.004**2 + 0.02**2 / 12) ** 0.5, rel=1e-3)
+    assert found.standard_uncertainty == pytest.approx((0.004**2 + 0.02**2 / 4) ** 0.5, rel=1e-3)
     assert (found.measured_on, found.age_days) == (("2020-01-01", "2022-01-01"), 0.0)
     assert value("2020-01-01", USED, NEW).standard_uncertainty == pytest.approx(0.005)
 
@@ -127,7 +127,7 @@ def test_between_two_measurements_the_value_is_interpolated():
 def test_after_the_last_measurement_its_value_holds_and_its_rate_of_change_widens_it():
     found = value("2023-01-01", NEW, USED)
     assert found.reflectance == 0.48
-    assert found.standard_uncertainty == pytest.approx((0.003**2 + (0.02 / 731 * 365) ** 2 / 3) ** 0.5)
+    assert found.standard_uncertainty == pytest.approx((0.003**2 + (0.02 / 731 * 365) ** 2) ** 0.5)
     assert (found.measured_on, found.age_days) == (("2022-01-01",), 365.0)
     assert value("2019-01-01", NEW, USED).measured_on == ("2020-01-01",)
 
@@ -160,4 +160,4 @@ def test_the_change_of_the_panel_is_in_the_budget():
     around = [*(replace(each, measured_on="2017-06-13") for each in OURS), *later]
     budget = k_of(reflectance.fit(panel(), around, PARAMS)).budget
     (line,) = (each for each in budget if each.source == "panel reflectance")
-    assert line.u_rel == pytest.approx(((0.002 / 0.171) ** 2 + (0.018 / 0.171) ** 2 / 12) ** 0.5, rel=1e-3)
+    assert line.u_rel == pytest.approx(((0.002 / 0.171) ** 2 + (0.018 / 0.171) ** 2 / 4) ** 0.5, rel=1e-3)
