@@ -16,13 +16,12 @@ demo: $(VENV)/run  ## a whole simulated calibration through the HTTP API, in a m
 up: $(VENV)/run  ## the whole service in the foreground, on ./stilb-data
 	@exec python -m service.up
 
-test: export OPENBLAS_NUM_THREADS = 1
+test quick: export OPENBLAS_NUM_THREADS = 1
 # an image may forbid it: each of the hundreds of processes would then compile every module again
-test: export PYTHONDONTWRITEBYTECODE =
+test quick: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/dev chromium  ## every test, on SQLite and on PostgreSQL (FILE="tests/radiometry -k gls" runs some)
 	@$(if $(FILE),pytest -q $(FILE),pytest -q -n $$(($$(nproc) + 1)) --maxprocesses 8 --dist worksteal)
 
-quick: export OPENBLAS_NUM_THREADS = 1
 quick: lint  ## what a change needs in a minute: lint, types, and the tests of the science and of single units
 	@pytest -q -m "unit and not slow" -n $$(nproc) --maxprocesses 8 --dist worksteal
 
@@ -49,7 +48,8 @@ verify-backup: $(VENV)/run  ## can a backup be restored? FROM=<folder> [DATABASE
 	@python -m store.backup_check "$(FROM)" --database "$(DATABASE)" --blobs "$(BLOBS)"
 
 lint: $(VENV)/dev  ## style, types, who may import whom, and that no method is known by its name
-	@ruff check . && ruff format --check . && mypy && lint-imports && python -m tests.docs.method_names
+	@ruff check . && ruff format --check . && \
+	(mypy & types=$$!; lint-imports && python -m tests.docs.method_names; others=$$?; wait $$types && exit $$others)
 
 format: $(VENV)/dev  ## put the code in its style
 	@ruff format . && ruff check --fix .

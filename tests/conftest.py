@@ -1,5 +1,6 @@
 """What every suite shares: both databases, and the house put together without processes."""
 
+import os
 from collections import defaultdict
 from pathlib import Path
 from zlib import crc32
@@ -33,16 +34,44 @@ SERVED = {
 WHOLE = {"bench", "browser", "demo", "faults", "flow"}
 
 
+# tests of a unit that take longer than this of a processor, their own processes included
+SLOW_S = 0.35
+SLOW = Path(__file__).parent / "slow.txt"
+_seconds = defaultdict(float)
+
+
+def pytest_addoption(parser):
+    parser.addoption("--write-slow", action="store_true", help="measure the tests that run, into slow.txt")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    began = sum(os.times()[:4])
+    ended = yield
+    _seconds[_name_test(item)] += sum(os.times()[:4]) - began
+    return ended
+
+
+def pytest_sessionfinish(session):
+    if session.config.getoption("--write-slow"):
+        kept = set(SLOW.read_text().split()) - _seconds.keys()
+        slow = {name for name, seconds in _seconds.items() if seconds > SLOW_S}
+        SLOW.write_text("".join(f"{name}\n" for name in sorted(kept | slow)))
+
+
 def pytest_collection_modifyitems(items):
     """Mark the tests of `make quick`, and keep of each test marked `either_database` the run on one database.
 
     Which database, the test's name decides: half of such tests run on SQLite and half on PostgreSQL, so that
     every module meets both.
     """
+    slow = set(SLOW.read_text().split())
     for item in items:
         room = item.path.relative_to(Path(__file__).parent).parts[0]
         if room not in WHOLE and SERVED.isdisjoint(item.fixturenames):
             item.add_marker(pytest.mark.unit)
+        if _name_test(item) in slow:
+            item.add_marker(pytest.mark.slow)
     offered = defaultdict(set)
     for item in items:
         if item.get_closest_marker("either_database"):

@@ -15,8 +15,6 @@ from radiometry.luminance.points import collect_series
 from simulation.luminance import Errors
 from tests.radiometry.campaigns import TRUE_K, draw
 
-pytestmark = pytest.mark.slow
-
 CAMPAIGNS = 300
 # Apertures count most in the first, readings in the second; the meter's calibration would hide either.
 APERTURES = Errors(repeatability=0.01, calibration=0.0, f_number=0.015, exposure_time=0.005)

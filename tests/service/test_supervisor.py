@@ -18,8 +18,6 @@ from tests.support.disks import filled, small_disk
 from tests.support.launcher import launched, ready
 from tests.support.processes import alive, family, marked, wait_until
 
-pytestmark = pytest.mark.slow
-
 GIVEN = "given-to-the-launcher-by-its-environment"
 FOLLOW_MAKE = """
 import time

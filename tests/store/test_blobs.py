@@ -21,8 +21,6 @@ from store.digests import PIECE_BYTES
 from tests.support.blobs import files, put, spoil
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
 
-pytestmark = pytest.mark.slow
-
 ABSENT = "0" * 64
 
 

@@ -15,8 +15,6 @@ from store.publications import publish
 from store.tables import Base, Calibration, ReadyAnswer, ReadyRow
 from tests.support.versions import add_versions
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def empty(request, tmp_path):

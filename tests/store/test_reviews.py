@@ -152,7 +152,6 @@ def scratch(house, campaign_id):
     return state.missing, state.advice, ticks, found
 
 
-@pytest.mark.slow
 def test_kept_reviews_equal_those_from_scratch(house):
     field = Field(house, seed=3)
     for step in range(36):

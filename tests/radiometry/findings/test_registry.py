@@ -4,6 +4,7 @@ import ast
 import copy
 import pickle
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ ROOT = Path(__file__).parents[3]
 DECLARED = re.compile(r"radiometry/(findings/\w+|\w+/codes)\.py")
 
 
+@cache
 def read_code() -> dict[str, ast.Module]:
     """Parse every module that may raise a finding."""
     return {

@@ -10,8 +10,6 @@ from radiometry.findings import InputRejected
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
 from worker.decode import reading
 
-pytestmark = pytest.mark.slow
-
 VARIANTS = {
     "packed": Variant(bits=12, active_area=(2, 4, 38, 44), extra=black_level([4, 5, 6, 7], (2, 2))),
     "tiles": Variant(tile=(16, 32), order=">", extra={51009: opcode_list((9, bytes(40)), (3, bytes(60)))}),

@@ -10,8 +10,6 @@ from PIL import Image
 from worker.maps.colours import COLOURS, make_colours
 from worker.maps.picture import WIDEST_PX, Reduction, Scale, choose_scale, draw_picture
 
-pytestmark = pytest.mark.slow
-
 
 def to_lightness(colours):
     """CIE 1976 lightness of sRGB: another yardstick than the one that the table was made with."""
