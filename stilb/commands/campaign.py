@@ -14,10 +14,10 @@ from stilb.commands.output import Output, command
 from stilb.commands.push import Folder, transfer
 from stilb.commands.showing import lines
 from stilb.commands.tables import table
+from stilb.field.campaign import ensure_campaign, ensure_panel, ensure_readings, list_parameters
 from stilb.field.files import sort_files
 from stilb.field.plan import FILENAME, read_plan, read_spreadsheet
-from stilb.field.pushing import Report, as_json
-from stilb.field.running import ensure_campaign, ensure_panel, ensure_readings, list_parameters
+from stilb.field.push import Report, as_json
 from stilb.field.template import read_methods, write_template
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Unclear

@@ -11,12 +11,12 @@ import typer
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command, config_folder
 from stilb.commands.showing import lines, showing, tell_retry
+from stilb.field.campaign import find_planned
 from stilb.field.files import ROLES, USUAL_RULES, FieldFile, Rule, sort_files
 from stilb.field.journal import Journal
 from stilb.field.plan import FILENAME, read_plan
-from stilb.field.pushing import Report, as_json, push_files
-from stilb.field.running import find_planned
-from stilb.field.watching import Watch
+from stilb.field.push import Report, as_json, push_files
+from stilb.field.watch import Watch
 from stilb.problem import Problem, Unclear, missing
 
 # About four minutes without a network; longer than that, a person starts the same command again.

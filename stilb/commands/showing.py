@@ -15,7 +15,7 @@ from rich.progress import (
     TransferSpeedColumn,
 )
 
-from stilb.field.pushing import Listener, Report
+from stilb.field.push import Listener, Report
 from stilb.problem import Problem
 from stilb.upload import Progress as Sent
 

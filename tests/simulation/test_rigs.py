@@ -13,7 +13,7 @@ from radiometry.reflectance import method as reflectance
 from simulation.camera import change
 from simulation.rig_file import write_rig
 from simulation.rigs import RIGS, capture
-from worker.decode import reading
+from worker.decode import reader
 
 CORNER = Polygon.from_points([(4, 4), (44, 4), (44, 30), (4, 30)])
 
@@ -33,11 +33,11 @@ def test_the_files_are_read_back_whole(shots, tmp_path):
         path = Path(tmp_path, f"{band}.tif")
         write_rig(path, shot)
         found = dataclasses.replace(
-            reading.read_header(path), band_rows=1, first_band_rows=1, attitude=(), exposure_time_s=None
+            reader.read_header(path), band_rows=1, first_band_rows=1, attitude=(), exposure_time_s=None
         )
         told = dataclasses.replace(shot.header, exposure_time_s=None)
         assert _round(dataclasses.asdict(found)) == _round(dataclasses.asdict(told))
-        samples = reading.read_window(path, 0, 0, 72, 100).samples_dn
+        samples = reader.read_window(path, 0, 0, 72, 100).samples_dn
         np.testing.assert_array_equal(samples, shot.frame.samples_dn)
 
 

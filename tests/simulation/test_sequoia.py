@@ -10,7 +10,7 @@ import pytest
 from simulation.camera import change
 from simulation.sequoia import SEQUOIA, capture
 from simulation.sequoia_file import name_file, write_sequoia
-from worker.decode import reading
+from worker.decode import reader
 
 SURFACE = {"green": 0.18, "red": 0.1, "red_edge": 0.3, "nir": 0.5}
 CAMERA = change(SEQUOIA, height_px=72, width_px=101)
@@ -28,7 +28,7 @@ def shots():
 
 def read_header(path):
     """Without the rows that are best read at once: they tell of the file, not of the capture."""
-    return replace(reading.read_header(path), band_rows=1, first_band_rows=1)
+    return replace(reader.read_header(path), band_rows=1, first_band_rows=1)
 
 
 @pytest.mark.parametrize("band", SURFACE)
@@ -41,7 +41,7 @@ def test_the_header_is_the_simulated_one(shots, band, tmp_path):
 def test_the_pixels_are_the_simulated_ones(shots, tmp_path):
     path = tmp_path / "band.tif"
     write_sequoia(path, shots["nir"])
-    found = reading.read_window(path, 0, 0, 72, 101)
+    found = reader.read_window(path, 0, 0, 72, 101)
     np.testing.assert_array_equal(found.samples_dn, shots["nir"].frame.samples_dn)
     assert found.black_level_dn == shots["nir"].frame.black_level_dn
 

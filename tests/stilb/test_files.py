@@ -7,7 +7,7 @@ import pytest
 
 from stilb.field.files import USUAL_RULES, Rule, sort_files
 from stilb.field.journal import Journal
-from stilb.field.watching import Watch
+from stilb.field.watch import Watch
 
 
 def lay(folder, *names):

@@ -18,11 +18,11 @@ from radiometry.findings import InputRejected
 from worker.decode import messages
 from worker.decode.budget import Budget
 from worker.decode.pieces import start_second_thread
-from worker.decode.reading import Reader, Window
+from worker.decode.reader import Reader, Window
 from worker.decode.sandbox import Restrictions, Sandbox
 from worker.decode.settings import NOT_SHUT_IN, DecoderLimits
 from worker.decode.source import Source, SourceDamagedError
-from worker.decode.warming import own_memory, warm_up
+from worker.decode.warmup import own_memory, warm_up
 
 TALK: Final = 0
 _OPEN_FILES: Final = 16

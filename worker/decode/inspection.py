@@ -4,7 +4,7 @@ from typing import Final
 
 from radiometry.frame.proof import Proof
 from radiometry.frame.wholeness import WholenessCheck
-from worker.decode.opening import OpenedFile
+from worker.decode.opened import OpenedFile
 from worker.decode.preview import PreviewMaker
 
 # In a picture to look at, black is a colour like others; it proves itself whole otherwise.

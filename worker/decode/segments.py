@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame.proof import Voucher
-from worker.decode import expanding, ljpeg, tags
+from worker.decode import expansion, ljpeg, tags
 from worker.decode.bits import unpack_rows
 from worker.decode.layout import Layout
 from worker.decode.pieces import decode_all
@@ -105,7 +105,7 @@ def _read_compressed(source: Source, layout: Layout, part: _Part) -> tuple[NDArr
     if layout.compression == tags.JPEG:
         samples, took = ljpeg.decode(data, samples=shape[0] * shape[1] * shape[2])
         return samples.reshape(shape)[rows, cols], took
-    expanded, took = expanding.expand(
+    expanded, took = expansion.expand(
         data,
         layout.compression,
         wanted=stored_rows * layout.row_bytes,

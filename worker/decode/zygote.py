@@ -25,7 +25,7 @@ from worker.decode.libraw import check_version
 from worker.decode.messages import BrokenMessageError
 from worker.decode.sandbox import Restrictions, Sandbox
 from worker.decode.settings import DecoderLimits
-from worker.decode.warming import make_smallest_dng, make_smallest_stream, warm_up
+from worker.decode.warmup import make_smallest_dng, make_smallest_stream, warm_up
 
 _LOOK_FOR_PARENT_MS: Final = 500
 _ORDER_DESCRIPTORS: Final = 2

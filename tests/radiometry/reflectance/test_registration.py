@@ -6,7 +6,7 @@ import pytest
 
 from radiometry.reflectance.registration import register
 from tests.support.data import data_file
-from worker.decode import reading
+from worker.decode import reader
 
 
 def make_ground(seed, shape=(480, 640)):
@@ -57,9 +57,9 @@ def test_noise_and_bare_ground_are_not_trusted():
 
 def read(name):
     path = data_file(name)
-    header = reading.read_header(path)
+    header = reader.read_header(path)
     size = {"height": header.height_px, "width": header.width_px}
-    return reading.read_window(path, row0=0, col0=0, **size).samples_dn.astype(np.float32)
+    return reader.read_window(path, row0=0, col0=0, **size).samples_dn.astype(np.float32)
 
 
 @pytest.mark.parametrize(

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import answers, messages, reading
+from worker.decode import answers, messages, reader
 from worker.decode.messages import BrokenMessageError
 
 
 @pytest.fixture
 def header(save):
-    return asdict(reading.read_header(save(make_dng(make_samples(32, 48, 16), Variant()))))
+    return asdict(reader.read_header(save(make_dng(make_samples(32, 48, 16), Variant()))))
 
 
 @pytest.fixture

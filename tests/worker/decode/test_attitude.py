@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 from tests.support.data import data_file
-from worker.decode import reading
+from worker.decode import reader
 
 DJI = """<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
 <rdf:Description rdf:about="DJI Meta Data" xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"
@@ -22,7 +22,7 @@ def read_angles(folder, xmp):
     )
     path = folder / "picture.tif"
     path.write_bytes(out.getvalue())
-    return {angle.name: angle.value for angle in reading.read_header(path).attitude}
+    return {angle.name: angle.value for angle in reader.read_header(path).attitude}
 
 
 def test_a_gimbal_s_and_its_aircraft_s(tmp_path):
@@ -67,4 +67,4 @@ def test_no_packet_no_angles(tmp_path, xmp):
     ],
 )
 def test_real_files(name, angles):
-    assert {each.name: each.value for each in reading.read_header(data_file(name)).attitude} == angles
+    assert {each.name: each.value for each in reader.read_header(data_file(name)).attitude} == angles

@@ -16,7 +16,7 @@ import pytest
 from radiometry.findings import InputRejected, files
 from simulation.tiff import LONG
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import nursery, reading, warming
+from worker.decode import nursery, reader, warmup
 from worker.decode.calls import build_filter
 from worker.decode.pool import DecoderCrashed, DecoderKilled, DecoderPool
 from worker.decode.sandbox import Restrictions, Sandbox
@@ -76,7 +76,7 @@ def test_a_cell_that_was_taken_over_reaches_nothing(hostile, world, good):
 def test_the_same_probe_outside_a_cell_reaches_the_world(world):
     code = "import json, sys; from tests.worker.decode import probing as at\n"
     # what a process has read and freed is found again in the memory that it owns
-    code += "import numpy as np; from worker.decode import warming; warming.own_memory()\n"
+    code += "import numpy as np; from worker.decode import warmup; warmup.own_memory()\n"
     code += "world = json.loads(sys.argv[1])\n"
     code += "np.frombuffer(bytes.fromhex(world['samples']) * 50_000, np.uint8).copy()\n"
     code += "print(json.dumps(at.probe(world)))"
@@ -174,7 +174,7 @@ def test_nothing_is_imported_after_the_fork(good, real_files):
     code = """
 import sys
 from pathlib import Path
-from worker.decode import reading, zygote
+from worker.decode import reader, zygote
 from radiometry.findings import InputRejected
 zygote.load_late_imports()
 class Spy:
@@ -182,10 +182,10 @@ class Spy:
         print("late:", name)
 sys.meta_path.insert(0, Spy())
 for path in map(Path, sys.argv[1:]):
-    reader = reading.Reader.of(path)
-    header = reader.read_header()
-    reader.read_window(reading.Window(0, 0, header.height_px, header.width_px))
-    reader.inspect()
+    file = reader.Reader.of(path)
+    header = file.read_header()
+    file.read_window(reader.Window(0, 0, header.height_px, header.width_px))
+    file.inspect()
 """
     paths = [good, real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng"]
     paths += [real_files / "checkerboard" / "left01.jpg"]
@@ -202,8 +202,8 @@ for path in map(Path, sys.argv[1:]):
 
 
 def test_the_first_file_is_one():
-    content = warming.make_smallest_dng()
-    warming.warm_up(content, warming.make_smallest_stream())
+    content = warmup.make_smallest_dng()
+    warmup.warm_up(content, warmup.make_smallest_stream())
     assert len(content) < 1000
 
 
@@ -290,11 +290,11 @@ def test_a_dirty_process_gives_nothing_of_another_file(real_files, save):
     for _ in range(3):
         # in this very process, whose memory then holds other frames' samples
         for name in ("blackmagic_bigendian_ljpeg_tiled.dng", "canon_14bit_packed_activearea_zero_exif.dng"):
-            whole = reading.read_header(folder / name)
-            held = reading.read_window(folder / name, 0, 0, whole.height_px, whole.width_px).samples_dn.copy()
+            whole = reader.read_header(folder / name)
+            held = reader.read_window(folder / name, 0, 0, whole.height_px, whole.width_px).samples_dn.copy()
             del held
         with pytest.raises(InputRejected) as caught:
-            reading.read_header(undecoded)
+            reader.read_header(undecoded)
         assert caught.value.code is files.TRUNCATED
 
 

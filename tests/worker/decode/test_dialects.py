@@ -19,7 +19,7 @@ from tests.worker.decode.spectral_tiff import (
     write_micasense_xmp,
     write_sequoia_xmp,
 )
-from worker.decode import reading
+from worker.decode import reader
 from worker.decode.dialects import BY_SYSTEM
 
 # By DJI's guide, means over rows 500 to 799 and columns 650 to 949; the exposures in microseconds.
@@ -37,7 +37,7 @@ MAVIC = {"make": "DJI", "model": "M3M", "software": "10.05.01", "black": False}
 @pytest.fixture
 def read(save):
     def make(xmp, **tiff):
-        return reading.read_header(save(make_tiff(xmp, **tiff), "band.tif"))
+        return reader.read_header(save(make_tiff(xmp, **tiff), "band.tif"))
 
     return make
 
@@ -58,13 +58,13 @@ def settings_of(header):
 @pytest.mark.parametrize(("number", "band"), list(enumerate(P4, start=1)))
 def test_real_p4_multispectral_gives_the_reflectance_of_dji_s_formula(number, band):
     path, (mean, exposure_us) = data_file(f"p4m/DJI_001{number}.TIF"), P4[band]
-    header = reading.read_header(path)
+    header = reader.read_header(path)
     found = header.multispectral
     assert (found.system, found.band, found.kind, found.problem) == ("dji", band, None, None)
     assert (header.black_level_dn, header.white_level_dn) == ((4096.0,), (65472.0,))
     assert found.gain_model.exposure_time_s == pytest.approx(exposure_us * 1e-6)
     assert review(header) == []
-    frame = reading.read_window(path, 500, 650, 300, 300)
+    frame = reader.read_window(path, 500, 650, 300, 300)
     assert not (frame.samples_dn % 64).any()
     signal = compute_signal(frame, header=header, settings=settings_of(header))
     light = reflectance.measure_sunshine(found)
@@ -73,7 +73,7 @@ def test_real_p4_multispectral_gives_the_reflectance_of_dji_s_formula(number, ba
 
 
 def test_real_p4_multispectral_states_place_attitude_and_lens():
-    header = reading.read_header(data_file("p4m/DJI_0011.TIF"))
+    header = reader.read_header(data_file("p4m/DJI_0011.TIF"))
     found, angles = header.multispectral, {each.name: each.value for each in header.attitude}
     assert (header.latitude_deg, header.longitude_deg) == pytest.approx((40.49215399, -87.00107598), abs=2e-8)
     fix = header.position_fix
@@ -99,8 +99,8 @@ def test_real_p4_multispectral_states_place_attitude_and_lens():
 def test_ten_bits_are_saturated_at_65472(save):
     """With 65535 no sample of a P4 Multispectral would ever be saturated."""
     path = save(make_tiff(write_dji_xmp(), make="DJI", model="FC6360", brightest=65472), "band.tif")
-    header = reading.read_header(path)
-    frame = reading.read_window(path, 0, 0, 24, 32)
+    header = reader.read_header(path)
+    frame = reader.read_window(path, 0, 0, 24, 32)
     whole = Polygon.from_points([(0, 0), (32, 0), (32, 24), (0, 24)])
     found = extract_features(frame, whole, header=header, exposure=expose(header))
     assert found.statistics.saturated_share == 1 / (24 * 32)
@@ -116,7 +116,7 @@ def test_mavic_3_by_hand(read, save):
     assert (header.serial, found.imager_serial, found.sunshine_serial) == ("5A1B2C", "5A1B2C", "1581F5FK")
     light = found.irradiance
     assert (light.value, light.quantity, light.pitch_deg) == (9741.7, "compensated", 2.0)
-    frame = reading.read_window(save(make_tiff(xmp, **MAVIC), "band.tif"), 12, 16, 1, 16)
+    frame = reader.read_window(save(make_tiff(xmp, **MAVIC), "band.tif"), 12, 16, 1, 16)
     signal = compute_signal(frame, header=header, settings=settings_of(header))
     radius = np.arange(16)
     gain = 1 + 1e-4 * radius + 1e-6 * radius**2
@@ -187,7 +187,7 @@ def test_radiance_of_a_rededge_p_by_hand(read, save):
     """ISO 206 and 3 ms are the small file's; a1, a2, a3 and V the camera's."""
     xmp = data_file("rededge-p/blue.xmp").read_text()
     header = read(xmp, **REDEDGE_P)
-    frame = reading.read_window(save(make_tiff(xmp, **REDEDGE_P), "band.tif"), 6, 8, 1, 1)
+    frame = reader.read_window(save(make_tiff(xmp, **REDEDGE_P), "band.tif"), 6, 8, 1, 1)
     (signal,) = compute_signal(frame, header=header, settings=settings_of(header))[0]
     lens = header.multispectral.vignetting_polynomial
     pairs = zip(lens.exponents, lens.coefficients, strict=True)

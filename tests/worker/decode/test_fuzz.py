@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
-from worker.decode import reading
+from worker.decode import reader
 
 VARIANTS = {
     "packed": Variant(bits=12, active_area=(2, 4, 38, 44), extra=black_level([4, 5, 6, 7], (2, 2))),
@@ -28,11 +28,11 @@ FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255
 
 
 def _read_all(path):
-    reader = reading.Reader.of(path)
+    file = reader.Reader.of(path)
     with contextlib.suppress(InputRejected):
-        header = reader.read_header()
-        reader.read_window(reading.Window(0, 0, header.height_px, header.width_px))
-        reader.inspect(64)
+        header = file.read_header()
+        file.read_window(reader.Window(0, 0, header.height_px, header.width_px))
+        file.inspect(64)
 
 
 def _damage(content, flips, kept):

@@ -9,7 +9,7 @@ from radiometry.findings import InputRejected, files
 from radiometry.frame.proof import PieceRun
 from simulation.tiff import BYTE
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
-from worker.decode import reading
+from worker.decode import reader
 
 ROWS, COLS = 300, 520
 NEW, OLD = 51111, 50972
@@ -61,19 +61,19 @@ def test_digest_of_the_raw_image_is_checked(name, tag, save):
     variant = STORED[name]
     samples = _samples(variant)
     digest = _digests(variant, samples)[tag]
-    proof = reading.prove(save(make_dng(samples, _with(variant, tag, digest))))
+    proof = reader.prove(save(make_dng(samples, _with(variant, tag, digest))))
     assert proof.vouched_by == "digest"
     changed = samples.copy()
     changed[-1, -1] ^= 1
     with pytest.raises(InputRejected, match="own digest") as caught:
-        reading.prove(save(make_dng(changed, _with(variant, tag, digest)), "changed.dng"))
+        reader.prove(save(make_dng(changed, _with(variant, tag, digest)), "changed.dng"))
     assert caught.value.code is files.INCOMPLETE_IMAGE
 
 
 def test_digest_that_lightroom_spoilt_proves_with_its_rest(save):
     samples = make_samples(ROWS, COLS, 16)
     spoilt = b"\1\2\3\4" + _old_digest(samples)[4:]
-    assert reading.prove(save(make_dng(samples, _with(Variant(), OLD, spoilt)))).vouched_by == "digest"
+    assert reader.prove(save(make_dng(samples, _with(Variant(), OLD, spoilt)))).vouched_by == "digest"
 
 
 @pytest.mark.parametrize(
@@ -92,13 +92,13 @@ def test_digest_that_lightroom_spoilt_proves_with_its_rest(save):
     ],
 )
 def test_uncompressed_pieces_are_accounted_for(variant, vouched_by, runs, save):
-    proof = reading.prove(save(make_dng(make_samples(ROWS, COLS, 16), variant)))
+    proof = reader.prove(save(make_dng(make_samples(ROWS, COLS, 16), variant)))
     assert (proof.vouched_by, proof.pieces, proof.wholeness.empty) == (vouched_by, runs, ())
 
 
 def test_compressed_pieces_are_accounted_for(save):
     variant = Variant(compression="ljpeg", bits=12, tile=(96, 160), active_area=(100, 170, 290, 510))
-    proof = reading.prove(save(make_dng(make_samples(ROWS, COLS, 12), variant)))
+    proof = reader.prove(save(make_dng(make_samples(ROWS, COLS, 12), variant)))
     assert proof.vouched_by == "end"
     assert sum(run.pieces for run in proof.pieces) == 16
     assert {run.samples for run in proof.pieces} == {96 * 160}
@@ -120,9 +120,9 @@ def test_lower_half_of_zeros_is_seen(variant, black, save):
     rng = np.random.default_rng(4)
     samples = np.rint(rng.normal(900, 12, (ROWS, COLS))).astype(np.uint16)
     levels = {**vars(variant), "extra": black_level([black])}
-    assert reading.prove(save(make_dng(samples, Variant(**levels)))).wholeness.empty == ()
+    assert reader.prove(save(make_dng(samples, Variant(**levels)))).wholeness.empty == ()
     samples[ROWS // 2 :] = 0
-    (block,) = reading.prove(save(make_dng(samples, Variant(**levels)), "cut.dng")).wholeness.empty
+    (block,) = reader.prove(save(make_dng(samples, Variant(**levels)), "cut.dng")).wholeness.empty
     assert (block.row0, block.rows, block.cols) == (ROWS // 2, ROWS // 2, COLS)
 
 
@@ -132,9 +132,9 @@ def test_damage_outside_the_region_is_found_by_the_pass_alone(save):
     last = content.rindex(b"\xff\xd8\xff\xc3")
     content[last + 200 : last + 240] = bytes(40)
     path = save(bytes(content))
-    np.testing.assert_array_equal(reading.read_window(path, 0, 0, 9, 9).samples_dn, samples[:9, :9])
+    np.testing.assert_array_equal(reader.read_window(path, 0, 0, 9, 9).samples_dn, samples[:9, :9])
     with pytest.raises(InputRejected):
-        reading.prove(path)
+        reader.prove(path)
 
 
 def test_real_files_prove_themselves(real_files):
@@ -143,7 +143,7 @@ def test_real_files_prove_themselves(real_files):
         ("dng/canon_14bit_packed_activearea_zero_exif.dng", "length"),
         ("edge/Test_edge1.tif", "end"),
     ):
-        proof = reading.prove(real_files / name)
+        proof = reader.prove(real_files / name)
         assert (proof.vouched_by, proof.wholeness.empty) == (vouched_by, ())
     for path in [*(real_files / "sequoia").glob("*.TIF"), *(real_files / "rededge").glob("*.tif")]:
-        assert reading.prove(path).wholeness.empty == ()
+        assert reader.prove(path).wholeness.empty == ()

@@ -7,7 +7,7 @@ import rawpy
 from radiometry.findings import InputRejected, files
 from simulation.tiff import LONG, RATIONAL
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import libraw, reading
+from worker.decode import libraw, reader
 
 SAMPLES = make_samples(64, 96, 16)
 
@@ -28,13 +28,13 @@ def tiff_ep(save):
 
 def test_mosaic_and_exif(tiff_ep):
     path = tiff_ep()
-    header = reading.read_header(path)
+    header = reader.read_header(path)
     assert (header.container, header.decoder, header.black_level_origin) == ("raw", "libraw", "libraw")
     assert (header.exposure_time_s, header.make) == (1 / 60, "Stilb")
     with rawpy.imread(str(path)) as raw:
         visible = raw.raw_image_visible.copy()
     assert (header.height_px, header.width_px) == visible.shape
-    frame = reading.read_window(path, 10, 12, 20, 30)
+    frame = reader.read_window(path, 10, 12, 20, 30)
     np.testing.assert_array_equal(frame.samples_dn, visible[10:30, 12:42])
     assert (frame.cfa, len(frame.black_level_dn)) == (header.cfa, 4)
 
@@ -42,7 +42,7 @@ def test_mosaic_and_exif(tiff_ep):
 def test_missing_samples_are_noticed_before_libraw_makes_them_up(tiff_ep):
     path = tiff_ep(extra={273: (LONG, 12_000)})
     with pytest.raises(InputRejected) as caught:
-        reading.read_header(path)
+        reader.read_header(path)
     assert caught.value.code is files.TRUNCATED
 
 
@@ -51,14 +51,14 @@ def test_zero_lines_among_lit_ones_are_missing_data(tiff_ep):
     cut[40:44] = 0
     for samples in (cut, np.zeros_like(SAMPLES)):
         with pytest.raises(InputRejected) as caught:
-            reading.read_header(tiff_ep(samples))
+            reader.read_header(tiff_ep(samples))
         assert caught.value.code is files.TRUNCATED
 
 
 def test_a_dark_frame_that_its_camera_clips_at_zero_is_read(tiff_ep):
     dark = np.zeros_like(SAMPLES)
     dark[::7, ::5] = 3
-    assert reading.read_header(tiff_ep(dark)).decoder == "libraw"
+    assert reader.read_header(tiff_ep(dark)).decoder == "libraw"
 
 
 def test_an_unsafe_version_is_not_used(monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 from radiometry.frame import Opcode
 from simulation.tiff import ASCII, LONG, RATIONAL, SHORT, SRATIONAL
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples, opcode_list
-from worker.decode import reading
+from worker.decode import reader
 from worker.decode.metadata import read_metadata
 from worker.decode.tiff import read_directories
 
@@ -34,7 +34,7 @@ EXIF = {
 @pytest.fixture
 def header(save):
     def read(**changes):
-        return reading.read_header(save(make_dng(SAMPLES, Variant(bits=12, **changes))))
+        return reader.read_header(save(make_dng(SAMPLES, Variant(bits=12, **changes))))
 
     return read
 
@@ -165,13 +165,13 @@ def test_black_level_deltas_are_those_of_the_window(save):
     extra = black_level([100]) | {50715: (SRATIONAL, deltas_h), 50716: (SRATIONAL, deltas_v)}
     variant = Variant(bits=12, active_area=(6, 4, 26, 44), extra=extra)
     path = save(make_dng(SAMPLES, variant))
-    frame = reading.read_window(path, 3, 5, 4, 6)
+    frame = reader.read_window(path, 3, 5, 4, 6)
     # Rows 3 to 6: even 4 and 6, odd 3 and 5. Columns 5 to 10: even 6, 8, 10, odd 5, 7, 9.
     rows, cols = {0: 50, 1: 40}, {0: 8, 1: 7}
     expected = [100 + rows[row] + cols[col] for row in (0, 1) for col in (0, 1)]
     assert frame.black_level_dn == pytest.approx(expected)
     # One pixel holds one site; the others are answered for their nearest lines.
-    assert reading.read_window(path, 19, 39, 1, 1).black_level_dn[3] == 100 + 190 + 39
+    assert reader.read_window(path, 19, 39, 1, 1).black_level_dn[3] == 100 + 190 + 39
 
 
 def test_truncated_file_still_tells_its_exposure(real_files):
@@ -182,13 +182,13 @@ def test_truncated_file_still_tells_its_exposure(real_files):
 
 
 def test_real_file_with_zeros_for_its_exposure(real_files):
-    found = reading.read_header(real_files / "dng" / "canon_14bit_packed_activearea_zero_exif.dng")
+    found = reader.read_header(real_files / "dng" / "canon_14bit_packed_activearea_zero_exif.dng")
     assert (found.exposure_time_s, found.f_number, found.exposure_time_apex_s) == (0.0, 0.0, None)
     assert (found.cfa, found.bits_per_sample, found.height_px, found.width_px) == ("RGGB", 14, 1156, 1734)
     assert (set(found.black_level_dn), set(found.white_level_dn)) == ({2056}, {15000})
 
 
 def test_rationals_near_the_end_of_their_range(real_files):
-    found = reading.read_header(real_files / "sequoia" / "IMG_180413_080658_0000_GRE.TIF")
+    found = reader.read_header(real_files / "sequoia" / "IMG_180413_080658_0000_GRE.TIF")
     assert (found.exposure_time_s, found.f_number) == pytest.approx((0.003, 2.2), rel=1e-6)
     assert found.taken_at == "2018-04-13T08:06:58.272945"

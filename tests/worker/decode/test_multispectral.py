@@ -18,7 +18,7 @@ from tests.worker.decode.spectral_tiff import (
     write_micasense_xmp,
     write_sequoia_xmp,
 )
-from worker.decode import reading
+from worker.decode import reader
 from worker.decode.irradiance import read_counts, read_gains
 from worker.decode.pool import DecoderPool
 from worker.decode.xmp import MAX_BYTES, MAX_DEPTH, MAX_PROPERTIES, MAX_TEXT_BYTES, parse_xmp
@@ -34,13 +34,13 @@ LAYOUTS = {28: "<QHHHHfff", 24: "<QHHfff", 20: "<QHHff"}
 
 
 def read(save, xmp, **tiff):
-    return reading.read_header(save(make_tiff(xmp, **tiff), "band.tif"))
+    return reader.read_header(save(make_tiff(xmp, **tiff), "band.tif"))
 
 
 @pytest.mark.parametrize("suffix", SEQUOIA)
 def test_real_sequoia_files(real_files, suffix):
     band, wavelength_nm, model, counts = SEQUOIA[suffix]
-    header = reading.read_header(real_files / "sequoia" / f"IMG_180413_080658_0000_{suffix}.TIF")
+    header = reader.read_header(real_files / "sequoia" / f"IMG_180413_080658_0000_{suffix}.TIF")
     found = header.multispectral
     assert (found.system, found.band, found.wavelength_nm) == ("sequoia", band, wavelength_nm)
     assert (found.sensor_model.a, found.sensor_model.b, found.sensor_model.c) == model
@@ -61,14 +61,14 @@ def test_real_sequoia_files(real_files, suffix):
 def test_real_sequoia_levels_are_the_brightest_numbers_there_are(real_files):
     """Three of the four bands are clipped somewhere, and none reaches 65535."""
     largest = [
-        int(reading.read_window(path, 0, 0, 960, 1280).samples_dn.max())
+        int(reader.read_window(path, 0, 0, 960, 1280).samples_dn.max())
         for path in sorted((real_files / "sequoia").glob("*.TIF"))
     ]
     assert largest == [65472, 65472, 65472, 61376]
 
 
 def test_real_rededge_files(real_files):
-    header = reading.read_header(real_files / "rededge" / "0000SET_000_IMG_0000_5.tif")
+    header = reader.read_header(real_files / "rededge" / "0000SET_000_IMG_0000_5.tif")
     found = header.multispectral
     assert (found.system, found.band, found.rig_camera_index) == ("micasense", "red_edge", 4)
     assert (found.wavelength_nm, found.width_nm) == (717.0, 10.0)
@@ -85,14 +85,14 @@ def test_real_rededge_files(real_files):
 
 def test_bands_of_one_real_capture_name_it_alike(real_files):
     files = sorted((real_files / "rededge").glob("*.tif"))
-    captures = [reading.read_header(path).multispectral.capture_id for path in files]
+    captures = [reader.read_header(path).multispectral.capture_id for path in files]
     assert captures == ["5v25BtsZg3BQBhVH7Iaz"] * 5 + ["g2R43Qr5m7EeTFGbkh1W"] * 5
 
 
 def test_a_header_comes_through_the_pool_whole(real_files):
     path = real_files / "sequoia" / "IMG_180413_080658_0000_NIR.TIF"
     with DecoderPool(1) as pool:
-        assert pool.read_header(path) == reading.read_header(path)
+        assert pool.read_header(path) == reader.read_header(path)
 
 
 def test_old_dump_of_24_byte_records(real_files):
@@ -311,5 +311,5 @@ def test_a_damaged_packet_makes_no_file_unreadable(garbage, at, cut):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "band.tif"
         path.write_bytes(make_tiff(xmp[:at] + garbage + xmp[at + cut :]))
-        header = reading.read_header(path)
+        header = reader.read_header(path)
     json.dumps(dataclasses.asdict(header), allow_nan=False)

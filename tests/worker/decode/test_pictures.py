@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from radiometry.findings import InputRejected, files
 from simulation.tiff import ASCII, LONG, RATIONAL, SHORT, TiffWriter
-from worker.decode import pictures, reading
+from worker.decode import pictures, reader
 from worker.decode.pool import DecoderPool
 
 GREY = np.random.default_rng(3).integers(0, 256, (48, 80), np.uint8)
@@ -66,31 +66,31 @@ def _sized(jpeg, height, width):
 )
 def test_picture_is_read_as_it_is(content, container, bits, expected, save):
     path = save(content, "picture.dng")
-    header = reading.read_header(path)
+    header = reader.read_header(path)
     if expected is None:
         expected = imagecodecs.jpeg8_decode(content)
     cfa = "rgb" if expected.ndim == 3 else "grey"
     assert (header.container, header.cfa, header.rendered) == (container, cfa, True)
     assert (header.height_px, header.width_px, header.bits_per_sample) == (48, 80, bits)
-    frame = reading.read_window(path, 5, 7, 20, 31)
+    frame = reader.read_window(path, 5, 7, 20, 31)
     assert frame.samples_dn.dtype == np.uint16
     np.testing.assert_array_equal(frame.samples_dn, expected[5:25, 7:38])
     assert set(frame.white_level_dn) == {2.0**bits - 1}
-    assert imagecodecs.png_decode(reading.render_preview(path, 40)).shape == (24, 40)
+    assert imagecodecs.png_decode(reader.render_preview(path, 40)).shape == (24, 40)
 
 
 @pytest.mark.parametrize(
     "content", [_with_segment(JPEG, 0xE1, b"Exif\0\0" + _exif()), _with_chunk(PNG, b"eXIf", _exif())]
 )
 def test_exif_of_a_picture(content, save):
-    header = reading.read_header(save(content))
+    header = reader.read_header(save(content))
     assert (header.exposure_time_s, header.f_number, header.iso) == (0.004, 5.6, 200.0)
     assert (header.make, header.model, header.serial) == ("Make", "Model", "S1")
 
 
 @pytest.mark.parametrize("exif", [b"", b"II*\0", b"II*\0\xff\xff\xff\xff", b"nonsense", _exif()[:60]])
 def test_damaged_exif_costs_the_metadata_only(exif, save):
-    header = reading.read_header(save(_with_segment(JPEG, 0xE1, b"Exif\0\0" + exif)))
+    header = reader.read_header(save(_with_segment(JPEG, 0xE1, b"Exif\0\0" + exif)))
     assert header.exposure_time_s is None
     assert header.width_px == 80
 
@@ -126,7 +126,7 @@ def test_damaged_exif_costs_the_metadata_only(exif, save):
 def test_picture_that_cannot_be(content, code, save):
     path = save(content)
     with pytest.raises(InputRejected) as caught:
-        reading.read_window(path, 0, 0, 16, 16)
+        reader.read_window(path, 0, 0, 16, 16)
     assert caught.value.code is code
 
 
@@ -142,7 +142,7 @@ def test_bomb_of_pixels_is_refused_before_it_is_decoded(save, monkeypatch):
     padded_jpeg = padded_jpeg[:scan] + bytes(1 << 20) + padded_jpeg[scan:]
     for content in (padded, padded_jpeg):
         with pytest.raises(InputRejected, match="100 megapixels") as caught:
-            reading.read_header(save(content))
+            reader.read_header(save(content))
         assert caught.value.code is files.FRAME_TOO_LARGE
 
 
@@ -176,6 +176,6 @@ def test_damaged_pictures_are_read_or_refused(content, save, flips, kept, near):
         damaged[int(place * near * len(damaged))] = value
     path = save(bytes(damaged))
     with contextlib.suppress(InputRejected):
-        header = reading.read_header(path)
+        header = reader.read_header(path)
         assert header.height_px * header.width_px <= pictures.MAX_PICTURE_PX
-        reading.read_window(path, 0, 0, header.height_px, header.width_px)
+        reader.read_window(path, 0, 0, header.height_px, header.width_px)

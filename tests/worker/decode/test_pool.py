@@ -16,7 +16,7 @@ import pytest
 from radiometry.findings import InputRejected, files, shared
 from simulation.tiff import LONG
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
-from worker.decode import reading
+from worker.decode import reader
 from worker.decode.pool import DecoderCrashed, DecoderPool, DecoderUnavailable
 
 SAMPLES = make_samples(64, 96, 14)
@@ -50,12 +50,12 @@ def _wait_until(condition, seconds=20):
 
 
 def test_answers_are_those_of_the_reader(pool, good):
-    assert pool.read_header(good) == reading.read_header(good)
+    assert pool.read_header(good) == reader.read_header(good)
     frame = pool.read_window(good, (3, 5, 20, 30))
     np.testing.assert_array_equal(frame.samples_dn, expected_samples(SAMPLES, VARIANT)[3:23, 5:35])
-    assert frame.black_level_dn == reading.read_window(good, 3, 5, 20, 30).black_level_dn
+    assert frame.black_level_dn == reader.read_window(good, 3, 5, 20, 30).black_level_dn
     assert (frame.row0, frame.col0, frame.height_px, frame.width_px) == (3, 5, 60, 86)
-    assert pool.inspect(good, 40) == (reading.render_preview(good, 40), reading.prove(good))
+    assert pool.inspect(good, 40) == (reader.render_preview(good, 40), reader.prove(good))
 
 
 def test_refusals_come_through_and_cost_no_process(pool, good, save):
@@ -196,7 +196,7 @@ def test_a_process_that_cannot_start_is_our_fault(good, monkeypatch):
 
 
 def test_threads_share_the_processes(good):
-    expected = reading.read_header(good)
+    expected = reader.read_header(good)
     found = []
 
     def work():

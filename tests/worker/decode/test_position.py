@@ -6,7 +6,7 @@ import pytest
 
 from simulation.tiff import ASCII, BYTE, LONG, RATIONAL
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import reading
+from worker.decode import reader
 
 LANSING = {
     1: (ASCII, "N"),
@@ -22,7 +22,7 @@ LANSING = {
 def position(save):
     def read(gps, **changes):
         path = save(make_dng(make_samples(32, 48, 16), Variant(gps=gps, **changes)))
-        header = reading.read_header(path)
+        header = reader.read_header(path)
         return header.latitude_deg, header.longitude_deg, header.altitude_m
 
     return read
@@ -83,14 +83,14 @@ def test_a_height_that_is_not_known_leaves_the_position(change, position):
 
 def test_a_directory_outside_the_file_is_no_position(save):
     path = save(make_dng(make_samples(32, 48, 16), Variant(main={34853: (LONG, 1 << 30)})))
-    assert reading.read_header(path).latitude_deg is None
+    assert reader.read_header(path).latitude_deg is None
 
 
 def test_bands_follow_the_tiles_from_the_visible_corner(save):
     tiled = Variant(compression="ljpeg", bits=12, tile=(16, 16))
     samples = make_samples(48, 48, 12)
-    whole = reading.read_header(save(make_dng(samples, tiled)))
+    whole = reader.read_header(save(make_dng(samples, tiled)))
     cut = dataclasses.replace(tiled, active_area=(20, 4, 44, 44))
-    inner = reading.read_header(save(make_dng(samples, cut), "b.dng"))
+    inner = reader.read_header(save(make_dng(samples, cut), "b.dng"))
     assert (whole.band_rows, whole.first_band_rows) == (16, 16)
     assert (inner.band_rows, inner.first_band_rows) == (16, 12)

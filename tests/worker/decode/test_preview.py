@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tests.worker.decode.dng_variants import Variant, make_dng
-from worker.decode import ljpeg, reading
+from worker.decode import ljpeg, reader
 
 ROWS, COLS = 240, 400
 
@@ -27,7 +27,7 @@ def path(request, save):
 
 @pytest.mark.parametrize("longest", [100, 73, 400])
 def test_scale_is_the_ratio_of_widths(path, longest):
-    picture = imagecodecs.png_decode(reading.render_preview(path, longest))
+    picture = imagecodecs.png_decode(reader.render_preview(path, longest))
     height, width = picture.shape
     assert (width, height) == (longest, round(ROWS * longest / COLS))
     bright_rows, bright_cols = np.nonzero(picture > 200)
@@ -48,13 +48,13 @@ def test_every_tile_is_decoded_once(save, monkeypatch):
         return decode(data, samples=samples)
 
     monkeypatch.setattr(ljpeg, "decode", counted)
-    reading.render_preview(path, 100)
+    reader.render_preview(path, 100)
     assert len(decoded) == (ROWS // 48) * (COLS // 80)
 
 
 def test_small_frame_is_not_enlarged(save):
     path = save(make_dng(_scene(), Variant()))
-    assert imagecodecs.png_decode(reading.render_preview(path, 1600)).shape == (ROWS, COLS)
+    assert imagecodecs.png_decode(reader.render_preview(path, 1600)).shape == (ROWS, COLS)
 
 
 @pytest.mark.parametrize("longest", [100, 300, 400])
@@ -62,14 +62,14 @@ def test_colour_pattern_does_not_show(longest, save):
     samples = np.full((ROWS, COLS), 1000, np.uint16)
     samples[::2, ::2] = 4000
     path = save(make_dng(samples, Variant()))
-    assert np.ptp(imagecodecs.png_decode(reading.render_preview(path, longest))) == 0
+    assert np.ptp(imagecodecs.png_decode(reader.render_preview(path, longest))) == 0
 
 
 def test_frame_without_light_is_black_and_not_an_error(save):
     path = save(make_dng(np.zeros((ROWS, COLS), np.uint16), Variant()))
-    assert not imagecodecs.png_decode(reading.render_preview(path, 100)).any()
+    assert not imagecodecs.png_decode(reader.render_preview(path, 100)).any()
 
 
 def test_rgb_is_shown_grey(real_files):
-    picture = imagecodecs.png_decode(reading.render_preview(real_files / "edge" / "Test_edge1.tif"))
+    picture = imagecodecs.png_decode(reader.render_preview(real_files / "edge" / "Test_edge1.tif"))
     assert picture.shape == (124, 343)

@@ -14,7 +14,7 @@ from radiometry.reflectance.findings import check_frame
 from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial
 from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.sequoia import subtract_black
-from worker.decode import reading
+from worker.decode import reader
 
 # Rows 440 to 519, columns 600 to 679.
 CENTRE = Polygon.from_points([(600, 440), (680, 440), (680, 520), (600, 520)])
@@ -31,7 +31,7 @@ IRRADIANCE = (0.79845, 0.81682, 0.74944, 0.54834, 0.61336)
 
 def open_sequoia(folder, band):
     path = folder / "sequoia" / f"IMG_180413_080658_0000_{SUFFIXES[band]}.TIF"
-    return path, reading.read_header(path)
+    return path, reader.read_header(path)
 
 
 def exposure_of(header):
@@ -39,7 +39,7 @@ def exposure_of(header):
 
 
 def extract(path, header, polygon):
-    frame = reading.read_window(path, 0, 0, header.height_px, header.width_px)
+    frame = reader.read_window(path, 0, 0, header.height_px, header.width_px)
     region = Region(name="", polygon=polygon)
     return reflectance.extract(frame, [region], header=header, exposure=exposure_of(header)).features
 
@@ -77,7 +77,7 @@ def test_vignetting_before_black_errs_by_4_to_19_per_cent_in_a_real_corner(real_
     """The public scripts' order, p / V - B, in the 40 x 40 pixels of the top left corner."""
     path, header = open_sequoia(real_files, band)
     told = header.multispectral
-    samples = reading.read_window(path, 0, 0, 40, 40).samples_dn
+    samples = reader.read_window(path, 0, 0, 40, 40).samples_dn
     size = FrameSize(height_px=header.height_px, width_px=header.width_px)
     window = Window(row0=0, col0=0, height=40, width=40)
     share = evaluate_polynomial(told.vignetting_polynomial, window, size=size)
@@ -125,7 +125,7 @@ def test_a_real_capture_calibrates_and_gives_its_own_reflectance_back(real_files
 def test_rededge_panel_radiance_and_irradiance(real_files, number):
     """The maker's own library gives these, of undistorted images and corners it detects itself."""
     path = real_files / "rededge" / f"0000SET_000_IMG_0000_{number}.tif"
-    header = reading.read_header(path)
+    header = reader.read_header(path)
     dx, dy = SHIFTS[number - 1]
     found = extract(path, header, Polygon.from_points([(x + dx, y + dy) for x, y in PANEL]))
     assert found.i_sq_unit == "W/(m2*sr*nm)"
@@ -137,7 +137,7 @@ def test_rededge_panel_radiance_and_irradiance(real_files, number):
 
 def test_rededge_light_sensor_and_panel_tell_of_one_sky(real_files):
     """DLS 1.085 W/m2/nm hung 11 degrees off level; the panel saw 0.798: the same unit, not 100 times more."""
-    header = reading.read_header(real_files / "rededge" / "0000SET_000_IMG_0000_1.tif")
+    header = reader.read_header(real_files / "rededge" / "0000SET_000_IMG_0000_1.tif")
     found = reflectance.measure_sunshine(header.multispectral)
     assert found.i_ss == pytest.approx(1.084825, abs=1e-6)
     assert 0.7 < found.i_ss / IRRADIANCE[0] < 1.5
@@ -147,7 +147,7 @@ def test_the_tilt_correction_brings_a_real_light_sensor_nearer_to_the_panel(real
     """It leaned 11 degrees towards a sun of 41: with the signs of its attitude turned it would read less."""
     ratios = []
     for number, irradiance in enumerate(IRRADIANCE, start=1):
-        header = reading.read_header(real_files / "rededge" / f"0000SET_000_IMG_0000_{number}.tif")
+        header = reader.read_header(real_files / "rededge" / f"0000SET_000_IMG_0000_{number}.tif")
         tilt = find_tilt(header, reflectance.TiltParams())
         assert (tilt.sun.elevation_deg, tilt.sun.azimuth_deg) == pytest.approx((41.2, 199.1), abs=0.1)
         found = [reflectance.measure_sunshine(header.multispectral, tilt=each) for each in (None, tilt)]
@@ -160,7 +160,7 @@ def test_the_tilt_correction_brings_a_real_light_sensor_nearer_to_the_panel(real
 def test_saturated_pixels_of_a_real_flight_capture_are_counted(real_files):
     """The brightest number is 65520: with 65535 none of these 1829 would count."""
     path = real_files / "rededge" / "0000SET_000_IMG_0001_1.tif"
-    header = reading.read_header(path)
+    header = reader.read_header(path)
     whole = Polygon.from_points([(0, 0), (1280, 0), (1280, 960), (0, 960)])
     share = extract(path, header, whole).statistics.saturated_share
     assert share == pytest.approx(1829 / (1280 * 960))
@@ -193,7 +193,7 @@ def test_alignment_leaves_the_parallax_of_a_square_rig(real_files):
     frames = {}
     for band in SUFFIXES:
         path, header = open_sequoia(real_files, band)
-        plane = reading.read_window(path, 0, 0, 960, 1280).samples_dn.astype(np.float32)
+        plane = reader.read_window(path, 0, 0, 960, 1280).samples_dn.astype(np.float32)
         frames[band] = align(plane, of=header.multispectral.geometry, onto=onto.multispectral.geometry)
     edges = {band: _edges(plane)[part] for band, plane in frames.items()}
     red, red_edge, nir = (_shift(edges["green"], edges[band]) for band in ("red", "red_edge", "nir"))
@@ -210,8 +210,8 @@ def test_stated_offsets_bring_the_bands_of_a_real_p4_multispectral_together(real
     frames = {}
     for each in (5, number):
         path = real_files / "p4m" / f"DJI_001{each}.TIF"
-        samples = reading.read_window(path, 0, 0, 1300, 1600).samples_dn.astype(np.float32)
-        frames[each] = samples, reading.read_header(path).multispectral.geometry
+        samples = reader.read_window(path, 0, 0, 1300, 1600).samples_dn.astype(np.float32)
+        frames[each] = samples, reader.read_header(path).multispectral.geometry
     (nir, onto), (other, of) = frames[5], frames[number]
     aligned = align(other, of=of, onto=onto)
     assert np.abs(_shift(_edges(nir)[part], _edges(aligned)[part])).max() <= most_px

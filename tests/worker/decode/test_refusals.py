@@ -8,14 +8,14 @@ import pytest
 from radiometry.findings import InputRejected, files, shared
 from simulation.tiff import BYTE, DOUBLE, LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, black_level, make_dng, make_samples
-from worker.decode import reading
+from worker.decode import reader
 
 SAMPLES = make_samples(64, 64, 16)
 
 
 def _code(path, window=None):
     with pytest.raises(InputRejected) as caught:
-        reading.read_window(path, *(window or (0, 0, 16, 16)))
+        reader.read_window(path, *(window or (0, 0, 16, 16)))
     assert caught.value.message.endswith(".")
     return caught.value.code
 
@@ -102,7 +102,7 @@ def test_image_data_cut_from_the_end_of_the_file(save):
     # The directories come first, as cameras write them: only the samples are missing.
     base = make_dng(SAMPLES, Variant())
     content = make_dng(SAMPLES, Variant(extra={273: (LONG, len(base))})) + SAMPLES.tobytes()
-    reading.read_header(save(content))
+    reader.read_header(save(content))
     assert _code(save(content[:-1])) is files.TRUNCATED
 
 
@@ -185,7 +185,7 @@ def test_lossless_jpeg_that_is_damaged(cut, code, save):
 
 
 def test_intact_lossless_jpeg_passes_the_same_way(save):
-    frame = reading.read_window(save(_ljpeg(lambda jpeg: jpeg)), 0, 0, 64, 64)
+    frame = reader.read_window(save(_ljpeg(lambda jpeg: jpeg)), 0, 0, 64, 64)
     np.testing.assert_array_equal(frame.samples_dn, SAMPLES)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from store.digests import PIECE_BYTES, PieceDigester
 from worker.decode.budget import allow_all
-from worker.decode.opening import open_source
+from worker.decode.opened import open_source
 from worker.decode.source import Source, SourceDamagedError
 
 SIZE = 2 * PIECE_BYTES + 5

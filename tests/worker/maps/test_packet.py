@@ -9,7 +9,7 @@ import pytest
 from radiometry.frame import StatedAngle
 from radiometry.frame.multispectral import Multispectral
 from tests.support.data import data_file
-from worker.decode import reading
+from worker.decode import reader
 from worker.decode.metadata import read_metadata
 from worker.decode.multispectral import read_multispectral
 from worker.decode.packet import _pixels_per_mm
@@ -28,7 +28,7 @@ KEPT = (
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path):
-    header = reading.read_header(data_file(name))
+    header = reader.read_header(data_file(name))
     told = header.multispectral
     target = tmp_path / "map.tif"
     tiles = encode_band(np.zeros((256, header.width_px), np.float32))
@@ -58,7 +58,7 @@ def test_a_map_says_of_band_and_lens_what_the_camera_s_file_says(name, tmp_path)
 
 @pytest.mark.parametrize("name", FILES)
 def test_what_the_map_has_taken_in_is_not_said_again(name):
-    header = reading.read_header(data_file(name))
+    header = reader.read_header(data_file(name))
     kept = {angle.name for angle in header.attitude}
     properties = set(parse_xmp(write_packet(header, [header.multispectral]))) - kept
     words = ("Vignetting", "SensorModel", "Radiometric", "Irradiance", "Sunshine", "Albedo")
@@ -66,7 +66,7 @@ def test_what_the_map_has_taken_in_is_not_said_again(name):
 
 
 def make_header(**more):
-    return dataclasses.replace(reading.read_header(data_file(FILES[1])), **({"attitude": ()} | more))
+    return dataclasses.replace(reader.read_header(data_file(FILES[1])), **({"attitude": ()} | more))
 
 
 def test_attitude_alone_is_a_packet_and_nothing_is_none():
@@ -84,7 +84,7 @@ def test_a_name_cannot_break_out_of_the_packet():
 
 def test_captures_and_fixes_are_written_as_the_cameras_write_them():
     """OpenDroneMap finds a DJI's and a Sequoia's capture as an attribute alone, a RedEdge's as an element."""
-    header = reading.read_header(data_file("p4m/DJI_0014.TIF"))
+    header = reader.read_header(data_file("p4m/DJI_0014.TIF"))
     packet = write_packet(header, [header.multispectral]).decode()
     capture = header.multispectral.capture_id
     assert f' drone-dji:CaptureUUID="{capture}"' in packet
@@ -92,14 +92,14 @@ def test_captures_and_fixes_are_written_as_the_cameras_write_them():
     assert ' drone-dji:RtkStdHgt="0.02043"' in packet
     assert ' Camera:GPSXYAccuracy="0.0123"' in packet
     assert ' Camera:PerspectiveFocalLengthUnits="mm"' in packet
-    rededge = reading.read_header(data_file(FILES[1]))
+    rededge = reader.read_header(data_file(FILES[1]))
     packet = write_packet(rededge, [rededge.multispectral]).decode()
     assert f"<MicaSense:CaptureId>{rededge.multispectral.capture_id}</" in packet
     assert "<DLS:Yaw>" in packet
 
 
 def test_several_bands_are_a_sequence_and_keep_one_lens():
-    headers = [reading.read_header(data_file(f"rededge/0000SET_000_IMG_0001_{n}.tif")) for n in (4, 3)]
+    headers = [reader.read_header(data_file(f"rededge/0000SET_000_IMG_0001_{n}.tif")) for n in (4, 3)]
     found = parse_xmp(write_packet(headers[0], [each.multispectral for each in headers]))
     assert found["camera:BandName"] == ("NIR", "Red")
     assert [float(each) for each in found["camera:CentralWavelength"]] == [840, 668]

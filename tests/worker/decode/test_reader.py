@@ -6,7 +6,7 @@ import rawpy
 
 from simulation.tiff import LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, expected_samples, make_dng, make_samples
-from worker.decode import reading
+from worker.decode import reader
 
 ROWS, COLS = 70, 96
 AREA = (6, 8, 68, 92)
@@ -62,8 +62,8 @@ def test_whole_frame_equals_libraw_and_what_was_written(name, save):
     variant = VARIANTS[name]
     samples = make_samples(ROWS, COLS, variant.bits)
     path = save(make_dng(samples, variant))
-    header = reading.read_header(path)
-    frame = reading.read_window(path, 0, 0, header.height_px, header.width_px)
+    header = reader.read_header(path)
+    frame = reader.read_window(path, 0, 0, header.height_px, header.width_px)
     np.testing.assert_array_equal(frame.samples_dn, expected_samples(samples, variant))
     with rawpy.imread(str(path)) as raw:
         # LibRaw moves odd margins inwards to even ones, with the pattern in phase.
@@ -82,10 +82,10 @@ def test_windows_are_parts_of_the_frame(name, save):
     samples = make_samples(ROWS, COLS, variant.bits)
     whole = expected_samples(samples, variant)
     path = save(make_dng(samples, variant))
-    reader = reading.Reader.of(path)
+    file = reader.Reader.of(path)
     for window in WINDOWS:
         row0, col0, height, width = window
-        frame = reader.read_window(reading.Window(*window))
+        frame = file.read_window(reader.Window(*window))
         np.testing.assert_array_equal(frame.samples_dn, whole[row0 : row0 + height, col0 : col0 + width])
         assert (frame.row0, frame.col0) == (row0, col0)
         assert (frame.height_px, frame.width_px) == whole.shape
@@ -104,7 +104,7 @@ def test_strips_out_of_order_are_found_by_their_offsets(save):
     base = len(content) + len(content) % 2
     donor = Variant(rows_per_strip=35, extra={273: (LONG, [base + len(strips[0]), base])})
     path = save(make_dng(samples, donor).ljust(base, b"\0") + b"".join(strips))
-    frame = reading.read_window(path, 30, 0, 10, COLS)
+    frame = reader.read_window(path, 30, 0, 10, COLS)
     np.testing.assert_array_equal(frame.samples_dn, samples[30:40])
 
 
@@ -118,11 +118,11 @@ def test_feature_that_is_not_read_natively_goes_to_libraw(save):
     jpeg = restarting + content[start + 2 :]
     variant = Variant(compression="ljpeg", bits=12, extra={273: (LONG, moved), 279: (LONG, len(jpeg))})
     path = save(make_dng(samples, variant).ljust(moved, b"\0") + jpeg)
-    reader = reading.Reader.of(path)
-    frame = reader.read_window(reading.Window(3, 5, 20, 30))
+    file = reader.Reader.of(path)
+    frame = file.read_window(reader.Window(3, 5, 20, 30))
     with rawpy.imread(str(path)) as raw:
         np.testing.assert_array_equal(frame.samples_dn, raw.raw_image_visible[3:23, 5:35])
-    assert reader.read_header().decoder == "libraw"
+    assert file.read_header().decoder == "libraw"
 
 
 @pytest.mark.parametrize(
@@ -134,8 +134,8 @@ def test_tiff_is_read_as_written(bits, channels, order, compression, save):
     shape = (40, 50, 3) if channels == 3 else (40, 50)
     image = rng.integers(0, 1 << bits, shape).astype(f"u{bits // 8}")
     path = save(_tiff(image, order, compression), "picture.tif")
-    header = reading.read_header(path)
-    frame = reading.read_window(path, 11, 7, 20, 30)
+    header = reader.read_header(path)
+    frame = reader.read_window(path, 11, 7, 20, 30)
     np.testing.assert_array_equal(frame.samples_dn, image[11:31, 7:37])
     assert (header.container, header.rendered) == ("tiff", True)
     assert header.cfa == ("rgb" if channels == 3 else "grey")
@@ -163,16 +163,16 @@ def _tiff(image, order, compression):
 def test_real_files_equal_libraw(real_files):
     for name in ("blackmagic_bigendian_ljpeg_tiled.dng", "canon_14bit_packed_activearea_zero_exif.dng"):
         path = real_files / "dng" / name
-        header = reading.read_header(path)
-        frame = reading.read_window(path, 0, 0, header.height_px, header.width_px)
+        header = reader.read_header(path)
+        frame = reader.read_window(path, 0, 0, header.height_px, header.width_px)
         with rawpy.imread(str(path)) as raw:
             np.testing.assert_array_equal(frame.samples_dn, raw.raw_image_visible)
 
 
 def test_sequoia_bands_hold_the_raw_samples(real_files):
     path = real_files / "sequoia" / "IMG_180413_080658_0000_GRE.TIF"
-    header = reading.read_header(path)
-    frame = reading.read_window(path, 440, 600, 80, 80)
+    header = reader.read_header(path)
+    frame = reader.read_window(path, 440, 600, 80, 80)
     assert frame.samples_dn.mean() == pytest.approx(24125.28, abs=0.005)
     assert not header.rendered
     assert (header.serial, header.cfa) == ("PI040378AA6C000181", "grey")
@@ -180,8 +180,8 @@ def test_sequoia_bands_hold_the_raw_samples(real_files):
 
 def test_blackmagic_samples_after_its_table(real_files):
     path = real_files / "dng" / "blackmagic_bigendian_ljpeg_tiled.dng"
-    header = reading.read_header(path)
-    samples = reading.read_window(path, 0, 0, 1112, 1952).samples_dn
+    header = reader.read_header(path)
+    samples = reader.read_window(path, 0, 0, 1112, 1952).samples_dn
     assert (header.cfa, set(header.black_level_dn), set(header.white_level_dn)) == ("GBRG", {256}, {51080})
     assert (samples.min(), samples.max()) == (241, 22473)
     assert samples.mean() == pytest.approx(731.32, abs=0.005)
@@ -195,15 +195,15 @@ def test_canon_samples_in_the_whole_frame_and_its_active_area(real_files, save):
     # The published numbers are of the whole frame: read it with the active area's tag renamed.
     assert content.count(b"\x8d\xc6\x04\x00\x04\x00\x00\x00") == 1
     whole = content.replace(b"\x8d\xc6\x04\x00\x04\x00\x00\x00", b"\xff\xfe\x04\x00\x04\x00\x00\x00")
-    samples = reading.read_window(save(whole), 0, 0, 1182, 1888).samples_dn
+    samples = reader.read_window(save(whole), 0, 0, 1182, 1888).samples_dn
     assert (samples.min(), samples.max()) == (1702, 12128)
     means = [samples[row::2, col::2].mean() for row in (0, 1) for col in (0, 1)]
     assert means == pytest.approx([2356.3603, 2704.0581, 2708.9549, 2529.019], abs=5e-5)
-    visible = reading.read_window(save(content, "b.dng"), 0, 0, 1156, 1734).samples_dn
+    visible = reader.read_window(save(content, "b.dng"), 0, 0, 1156, 1734).samples_dn
     np.testing.assert_array_equal(visible, samples[26:1182, 152:1886])
 
 
 def test_short_strip_counts_of_single_values(save):
     samples = make_samples(ROWS, COLS, 16)
     path = save(make_dng(samples, Variant(extra={278: (SHORT, ROWS)})))
-    np.testing.assert_array_equal(reading.read_window(path, 0, 0, ROWS, COLS).samples_dn, samples)
+    np.testing.assert_array_equal(reader.read_window(path, 0, 0, ROWS, COLS).samples_dn, samples)

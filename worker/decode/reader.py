@@ -10,7 +10,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.proof import Proof
 from worker.decode.budget import Allow, allow_all
 from worker.decode.inspection import inspect
-from worker.decode.opening import OpenedFile, open_source
+from worker.decode.opened import OpenedFile, open_source
 from worker.decode.source import Source
 
 PREVIEW_SIDE_PX = 1600

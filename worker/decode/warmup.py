@@ -14,7 +14,7 @@ import numpy as np
 
 from worker.decode import ljpeg, messages
 from worker.decode.budget import allow_all
-from worker.decode.reading import Reader, Window
+from worker.decode.reader import Reader, Window
 from worker.decode.source import Source
 
 _SIDE_PX: Final = 16

@@ -10,7 +10,7 @@ import tifffile
 from radiometry.findings import InputRejected, files
 from simulation.tiff import LONG, SHORT, TiffWriter
 from tests.worker.decode.dng_variants import Variant, make_dng, make_samples
-from worker.decode import reading
+from worker.decode import reader
 
 ROWS, COLS, STRIP = 40, 50, 16
 IMAGE = np.random.default_rng(3).integers(0, 1 << 16, (ROWS, COLS)).astype(np.uint16)
@@ -43,7 +43,7 @@ def _deflated(change=lambda data: data):
 
 
 def _read(path, row0=STRIP, height=1):
-    return reading.read_window(path, row0, 0, height, COLS).samples_dn
+    return reader.read_window(path, row0, 0, height, COLS).samples_dn
 
 
 @pytest.mark.parametrize(
@@ -127,5 +127,5 @@ def test_lossless_jpeg_has_to_reach_its_end_marker(change, code, save):
     extra = {273: (LONG, place), 279: (LONG, len(changed))}
     again = make_dng(samples, Variant(compression="ljpeg", extra=extra)).ljust(place, b"\0") + changed
     with pytest.raises(InputRejected) as caught:
-        reading.read_window(save(again), 0, 0, 1, 1)
+        reader.read_window(save(again), 0, 0, 1, 1)
     assert caught.value.code is code
