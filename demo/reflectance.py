@@ -5,7 +5,8 @@ A panel is photographed before and after; K(t) runs between the two. The true re
 from its certificate, by the certificate's uncertainty. The field has four surfaces side by side.
 """
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -97,11 +98,26 @@ def run(stage: Stage) -> bool:
     camera_id = stage.client.create_camera(body.make, body.model, body.serial).id
     calibration = _calibrate(stage, camera_id, sensor, uploads["panel"])
     findings = [
-        Finding.of(f"K, {row.band}", row, truth=_find_k(kit.whole, row.band or "", 0.5))
+        Finding.of(f"K, {row.band}, midway", row, truth=_find_k(kit.whole, row.band or "", 0.5))
         for row in stage.client.coefficients(camera_id, method="reflectance", at=_START)
     ]
+    findings += _list_visits(kit.whole, calibration)
     findings += _measure(stage, camera_id, kit, uploads["field"])
     return conclude(stage, calibration, findings)
+
+
+def _list_visits(whole: Sequoia | Rig, calibration: stilb.Calibration) -> Iterator[Finding]:
+    """List K of the panel before and after the flight, between which the version interpolates."""
+    for fit in calibration.raw["diagnostics"]["band_fits"]:
+        k = fit["coefficient"]
+        for when, share, knot in zip(("before", "after"), (0.0, 1.0), k["knots"], strict=True):
+            yield Finding(
+                what=f"K, {k['band']}, panel {when} the flight",
+                value=knot["reflectance_k"],
+                standard_uncertainty=knot["reflectance_k"] * math.hypot(knot["u_rel"], k["shared_u_rel"]),
+                truth=_find_k(whole, k["band"], share),
+                unit=k["reflectance_k_unit"],
+            )
 
 
 def _find_k(whole: Sequoia | Rig, band: str, time_share: float) -> float:
@@ -191,7 +207,7 @@ def _calibrate(stage: Stage, camera_id: str, sensor: Sensor, files: list[Path]) 
     stage.client.set_roi(campaign_id, polygon=_draw(col - wide, row - high, col + wide, row + high))
     send(stage, [stilb.Upload(campaign_id=campaign_id, path=path, role="panel") for path in files])
     ends = _START + timedelta(days=1)
-    return calibrate(stage, campaign_id, valid_from=_START, valid_to=ends, interpolation="linear")
+    return calibrate(stage, campaign_id, valid_from=_START, valid_to=ends)
 
 
 def _measure(stage: Stage, camera_id: str, kit: _Kit, files: list[Path]) -> list[Finding]:
