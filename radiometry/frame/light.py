@@ -1,8 +1,13 @@
 """Readings of the sensor on top of the aircraft that looks at the sky."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from radiometry.specification.stored import LATER
+
+# The surface of an irradiance: levelled by stilb, on a level surface by the camera, corrected by the camera
+# as its maker does not state, or as the sensor was oriented.
+LightBasis = Literal["levelled", "horizontal", "compensated", "oriented"]
 
 
 @dataclass(frozen=True, kw_only=True)

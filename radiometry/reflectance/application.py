@@ -11,6 +11,7 @@ from radiometry.findings import Finding, InputRejected, Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.light import LightBasis
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
 from radiometry.reflectance.clock import read_clock_s
@@ -50,6 +51,8 @@ class Scale:
         Flags of the frame.
     i_ss_oriented : float or None, default: None
         Sunshine reading as the sensor was oriented.
+    i_ss_basis : LightBasis or None, default: None
+        Surface for which `i_ss` holds.
     """
 
     band: str
@@ -60,6 +63,7 @@ class Scale:
     i_ss: float | None
     flags: tuple[Raised, ...]
     i_ss_oriented: float | None = None
+    i_ss_basis: LightBasis | None = None
 
 
 def find_scale_of_frame(
@@ -135,6 +139,7 @@ def find_scale_of_frame(
         i_ss=i_ss,
         flags=tuple(flags),
         i_ss_oriented=sunshine.oriented if sunshine else None,
+        i_ss_basis=sunshine.basis if sunshine else None,
     )
 
 
@@ -245,6 +250,7 @@ def apply_features(
         reflectance_k=scale.reflectance_k,
         effects=effects,
         i_ss_oriented=scale.i_ss_oriented,
+        i_ss_basis=scale.i_ss_basis,
         flags=(*scale.flags, *_check_features(features, value, noise)),
     )
 

@@ -19,6 +19,7 @@ CERTIFICATE: Final = CertificateText(
         Column(name="i_sq", head="I_sq"),
         Column(name="i_ss", head="I_ss"),
         Column(name="i_ss_oriented", head="as oriented"),
+        Column(name="i_ss_basis", head="I_ss is", form="text"),
         Column(name="sunshine_spread_rel", head="s(I_ss) / I_ss", form="percent"),
         Column(name="gradient_rel", head="gradient", form="percent"),
         Column(name="panel_reflectance", head="R of panel"),

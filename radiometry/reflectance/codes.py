@@ -50,6 +50,13 @@ SUNSHINE_SCALE_ASSUMED = flag(
     "Compare it with `panel_irradiance_w_m2_nm` of the version's points.",
     *("calibration", "measurement"),
 )
+HORIZONTAL_IRRADIANCE_LEFT_OUT = flag(
+    "horizontal_irradiance_left_out",
+    "The irradiance on a level surface that the file states is not trusted for this model and firmware: the "
+    "irradiance as the sensor was oriented was used.",
+    "Update the camera's firmware.",
+    *("calibration", "measurement"),
+)
 TILT_NOT_CORRECTABLE = flag(
     "tilt_not_correctable",
     "The reading of the sunshine sensor was not converted to a level surface: the file lacks position, time "

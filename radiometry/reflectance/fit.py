@@ -299,6 +299,7 @@ def describe_point(candidate: Candidate, params: Params, fit: BandFit | None) ->
         saturated_share=features.statistics.saturated_share if features else None,
         i_ss=sunshine.i_ss if sunshine else None,
         i_ss_oriented=sunshine.oriented if sunshine else None,
+        i_ss_basis=sunshine.basis if sunshine else None,
         sunshine_readings=sunshine.readings if sunshine else None,
         sunshine_spread_rel=sunshine.spread_rel if sunshine else None,
         panel_reflectance=panel.reflectance if panel else None,

@@ -12,6 +12,7 @@ from radiometry.findings import Raised, shared
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.light import LightBasis
 from radiometry.frame.roi import Polygon, Window, mask
 from radiometry.reflectance import codes
 from radiometry.reflectance.application import apply_features, choose_angle
@@ -102,6 +103,8 @@ class MeasuredReflectance:
         Flags of the measurement.
     i_ss_oriented : float or None
         Sunshine reading as the sensor was oriented.
+    i_ss_basis : LightBasis or None
+        Surface for which `i_ss` holds.
     """
 
     band: str
@@ -123,6 +126,7 @@ class MeasuredReflectance:
     saturated_share: float
     flags: tuple[Raised, ...]
     i_ss_oriented: float | None = field(default=None, metadata=LATER)
+    i_ss_basis: LightBasis | None = field(default=None, metadata=LATER)
 
 
 def measure_region(
@@ -197,6 +201,7 @@ def measure_region(
         saturated_share=features.statistics.saturated_share,
         flags=applied.flags,
         i_ss_oriented=applied.i_ss_oriented,
+        i_ss_basis=applied.i_ss_basis,
     )
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import BudgetEntry, Quantity
+from radiometry.frame.light import LightBasis
 from radiometry.reflectance.rows import Interpolation, Normalisation
 from radiometry.reflectance.sunshine import Choice
 from radiometry.reflectance.tilt import TiltParams
@@ -178,6 +179,8 @@ class Point:
         K of this frame relative to the coefficient's at its time, minus 1.
     i_ss_oriented : float or None
         Sunshine reading as the sensor was oriented.
+    i_ss_basis : LightBasis or None
+        Surface for which `i_ss` holds.
     """
 
     frame: str
@@ -199,6 +202,7 @@ class Point:
     reflectance_k: float | None
     residual_rel: float | None
     i_ss_oriented: float | None = field(default=None, metadata=LATER)
+    i_ss_basis: LightBasis | None = field(default=None, metadata=LATER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,6 +287,8 @@ class AppliedReflectance:
         Flags of the measurement.
     i_ss_oriented : float or None
         Sunshine reading as the sensor was oriented.
+    i_ss_basis : LightBasis or None
+        Surface for which `i_ss` holds.
     """
 
     band: str
@@ -293,3 +299,4 @@ class AppliedReflectance:
     effects: tuple[Effect, ...]
     flags: tuple[Raised, ...]
     i_ss_oriented: float | None = field(default=None, metadata=LATER)
+    i_ss_basis: LightBasis | None = field(default=None, metadata=LATER)

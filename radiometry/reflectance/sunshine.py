@@ -4,11 +4,11 @@ import itertools
 import math
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from radiometry.findings import InputRejected, Raised
-from radiometry.frame.light import SunshineCounts, SunshineIrradiance, SunshineRecord
+from radiometry.frame.light import LightBasis, SunshineCounts, SunshineIrradiance, SunshineRecord
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
 from radiometry.reflectance.gains import (
@@ -30,6 +30,11 @@ COUNTS_UNIT = "1/s"
 ASSUMED_INTEGRATION_TIME_S = 0.1
 # Of a file's only reading: between a Sequoia at rest (0.2 %) and the bands of a RedEdge (4.7 %).
 SINGLE_READING_U_REL = 0.025
+_BASES: dict[str, LightBasis] = {
+    "spectral": "oriented",
+    "horizontal": "horizontal",
+    "compensated": "compensated",
+}
 _GENERATIONS = {"dls1": "W/m2/nm", "dls2": "uW/cm2/nm"}
 
 
@@ -92,6 +97,8 @@ class Sunshine:
         Flags of the readings.
     oriented : float
         Reading as the sensor was oriented, in `unit`.
+    basis : LightBasis, default: "oriented"
+        Surface for which `i_ss` holds.
     level_u_rel : float, default: 0.0
         Relative standard uncertainty from the sensor's attitude and the diffuse
         fraction.
@@ -108,6 +115,7 @@ class Sunshine:
     spread_rel: float | None
     flags: tuple[Raised, ...]
     oriented: float
+    basis: LightBasis = "oriented"
     level_u_rel: float = 0.0
 
     @property
@@ -202,7 +210,8 @@ def measure_sunshine(
             flags.append(codes.SUNSHINE_TIME_UNKNOWN.at(where, "No exposure time."))
     if len(valid) == 1:
         flags.append(codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1."))
-    return _summarise(valid, chosen, scales, choice=choice, left_out=left_out, flags=tuple(flags))
+    found = _summarise(valid, chosen, scales, choice=choice, left_out=left_out, flags=tuple(flags))
+    return replace(found, basis="oriented" if tilt is None else "levelled")
 
 
 def compare_channels(bands: Iterable[Multispectral]) -> Gain | None:
@@ -386,18 +395,20 @@ def _take_irradiance(
     reading: SunshineIrradiance, *, choice: Choice, tilt: Tilt | None, where: str
 ) -> Sunshine:
     """Use a light sensor's one reading; one that the camera levelled is not levelled again."""
-    factor = 1.0
-    if tilt is not None and reading.quantity == "spectral":
+    factor, basis = 1.0, _BASES[reading.quantity]
+    if tilt is not None and basis == "oriented":
         angle_deg = _angle_to_sun(reading, tilt)
         if angle_deg > FURTHEST_FROM_SUN_DEG:
             raise InputRejected(
                 codes.SUNSHINE_MISSING, _advise("The only reading was turned away from the sun.")
             )
-        factor = level_factor(angle_deg, tilt)
+        factor, basis = level_factor(angle_deg, tilt), "levelled"
     flags = [codes.SUNSHINE_SINGLE_READING.at(where, "Readings: 1.")]
     if reading.unit_origin in _GENERATIONS:
         detail = f"Taken for {_GENERATIONS[reading.unit_origin]} by its generation, {reading.unit_origin}."
         flags.append(codes.SUNSHINE_SCALE_ASSUMED.at(where, detail))
+    if reading.distrust:
+        flags.append(codes.HORIZONTAL_IRRADIANCE_LEFT_OUT.at(where, f"{reading.distrust}."))
     return Sunshine(
         i_ss=reading.value * factor,
         standard_uncertainty=SINGLE_READING_U_REL * reading.value * factor,
@@ -409,6 +420,7 @@ def _take_irradiance(
         left_out=(reading.distrust,) if reading.distrust else (),
         spread_rel=None,
         flags=tuple(flags),
+        basis=basis,
         oriented=reading.value
         if reading.quantity != "horizontal"
         else reading.spectral_w_m2_nm or reading.value,

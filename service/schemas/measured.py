@@ -200,13 +200,18 @@ def _figures(row: Measurement) -> dict[str, Any]:
         "reflected": ReflectedAnswer(
             **{name: result[name] for name in (*_REFLECTED, *_OUTSIDE)},
             i_ss_oriented=result.get("i_ss_oriented"),
+            i_ss_basis=result.get("i_ss_basis"),
         ),
     }
 
 
 def _band(applied: dict[str, Any]) -> BandAnswer:
     names = ("band", "i_sq", "i_ss", "reflectance_k", "reflectance")
-    return BandAnswer(**{name: applied[name] for name in names}, i_ss_oriented=applied.get("i_ss_oriented"))
+    return BandAnswer(
+        **{name: applied[name] for name in names},
+        i_ss_oriented=applied.get("i_ss_oriented"),
+        i_ss_basis=applied.get("i_ss_basis"),
+    )
 
 
 def _surface(row: Measurement) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from radiometry.fitting.evidence import FieldCorrection
+from radiometry.frame.light import LightBasis
 from radiometry.frame.multispectral import Alignment
 from service.schemas.base import Answer, Quantity
 
@@ -47,6 +48,11 @@ class ReflectedAnswer(Answer):
         default=None, description="On a level surface wherever the file allows; none of a panel-only K."
     )
     i_ss_oriented: float | None = Field(default=None, description="As the sensor was oriented.")
+    i_ss_basis: LightBasis | None = Field(
+        default=None,
+        description="What `i_ss` is: `levelled` here, `horizontal` or `compensated` by the camera, or "
+        "`oriented` as the sensor was.",
+    )
     reflectance_k: float = Field(description="At the time of the frame.")
     incidence_angle_deg: float
     shared_u: float = Field(description="The part of the mean's uncertainty that all pixels share.")
@@ -60,6 +66,7 @@ class BandAnswer(Answer):
     i_sq: float
     i_ss: float | None = None
     i_ss_oriented: float | None = None
+    i_ss_basis: LightBasis | None = None
     reflectance_k: float
     reflectance: Quantity
 

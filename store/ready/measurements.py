@@ -32,6 +32,7 @@ _STORED = {"min": "smallest", "max": "largest", "illuminance": "illuminance_lx"}
 _PLACE = ("taken_at", "latitude_deg", "longitude_deg", "altitude_m")
 _PIXELS = ("mean", "min", "max", "median")
 _SHARES = ("below_zero_share", "above_one_share")
+_LIGHT = ("i_ss", "i_ss_oriented", "i_ss_basis")
 _PERCENTS = (5, 10, 90, 95)
 _BODY = ("make", "model_name", "serial")
 
@@ -50,11 +51,12 @@ COLUMNS = (
     *(f"p{percent}_reflectance" for percent in _PERCENTS),
     *("index", *_with_u("index_value"), *_SHARES, "saturated_share", "vignetting", "signal"),
     *("flags", "created_at", "camera_id", *_BODY, "campaign_id", "method"),
+    *_LIGHT,
 )
 KINDS: dict[str, type] = dict.fromkeys(
     (
         *("id", "frame_id", "filename", "taken_at", "calibration_id", "calibration_state", "region_origin"),
-        *("index", "vignetting", "signal", "flags", "created_at"),
+        *("index", "i_ss_basis", "vignetting", "signal", "flags", "created_at"),
         *("camera_id", *_BODY, "campaign_id", "method"),
     ),
     str,
@@ -131,7 +133,7 @@ def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camer
     else:
         found = {name: result[_STORED.get(name, name)] for name in _PIXELS}
         names, unit = {name: f"{name}_reflectance" for name in _PIXELS}, "reflectance"
-        cells |= {"signal": result["band"], **{name: result[name] for name in _SHARES}}
+        cells |= {"signal": result["band"], **{name: result.get(name) for name in (*_SHARES, *_LIGHT)}}
     for figure, quantity in found.items():
         if quantity is not None:
             cells[names[figure]] = quantity["value"]

@@ -78,6 +78,30 @@ def test_light_that_the_file_divides_takes_the_place_of_the_assumed_fraction():
     assert divided.i_ss == pytest.approx(level_factor(53.0, make_tilt(diffuse_share=0.5)))
 
 
+@pytest.mark.parametrize(
+    ("stated", "basis", "ratio"),
+    [
+        ({"quantity": "horizontal", "spectral_w_m2_nm": 0.8}, "horizontal", 0.8),
+        ({"quantity": "compensated"}, "compensated", 1.0),
+        ({"quantity": "spectral"}, "levelled", None),
+        (
+            {"quantity": "spectral", "distrust": "HorizontalIrradiance of Altum 1.0.0"},
+            "levelled",
+            None,
+        ),
+    ],
+)
+def test_the_answer_names_the_surface_of_its_irradiance(stated, basis, ratio):
+    light = SunshineIrradiance(irradiance_w_m2_nm=1.0, unit_origin="tag", **LEANING, **stated)
+    header = make_header(dataclasses.replace(make_band(), counts=None, irradiance=light), **PLACE)
+    found = measure_light(header, params=TiltParams())
+    assert found.basis == basis
+    assert ratio is None or (found.i_ss, found.oriented) == (1.0, ratio)
+    assert measure_light(header).basis == {"levelled": "oriented"}.get(basis, basis)
+    details = [each.detail for each in found.flags if each.flag == "horizontal_irradiance_left_out"]
+    assert details == ([f"{stated['distrust']}."] if "distrust" in stated else [])
+
+
 def test_a_panel_under_a_low_sun_is_less_certain():
     """Sun 50 degrees from the zenith, 2 degrees off level: 4.2 %, not 0.06 %."""
     header = dataclasses.replace(ROW.header, latitude_deg=50.0, **EQUINOX)

@@ -35,9 +35,15 @@ const ALIGNED = {
   correlation: (row) => `left, by correlation alone; ${patches(row)}`,
 };
 
+const BASES = { levelled: "converted to a level surface", horizontal: "on a level surface, by the camera", compensated: "as the camera compensated it", oriented: "as the sensor was oriented" };
+const sunshine = (row) => {
+  const other = row.i_ss_oriented !== undefined && row.i_ss_basis !== "oriented" ? `, ${number(row.i_ss_oriented, 4)} as the sensor was oriented` : "";
+  return `sunshine ${number(row.i_ss, 4)} ${BASES[row.i_ss_basis] ?? ""}${other}`;
+};
+
 function reflected(row) {
   return [
-    ["Sensor signal", number(row.i_sq, 4), row.i_ss === undefined ? "without the sunshine sensor" : `sunshine ${number(row.i_ss, 4)}${row.i_ss_oriented === undefined ? "" : ` on a level surface, ${number(row.i_ss_oriented, 4)} as the sensor was oriented`}`],
+    ["Sensor signal", number(row.i_sq, 4), row.i_ss === undefined ? "without the sunshine sensor" : sunshine(row)],
     ["K of the band", number(row.reflectance_k, 4), row.incidence_angle_deg ? `surface tilted by ${number(row.incidence_angle_deg, 3)}°` : "surface normal to the light"],
     ["Outside 0 to 1", percent(row.below_zero_share + row.above_one_share), "of the region’s pixels"],
   ];
