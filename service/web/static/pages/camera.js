@@ -11,6 +11,8 @@ const id = document.querySelector("main").dataset.cameraId;
 const choice = byId("drift-of");
 const tolerance = byId("drift-tolerance");
 
+const STABILITY = { stable: "good", drifts: "bad", cannot_tell: "" };
+
 const series = get(`/v1/series/coefficients?camera_id=${id}`);
 
 load(byId("in-force"), () => series, ({ rows }) => {
@@ -60,9 +62,23 @@ async function drawDrift() {
     const said = parameters.filter((each) => each.name === name);
     // what hinders one mostly hinders all: say it once
     const [first] = said;
-    if (said.length > 1 && said.every((each) => !each.slope && each.why === first.why)) return h("p", { class: "small" }, first.why);
-    return said.length ? h("ul", { class: "plain small" }, said.map(saidOf)) : null;
+    const same = said.length > 1 && said.every((each) => !each.slope && each.why === first.why);
+    const words = same ? h("p", { class: "small" }, first.why) : said.length ? h("ul", { class: "plain small" }, said.map(saidOf)) : null;
+    return [words, verdicts(parameters, method)];
   });
+}
+
+/** The verdict on the stability of every coefficient of the method, over its campaigns. */
+function verdicts(parameters, method) {
+  const columns = [
+    { head: "Coefficient", header: true, cell: (row) => named(row, method) },
+    { head: "Stability", cell: (row) => tag(row.verdict, STABILITY[row.verdict]) },
+    { head: "Change", class: "number", cell: (row) => quantity(row.change) },
+    { head: "Repeatability", class: "number", cell: (row) => quantity(row.scatter) },
+    { head: "Repeats", class: "number", cell: (row) => String(row.determinations.length) },
+    { head: "Explanation", class: "words", cell: (row) => row.said },
+  ];
+  return parameters.length ? shorten(parameters, (rows) => table(columns, rows, { caption: "Stability of every coefficient", stack: true }), 6) : null;
 }
 
 function saidOf(parameter) {
