@@ -9,7 +9,7 @@ import numpy as np
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Determination, Key, LeftOut, Source
-from radiometry.fleet.drift import DAYS_PER_YEAR, Stability, fit_line, judge_stability, say_stability
+from radiometry.fleet.line import DAYS_PER_YEAR, Stability, fit_line, judge_stability, say_stability
 from radiometry.specification.rig import RigMember
 
 

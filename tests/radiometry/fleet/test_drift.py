@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radiometry.fleet.drift import DAYS_PER_YEAR, find_date, fit_line, judge_drift
+from radiometry.fleet.drift import judge_drift
+from radiometry.fleet.line import DAYS_PER_YEAR, find_date, fit_line
 from tests.radiometry.fleet.fleets import START, determine
 
 DAYS = (0, 100, 200, 300)
