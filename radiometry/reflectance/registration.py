@@ -40,10 +40,10 @@ class Registration:
     shift_px : tuple[float, float]
         Correction (x, y) in the middle of the frame [px].
     residual_px : float or None
-        Root mean square distance of the patches from the correction that the others give [px]; None if
-        there are too few patches.
+        Root mean square distance of all patches that were found from the correction that the others give
+        [px]; None if there are too few patches.
     patches, tried : int
-        Number of patches that were found, and of those that were searched.
+        Number of patches that follow the correction, and of those that were searched.
     trusted : bool
         True if the correction was applied.
     """
@@ -82,7 +82,8 @@ def register(fixed: Plane, moving: Plane, *, reach_px: int = 0) -> Registration:
     few do. An affine correction is fitted to them without outliers, three times; only a shift to fewer than
     16, or to those that do not span half of the frame both ways. It is trusted with 8 patches and 15 % of
     those tried, and a residual of 1.5 px or less.
-    Each patch's distance is that from the fit of the others: e / (1 - h) with the leverage h.
+    Each patch's distance is that from the fit of the others: e / (1 - h) with the leverage h. Outliers count
+    in the residual: they are mostly relief, which displaces the region too.
     """
     edges = [_find_edges(plane) for plane in (fixed, moving)]
     size = (fixed.shape[1], fixed.shape[0])
@@ -202,7 +203,9 @@ def _fit(places: Matrix, shifts: Matrix, size: tuple[int, int]) -> tuple[Matrix,
             break
         kept = near
     leverage = np.sum(design[kept] @ np.linalg.pinv(design[kept].T @ design[kept]) * design[kept], axis=1)
-    residual = math.sqrt(float(np.mean((distances[kept] / (1.0 - np.minimum(leverage, 0.9))) ** 2)))
+    # what is left out of the fit is still displaced: relief, or a wrong match
+    distances[kept] /= 1.0 - np.minimum(leverage, 0.9)
+    residual = math.sqrt(float(np.mean(distances**2)))
     slopes = solved[1:].T / scale if affine else np.zeros((2, 2))
     change = np.hstack((np.eye(2) + slopes, (solved[0] - slopes @ middle)[:, None]))
     return change, kept, residual
