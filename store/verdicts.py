@@ -74,8 +74,8 @@ def _read_regions(session: Session, roi_ids: set[str | None]) -> dict[str | None
 
 def _take(row: FrameColumns, campaign: Campaign, name: str, drawn: Polygon | None) -> ReviewedFrame:
     spec = methods.get_method(campaign.method)
-    drawn_for = spec.role_names if spec.whole_frame else {row.role} - spec.applied_role_names
-    if drawn is None and row.size_px and spec.whole_frame and row.role in spec.role_names:
+    fitted, applied = spec.role_names, spec.applied_role_names
+    if drawn is None and row.size_px and spec.whole_frame and row.role in fitted:
         drawn = whole_frame(*row.size_px)
     return ReviewedFrame(
         frame=name,
@@ -86,8 +86,8 @@ def _take(row: FrameColumns, campaign: Campaign, name: str, drawn: Polygon | Non
         flags=row.warnings,
         format=(*row.size_px, row.header.cfa) if row.header and row.size_px else None,
         region=drawn,
-        needs_region=row.role in drawn_for,
-        roles=spec.role_names | spec.applied_role_names,
+        needs_region=row.role in fitted if spec.whole_frame else row.role not in applied,
+        roles=fitted | applied,
         told=is_told(campaign),
         left_out=_explain_left_out(row, campaign),
     )

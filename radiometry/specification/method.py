@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import GenericAlias
 from typing import Any, Literal, get_args, get_type_hints
 
@@ -329,12 +330,12 @@ class MethodSpec:
         point: type[Any] = get_args(get_type_hints(self.result)["points"])[0]
         return point
 
-    @property
+    @cached_property
     def role_names(self) -> frozenset[str]:
         """Names of the roles that the fit uses."""
         return frozenset(role.name for role in self.roles)
 
-    @property
+    @cached_property
     def applied_role_names(self) -> frozenset[str]:
         """Names of the roles of frames that the coefficients are only applied to."""
         return frozenset(role.name for role in self.applied_roles)
