@@ -4,6 +4,7 @@ import base64
 import dataclasses
 import json
 import tempfile
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,15 @@ def test_real_rededge_files(real_files):
     assert header.white_level_dn == (65520.0,)
     assert header.latitude_deg == pytest.approx(36.576096)
     assert found.geometry.rotation_deg is None
+
+
+def test_the_clock_of_a_real_rededge_agrees_with_the_time_since_its_start(real_files):
+    """Two captures, 395 and 486 s after the start and 91 s apart: no jump."""
+    headers = [reader.read_header(path) for path in sorted((real_files / "rededge").glob("*_1.tif"))]
+    assert [header.multispectral.exposed_at_us for header in headers] == [395_000_000, 486_000_000]
+    starts = [datetime.fromisoformat(each.taken_at).timestamp() for each in headers]
+    assert starts[1] - starts[0] == pytest.approx(91.0, abs=0.1)
+    assert {header.multispectral.flight_id for header in headers} == {"NtLNbVIdowuCaWYbg3ck"}
 
 
 def test_bands_of_one_real_capture_name_it_alike(real_files):
