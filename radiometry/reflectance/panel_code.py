@@ -194,9 +194,9 @@ def _stretch(plane: Plane) -> Iterator[tuple[Grey, float]]:
     yield cv2.resize(grey, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC).astype(np.uint8), 2.0
     yield grey, 1.0
     # a blurred edge of one pixel hides the modules of a small code
-    large = cv2.resize(grey, None, fx=3.0, fy=3.0, interpolation=cv2.INTER_CUBIC).astype(np.float32)
-    soft = cv2.GaussianBlur(large, (0, 0), 3.0)
-    yield np.clip(3.0 * large - 2.0 * soft, 0.0, 255.0).astype(np.uint8), 3.0
+    large = cv2.resize(grey, None, fx=3.0, fy=3.0, interpolation=cv2.INTER_CUBIC)
+    sharp = cv2.addWeighted(large, 3.0, cv2.GaussianBlur(large, (0, 0), 3.0), -2.0, 0.0)
+    yield sharp.astype(np.uint8), 3.0
     yield cv2.createCLAHE(4.0, (_CELLS, _CELLS)).apply(grey).astype(np.uint8), 1.0
     if high > middle:
         yield np.clip((plane - middle) * (255.0 / (high - middle)), 0.0, 255.0).astype(np.uint8), 1.0
