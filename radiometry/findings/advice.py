@@ -33,8 +33,7 @@ _BY_SOURCE = {
     "panel visits is the largest source.",
     "sunshine tilt": "Mount the sunshine sensor level, and fly when the sun is high: its tilt is the largest "
     "source.",
-    "panel": "Have the panel measured, and state how its errors correlate from band to band where its "
-    "certificate does: the panel is the largest source.",
+    "panel": "Have the panel measured, and take it level and evenly lit: the panel is the largest source.",
     "alignment": "Draw the region where its surroundings are even: what remains of the bands' displacement "
     "is the largest source.",
     "sunshine gain": "Take the panel in the light of the flight, so that the sunshine sensor chooses the "
