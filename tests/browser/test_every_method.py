@@ -47,6 +47,13 @@ def test_a_version_is_shown_and_published_and_stands_on_its_camera_s_page(servic
             )
             assert page.request.get(certificate).body().startswith(b"%PDF-")
             expect(page.locator("#points").get_by_role("row")).not_to_have_count(0)
+            if version["inputs"].get("panels"):
+                page.locator("#made").get_by_text("readings").click()
+                reflecting = page.locator("#made").get_by_role(
+                    "row", name=version["inputs"]["panels"][0]["serial"]
+                )
+                expect(reflecting.first).to_contain_text(version["inputs"]["panels"][0]["measured_on"])
+                expect(reflecting.first.get_by_role("cell").last).to_have_text("yes")
             check_access(page)
             look(page, f"calibration-{method}")
             house.post(f"/v1/calibrations/{version['id']}/publish", published, status=200)

@@ -57,7 +57,7 @@ export function drawMade(calibration) {
     h("details", { class: "card" }, h("summary", {}, "Parameters"), definitions(parameters)),
     excluded(parameters.exclude),
     h("details", { class: "card" }, h("summary", {}, `${counted(inputs.frames.length, "frame")} by content`), frames(inputs.frames)),
-    inputs.readings?.length ? h("details", { class: "card" }, h("summary", {}, counted(inputs.readings.length, "reading")), readings(inputs.readings)) : null,
+    inputs.readings?.length ? h("details", { class: "card" }, h("summary", {}, counted(inputs.readings.length, "reading")), readings(calibration)) : null,
   );
 }
 
@@ -86,7 +86,8 @@ function frames(rows) {
   return table(columns, rows, { caption: "Frames" });
 }
 
-function readings(rows) {
+function readings({ inputs: { readings: rows }, diagnostics }) {
+  if (rows[0].panel) return panel(rows, diagnostics.band_fits ?? []);
   const columns = [
     { head: "Scene", header: true, cell: (row) => row.scene },
     { head: "Quantity", cell: (row) => row.quantity },
@@ -94,4 +95,19 @@ function readings(rows) {
     { head: "Meter", cell: (row) => row.meter ?? "not recorded" },
   ];
   return table(columns, rows, { caption: "Readings" });
+}
+
+/** Every measurement of the panel; of several, those whose values the fit took. */
+function panel(rows, fits) {
+  const days = new Map(fits.map(({ coefficient: { band, panel_measured_on: on } }) => [band, on]));
+  // without days there was one measurement, or what the files state
+  const used = ({ band, measured_on: on, from_file: stated }) => (days.get(band) ? !stated && days.get(band).includes(on) : days.has(band) && (stated || !on));
+  const columns = [
+    { head: "Panel", header: true, cell: (row) => row.panel },
+    { head: "Band", cell: (row) => words(row.band) },
+    { head: "Measured on", cell: (row) => (row.from_file ? "stated by the files" : (row.measured_on ?? "–")) },
+    { head: "Reflectance", class: "number", cell: (row) => quantity({ value: row.reflectance, standard_uncertainty: row.standard_uncertainty, unit: "1" }) },
+    { head: "Used", cell: (row) => (used(row) ? "yes" : "no") },
+  ];
+  return table(columns, rows, { caption: "Reflectances of the panel" });
 }
