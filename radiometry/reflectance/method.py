@@ -17,7 +17,6 @@ from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, Extracted, FrameEvidence, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.frame.roi import Polygon
 from radiometry.reflectance import codes
 from radiometry.reflectance.application import (
     Scale,
@@ -32,7 +31,7 @@ from radiometry.reflectance.imaging import find_black_dn
 from radiometry.reflectance.indices import BandMap, IndexMap, compute_index
 from radiometry.reflectance.panel import require_one_panel
 from radiometry.reflectance.panel_code import FoundPanel, find_panel, find_stated_panel
-from radiometry.reflectance.panel_transfer import transfer_region
+from radiometry.reflectance.panel_transfer import take_region
 from radiometry.reflectance.points import (
     Candidate,
     collect_candidates,
@@ -131,21 +130,6 @@ def find_region(frame: Frame, *, header: FrameHeader) -> FoundPanel | None:
 def _name(stated: FoundPanel | None, read: FoundPanel | None) -> FoundPanel | None:
     """Return the stated region with the serial number of the code, or what the code alone gives."""
     return replace(stated, serial=read.serial if read else None) if stated else read
-
-
-def take_region(
-    frame: Frame, *, header: FrameHeader, other: Frame, other_header: FrameHeader, region: Polygon
-) -> tuple[Polygon, float] | None:
-    """Find the panel where another band of the same capture has found it.
-
-    Returns
-    -------
-    tuple[Polygon, float] or None
-        Region in this band and how well the images correlate; None if it is not certain.
-    """
-    return transfer_region(
-        frame.samples_dn, header=header, other_dn=other.samples_dn, other=other_header, region=region
-    )
 
 
 def make_row(evidence: FrameEvidence[Features]) -> FrameRow:

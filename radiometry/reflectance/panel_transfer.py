@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
-from radiometry.frame import FrameHeader
+from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance.alignment import move_region
 from radiometry.reflectance.panel_code import is_even
@@ -21,21 +21,16 @@ _BLUR_PX = 1.5
 Plane = NDArray[np.float32]
 
 
-def transfer_region(
-    samples_dn: NDArray[np.uint16],
-    *,
-    header: FrameHeader,
-    other_dn: NDArray[np.uint16],
-    other: FrameHeader,
-    region: Polygon,
+def take_region(
+    frame: Frame, *, header: FrameHeader, other: Frame, other_header: FrameHeader, region: Polygon
 ) -> tuple[Polygon, float] | None:
     """Find a panel where another band of the same capture has found it.
 
     Parameters
     ----------
-    samples_dn, other_dn : ndarray of uint16
-        Whole frames of this band and of the other one [DN], (row, col).
-    header, other : FrameHeader
+    frame, other : Frame
+        Whole frames of this band and of the other one.
+    header, other_header : FrameHeader
         Their metadata.
     region : Polygon
         Region on the panel in the other band.
@@ -55,10 +50,11 @@ def transfer_region(
     searched for within 12 % of the frame's width. On five bands of a real panel capture
     the region lies within 4 px of the one that the code of each band gives.
     """
+    samples_dn, other_dn = frame.samples_dn, other.samples_dn
     height, width = samples_dn.shape
     start = region
     try:
-        lenses = [band.geometry for band in (header.multispectral, other.multispectral) if band]
+        lenses = [band.geometry for band in (header.multispectral, other_header.multispectral) if band]
         start = move_region(region, of=lenses[0], onto=lenses[1], height_px=height, width_px=width)[1]
     except InputRejected:
         pass
