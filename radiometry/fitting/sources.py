@@ -15,6 +15,7 @@ DARK_CURRENT = "dark current"
 LAMP = "lamp drift"
 F_NUMBER = "f-number"
 TIME = "exposure time"
+FLICKER = "flicker"
 
 TAIL_DOF = 4.0
 """Degrees of freedom of Student's t, which a robust fit takes the scatter between frames to follow."""
@@ -26,6 +27,9 @@ IMPLAUSIBLE_SCATTER_REL = 0.05
 """Scatter between readings or frames of one surface beyond which something else than a meter or a shutter
 is at work: meters repeat to 1 %, shutters and apertures to 2 %."""
 SCATTER = "scatter between frames"
+
+# what rounding leaves of a flicker over whole periods
+_WHOLE_PERIODS_REL = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +84,8 @@ class Curve:
         Label of each point for that error.
     scatter_weights : ndarray of float64
         Weight of each point; its scatter has the variance u_s^2 / weight, (n,).
+    flicker_u_rel : ndarray of float64 or None, default: None
+        Relative standard uncertainty of each point's light by flicker of a random phase, (n,).
     scatter_u_rel : float or None, default: None
         Relative scatter of a frame against the next at the same settings, by
         shutter, aperture and lamp. None if it is estimated from the scatter where
@@ -107,6 +113,7 @@ class Curve:
     dark_rate_u_dn_per_s: float = 0.0
     dark_rate_shift_dn_per_s: float = 0.0
     dark_rate_measured: bool = False
+    flicker_u_rel: Vector | None = None
     scatter_u_rel: float | None = None
 
 
@@ -157,6 +164,7 @@ def list_sources(curve: Curve, linear: LinearModel, *, model: str, scattered: bo
         _relative(F_NUMBER, curve.f_numbers, 2 * x, curve.f_number_u_rel),
         _relative(TIME, curve.times_s, x, curve.time_u_rel),
         *_of_lamp(curve, linear),
+        *_of_flicker(curve, linear),
         *_of_lens(curve),
         *_of_frames(curve, linear, scattered=scattered),
     ]
@@ -212,6 +220,14 @@ def _of_lamp(curve: Curve, linear: LinearModel) -> list[Component]:
             common=len(set(curve.lamp_labels)) == 1 and not np.ptp(curve.lamp_u_rel),
         )
     ]
+
+
+def _of_flicker(curve: Curve, linear: LinearModel) -> list[Component]:
+    """Return the error of each frame's own part of the lamp's periods."""
+    if curve.flicker_u_rel is None or np.max(curve.flicker_u_rel) < _WHOLE_PERIODS_REL:
+        return []
+    size = linear.per_relative_x * curve.flicker_u_rel
+    return [Component(source=FLICKER, kind="B", sensitivity=size, variance=1.0)]
 
 
 def _of_lens(curve: Curve) -> list[Component]:

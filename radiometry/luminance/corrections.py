@@ -7,6 +7,7 @@ from dataclasses import replace
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.fitting.shared_errors import FOCUS, STRAY
+from radiometry.fitting.sources import FLICKER
 from radiometry.frame.exposure import Settings
 from radiometry.luminance import codes
 from radiometry.luminance.conditions import CalibrationConditions, Colour, FieldConditions
@@ -20,8 +21,6 @@ from radiometry.spectral.mismatch import (
     estimate_u_rel,
     fit_colour_remedy,
 )
-
-FLICKER = "flicker"
 
 NEAREST_M = 1.0
 """Distance that a surface of unknown distance is at least away: nearer, a wide lens sees little but it."""
@@ -122,11 +121,15 @@ def correct_flicker(
     and averages over frames. An unknown mains frequency is taken as that of 50 and 60 Hz which errs more.
     """
     mains, depth = field.mains_frequency_hz, field.flicker_modulation
-    largest = max(
-        compute_flicker(settings.exposure_time_s, mains_frequency_hz=each)
-        for each in (_MAINS_HZ if mains is None else (mains,))
+    frequencies = _MAINS_HZ if mains is None else (mains,)
+    largest, one = (
+        max(found)
+        for found in zip(
+            *(estimate_flicker(settings.exposure_time_s, each, modulation=depth) for each in frequencies),
+            strict=True,
+        )
     )
-    u_rel = (_UNKNOWN_MODULATION if depth is None else depth) * largest / math.sqrt(2.0 * frames)
+    u_rel = one / math.sqrt(frames)
     supply = "assumed: mains frequency of 50 or 60 Hz" if mains is None else f"{mains:g} Hz mains"
     basis = f"{supply}, modulation {'assumed from 0 to 1' if depth is None else f'{depth:g}'}"
     assumed = True if mains is None or depth is None else None
@@ -135,6 +138,27 @@ def correct_flicker(
         return line, ()
     detail = f"At {settings.exposure_time_s:g} s, light of 50 or 60 Hz mains can err by {largest:.1%}."
     return line, (codes.FLICKER_UNKNOWN.at("", detail),)
+
+
+def estimate_flicker(
+    exposure_time_s: float, mains_frequency_hz: float, *, modulation: float | None
+) -> tuple[float, float]:
+    """Return the largest relative error of an exposure under fully modulated light, and its rms.
+
+    Parameters
+    ----------
+    exposure_time_s, mains_frequency_hz : float
+        As in `compute_flicker`.
+    modulation : float or None
+        Modulation depth; None for anything from 0 to 1.
+
+    Returns
+    -------
+    tuple of float
+        Largest error, and the rms over all phases at the modulation.
+    """
+    largest = compute_flicker(exposure_time_s, mains_frequency_hz=mains_frequency_hz)
+    return largest, (_UNKNOWN_MODULATION if modulation is None else modulation) * largest / math.sqrt(2.0)
 
 
 def compute_flicker(exposure_time_s: float, *, mains_frequency_hz: float) -> float:

@@ -23,6 +23,7 @@ from radiometry.fitting.robust import weigh_points
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.conditions import CalibrationConditions
+from radiometry.luminance.corrections import estimate_flicker
 from radiometry.luminance.decision import compute_risk, decide
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.results import Aperture, Coefficient, ErrorSplit, IsoFit, ModelFit, Point
@@ -216,6 +217,7 @@ def _curve(series: IsoSeries, params: Params) -> Curve:
         dark_rate_measured=dark.rate_measured,
         lamp_u_rel=np.array([c.lamp.u_rel for c in used]),
         lamp_labels=tuple(c.lamp.label for c in used),
+        flicker_u_rel=_estimate_flicker(used, params),
         scatter_weights=np.ones(len(used)),
         f_number_u_rel=params.f_number_u_rel,
         time_u_rel=params.exposure_time_u_rel,
@@ -224,6 +226,14 @@ def _curve(series: IsoSeries, params: Params) -> Curve:
         lens_u_rel=np.array([share.standard_uncertainty for share in shares]) / through,
     )
     return weigh_points(curve, model=params.model) if params.estimator == "robust" else curve
+
+
+def _estimate_flicker(used: Sequence[Candidate], params: Params) -> Vector | None:
+    """Return u of the part of the lamp's periods that each frame sees; None where no mains is stated."""
+    mains, depth = params.mains_frequency_hz, params.lamp_modulation
+    if mains is None:
+        return None
+    return np.array([estimate_flicker(c.settings.exposure_time_s, mains, modulation=depth)[1] for c in used])
 
 
 def _report(fit: CurveFit, curve: Curve) -> ModelFit:

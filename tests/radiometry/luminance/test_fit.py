@@ -13,6 +13,7 @@ from scipy.stats import multivariate_normal
 from radiometry.findings import InputRejected
 from radiometry.luminance import codes as luminance_codes
 from radiometry.luminance import method as luminance
+from radiometry.luminance.corrections import estimate_flicker
 from radiometry.luminance.method import Params
 from tests.radiometry.luminance.exact import (
     DARK,
@@ -176,6 +177,20 @@ def test_guard_band_needs_the_tolerance_for_error_and_uncertainty_together():
             (flag,) = [each for each in result.flags if each.flag == luminance_codes.TOLERANCE_EXCEEDED]
             assert f"U {one.expanded_u_rel:.1%}" in flag.detail
     assert fit(rows).iso_fits[0].expanded_u_rel is None
+
+
+def test_flicker_of_the_lamp_is_a_line_of_k_where_the_mains_is_stated():
+    """Exposures of whole periods of 50 Hz mains, and a lamp on direct current, have no such line."""
+    plain, whole, direct, stated = (
+        fit(params=dataclasses.replace(PARAMS, mains_frequency_hz=mains, lamp_modulation=depth)).iso_fits[0]
+        for mains, depth in ((None, None), (50.0, 1.0), (47.0, 0.0), (47.0, 0.5))
+    )
+    assert plain.budget == whole.budget == direct.budget
+    (line,) = [entry for entry in stated.budget if entry.source == "flicker"]
+    us = [estimate_flicker(point.exposure_time_s, 47.0, modulation=0.5)[1] for point in fit().points]
+    # one error per frame averages over the frames
+    assert max(us) / len(us) / 2 < line.u_rel < max(us) / math.sqrt(len(us) / 2)
+    assert line.kind == "B"
 
 
 @pytest.mark.parametrize("rule", ["simple", "guarded", "shared_risk"])
