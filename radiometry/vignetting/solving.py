@@ -77,7 +77,8 @@ def _find_spurious(model: "_Model", p: Matrix, information: Matrix, prior: Prior
 
     The centre's own information S(k), after all other parameters, is a quadratic form of the true k. Of
     fitted ones with the covariance C = L L' it is on average larger by the mean of S(k + l) + S(k - l) -
-    2 S(k) over the columns l of L, halved and summed. No more is taken off than there is.
+    2 S(k) over the columns l of L, halved and summed. A quadratic form of one error scatters by about its
+    mean: twice the mean is taken off, but no more than there is.
     """
 
     def inform(shift: Matrix) -> Matrix:
@@ -94,7 +95,7 @@ def _find_spurious(model: "_Model", p: Matrix, information: Matrix, prior: Prior
 
     here = inform(np.zeros(3))
     columns = np.linalg.cholesky(np.linalg.inv(information)[1:4, 1:4]).T
-    excess = sum((inform(each) + inform(-each) - 2.0 * here) / 2.0 for each in columns)
+    excess = sum(inform(each) + inform(-each) - 2.0 * here for each in columns)
     values, vectors = np.linalg.eigh(here - excess)
     return np.asarray(here - (vectors * np.maximum(values, 0.0)) @ vectors.T)
 
