@@ -1,11 +1,15 @@
 """Run every benchmark; the exit code says only whether they ran, each missed target is named."""
 
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 from bench import growth, mapping, pages, reading, reflectance, upload
 from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
+from store.settings import Settings
+from worker.__main__ import build_context
 
 
 def main(scale: Scale | None = None) -> int:
@@ -17,12 +21,25 @@ def main(scale: Scale | None = None) -> int:
         *reading.run(scale),
         *mapping.run(scale),
         *reflectance.run(scale),
-        *upload.run(scale),
-        *pages.run(scale),
-        *growth.run(scale),
+        *_serve(scale),
     ]
     say(f"\n{summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
     return 0
+
+
+def _serve(scale: Scale) -> list[bool]:
+    """Measure what one service does, with a worker that is called where it is needed."""
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
+        folder = Path(name)
+        with upload.serving(folder / "data") as service:
+            verdicts = upload.run(scale, service, folder)
+            worker = build_context(Settings(data=folder / "data"))
+            try:
+                verdicts += pages.run(scale, service, worker, folder)
+                return verdicts + growth.run(scale, service, worker, folder)
+            finally:
+                worker.decoders.close()
+                worker.database.dispose()
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 import itertools
 import statistics
-import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -18,37 +17,22 @@ from bench.memory import read_memory_mb
 from bench.report import judge, say, show_times
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.timing import Ratio, Seconds, compare, take_turns
-from bench.upload import KEY, Service, renew, serving
+from bench.upload import KEY, Service, open_http, renew
 from radiometry.frame.exposure import Settings as Exposure
 from simulation.dng import write_dng
-from store.settings import Settings
-from worker.__main__ import build_context
 from worker.context import Context
 
 _SMALL = Scale(rows=480, cols=640)
 _SCENES = {"bright": (1600, 40.0), "middle": (800, 20.0), "dim": (400, 10.0)}
 
 
-def run(scale: Scale) -> list[bool]:
+def run(scale: Scale, service: Service, worker: Context, folder: Path) -> list[bool]:
     """Compare a campaign of ``grown`` frames with one of a hundredth of that, and make certificates."""
-    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
-        folder = Path(name)
-        with (
-            serving(folder / "data") as service,
-            stilb.Client(service.url, KEY) as client,
-            httpx.Client(
-                base_url=service.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=300
-            ) as http,
-        ):
-            worker = build_context(Settings(data=folder / "data"))
-            try:
-                return [
-                    *_grow(scale, folder, client, http, worker),
-                    *_certify(scale, folder, service, client, http, worker),
-                ]
-            finally:
-                worker.decoders.close()
-                worker.database.dispose()
+    with stilb.Client(service.url, KEY) as client, open_http(service) as http:
+        return [
+            *_grow(scale, folder, client, http, worker),
+            *_certify(scale, folder, service, client, http, worker),
+        ]
 
 
 def _grow(
@@ -128,7 +112,7 @@ def _certify(
         certify()
     after_mb = read_memory_mb(service.pid, "VmRSS")
     say(f"  the service's memory: {before_mb:.0f} MB before, {after_mb:.0f} MB after")
-    threads = [threading.Thread(target=certify) for _ in range(4)]
+    threads = [threading.Thread(target=certify) for _ in range(min(4, scale.certificates))]
     for thread in threads:
         thread.start()
     beside = [look()]

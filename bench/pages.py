@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import tempfile
 from pathlib import Path
 
 from playwright.sync_api import Browser, StorageState, sync_playwright
@@ -12,9 +11,8 @@ from bench.filling import copy_frame, do_jobs
 from bench.report import judge_seconds, say, show_times
 from bench.subject import CAMERA, Scale, draw_roi, make_mosaic, write_copies
 from bench.timing import Seconds
-from bench.upload import KEY, Service, serving
-from store.settings import Settings
-from worker.__main__ import build_context
+from bench.upload import KEY, Service
+from worker.context import Context
 
 PAGE = "the campaign's page, nothing cached"
 _LIMIT_S = 1.0
@@ -31,21 +29,19 @@ _ANSWERED = """() => new Promise((done) => {
 })"""
 
 
-def run(scale: Scale) -> list[bool]:
+def run(scale: Scale, service: Service, worker: Context, folder: Path) -> list[bool]:
     """Open the page in a new browser profile each round: scripts and styles are loaded and compiled anew."""
     say(f"\nopening a campaign of {scale.frames:,} frames in a browser")
     chromium = find_chromium()
     if chromium is None:
         say("  skipped: there is no Chromium on the path; STILB_CHROMIUM names one")
         return []
-    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
-        folder = Path(name)
-        with serving(folder / "data") as service, sync_playwright() as playwright:
-            campaign = _fill_campaign(scale, service, folder)
-            flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-            browser = playwright.chromium.launch(executable_path=chromium, args=flags)
-            seconds = _open_pages(browser, f"{service.url}/campaigns/{campaign}", service, scale.rounds)
-            browser.close()
+    with sync_playwright() as playwright:
+        campaign = _fill_campaign(scale, service, worker, folder)
+        flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+        browser = playwright.chromium.launch(executable_path=chromium, args=flags)
+        seconds = _open_pages(browser, f"{service.url}/campaigns/{campaign}", service, scale.rounds)
+        browser.close()
     show_times({PAGE: seconds})
     return [judge_seconds("from the navigation to a frame's answer", seconds, at_most_s=_LIMIT_S)]
 
@@ -77,18 +73,13 @@ def _open_page(browser: Browser, address: str, session: StorageState) -> float:
         return float(page.evaluate(_ANSWERED)) / 1e3
 
 
-def _fill_campaign(scale: Scale, service: Service, folder: Path) -> str:
+def _fill_campaign(scale: Scale, service: Service, worker: Context, folder: Path) -> str:
     (path,) = write_copies(folder, make_mosaic(_SMALL), "none", names=1)
     with stilb.Client(service.url, KEY) as client:
         camera = client.create_camera(CAMERA.body.make, CAMERA.body.model, CAMERA.body.serial)
         campaign = client.create_campaign(camera.id).id
         client.set_roi(campaign, polygon=draw_roi(_SMALL).points)
         frame = client.push(campaign, path, role="light", scene="level-1")
-    worker = build_context(Settings(data=folder / "data"))
-    try:
-        do_jobs(worker)
-        copy_frame(worker, frame.id, scale.frames)
-    finally:
-        worker.decoders.close()
-        worker.database.dispose()
+    do_jobs(worker)
+    copy_frame(worker, frame.id, scale.frames)
     return campaign

@@ -7,7 +7,6 @@ import secrets
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -40,22 +39,19 @@ class Service:
     pid: int
 
 
-def run(scale: Scale) -> list[bool]:
+def run(scale: Scale, service: Service, folder: Path) -> list[bool]:
     """Measure one file after the other, each with bytes that the service has never seen."""
-    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
-        folder = Path(name)
-        (path,) = write_copies(folder, make_mosaic(scale), "none", names=1)
-        path = path.rename(folder / "frame.dng")
-        size_mb = path.stat().st_size / 1e6
-        say(f"\nuploading a frame of {size_mb:.1f} MB")
-        with (
-            serving(folder / "data") as service,
-            stilb.Client(service.url, KEY) as client,
-            httpx.Client(
-                base_url=service.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=60
-            ) as http,
-        ):
-            return _measure(scale, path, service, client, http)
+    (path,) = write_copies(folder, make_mosaic(scale), "none", names=1)
+    path = path.rename(folder / "frame.dng")
+    say(f"\nuploading a frame of {path.stat().st_size / 1e6:.1f} MB")
+    with stilb.Client(service.url, KEY) as client, open_http(service) as http:
+        return _measure(scale, path, service, client, http)
+
+
+def open_http(service: Service) -> httpx.Client:
+    """For what the client would not do."""
+    headers = {"Authorization": f"Bearer {KEY}"}
+    return httpx.Client(base_url=service.url, headers=headers, timeout=300)
 
 
 def _measure(

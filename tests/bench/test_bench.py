@@ -13,7 +13,7 @@ from bench.subject import ROI_SHARE, Scale, draw_roi
 from radiometry.frame.roi import bounding_window, mask
 from tests.support.processes import alive, family
 
-TINY = Scale(rows=480, cols=640, rounds=2, uploads=2, frames=30, grown=200, certificates=2)
+TINY = Scale(rows=480, cols=640, rounds=2, uploads=2, frames=30, grown=20, certificates=1)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
