@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.3"
-    expected = "840b9b6a529775139e348175b64bbbd5d711e7a527caaa72e2ec079b93f1cf35"
+    assert software.FIT_CODE_VERSION == "0.1.4"
+    expected = "9b3c12180a951fc8465c323636874b286529fc5b032a32cdd1fc1e3a63f970ff"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected
