@@ -1,11 +1,12 @@
 """Run every benchmark; the exit code says only whether they ran, each missed target is named."""
 
+import os
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-from bench import growth, mapping, pages, reading, reflectance, upload
+from bench import growth, lookups, mapping, pages, reading, reflectance, upload
 from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
 from store.settings import Settings
@@ -14,7 +15,7 @@ from worker.__main__ import build_context
 
 def main(scale: Scale | None = None) -> int:
     began = time.monotonic()
-    scale = scale or Scale()
+    scale = scale or Scale.named(os.environ.get("SCALE", ""))
     say(describe_machine())
     say("medians of turns (the middle half in brackets); ratios are formed turn by turn")
     verdicts = [
@@ -22,6 +23,7 @@ def main(scale: Scale | None = None) -> int:
         *mapping.run(scale),
         *reflectance.run(scale),
         *_serve(scale),
+        *lookups.run(scale),
     ]
     say(f"\n{summarise(verdicts)}; in {time.monotonic() - began:.0f} s")
     return 0

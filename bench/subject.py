@@ -36,6 +36,15 @@ class Scale:
     frames: int = 1000
     grown: int = 10_000
     certificates: int = 31
+    coefficients: int = 20_000
+    measurements: int = 5_000
+    lookups: int = 400
+    """Look-ups of one turn."""
+
+    @classmethod
+    def named(cls, name: str) -> "Scale":
+        """Return the usual scale, or with `full` the one of a large organisation."""
+        return cls(coefficients=1_000_000, measurements=100_000) if name == "full" else cls()
 
 
 def make_mosaic(scale: Scale) -> NDArray[np.uint16]:

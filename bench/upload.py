@@ -127,7 +127,7 @@ def _hash_and_sync(path: Path, copy: Path) -> str:
 
 
 @contextmanager
-def serving(data: Path) -> Iterator[Service]:
+def serving(data: Path, *, database_url: str | None = None) -> Iterator[Service]:
     """Run `python -m service` on a new database, without a broker: a hint is sent to nobody."""
     data.mkdir()
     with socket.socket() as probe:
@@ -139,6 +139,7 @@ def serving(data: Path) -> Iterator[Service]:
         "STILB_PORT": str(port),
         "STILB_KEY": KEY,
         "STILB_BROKER_URL": "redis://127.0.0.1:1/0",
+        **({"STILB_DATABASE_URL": database_url} if database_url else {}),
     }
     subprocess.run([sys.executable, "-m", "store.migrate"], check=True, cwd=_ROOT, env=environment)
     with (data / "service.log").open("wb") as log:

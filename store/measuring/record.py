@@ -95,6 +95,7 @@ def write_measurement(
     session.add(measurement)
     session.flush()
     write_measured(session, measurement, frame, calibration)
+    session.flush()
     return measurement
 
 

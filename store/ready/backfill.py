@@ -38,4 +38,5 @@ def write_missing(session: Session) -> None:
         last = found[-1][0].id
         for measurement, frame, calibration in found:
             write_measured(session, measurement, frame, calibration)
+        session.flush()
         session.expunge_all()

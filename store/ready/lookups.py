@@ -62,7 +62,8 @@ class Lookups:
         self._database = database
         self._used_within = used_within
         dialect = SQLiteDialect_pysqlite(paramstyle="named") if database.is_sqlite else PGDialect_psycopg()  # type: ignore[no-untyped-call]
-        self._statements = {now: _with_key(now=now).compile(dialect=dialect) for now in (True, False)}
+        compiled = {now: _with_key(now=now).compile(dialect=dialect) for now in (True, False)}
+        self._statements = {now: (each.string, dict(each.params)) for now, each in compiled.items()}
 
     def find(
         self, secret: str, *, camera_id: str, method: str, at: datetime | None, known_at: datetime | None
@@ -79,8 +80,8 @@ class Lookups:
         }
         if known_at is not None:
             values["known_at"] = self._bind(known_at)
-        statement = self._statements[known_at is None]
-        rows = self._fetch(statement.string, {**statement.params, **values})
+        statement, constants = self._statements[known_at is None]
+        rows = self._fetch(statement, constants | values)
         if not rows or '"read"' not in rows[0][1]:
             return None
         held = tuple(

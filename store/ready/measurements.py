@@ -87,7 +87,6 @@ def write_measured(session: Session, row: Measurement, frame: FrameRow, calibrat
         cells=record.getvalue(),
     )
     session.add(measured)
-    session.flush()
 
 
 def _describe(row: Measurement, frame: FrameRow, calibration: Calibration, camera: Camera) -> dict[str, Any]:

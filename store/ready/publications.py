@@ -34,35 +34,36 @@ def describe_validity(version: int, publication: Publication) -> str:
 
 
 def write_ready(session: Session, publications: list[Publication]) -> None:
-    """Write the ready rows of publications of one slot, which the session has flushed."""
+    """Write the ready rows of publications, which the session has flushed."""
+    ids = list({row.calibration_id for row in publications})
+    versions = {row.id: row for row in session.scalars(select(Calibration).where(Calibration.id.in_(ids)))}
+    coefficients: dict[str, list[CoefficientRow]] = {each: [] for each in ids}
+    owned = select(CoefficientRow).where(CoefficientRow.calibration_id.in_(ids))
+    for each in session.scalars(owned.order_by(CoefficientRow.position)):
+        coefficients[each.calibration_id].append(each)
     for row in publications:
-        calibration = session.get_one(Calibration, row.calibration_id)
-        coefficients = list(
-            session.scalars(
-                select(CoefficientRow)
-                .where(CoefficientRow.calibration_id == row.calibration_id)
-                .order_by(CoefficientRow.position)
+        calibration = versions[row.calibration_id]
+        session.add(
+            ReadyRow(
+                publication_id=row.id,
+                slot_id=row.slot_id,
+                organisation_id=calibration.organisation_id,
+                camera_id=calibration.camera_id,
+                campaign_id=calibration.campaign_id,
+                method=calibration.method,
+                calibration_id=calibration.id,
+                version=calibration.version,
+                computed_at=calibration.created_at,
+                valid_from=row.valid_from,
+                valid_to=row.valid_to,
+                known_from=row.known_from,
+                known_to=row.known_to,
+                coefficients=len(coefficients[calibration.id]),
             )
         )
-        ready = ReadyRow(
-            publication_id=row.id,
-            slot_id=row.slot_id,
-            organisation_id=calibration.organisation_id,
-            camera_id=calibration.camera_id,
-            campaign_id=calibration.campaign_id,
-            method=calibration.method,
-            calibration_id=calibration.id,
-            version=calibration.version,
-            computed_at=calibration.created_at,
-            valid_from=row.valid_from,
-            valid_to=row.valid_to,
-            known_from=row.known_from,
-            known_to=row.known_to,
-            coefficients=len(coefficients),
-        )
-        session.add(ready)
-        session.flush()
-        session.add(_write_answer(row, calibration, coefficients))
+    session.flush()
+    for row in publications:
+        session.add(_write_answer(row, versions[row.calibration_id], coefficients[row.calibration_id]))
     session.flush()
 
 

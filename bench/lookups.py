@@ -1,0 +1,219 @@
+"""Look-ups beside a bare route with the same JSON, and series beside json.dumps and csv.writer."""
+
+import csv
+import io
+import json
+import os
+import selectors
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+
+from bench.memory import forget_peak, read_memory_mb
+from bench.report import judge, say, show_times
+from bench.stock import METHOD, fill
+from bench.subject import Scale
+from bench.timing import Ratio, Seconds, compare, take_turns
+from bench.upload import KEY, Service, serving
+from store.database import Database
+
+BARE, OURS = "a bare FastAPI route, the same JSON", "look-ups of coefficients in force"
+UNCHANGED = "look-ups with If-None-Match (304)"
+_CONNECTIONS = 4
+_CAMERAS = 100
+_GROWTH_MB = 30.0
+
+
+def run(scale: Scale) -> list[bool]:
+    """Measure on SQLite, and on the empty PostgreSQL database that BENCH_POSTGRES names."""
+    url = os.environ.get("BENCH_POSTGRES")
+    verdicts = _measure(scale, None)
+    return [*verdicts, *(_measure(scale, url) if url else [])]
+
+
+def _measure(scale: Scale, url: str | None) -> list[bool]:
+    say(f"\nlook-ups and series on {'PostgreSQL' if url else 'SQLite'}")
+    with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
+        data = Path(name) / "data"
+        with serving(data, database_url=url) as service:
+            database = Database(url or f"sqlite:///{data / 'stilb.sqlite'}", answer_within_s=None)
+            few = scale.coefficients // 10
+            cameras = fill(database, coefficients=few, measurements=scale.measurements)
+            verdicts, small = _compare_lookups(scale, service, cameras, few)
+            more = fill(database, coefficients=scale.coefficients - few, measurements=0, first=len(cameras))
+            database.dispose()
+            found, large = _compare_lookups(scale, service, [*cameras, *more], scale.coefficients)
+            grown = Ratio(median=large / small, low=large / small, high=large / small)
+            verdicts += [*found, judge("a look-up with 10 x the coefficients", grown, at_most=1.5)]
+            for address in ("coefficients", "measurements"):
+                verdicts += _measure_series(service, f"/v1/series/{address}")
+    return verdicts
+
+
+def _compare_lookups(
+    scale: Scale, service: Service, cameras: list[str], coefficients: int
+) -> tuple[list[bool], float]:
+    """Return the verdicts, and a look-up's time in those of the bare route."""
+    say(f"  {coefficients:,} coefficients, {_CONNECTIONS} connections")
+    step = max(1, len(cameras) // _CAMERAS)
+    paths = [f"/v1/cameras/{camera}/coefficients?method={METHOD}" for camera in cameras[::step]]
+    headers = {"Authorization": f"Bearer {KEY}"}
+    answer = httpx.get(f"{service.url}{paths[0]}", headers=headers, timeout=60)
+    answer.raise_for_status()
+    tag = f"If-None-Match: {answer.headers['ETag']}\r\n"
+    late: dict[str, Seconds] = {BARE: [], OURS: [], UNCHANGED: []}
+    with _serving_bare(answer.text) as bare:
+
+        def asking(name: str, url: str, paths: Sequence[str], status: int, more: str = "") -> None:
+            seconds = _ask(url, paths, count=scale.lookups, status=status, headers=more)
+            late[name].append(statistics.quantiles(seconds, n=100, method="inclusive")[98])
+
+        ways: dict[str, Callable[[], object]] = {
+            BARE: lambda: asking(BARE, bare, paths, 200),
+            OURS: lambda: asking(OURS, service.url, paths, 200),
+            UNCHANGED: lambda: asking(UNCHANGED, service.url, paths[:1], 304, tag),
+        }
+        seconds = take_turns(ways, rounds=scale.rounds)
+    show_times(seconds)
+    for name, each in seconds.items():
+        say(f"  {name:<54} {scale.lookups / statistics.median(each):8.0f} requests/s")
+    share = compare(seconds[BARE], seconds[OURS])
+    verdicts = [
+        judge("look-ups, share of the bare route", share, at_least=0.5),
+        judge(
+            "99 % of the look-ups, in those of the bare route", compare(late[OURS], late[BARE]), at_most=3.0
+        ),
+    ]
+    return verdicts, 1 / share.median
+
+
+def _ask(url: str, paths: Sequence[str], *, count: int, status: int, headers: str) -> Seconds:
+    """Send requests over a few connections, each as soon as the one before is answered; return their times.
+
+    Plain sockets: a client that takes longer than the service would be what is measured.
+    """
+    parts = urlsplit(url)
+    head = f" HTTP/1.1\r\nHost: {parts.netloc}\r\nAuthorization: Bearer {KEY}\r\n{headers}\r\n"
+    requests = [f"GET {path}{head}".encode() for path in paths]
+    seconds: Seconds = []
+    began: dict[socket.socket, float] = {}
+    received: dict[socket.socket, bytes] = {}
+    sent = 0
+    with selectors.DefaultSelector() as selector:
+        for _ in range(_CONNECTIONS):
+            connection = socket.create_connection((parts.hostname or "", parts.port or 80))
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            selector.register(connection, selectors.EVENT_READ)
+            received[connection] = b""
+        ready = list(received)
+        while len(seconds) < count:
+            for connection in ready:
+                if sent < count:
+                    began[connection] = time.perf_counter()
+                    connection.sendall(requests[sent % len(requests)])
+                    sent += 1
+            ready = []
+            for key, _ in selector.select():
+                connection = key.fileobj  # type: ignore[assignment]
+                received[connection] += connection.recv(1 << 18)
+                if _is_whole(received[connection], status):
+                    seconds.append(time.perf_counter() - began[connection])
+                    received[connection] = b""
+                    ready.append(connection)
+        for connection in received:
+            connection.close()
+    return seconds
+
+
+def _is_whole(answer: bytes, status: int) -> bool:
+    head, found, body = answer.partition(b"\r\n\r\n")
+    if not found:
+        return False
+    if not head.startswith(f"HTTP/1.1 {status}".encode()):
+        raise AssertionError(answer[:500].decode(errors="replace"))
+    length = head.lower().partition(b"content-length: ")[2].partition(b"\r\n")[0]
+    return len(body) >= int(length or 0)
+
+
+def _measure_series(service: Service, address: str) -> list[bool]:
+    """Compare the service's CPU for an answer with that of writing the same rows here, from memory."""
+    with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=600) as http:
+        rows = http.get(address).json()["rows"]
+        say(f"  {address}: {len(rows):,} rows")
+        ways: dict[str, tuple[dict[str, str], Callable[[], object]]] = {
+            "JSON": ({"format": "json"}, lambda: json.dumps({"rows": rows})),
+            "CSV": ({"format": "csv"}, lambda: _write_csv(rows)),
+            "Arrow": ({"format": "arrow"}, lambda: json.dumps({"rows": rows})),
+        }
+        verdicts = []
+        for name, (query, plainly) in ways.items():
+            before_mb = read_memory_mb(service.pid, "VmRSS")
+            forget_peak(service.pid)
+            turns = [(_time_series(service, http, address, query), _time_here(plainly)) for _ in range(3)]
+            ours, plain = ([turn[way] for turn in turns] for way in (0, 1))
+            grown_mb = read_memory_mb(service.pid, "VmHWM") - before_mb
+            rate = 1e5 * statistics.median(ours) / len(rows)
+            say(f"  {name:<54} {rate:8.2f} s of CPU for 100,000 rows, {grown_mb:.1f} MB more")
+            beside = "csv.writer" if name == "CSV" else "json.dumps"
+            verdicts.append(judge(f"CPU of {name}, in that of {beside}", compare(ours, plain), at_most=8.0))
+            growth = Ratio(median=grown_mb, low=grown_mb, high=grown_mb)
+            verdicts.append(judge(f"memory for {name} [MB]", growth, at_most=_GROWTH_MB))
+    return verdicts
+
+
+def _time_series(service: Service, http: httpx.Client, address: str, query: dict[str, str]) -> float:
+    before = _read_cpu_s(service.pid)
+    with http.stream("GET", address, params=query, headers={"Accept-Encoding": "identity"}) as answer:
+        answer.raise_for_status()
+        for _ in answer.iter_raw():
+            pass
+    return _read_cpu_s(service.pid) - before
+
+
+def _time_here(work: Callable[[], object]) -> float:
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+def _write_csv(rows: list[dict[str, object]]) -> None:
+    writer = csv.DictWriter(io.StringIO(), rows[0].keys())
+    writer.writeheader()
+    writer.writerows(rows)
+
+
+def _read_cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@contextmanager
+def _serving_bare(body: str) -> Iterator[str]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "bench.bare", str(port)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, cwd=Path(__file__).parent.parent)
+    try:
+        process.stdin.write(body.encode())  # type: ignore[union-attr]
+        process.stdin.close()  # type: ignore[union-attr]
+        url = f"http://127.0.0.1:{port}"
+        for _ in range(600):
+            try:
+                httpx.get(url)
+                break
+            except httpx.TransportError:
+                time.sleep(0.05)
+        yield url
+    finally:
+        process.terminate()
+        process.wait()
