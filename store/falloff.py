@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface, shared
 from radiometry.fitting.evidence import Quantity
+from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.methods import METHODS, get_method
@@ -19,22 +20,20 @@ from store.columns import utc_now
 from store.errors import Conflict
 from store.publications import in_force
 from store.queries.evidence import Evidence
-from store.queries.frames import read_time
-from store.tables import Calibration, Campaign, FrameRow, Revocation, Roi
+from store.queries.frames import find_instants
+from store.tables import Calibration, Campaign, Revocation, Roi
 
 
 @dataclass(frozen=True)
 class _Light:
-    """A light frame that a fit would use. ``row``: as the fit sees it; ``frame``: as it is kept."""
+    """A light frame that a fit would use. ``row``: as the fit sees it; ``header``: as its file says."""
 
     row: Any
-    frame: FrameRow
+    header: FrameHeader
     roi: Roi
 
     def channels(self, application: SurfaceApplication, params: Any) -> tuple[str, ...]:  # noqa: ANN401
-        named: tuple[str, ...] = application.name_channels(
-            (self.frame.header or {})["cfa"], channel=params.channel
-        )
+        named: tuple[str, ...] = application.name_channels(self.header.cfa, channel=params.channel)
         return named
 
 
@@ -65,14 +64,13 @@ def choose_falloff(
         )
     _refuse_revoked(session, chosen)
     for light in lights:
-        header = light.frame.header or {}
         lens = _read_correction(corrector).lens(
             coefficients=read_applied(chosen), f_number=light.row.exposure.f_number
         )
         lens.require(
             channels=light.channels(application, params),
-            height_px=header["height_px"],
-            width_px=header["width_px"],
+            height_px=light.header.height_px,
+            width_px=light.header.width_px,
         )
     return chosen
 
@@ -181,22 +179,20 @@ def _list_lights(session: Session, evidence: Evidence, params: Any) -> Iterator[
     rois = {
         roi.id: roi for roi in session.scalars(select(Roi).where(Roi.id.in_(set(evidence.rois.values()))))
     }
-    frames = session.scalars(select(FrameRow).where(FrameRow.id.in_(evidence.names)).order_by(FrameRow.id))
-    for frame in frames:
-        name = evidence.names[frame.id]
+    for name in (evidence.names[frame_id] for frame_id in sorted(evidence.names)):
         if name in rows and name not in out:
-            yield _Light(rows[name], frame, rois[evidence.rois[name]])
+            yield _Light(rows[name], evidence.headers[name], rois[evidence.rois[name]])
 
 
 def _find_in_force(session: Session, campaign: Campaign, corrector: str, lights: list[_Light]) -> Calibration:
-    timeless = [light.row.frame for light in lights if (light.frame.header or {}).get("taken_at") is None]
+    timeless = [light.row.frame for light in lights if light.header.taken_at is None]
     if timeless:
         raise InputRejected(
             shared.FRAME_TIME_MISSING,
             f"Frame {timeless[0]} does not say when it was taken, so that no {corrector} can be looked "
             f"up: name one with {corrector}_id.",
         )
-    times = [read_time(light.frame) for light in lights]
+    times = [find_instants(light.header.taken_at) for light in lights if light.header.taken_at]
     earliest = min((first for first, _ in times), default=utc_now())
     latest = max((last for _, last in times), default=earliest)
     held = [

@@ -27,6 +27,8 @@ from store.tables.base import Json
 # A time without an offset is somewhere between UTC+14 and UTC-12.
 _EARLIEST, _LATEST = timedelta(hours=-14), timedelta(hours=12)
 
+_INSTANT = TypeAdapter(datetime)
+
 _STATISTICS = tuple(field.name for field in fields(ChannelStatistics))
 
 
@@ -219,7 +221,12 @@ def read_time(frame: FrameRow) -> tuple[datetime, datetime]:
             f"Frame {frame.filename} does not say when it was taken, so no calibration can be looked up: "
             "name one with calibration_id.",
         )
-    instant: datetime = TypeAdapter(datetime).validate_python(taken)
+    return find_instants(taken)
+
+
+def find_instants(taken_at: str) -> tuple[datetime, datetime]:
+    """The earliest and the latest instant that a time in a file may mean."""
+    instant: datetime = _INSTANT.validate_python(taken_at)
     if instant.tzinfo is not None:
         return instant, instant
     instant = instant.replace(tzinfo=UTC)
