@@ -16,7 +16,7 @@ TRIGGER_LEFT_OUT = flag(
 )
 RIG_NOT_RIGID = flag(
     "rig_not_rigid",
-    "The orientation scatters from trigger to trigger by more than its corners explain.",
+    "The orientation scatters from trigger to trigger by more than four times what its corners explain.",
     "Put rig and board down for every picture, and check mounts and synchronisation; the scatter is in the "
     "uncertainty.",
     "fleet",
