@@ -24,6 +24,9 @@ _MOST_NUMBERS = 12
 _NODES = np.linspace(-4.0, 4.0, 121)
 _WEIGHTS = np.exp(-(_NODES**2) / 2.0) / np.exp(-(_NODES**2) / 2.0).sum()
 _NORMAL_95 = 1.959964
+_BOUND_95 = 2.241403
+"""Of 97.5 %: where the spread of the pixels is at its bound 0, the usual interval covers too little."""
+_LEAST_LOG_SPREAD = -6.0
 
 
 def count_changes(images: Image) -> Counts:
@@ -69,8 +72,9 @@ def estimate_rounded_noise(changes: Counts, *, u_rel: float, spread: float) -> t
     F((i - 1/2 - m) / s), F the normal distribution. Levels are normal about a mean that may differ between
     the two frames, so the pair (i, j) has the probability E[P_i(m) P_j(m + d)]. The likelihood is maximised
     over mean, d and spread of the levels for every s; the interval is where its logarithm has fallen by less
-    than 1.92 (Wilks [1]_). Where levels spread over half a step and more, all places between two numbers are
-    alike, and with D a normal difference of standard deviation s sqrt(2) and {} the fraction::
+    than 1.92 (Wilks [1]_), or than 2.51 where levels without spread are within 1.92. Where levels spread over
+    half a step and more, all places between two numbers are alike, and with D a normal difference of standard
+    deviation s sqrt(2) and {} the fraction::
 
         variance of the numbers = s^2 + E[{D} (1 - {D})] / 2
 
@@ -119,7 +123,15 @@ def _profile(changes: Counts, *, u_rel: float) -> tuple[float, float]:
     width = math.log(_RANGE[1] / _RANGE[0]) / 7.0
     around = (math.log(size) - width, math.log(size) + width)
     best = minimize_scalar(profile, bounds=around, method="bounded", options={"xatol": 1e-3})
-    limit = min(float(best.fun), min(tried, key=lambda each: each[0])[0]) + u_rel**2 * _NORMAL_95**2
+    least = min(float(best.fun), min(tried, key=lambda each: each[0])[0])
+    even = minimize(
+        lambda x: _deviance((*x[:2], _LEAST_LOG_SPREAD + 1.0), changes, math.exp(x[2])),
+        np.array([*near[:2], float(best.x)]),
+        method="Nelder-Mead",
+        options={"maxiter": 200, "xatol": 1e-4, "fatol": 1e-3},
+    )
+    alike = float(even.fun) - least < (u_rel * _NORMAL_95) ** 2
+    limit = least + (u_rel * (_BOUND_95 if alike else _NORMAL_95)) ** 2
 
     def cross(side: float, end: float) -> float:
         inner, step = float(best.x), 0.02 * side
@@ -136,7 +148,7 @@ def _profile(changes: Counts, *, u_rel: float) -> tuple[float, float]:
 def _deviance(nuisance: Sequence[float], changes: Counts, noise: float) -> float:
     """Return -2 times the logarithm of the likelihood."""
     level, drift, log_spread = nuisance
-    if not -6.0 < log_spread < 1.0:
+    if not _LEAST_LOG_SPREAD < log_spread < 1.0:
         return 1e12
     levels = level + math.exp(log_spread) * _NODES
     edges = np.arange(changes.shape[0] + 1) - 0.5
