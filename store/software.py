@@ -13,7 +13,7 @@ It is not the version of the product: a release that fits as before keeps it, an
 MEASURER = "measure-3"
 """Of a measurement and its map. Part of a measurement's content hash."""
 
-EXTRACTOR = "extract-2"
+EXTRACTOR = "extract-3"
 """Of the decoder and the statistics. Part of an extraction's key."""
 
 
