@@ -178,8 +178,8 @@ def other_than_default(parameter):
             return [low + (high - low) * part for part in (0.3, 0.7)]
         case "group":
             return {each.field: other_than_default(each) for each in parameter.members}
-        case "version":
-            return LENS["content_sha256"]
+        case "version" | "text":
+            return LENS["content_sha256"] if parameter.kind == "version" else parameter.example
     return ((low if default is None else default) + high) / 2
 
 
