@@ -55,21 +55,21 @@ class Database:
 
     @contextmanager
     def reading_alone(self) -> Iterator[Any]:
-        """Lend a connection of the driver, for reading: each statement is a transaction of its own.
+        """Lend a cursor of the driver, for reading: each statement is a transaction of its own.
 
         On SQLite it never waits for a lock. Raises `ConnectionLost` where it cannot be used any more.
         """
         driver = sqlite3 if self.is_sqlite else psycopg
         try:
-            connection = self._alone.pop()
+            cursor = self._alone.pop()
         except IndexError:
-            connection = self._open_alone()
+            cursor = self._open_alone()
         try:
-            yield connection
+            yield cursor
         except (driver.OperationalError, driver.InterfaceError) as error:
-            connection.close()
+            cursor.connection.close()
             raise ConnectionLost(str(error)) from error
-        self._alone.append(connection)
+        self._alone.append(cursor)
 
     def _open_alone(self) -> Any:  # noqa: ANN401  the driver's own
         pooled = self._reader.raw_connection()
@@ -77,9 +77,10 @@ class Database:
         pooled.detach()
         if self.is_sqlite:
             connection.execute("PRAGMA busy_timeout = 0")
-        else:
-            connection.autocommit = True
-        return connection
+            return connection.cursor()
+        connection.autocommit = True
+        # as text, bytes would come in twice their length
+        return connection.cursor(binary=True)
 
     @property
     def engine(self) -> Engine:
@@ -132,7 +133,7 @@ class Database:
 
     def dispose(self) -> None:
         while self._alone:
-            self._alone.pop().close()
+            self._alone.pop().connection.close()
         self._reader.dispose()
         self._writer.dispose()
 

@@ -98,8 +98,8 @@ class Lookups:
     def _fetch(self, statement: str, values: dict[str, Any]) -> Sequence[Any]:
         began = time.monotonic()
         try:
-            with self._database.reading_alone() as connection:
-                rows: Sequence[Any] = connection.execute(statement, values).fetchall()
+            with self._database.reading_alone() as cursor:
+                rows: Sequence[Any] = cursor.execute(statement, values).fetchall()
         except ConnectionLost as error:
             if time.monotonic() - began < _AT_ONCE_S:
                 return ()
