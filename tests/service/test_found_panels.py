@@ -141,6 +141,7 @@ def state_panel(content, albedo, *, serial=SERIAL, area=""):
     return content.replace(block[0], text.encode().ljust(len(block[0])))
 
 
+@pytest.mark.either_database
 def test_a_panel_that_the_files_name_is_offered_and_taken_by_one_field(house):
     """Nothing is registered: its reflectances are those that the files state, and flagged as such."""
     made = start(house)
