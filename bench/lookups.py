@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -31,6 +31,7 @@ UNCHANGED = "look-ups with If-None-Match (304)"
 _CONNECTIONS = 4
 _CAMERAS = 100
 _GROWTH_MB = 30.0
+_HEADERS = {"Authorization": f"Bearer {KEY}"}
 
 
 def run(scale: Scale) -> list[bool]:
@@ -44,14 +45,17 @@ def _measure(scale: Scale, url: str | None) -> list[bool]:
     say(f"\nlook-ups and series on {'PostgreSQL' if url else 'SQLite'}")
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
         data = Path(name) / "data"
-        with serving(data, database_url=url) as service:
+        with ExitStack() as opened:
+            service = opened.enter_context(serving(data, database_url=url))
             database = Database(url or f"sqlite:///{data / 'stilb.sqlite'}", answer_within_s=None)
             few = scale.coefficients // 10
             cameras = fill(database, coefficients=few, measurements=scale.measurements)
-            verdicts, small = _compare_lookups(scale, service, cameras, few)
+            first = httpx.get(f"{service.url}{_address(cameras[0])}", headers=_HEADERS, timeout=60)
+            bare = opened.enter_context(_serving_bare(first.raise_for_status().text))
+            verdicts, small = _compare_lookups(scale, service, bare, cameras, few)
             more = fill(database, coefficients=scale.coefficients - few, measurements=0, first=len(cameras))
             database.dispose()
-            found, large = _compare_lookups(scale, service, [*cameras, *more], scale.coefficients)
+            found, large = _compare_lookups(scale, service, bare, [*cameras, *more], scale.coefficients)
             grown = Ratio(median=large / small, low=large / small, high=large / small)
             verdicts += [*found, judge("a look-up with 10 x the coefficients", grown, at_most=1.5)]
             for address in ("coefficients", "measurements"):
@@ -60,29 +64,26 @@ def _measure(scale: Scale, url: str | None) -> list[bool]:
 
 
 def _compare_lookups(
-    scale: Scale, service: Service, cameras: list[str], coefficients: int
+    scale: Scale, service: Service, bare: str, cameras: list[str], coefficients: int
 ) -> tuple[list[bool], float]:
     """Return the verdicts, and a look-up's time in those of the bare route."""
     say(f"  {coefficients:,} coefficients, {_CONNECTIONS} connections")
     step = max(1, len(cameras) // _CAMERAS)
-    paths = [f"/v1/cameras/{camera}/coefficients?method={METHOD}" for camera in cameras[::step]]
-    headers = {"Authorization": f"Bearer {KEY}"}
-    answer = httpx.get(f"{service.url}{paths[0]}", headers=headers, timeout=60)
-    answer.raise_for_status()
+    paths = [_address(camera) for camera in cameras[::step]]
+    answer = httpx.get(f"{service.url}{paths[0]}", headers=_HEADERS, timeout=60)
     tag = f"If-None-Match: {answer.headers['ETag']}\r\n"
     late: dict[str, Seconds] = {BARE: [], OURS: [], UNCHANGED: []}
-    with _serving_bare(answer.text) as bare:
 
-        def asking(name: str, url: str, paths: Sequence[str], status: int, more: str = "") -> None:
-            seconds = _ask(url, paths, count=scale.lookups, status=status, headers=more)
-            late[name].append(statistics.quantiles(seconds, n=100, method="inclusive")[98])
+    def asking(name: str, url: str, paths: Sequence[str], status: int, more: str = "") -> None:
+        seconds = _ask(url, paths, count=scale.lookups, status=status, headers=more)
+        late[name].append(statistics.quantiles(seconds, n=100, method="inclusive")[98])
 
-        ways: dict[str, Callable[[], object]] = {
-            BARE: lambda: asking(BARE, bare, paths, 200),
-            OURS: lambda: asking(OURS, service.url, paths, 200),
-            UNCHANGED: lambda: asking(UNCHANGED, service.url, paths[:1], 304, tag),
-        }
-        seconds = take_turns(ways, rounds=scale.rounds)
+    ways: dict[str, Callable[[], object]] = {
+        BARE: lambda: asking(BARE, bare, paths, 200),
+        OURS: lambda: asking(OURS, service.url, paths, 200),
+        UNCHANGED: lambda: asking(UNCHANGED, service.url, paths[:1], 304, tag),
+    }
+    seconds = take_turns(ways, rounds=scale.rounds)
     show_times(seconds)
     for name, each in seconds.items():
         say(f"  {name:<54} {scale.lookups / statistics.median(each):8.0f} requests/s")
@@ -94,6 +95,10 @@ def _compare_lookups(
         ),
     ]
     return verdicts, 1 / share.median
+
+
+def _address(camera: str) -> str:
+    return f"/v1/cameras/{camera}/coefficients?method={METHOD}"
 
 
 def _ask(url: str, paths: Sequence[str], *, count: int, status: int, headers: str) -> Seconds:
@@ -146,7 +151,7 @@ def _is_whole(answer: bytes, status: int) -> bool:
 
 def _measure_series(service: Service, address: str) -> list[bool]:
     """Compare the service's CPU for an answer with that of writing the same rows here, from memory."""
-    with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {KEY}"}, timeout=600) as http:
+    with httpx.Client(base_url=service.url, headers=_HEADERS, timeout=600) as http:
         rows = http.get(address).json()["rows"]
         say(f"  {address}: {len(rows):,} rows")
         ways: dict[str, tuple[dict[str, str], Callable[[], object]]] = {
