@@ -79,6 +79,8 @@ class Database:
             connection.execute("PRAGMA busy_timeout = 0")
             return connection.cursor()
         connection.autocommit = True
+        # planning the one statement again costs more than running it
+        connection.execute("SET plan_cache_mode = force_generic_plan")
         # as text, bytes would come in twice their length
         return connection.cursor(binary=True)
 
