@@ -65,6 +65,7 @@ class PanelBand(TypedDict):
     band: str
     reflectance: float
     standard_uncertainty: NotRequired[float]
+    origin: NotRequired[str | None]
 
 
 class Reading(TypedDict):

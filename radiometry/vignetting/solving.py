@@ -8,6 +8,8 @@ from radiometry.vignetting.solution import CENTRE, LIGHT, USUAL, Blocks, Matrix,
 
 _TOLERANCE = 1e-10
 _MOST_EVALUATIONS = 200
+_LEVEL = slice(0, 6)
+"""All parameters but the plane of light."""
 
 
 def solve_falloff(blocks: Blocks, prior: Prior = USUAL) -> Solution:
@@ -33,28 +35,20 @@ def solve_falloff(blocks: Blocks, prior: Prior = USUAL) -> Solution:
 
         minimise sum ((model - light) / u)^2 + (p - p0)' P (p - p0)
 
-    by the method of Levenberg and Marquardt [1]_, here in MINPACK's implementation. The plane is always
-    fitted. Where the falloff is small, centre and plane can replace one another: what is known of the centre
-    then decides, and the errors of both say so.
+    by the method of Levenberg and Marquardt [1]_, here in MINPACK's implementation; where the fit is poor,
+    also from a start without a plane. The plane is always fitted. Where the falloff is small, centre and
+    plane can replace one another: what is known of the centre then decides, and the errors of both say so.
 
     References
     ----------
     .. [1] Press et al., Numerical Recipes, 15.5
     """
     model = _Model(blocks)
-    values, vectors = np.linalg.eigh(prior.precision)
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    found = least_squares(
-        lambda p: np.append(model.residual(p), root @ (p[4:] - prior.mean)),
-        model.start(prior.mean),
-        jac=lambda p: np.vstack([model.jacobian(p), np.column_stack([np.zeros((4, 4)), root])]),
-        method="lm",
-        x_scale="jac",
-        xtol=_TOLERANCE,
-        ftol=_TOLERANCE,
-        gtol=_TOLERANCE,
-        max_nfev=_MOST_EVALUATIONS,
-    ).x
+    found = _minimise(model, model.start(prior.mean), prior)
+    if model.chi_squared(found) > model.light.size:
+        # a plane may stand for a centre that is far from where the search began: find that one first
+        level = _minimise(model, model.start(prior.mean), prior, free=_LEVEL)
+        found = min(found, _minimise(model, level, prior), key=model.chi_squared)
     jacobian, residual, fitted = model.jacobian(found), model.residual(found), model.evaluate(found)
     chi_squared, dof = float(residual @ residual), max(1, residual.size - found.size)
     birge_squared = max(1.0, chi_squared / dof)
@@ -70,6 +64,34 @@ def solve_falloff(blocks: Blocks, prior: Prior = USUAL) -> Solution:
         fitted=fitted,
         residual=np.where(model.counts, blocks.light / fitted - 1.0, 0.0),
     )
+
+
+def _minimise(model: "_Model", start: Matrix, prior: Prior, free: slice = slice(None)) -> Matrix:
+    """Find the parameters from a start, those that are not free staying as they are."""
+    values, vectors = np.linalg.eigh(prior.precision)
+    known = np.column_stack([np.zeros((4, 4)), (vectors * np.sqrt(np.maximum(values, 0.0))).T])
+
+    def fill(part: Matrix) -> Matrix:
+        whole = start.copy()
+        whole[free] = part
+        return whole
+
+    def residual(part: Matrix) -> Matrix:
+        whole = fill(part)
+        return np.append(model.residual(whole), known[:, 4:] @ (whole[4:] - prior.mean))
+
+    found = least_squares(
+        residual,
+        start[free],
+        jac=lambda part: np.vstack([model.jacobian(fill(part)), known])[:, free],
+        method="lm",
+        x_scale="jac",
+        xtol=_TOLERANCE,
+        ftol=_TOLERANCE,
+        gtol=_TOLERANCE,
+        max_nfev=_MOST_EVALUATIONS,
+    )
+    return fill(found.x)
 
 
 def _find_spurious(model: "_Model", p: Matrix, information: Matrix, prior: Prior) -> Matrix:
@@ -125,6 +147,10 @@ class _Model:
     def residual(self, p: Matrix) -> Matrix:
         """Return the residuals of the blocks over their errors."""
         return np.asarray((self.evaluate(p)[self.counts] - self.light) * self.weights)
+
+    def chi_squared(self, p: Matrix) -> float:
+        """Return the sum of the squares of the residuals."""
+        return float(np.sum(self.residual(p) ** 2))
 
     def jacobian(self, p: Matrix) -> Matrix:
         """Return the derivatives of the residuals by the parameters."""

@@ -7,7 +7,14 @@ from typing import Any, Final
 
 from radiometry.findings import interface
 from radiometry.fitting.comparison import Comparison
-from radiometry.fitting.shared_errors import FOCUS, Budgeted, compare_measured, scale_effects, sign_effects
+from radiometry.fitting.shared_errors import (
+    FOCUS,
+    STRAY,
+    Budgeted,
+    compare_measured,
+    scale_effects,
+    sign_effects,
+)
 from radiometry.frame.exposure import Exposure
 from radiometry.methods import get_method
 from radiometry.specification.application import BandApplication, SurfaceApplication
@@ -144,13 +151,15 @@ def _is_lit(side: Side) -> bool:
 
 
 def _find_common_conditions(old: Side, new: Side, *, same_light: bool) -> set[str]:
-    """Errors of spectrum and distance that are the same in both, as far as K is."""
+    """Errors of spectrum, glare and distance that are the same in both, as far as K is."""
     if not _is_lit(old) or old.calibration.id != new.calibration.id:
         return set()
     before, after = (side.measurement.parameters.get("conditions", {}) for side in (old, new))
     light = before.get("light_source")
     same = same_light or (light is not None and light == after.get("light_source"))
     common = {SPECTRUM} if same else set()
+    # of one scene under the same lamps a lens scatters the same share of the frame's mean
+    common |= {STRAY} if same_light and _outline(old) == _outline(new) else set()
     # an unknown distance of the calibration is the larger part, and the same in both
     return common | ({FOCUS} if before.get("distance_m") == after.get("distance_m") else set())
 

@@ -6,7 +6,7 @@ from sqlalchemy import func, select
 
 from store.publications import publish, revoke
 from store.tables import Calibration, Camera, Campaign, CoefficientRow
-from tests.support.versions import bare_version
+from tests.support.versions import fitted_version
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 
@@ -47,7 +47,7 @@ def add_published(
             or 0
         )
         configuration = {"lens": {"model": "9 mm", "serial": lens}} if lens else {}
-        version = bare_version(campaign, number, configuration=configuration)
+        version = fitted_version(campaign, number, 3200.0, configuration=configuration)
         session.add(version)
         session.flush()
         session.add(CoefficientRow(calibration_id=version.id, position=0, **row | columns))

@@ -1,17 +1,14 @@
 """An organisation that has worked for three years: cameras, versions, decisions, failures; not the work."""
 
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import select
 
 from store import jobs, publications
-from store.codec import encode
 from store.columns import utc_now
 from store.queries.keys import find_key
 from store.tables import Camera, Campaign, CoefficientRow, Job, Meter
-from tests.radiometry.coefficients import COEFFICIENT
-from tests.support.versions import bare_version
+from tests.support.versions import fitted_version
 
 ISOS = (100, 400, 1600, 6400)
 SERIALS = ("0K1XE8", "0K1XF2", "0K1XG5")
@@ -103,9 +100,7 @@ def _publish(session, camera, number, by, *, shift):
     )
     session.add(campaign)
     session.flush()
-    fits = [{"coefficient": encode(replace(COEFFICIENT, iso=float(iso)))} for iso in ISOS]
-    result = {"iso_fits": fits, "points": [], "tolerance_rel": 0.04}
-    version = bare_version(campaign, number, created_by=by, result=result)
+    version = fitted_version(campaign, number, *map(float, ISOS), created_by=by)
     session.add(version)
     session.flush()
     session.add_all(

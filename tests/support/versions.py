@@ -1,6 +1,10 @@
 """Calibration versions without a campaign's work behind them: for what is decided of them."""
 
+from dataclasses import replace
+
+from store.codec import encode
 from store.tables import Calibration, Camera, Campaign, Organisation
+from tests.radiometry.coefficients import COEFFICIENT
 
 
 def bare_version(campaign: Campaign, number: int, *, created_by: str = "test", **columns) -> Calibration:
@@ -17,6 +21,14 @@ def bare_version(campaign: Campaign, number: int, *, created_by: str = "test", *
         created_by=created_by,
         **nothing | columns,
     )
+
+
+def fitted_version(campaign: Campaign, number: int, *isos: float, **columns) -> Calibration:
+    """A luminance version, not yet added, with a coefficient of each ISO value and no points."""
+    fits = [{"coefficient": encode(replace(COEFFICIENT, iso=iso))} for iso in isos]
+    result = {"iso_fits": fits, "points": [], "flags": [], "tolerance_rel": 0.04}
+    made = {"result": result, "parameters": {"exclude": []}, "inputs": {"frames": []}}
+    return bare_version(campaign, number, **made | columns)
 
 
 def add_versions(database, count: int) -> list[str]:
