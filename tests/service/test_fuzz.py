@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.support.everything import make_one_of_each
 from tests.support.house import KEY
 
-EXAMPLES = 12
+EXAMPLES = 9
 
 
 @pytest.fixture

@@ -131,7 +131,7 @@ def test_residual_map_is_the_noise_that_was_predicted(fitted):
     site=st.tuples(st.integers(0, 1), st.integers(0, 1)),
 )
 @example(height=218, width=90, where=(0.625, 0.5), k=(-0.5, 0.0, 0.0), site=(0, 0))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_exact_light_gives_exact_parameters_and_transposes(gradient, height, width, where, k, site):
     grid, turned = grid_of(height, width), grid_of(width, height)
     centre = (where[0] * height, where[1] * width)
