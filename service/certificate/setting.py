@@ -8,7 +8,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, Literal
 
 import typst
 
@@ -19,20 +19,25 @@ _STANDARD: Final = "a-2b"  # what archives keep
 def main() -> None:
     os.nice(10)  # a look-up goes first
     request = json.load(sys.stdin.buffer)
+    try:
+        pdf = _set(request, _STANDARD)
+    except typst.TypstError:
+        # a name in a script that the fonts lack: the archive's standard refuses it, a plain PDF shows a box
+        pdf = _set(request, None)
+    sys.stdout.buffer.write(pdf)
+
+
+def _set(request: dict[str, Any], standard: Literal["a-2b"] | None) -> bytes:
+    # a compiler that has failed does not find its template again
     compiler = typst.Compiler(
         _TEMPLATE.read_bytes(),
         font_paths=typst.Fonts(include_system_fonts=False),
         ignore_system_fonts=True,
         sys_inputs={"certificate": request["sheets"]},
     )
-    timestamp = request["timestamp"]
-    try:
-        pdf = compiler.compile(format="pdf", pdf_standards=_STANDARD, timestamp=timestamp)
-    except typst.TypstError:
-        # a name in a script that the fonts lack: the archive's standard refuses it, a plain PDF shows a box
-        pdf = compiler.compile(format="pdf", timestamp=timestamp)
+    pdf = compiler.compile(format="pdf", pdf_standards=standard, timestamp=request["timestamp"])
     assert isinstance(pdf, bytes)  # noqa: S101  narrows the type: one document was asked for
-    sys.stdout.buffer.write(pdf)
+    return pdf
 
 
 if __name__ == "__main__":

@@ -193,6 +193,12 @@ def test_words_are_text_and_never_markup(certificate):
     assert text.count("".join(hostile.split())) == 2
 
 
+@alone
+def test_a_name_that_no_font_can_show_is_printed_without_it(certificate):
+    certificate["work"]["place"] = "Gate \U00074823"
+    assert "Gate" in "".join(read(render_pdf(lay_out(certificate, ""))))
+
+
 def test_the_region_is_drawn_where_it_lies():
     svg = draw_region(b"png", 400, 300, [[[10, 20], [110.5, 20], [110, 80]]])
     assert 'viewBox="0 0 400 300"' in svg

@@ -26,6 +26,9 @@ export function fill(element, ...children) {
   return element;
 }
 
+/** A sentence as nodes: what stands between backticks is a name. */
+export const prose = (text) => (text ?? "").split("`").map((part, place) => (place % 2 ? h("code", {}, part) : part));
+
 export const byId = (id) => document.getElementById(id);
 
 /** Whether the key that is signed in with has a scope: what it may not do is not offered. */

@@ -1,7 +1,7 @@
 // Flags in words.
 
 import { get } from "./api.js";
-import { h } from "./dom.js";
+import { h, prose } from "./dom.js";
 import { tag } from "./format.js";
 import { groupBy } from "./groups.js";
 
@@ -23,14 +23,14 @@ export function drawFlags(explained) {
       h(
         "li",
         {},
-        h("div", { class: "todo-head" }, h("strong", {}, sentence), tag(code, "warn")),
+        h("div", { class: "todo-head" }, h("strong", {}, prose(sentence)), tag(code, "warn")),
         found.length > 3
           ? h("details", {}, h("summary", {}, `${found.length} places`), h("ul", {}, found.map(place)))
           : h("ul", {}, found.map(place)),
-        h("p", { class: "muted" }, remedy),
+        h("p", { class: "muted" }, prose(remedy)),
       ),
     ),
   );
 }
 
-const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where.replace(/^iso /, "ISO ")}: `) : null, detail);
+const place = ({ where, detail }) => h("li", {}, where ? h("span", { class: "muted" }, `${where.replace(/^iso /, "ISO ")}: `) : null, prose(detail));

@@ -1,7 +1,7 @@
 // How far a campaign is: what has come, what it still lacks, what would make it good.
 
 import { patch } from "../api.js";
-import { figure, fill, h, may } from "../dom.js";
+import { figure, fill, h, may, prose } from "../dom.js";
 import { counted, number } from "../format.js";
 import { act } from "../states.js";
 import { countOwn } from "./holding.js";
@@ -74,7 +74,7 @@ function advice({ missing, advice: better }) {
 
 function listOf(sentences) {
   const [shown, more] = [sentences.slice(0, 5), sentences.slice(5)];
-  const items = (some) => h("ul", { class: "plain" }, some.map((each) => h("li", {}, sentence(each))));
+  const items = (some) => h("ul", { class: "plain" }, some.map((each) => h("li", {}, prose(sentence(each)))));
   return [items(shown), more.length ? h("details", {}, h("summary", {}, `${more.length} more`), items(more)) : null];
 }
 

@@ -2,7 +2,7 @@
 
 import { get } from "../api.js";
 import { bars } from "../bars.js";
-import { byId, fill, h, may } from "../dom.js";
+import { byId, fill, h, may, prose } from "../dom.js";
 import { drawFlags, explainFlags } from "../flags.js";
 import { number, percent, sayTimes, tag, time, words } from "../format.js";
 import { labelOf } from "../methods.js";
@@ -28,7 +28,7 @@ load(byId("figures"), () => measurement, (found) => {
 load(byId("map"), drawableMap, (drawn) => drawn);
 load(byId("with"), withFalloff, drawCalibration);
 load(byId("budget"), () => measurement, drawBudget);
-load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, each))) : h("p", { class: "muted" }, "No suggestions.")));
+load(byId("better"), () => measurement, ({ to_do_better: sentences }) => (sentences.length ? h("ul", { class: "better" }, sentences.map((each) => h("li", {}, prose(each)))) : h("p", { class: "muted" }, "No suggestions.")));
 load(byId("flags"), async () => explainFlags((await measurement).flags), drawFlags);
 load(byId("made"), () => measurement, drawRecord);
 
@@ -85,9 +85,9 @@ function drawCalibration([{ calibration, signal, vignetting, method, corrections
 }
 
 /** An error of the field: its factor or what was subtracted, and why. */
-function drawCorrection({ source, factor, offset_cd_m2: offset, basis, assumed }) {
+function drawCorrection({ source, factor, offset_cd_m2: offset, basis }) {
   const made = factor === 1 && !offset ? "" : `${[factor === 1 ? "" : `× ${number(factor, 4)}`, offset ? `− ${number(offset, 3)} cd/m²` : ""].filter(Boolean).join(" ")}: `;
-  return [h("dt", {}, words(source)), h("dd", {}, assumed ? [tag("assumed", "warn"), " "] : null, `${made}${basis}`)];
+  return [h("dt", {}, words(source)), h("dd", {}, `${made}${basis}`)];
 }
 
 function drawBudget({ budget, mean }) {
