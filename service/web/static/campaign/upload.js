@@ -27,6 +27,8 @@ export function uploadSection(state) {
   const panel = h("div", { class: "upload-panel card", hidden: true }, head, patterns.element, list.element);
   let waiting = false;
   const draw = () => {
+    // a button that is replaced while it is pressed gets no click
+    if (head.matches(":active")) return void requestAnimationFrame(draw);
     waiting = false;
     panel.hidden = queue.items.length === 0;
     if (panel.hidden) return;
