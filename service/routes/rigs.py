@@ -1,9 +1,10 @@
 """Rigs of cameras, and how they are oriented against each other: computed on request, nothing is stored."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
 from radiometry.findings import InputRejected, interface
@@ -29,21 +30,35 @@ router = APIRouter(prefix="/v1/rigs", tags=["rigs"])
 
 MOST_SETS = 20
 
-Versions = Annotated[
-    list[str] | None,
-    Query(
-        alias="calibration_id",
+
+class _Chosen(BaseModel):
+    """Which versions orient a rig."""
+
+    calibration_id: list[str] | None = Field(
+        default=None,
         max_length=20,
         description="One version of each camera, in any order, in place of the published ones; repeated.",
-    ),
-]
+    )
 
-AngleTolerance = Annotated[
-    PositiveText | None, Query(description="Largest accepted change of an angle over all sets.")
-]
-PlaceTolerance = Annotated[
-    PositiveText | None, Query(description="Largest accepted change of a place over all sets.")
-]
+
+class _Judged(_Chosen):
+    """What change between its sets is accepted, too."""
+
+    tolerance_deg: PositiveText | None = Field(
+        default=None, description="Largest accepted change of an angle over all sets."
+    )
+    tolerance_m: PositiveText | None = Field(
+        default=None, description="Largest accepted change of a place over all sets."
+    )
+
+    @property
+    def limits(self) -> dict[str, float]:
+        limits = {"deg": self.tolerance_deg, "m": self.tolerance_m}
+        return {unit: limit for unit, limit in limits.items() if limit is not None}
+
+
+Versions = Annotated[_Chosen, Query()]
+Judging = Annotated[_Judged, Query()]
 
 
 @router.post(
@@ -101,12 +116,10 @@ def get_rig_orientation(
     rig_id: Id,
     caller: Reader,
     context: UsesContext,
-    calibration_id: Versions = None,
-    tolerance_deg: AngleTolerance = None,
-    tolerance_m: PlaceTolerance = None,
+    judging: Judging,
 ) -> Response:
     """The orientation of a rig's cameras from board pictures taken together, by set, and its stability."""
-    _, found, why = _orient_sets(rig_id, caller, context, calibration_id)
+    _, found, why = _orient_sets(rig_id, caller, context, judging.calibration_id)
     return RigOrientationAnswer.restate(
         rig_id=rig_id,
         sets=[
@@ -117,7 +130,7 @@ def get_rig_orientation(
             }
             for members, orientation in found
         ],
-        stability=_compare(found, {"deg": tolerance_deg, "m": tolerance_m}),
+        stability=_compare(found, judging),
         left_out=why,
     ).respond()
 
@@ -128,16 +141,13 @@ def get_rig_certificate(
     request: Request,
     caller: Reader,
     context: UsesContext,
-    calibration_id: Versions = None,
-    tolerance_deg: AngleTolerance = None,
-    tolerance_m: PlaceTolerance = None,
+    judging: Judging,
 ) -> Response:
     """The orientation of the newest set, with what a laboratory hands out with it.
 
     It rests on the versions of the cameras, whose certificates it names; its state is the worst of theirs.
     """
-    limits = {"deg": tolerance_deg, "m": tolerance_m}
-    return send_certificate_json(request, _certify(rig_id, caller, context, calibration_id, limits))
+    return send_certificate_json(request, _certify(rig_id, caller, context, judging))
 
 
 @router.get("/{rig_id}/certificate.pdf", response_class=Response, responses=sends_file("application/pdf"))
@@ -146,25 +156,16 @@ async def get_rig_certificate_pdf(
     request: Request,
     caller: Reader,
     context: UsesContext,
-    calibration_id: Versions = None,
-    tolerance_deg: AngleTolerance = None,
-    tolerance_m: PlaceTolerance = None,
+    judging: Judging,
 ) -> Response:
     """The certificate of a rig on paper (PDF/A): the very numbers of its certificate.json."""
-    limits = {"deg": tolerance_deg, "m": tolerance_m}
     return await send_certificate_pdf(
-        request, context, lambda: lay_out_rig(_certify(rig_id, caller, context, calibration_id, limits))
+        request, context, lambda: lay_out_rig(_certify(rig_id, caller, context, judging))
     )
 
 
-def _certify(
-    rig_id: str,
-    caller: Caller,
-    context: UsesContext,
-    calibration_ids: list[str] | None,
-    limits: Mapping[str, float | None],
-) -> dict[str, Any]:
-    rig, found, _ = _orient_sets(rig_id, caller, context, calibration_ids)
+def _certify(rig_id: str, caller: Caller, context: UsesContext, judging: _Judged) -> dict[str, Any]:
+    rig, found, _ = _orient_sets(rig_id, caller, context, judging.calibration_id)
     members, orientation = _newest(found)
     with context.database.reading() as session:
         versions = [owned(session, Calibration, each.version, caller) for each in members]
@@ -172,7 +173,7 @@ def _certify(
             read_calibration_record(session, each, context.reviews.find(session, each.campaign_id).record)
             for each in versions
         ]
-        answer = build_rig_certificate(rig, records, members[0].at, orientation, _compare(found, limits))
+        answer = build_rig_certificate(rig, records, members[0].at, orientation, _compare(found, judging))
     return answer.dump()
 
 
@@ -185,10 +186,10 @@ def _newest(found: _Oriented) -> tuple[tuple[RigVersion, ...], Any]:
     return found[-1]
 
 
-def _compare(found: _Oriented, limits: Mapping[str, float | None]) -> tuple[RigStability, ...]:
+def _compare(found: _Oriented, judging: _Judged) -> tuple[RigStability, ...]:
     return compare_sets(
         [(members[0].at, SPEC.list_quantities(orientation)) for members, orientation in found],
-        limits={unit: limit for unit, limit in limits.items() if limit is not None},
+        limits=judging.limits,
     )
 
 
@@ -235,8 +236,8 @@ def _find_sets(
 
 
 def _add_export(export: RigExport) -> None:
-    def send(rig_id: Id, caller: Reader, context: UsesContext, calibration_id: Versions = None) -> Response:
-        rig, found, _ = _orient_sets(rig_id, caller, context, calibration_id)
+    def send(rig_id: Id, caller: Reader, context: UsesContext, chosen: Versions) -> Response:
+        rig, found, _ = _orient_sets(rig_id, caller, context, chosen.calibration_id)
         members, orientation = _newest(found)
         written = export.write(orientation, [each.member for each in members], rig.name)
         return Response(written, media_type=export.media_type)

@@ -73,7 +73,12 @@ def test_a_p4_multispectral_is_read_shown_fitted_and_measured(sqlite_house, camp
     job = house.post("/v1/measurements", body, status=202)
     house.work()
     measured = house.get(f"/v1/jobs/{job['id']}")["result"]["measurement_id"]
-    assert house.get(f"/v1/measurements/{measured}")["mean"]["value"] == pytest.approx(0.5, rel=1e-9)
+    found = house.get(f"/v1/measurements/{measured}")
+    assert found["mean"]["value"] == pytest.approx(0.5, rel=1e-9)
+    # this camera states light without a unit, and a signal without a scale
+    assert found["reflected"]["i_ss_basis"] == "oriented"
+    refused = house.http.post("/v1/measurements", json=body | {"quantity": "radiance"})
+    assert (refused.status_code, refused.json()["code"]) == (422, "radiance_unknown")
 
 
 def test_a_thermal_band_is_stored_and_left_out(sqlite_house):

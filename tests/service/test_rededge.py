@@ -126,6 +126,7 @@ def test_the_panel_measures_itself(sqlite_house, frames, version):
     assert found["region_origin"] == "frame"
     assert found["mean"]["value"] == pytest.approx(ALBEDO["red"], rel=1e-9)
     assert found["mean"]["standard_uncertainty"] > 0.005
+    assert found["reflected"]["i_ss_basis"] == "levelled"
 
 
 def read_planes(house, found):

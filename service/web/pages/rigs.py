@@ -20,13 +20,11 @@ def show_rigs(page: SignedInPage) -> Response:
 
 
 @router.get("/rigs/{rig_id}")
-def show_rig(
-    rig_id: Id, page: SignedInPage, context: UsesContext, calibration_id: Versions = None
-) -> Response:
+def show_rig(rig_id: Id, page: SignedInPage, context: UsesContext, chosen: Versions) -> Response:
     with context.database.reading() as session:
         rig = owned(session, Rig, rig_id, page.caller)
         cameras = list_cameras(session, rig)
-    given = urlencode([("calibration_id", each) for each in calibration_id or ()])
+    given = urlencode([("calibration_id", each) for each in chosen.calibration_id or ()])
     return page.render(
         "rig.html", title=rig.name, rig=rig, cameras=cameras, exports=SPEC.exports, given=given
     )
