@@ -55,6 +55,17 @@ def test_what_the_service_has_is_not_sent_again(page, team, campaign, files):
     assert names_of(team, campaign) == ["level-1-0.DNG", "level-1-1.DNG"]
 
 
+@pytest.mark.usefixtures("campaign")
+def test_a_button_that_is_pressed_while_the_list_changes_is_clicked(page, files):
+    choose(page, files[:1])
+    page.get_by_role("button", name="Send 1 file").hover()
+    page.mouse.down()
+    choose(page, files[1:2])
+    page.wait_for_timeout(300)  # longer than the second file is compared
+    page.mouse.up()
+    expect(page.get_by_text(re.compile(r"^\d of \d received"))).to_be_visible()
+
+
 def test_a_lost_connection_is_waited_for(page, team, campaign, files):
     lost = []
 

@@ -106,6 +106,9 @@ def test_other_outlines_are_compared_only_if_asked_for(house, version):
     for each, origin in ((old, "campaign"), (drawn, "grid")):
         problem = house.get(address, status=409, old=each["id"])
         assert (problem["code"], f"from the {origin}" in problem["detail"]) == ("regions_differ", True)
+    found = house.get(address, old=drawn["id"], other_region="true", same_light="true")
+    # the lens scatters one share of the frame's mean, which is another share of each of the two
+    assert "stray light" not in found["common"]
     found = house.get(address, old=drawn["id"], other_region="true")
     assert not found["same_region"]
     assert found["said"].endswith(
