@@ -20,9 +20,9 @@ from service.schemas.calibrations import CoefficientsAnswer
 from service.schemas.series import SeriesAnswer, SeriesRow
 from service.series import SeriesQuery, answer_series, describe_columns, sends_series
 from store.columns import utc_now
+from store.ready.coefficient_series import CoefficientSeries
 from store.ready.lookups import Held, find_ready
 from store.ready.publications import show_instant
-from store.ready.series import CoefficientSeries
 from store.tables import Camera
 
 router = APIRouter(prefix="/v1", tags=["coefficients"])

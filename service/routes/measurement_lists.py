@@ -23,8 +23,9 @@ from service.series import (
     sends_series,
     write_csv,
 )
+from store.ready.measurement_series import MeasurementSeries
 from store.ready.measurements import COLUMNS, read_row
-from store.ready.series import Asked, MeasurementSeries, Page
+from store.ready.series import Asked, Page
 from store.tables import Campaign
 
 router = APIRouter(prefix="/v1", tags=["measurements"])

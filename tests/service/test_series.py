@@ -11,7 +11,7 @@ from sqlalchemy import delete, select
 
 from service import series as answers
 from service.schemas.series import MeasurementSeriesRow, SeriesRow
-from store.ready import series
+from store.ready import coefficient_series, measurement_series
 from store.ready.backfill import write_missing
 from store.tables import MeasuredRow
 from tests.support.campaigns import published_campaign
@@ -68,8 +68,9 @@ def test_every_form_and_every_page_has_the_same_rows(house, measured, address, r
     assert found == [each[moment] for each in rows]
     for limit in (1, 5):
         assert read_all(house, address, limit=limit) == (rows, -(-len(rows) // limit))
-    monkeypatch.setattr(series, "_PAGE", 2)
-    monkeypatch.setattr(series, "_VERSIONS", 1)
+    for each in (coefficient_series, measurement_series):
+        monkeypatch.setattr(each, "PAGE", 2)
+    monkeypatch.setattr(coefficient_series, "_VERSIONS", 1)
     monkeypatch.setattr(answers, "ROW_LIMIT", 1)
     assert read_all(house, address, limit=100) == (rows, 1)
     assert read_all(house, address, limit=5)[0] == rows

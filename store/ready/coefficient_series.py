@@ -1,0 +1,211 @@
+"""The series of coefficients: of every version in force, from its ready row and its coefficients."""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from functools import cache
+from itertools import chain, groupby, repeat
+from operator import itemgetter
+from typing import Any, ClassVar
+
+from sqlalchemy import Select, Text, cast, func, select, tuple_
+from sqlalchemy.orm import Session
+
+from store.columns import utc_now
+from store.database import Database
+from store.ready.publications import write_instant
+from store.ready.series import (
+    PAGE,
+    Asked,
+    Key,
+    Page,
+    bind_place,
+    is_instant,
+    is_plain,
+    match_between,
+    match_equal,
+    read_decisions,
+    read_instant,
+)
+from store.tables import Camera, CoefficientRow, ReadyRow
+
+_MOST_PLACES = 1 << 31
+_VERSIONS = 200
+
+
+class CoefficientSeries:
+    """Every coefficient of every version in force at some time, by camera, time and method, as known now."""
+
+    _KEY: ClassVar[tuple[Any, ...]] = (
+        ReadyRow.camera_id,
+        ReadyRow.valid_from,
+        ReadyRow.method,
+        ReadyRow.publication_id,
+    )
+
+    def __init__(self, database: Database, asked: Asked) -> None:
+        self._database = database
+        self._asked = asked
+
+    def is_place(self, key: Key) -> bool:
+        return (
+            len(key) == 5
+            and all(map(is_plain, key[:4]))
+            and is_instant(key[1])
+            and type(key[4]) is int
+            and -1 <= key[4] < _MOST_PLACES
+        )
+
+    def read_state(self, session: Session) -> str:
+        return read_decisions(session, self._asked.organisation_id)
+
+    def find_end(self, session: Session, *, after: Key | None, limit: int) -> Key | None:
+        known = self._read_known(session)
+        total, more = 0, self._select(known, after)
+        for *key, count in session.execute(
+            more.with_only_columns(*self._KEY, ReadyRow.coefficients), execution_options={"yield_per": 1000}
+        ):
+            done = self._done(after, key)
+            if total + count - done > limit:
+                return [key[0], write_instant(key[1]), *key[2:], done + limit - total - 1]
+            total += count - done
+        return None
+
+    def read(self, *, after: Key | None, until: Key | None) -> Iterator[Page]:
+        with self._database.reading() as session:
+            known = self._read_known(session)
+        while True:
+            with self._database.reading() as session:
+                found = list(session.execute(self._select(known, after).limit(_VERSIONS)))
+            for some in _group(found):
+                yield from self._read_values(some, after, until)
+            if len(found) < _VERSIONS:
+                return
+            last = found[-1]
+            after = [last.camera_id, write_instant(last.valid_from), last.method, last.publication_id, None]
+            if until is not None and self._parse(after) >= self._parse(until):
+                return
+
+    def _read_known(self, session: Session) -> datetime:
+        """Return now, or the last instant of knowledge if a clock that has been set back recorded that."""
+        mine = ReadyRow.organisation_id == self._asked.organisation_id
+        last = session.execute(
+            select(func.max(ReadyRow.known_from), func.max(ReadyRow.known_to)).where(mine)
+        ).one()
+        return max([utc_now(), *filter(None, last)])
+
+    def _select(self, known: datetime, after: Key | None) -> Select[Any]:
+        asked, row = self._asked, ReadyRow
+        where = [
+            row.organisation_id == asked.organisation_id,
+            row.known_from <= known,
+            row.known_to.is_(None) | (row.known_to > known),
+            *match_equal(row, asked, "camera_id", "method", "campaign_id"),
+            *match_between(row.computed_at, asked.computed_start, asked.computed_end),
+        ]
+        if asked.start is not None:
+            where.append(row.valid_to.is_(None) | (row.valid_to > asked.start))
+        if asked.end is not None:
+            where.append(row.valid_from < asked.end)
+        if after is not None:
+            place = bind_place(self._parse(after), self._KEY)
+            # a version of which rows are missing comes again
+            where.append(tuple_(*self._KEY) > place if after[4] is None else tuple_(*self._KEY) >= place)
+        columns: tuple[Any, ...] = (
+            *(row.publication_id, row.camera_id, Camera.make, Camera.model.label("model_name")),
+            *(Camera.serial, row.method, row.version, row.calibration_id, row.campaign_id),
+            *(row.valid_from, row.valid_to, row.computed_at, row.coefficients),
+        )
+        return select(*columns).join(Camera, Camera.id == row.camera_id).where(*where).order_by(*self._KEY)
+
+    def _parse(self, key: Key) -> tuple[Any, ...]:
+        return key[0], read_instant(key[1]), key[2], key[3]
+
+    def _done(self, after: Key | None, key: Sequence[Any]) -> int:
+        """Return how many rows of a version lie before the place to begin at."""
+        return after[4] + 1 if after and after[4] is not None and self._parse(after)[3] == key[3] else 0
+
+    def _read_values(self, versions: list[Any], after: Key | None, until: Key | None) -> Iterator[Page]:
+        ids = {version.calibration_id for version in versions}
+        for found, first in _read_coefficients(self._database, ids):
+            parts: list[tuple[Any, list[Any]]] = []
+            for version in versions:
+                key = [version.camera_id, version.valid_from, version.method, version.publication_id]
+                if until is not None and tuple(key) > self._parse(until):
+                    break
+                begin = max(0, self._done(after, key) - first)
+                is_last = until is not None and until[4] is not None and until[3] == version.publication_id
+                end = max(0, until[4] + 1 - first) if until is not None and is_last else None
+                rows = found.get(version.calibration_id, [])[begin:end]
+                if rows:
+                    parts.append((version, rows))
+            if parts:
+                yield _arrange(parts)
+
+
+def _arrange(parts: list[tuple[Any, list[Any]]]) -> Page:
+    """Arrange the coefficients of versions in columns."""
+    heads = [
+        (
+            *(version.camera_id, version.make, version.model_name, version.serial, version.method),
+            *(str(version.version), version.calibration_id),
+            *(write_instant(version.valid_from), write_instant(version.valid_to) if version.valid_to else ""),
+            *(version.campaign_id, write_instant(version.computed_at)),
+        )
+        for version, _ in parts
+    ]
+    counts = [len(rows) for _, rows in parts]
+    same = [list(chain.from_iterable(map(repeat, texts, counts))) for texts in zip(*heads, strict=True)]
+    _, _, name, value, u, unit, iso, f_number, band, channel, model, flags = zip(
+        *chain.from_iterable(rows for _, rows in parts), strict=True
+    )
+    own = [
+        *(name, [*map(repr, value)], [*map(repr, u)], unit),
+        *(["" if each is None else repr(each) for each in column] for column in (iso, f_number)),
+        *([each or "" for each in column] for column in (band, channel)),
+        *(model, [*map(_join, flags)]),
+    ]
+    return [*same[:7], *own, *same[7:]]
+
+
+def _group(versions: Sequence[Any]) -> Iterator[list[Any]]:
+    """Group versions so that the rows of a group are a page, or those of one long version."""
+    group: list[Any] = []
+    count = 0
+    for version in versions:
+        if group and count + version.coefficients > PAGE:
+            yield group
+            group, count = [], 0
+        group.append(version)
+        count += version.coefficients
+    if group:
+        yield group
+
+
+def _read_coefficients(
+    database: Database, calibration_ids: set[str]
+) -> Iterator[tuple[dict[str, list[Any]], int]]:
+    """Read the coefficients of versions, of a long one in parts; with each part the place where it begins."""
+    row = CoefficientRow.__table__.c
+    columns: tuple[Any, ...] = (
+        *(row.calibration_id, row.position, row.name, row.value, row.standard_uncertainty, row.unit),
+        *(row.iso, row.f_number, row.band, row.channel, row.model, cast(row.flags, Text)),
+    )
+    wanted = select(*columns).where(row.calibration_id.in_(calibration_ids))
+    wanted = wanted.order_by(row.calibration_id, row.position)
+    if len(calibration_ids) == 1:
+        wanted = wanted.limit(PAGE)
+    first, last = 0, -math.inf
+    while True:
+        with database.reading() as session:
+            found = session.connection().execute(wanted.where(row.position > last) if first else wanted).all()
+        yield {owner: list(rows) for owner, rows in groupby(found, itemgetter(0))}, first
+        if len(calibration_ids) > 1 or len(found) < PAGE:
+            return
+        first, last = first + len(found), found[-1][1]
+
+
+@cache
+def _join(flags: str) -> str:
+    return " ".join(json.loads(flags))
