@@ -15,7 +15,7 @@ from radiometry.reflectance.micasense import panel_irradiance
 from radiometry.reflectance.points import Candidate
 from radiometry.reflectance.results import BandFit, Coefficient, Knot, Point
 from radiometry.reflectance.rows import Normalisation, Params
-from radiometry.reflectance.sunshine import compare_channels
+from radiometry.reflectance.sunshine_counts import compare_channels
 from radiometry.reflectance.visits import Estimate, PanelFrame, Visit, judge_visit, pool_drift, pool_readings
 
 # Beyond this zenith angle the light of a panel is mostly the sky's.

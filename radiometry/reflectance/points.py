@@ -14,7 +14,8 @@ from radiometry.reflectance.gains import Gain
 from radiometry.reflectance.levelling import measure_light
 from radiometry.reflectance.panel import PanelValue, choose_readings, find_value, list_contradictions
 from radiometry.reflectance.rows import FrameRow, Params, Reading
-from radiometry.reflectance.sunshine import Sunshine, compare_channels
+from radiometry.reflectance.sunshine import Sunshine
+from radiometry.reflectance.sunshine_counts import compare_channels
 
 PANEL = "panel"
 MOST_SATURATED_SHARE = 0.001
