@@ -7,8 +7,9 @@ from radiometry.reflectance.comparison import change_reflectance
 from radiometry.reflectance.formula import read_formula
 from radiometry.reflectance.imaging import RADIANCE_UNIT
 from radiometry.reflectance.indices import align_band, displace_region, move_regions
-from radiometry.reflectance.measurement import measure_radiance, measure_region, require_radiance
+from radiometry.reflectance.measurement import measure_region
 from radiometry.reflectance.propagation import flag_alignment, map_uncertainty, measure_index
+from radiometry.reflectance.radiance import measure_radiance, require_radiance
 from radiometry.specification.application import BandApplication
 
 APPLICATION: Final = BandApplication(

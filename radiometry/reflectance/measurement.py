@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radiometry.findings import Raised, shared
+from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.light import LightBasis
 from radiometry.frame.roi import Polygon, Window, mask
-from radiometry.reflectance import codes
 from radiometry.reflectance.application import apply_features, choose_angle
 from radiometry.reflectance.features import extract_features
-from radiometry.reflectance.imaging import RADIANCE_UNIT, compute_signal, require_band, signal_unit
-from radiometry.reflectance.points import MOST_SATURATED_SHARE
+from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
 from radiometry.specification.stored import LATER
 
@@ -190,7 +188,7 @@ def measure_region(
         mean=applied.reflectance,
         shared_u=_part(applied.effects, shared=True),
         noise_u=_part(applied.effects, shared=False),
-        **_describe_pixels(values, noise=noise, shared_rel=shared_rel, unit=REFLECTANCE_UNIT),
+        **describe_pixels(values, noise=noise, shared_rel=shared_rel, unit=REFLECTANCE_UNIT),
         budget=_share_out(applied),
         i_sq=applied.i_sq,
         i_ss=applied.i_ss,
@@ -205,9 +203,11 @@ def measure_region(
     )
 
 
-def _describe_pixels(
+def describe_pixels(
     values: NDArray[np.float64], *, noise: float, shared_rel: float, unit: str
 ) -> dict[str, Any]:
+    """Return the statistics of a region's pixels by their names in a measurement."""
+
     def pixel(value: float, own: float = noise) -> Quantity:
         return Quantity(value=value, standard_uncertainty=math.hypot(value * shared_rel, own), unit=unit)
 
@@ -223,112 +223,6 @@ def _describe_pixels(
             for percent, value in zip(PERCENTILES, ranks, strict=True)
         ),
     }
-
-
-@dataclass(frozen=True, kw_only=True)
-class MeasuredRadiance:
-    """Radiance of a region by the manufacturer's calibration; nothing is clipped.
-
-    Attributes
-    ----------
-    radiance : str
-        Name of the band.
-    pixels : int
-        Number of pixels.
-    mean : Quantity
-        Radiance of the region's signal, with its noise alone as uncertainty [W/(m2 sr nm)].
-    smallest, largest, median : Quantity
-        Statistics as in `MeasuredReflectance`.
-    percentiles : tuple of Percentile
-        Percentiles of single pixels.
-    saturated_share : float
-        Saturated fraction of the region, 0 to 1.
-    flags : tuple of Raised
-        Flags of the measurement.
-    """
-
-    radiance: str
-    pixels: int
-    mean: Quantity
-    smallest: Quantity
-    largest: Quantity
-    median: Quantity
-    percentiles: tuple[Percentile, ...]
-    saturated_share: float
-    flags: tuple[Raised, ...]
-
-
-def require_radiance(header: FrameHeader) -> None:
-    """Refuse a band whose file states no absolute calibration.
-
-    Parameters
-    ----------
-    header : FrameHeader
-        Metadata of the frame.
-
-    Raises
-    ------
-    InputRejected
-        `radiance_unknown`.
-    """
-    band = require_band(header)
-    if signal_unit(band) != RADIANCE_UNIT:
-        raise codes.RADIANCE_UNKNOWN.refuse(
-            f"Band {band.band_name} of {header.model or 'this camera'} has a signal of unknown scale."
-        )
-
-
-def measure_radiance(
-    frame: Frame, polygon: Polygon, *, header: FrameHeader, exposure: Exposure
-) -> MeasuredRadiance:
-    """Measure the radiance of a region, L = V(x, y) a1 / (g (t + a2 y - a3 t y)) (p - B) [1]_.
-
-    Parameters
-    ----------
-    frame : Frame
-        Window that contains the region's window.
-    polygon : Polygon
-        Region.
-    header : FrameHeader
-        Metadata of the frame.
-    exposure : Exposure
-        Exposure of the frame.
-
-    Returns
-    -------
-    MeasuredRadiance
-        Radiance. Flags: `radiance_uncertainty_unknown` and `saturated`.
-
-    Raises
-    ------
-    InputRejected
-        `radiance_unknown`, and those of `extract_features`.
-
-    References
-    ----------
-    .. [1] MicaSense, "RedEdge Camera Radiometric Calibration Model"
-    """
-    require_radiance(header)
-    features = extract_features(frame, polygon, header=header, exposure=exposure)
-    signal = compute_signal(frame, header=header, settings=exposure.on_basis("nominal"))
-    height, width = signal.shape
-    inside = mask(polygon, Window(row0=frame.row0, col0=frame.col0, height=height, width=width))
-    flags = [codes.RADIANCE_UNCERTAINTY_UNKNOWN.at("", "Only the noise of the pixels is stated.")]
-    share = features.statistics.saturated_share
-    if share > MOST_SATURATED_SHARE:
-        flags.append(shared.SATURATED.at("", f"{share:.2%} of the samples."))
-    noise = estimate_noise(signal, inside)
-    return MeasuredRadiance(
-        radiance=features.band,
-        mean=Quantity(
-            value=features.i_sq,
-            standard_uncertainty=features.i_sq_standard_uncertainty,
-            unit=RADIANCE_UNIT,
-        ),
-        **_describe_pixels(signal[inside], noise=noise, shared_rel=0.0, unit=RADIANCE_UNIT),
-        saturated_share=share,
-        flags=tuple(flags),
-    )
 
 
 def estimate_noise(values: NDArray[np.float64], inside: NDArray[np.bool_]) -> float:
