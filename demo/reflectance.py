@@ -2,7 +2,8 @@
 
 ``CAMERA`` chooses it: a Sequoia, which counts light at several gains, or one that states its irradiance.
 A panel is photographed before and after; K(t) runs between the two. The true reflectance of the panel differs
-from its certificate, by the certificate's uncertainty. The field has four surfaces side by side.
+from its certificate, by the certificate's uncertainty, and the panel does not lie level. The field has four
+surfaces side by side.
 """
 
 import math
@@ -33,6 +34,8 @@ _DRIFT_REL = 0.02  # of K, from the first to the last capture
 _FLIGHT = timedelta(minutes=30)
 _PANEL_CERTIFIED = {"blue": 0.184, "green": 0.183, "red": 0.181, "red_edge": 0.180, "nir": 0.178}
 _PANEL_U = 0.002
+_LEVEL_U_DEG = 2.0  # of the panel
+_ZENITH_DEG = 62.0  # of the sun, at the place and time of the files
 _SURFACES = {
     "meadow": {"blue": 0.04, "green": 0.09, "red": 0.05, "red_edge": 0.28, "nir": 0.48},
     "soil": {"blue": 0.10, "green": 0.14, "red": 0.20, "red_edge": 0.25, "nir": 0.30},
@@ -128,6 +131,10 @@ def _find_k(whole: Sequoia | Rig, band: str, time_share: float) -> float:
 def _simulate(whole: Sequoia | Rig) -> list[Taken]:
     random = np.random.default_rng(_SEED)
     panel = {band: _PANEL_CERTIFIED[band] + _PANEL_U * random.standard_normal() for band in whole.bands}
+    # towards the sun, or away from it, a panel is brighter or darker than a level one
+    tilt_deg = _LEVEL_U_DEG * random.standard_normal()
+    level = math.cos(math.radians(_ZENITH_DEG - tilt_deg)) / math.cos(math.radians(_ZENITH_DEG))
+    panel = {band: level * reflectance for band, reflectance in panel.items()}
     field = {band: _lay_out(whole.camera.sensor, band) for band in whole.bands}
     taken: list[Taken] = []
     for number, each in enumerate(_CAPTURES):
