@@ -14,13 +14,13 @@ from service.auth import SCOPES
 from service.connections import Connections, guarding, raise_file_limit
 from service.context import Context
 from service.health import Health
+from service.job_watch import JobWatch
 from service.launch.folder import close_to_others
 from service.launch.key import refuse_weak_key
 from service.launch.refusal import Refusal, report
 from service.sessions import sessions_of
-from service.stopping import Server, Traffic
+from service.shutdown import Server, Traffic
 from service.vitals import Vitals
-from service.waiting import JobWatch
 from store.blobs import blobs_from_url
 from store.broker import Hints
 from store.database import Database

@@ -22,7 +22,7 @@ from service.limits import BodyLimit
 from service.problems import Problem
 from service.renamed import RenamedAddresses
 from service.routes import include_routes
-from service.stopping import CarriesTraffic
+from service.shutdown import CarriesTraffic
 from service.web import problem_pages
 from service.web.assets import Assets
 from service.web.headers import SecurityHeaders

@@ -10,12 +10,12 @@ from fastapi import Depends, Request
 from service.attempts import Attempts
 from service.health import Health
 from service.hosts import Hosts
+from service.job_watch import JobWatch
 from service.lookups import LookupDesk
 from service.rates import Rates
 from service.sessions import Sessions
-from service.stopping import Traffic
+from service.shutdown import Traffic
 from service.uses import Uses
-from service.waiting import JobWatch
 from store.blobs import Blobs
 from store.broker import Hints
 from store.database import Database

@@ -10,7 +10,7 @@ from radiometry import methods
 from radiometry.findings import shared
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
-from store.fitting import leave_out_doubtful, list_missing, make_params
+from store.fits import leave_out_doubtful, list_missing, make_params
 from store.queries.checklist import RecordState, read_record
 from store.queries.evidence import Evidence, gather
 from store.queries.frame_columns import FrameColumns, read_frames

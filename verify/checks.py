@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from radiometry import methods
 from store.codec import drop_absent, encode
-from store.fitting import hash_content
+from store.fits import hash_content
 from store.queries.frames import name_extractor
 from store.software import FIT_CODE_VERSION
 from store.statements import state_budgets, state_coefficients

@@ -18,7 +18,7 @@ from worker.context import Context
 from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.leases import Leases
 from worker.needs import Needs
-from worker.stopping import Stop
+from worker.shutdown import Stop
 from worker.threads import JobThreads
 from worker.watchdog import Watchdog
 

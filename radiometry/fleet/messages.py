@@ -2,7 +2,7 @@
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Key
-from radiometry.fleet.planning import POWER
+from radiometry.fleet.power import POWER
 from radiometry.fleet.results import Effect, Tolerance
 from radiometry.fleet.verdicts import LEAST_DOF, Outcome
 

@@ -12,7 +12,7 @@ from radiometry.fleet.determinations import Determination, Key
 from radiometry.fleet.effects import Effects, Matrix, Vector, fit_effects
 from radiometry.fleet.findings import find_flags
 from radiometry.fleet.grouping import Grouping, group_cameras
-from radiometry.fleet.planning import count_repeats
+from radiometry.fleet.power import count_repeats
 from radiometry.fleet.results import Deviation, Effect, ParameterVerdict, Tolerance
 from radiometry.fleet.sensitivity import Sensitivity, find_sensitivity, is_clear_of_zero, main_unit
 from radiometry.fleet.verdicts import LEAST_DOF, Judgement, Outcome, judge_deviations

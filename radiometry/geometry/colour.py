@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame
 from radiometry.geometry.camera import CameraModel
-from radiometry.geometry.detecting import FITTED_STOP, Found, refine
+from radiometry.geometry.detection import FITTED_STOP, Found, refine
 from radiometry.geometry.grey import BINOMIAL
 
 POINTS: Final = 11

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.geometry.bundle import Pose
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.curve import find_farthest_radius_px
 from radiometry.geometry.results import Coverage
-from radiometry.geometry.solving import Pose
 
 CELLS: Final = 8
 TILTED_DEG: Final = 15.0

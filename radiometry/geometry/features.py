@@ -11,7 +11,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.geometry.colour import ColourCorners, find_colours
-from radiometry.geometry.detecting import FirstSquare, Found, find_corners
+from radiometry.geometry.detection import FirstSquare, Found, find_corners
 from radiometry.geometry.grey import make_grey
 from radiometry.geometry.target import Target
 from radiometry.specification.stored import LATER

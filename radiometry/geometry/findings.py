@@ -6,14 +6,14 @@ from typing import Final
 
 from radiometry.findings import Raised, shared
 from radiometry.geometry import codes
+from radiometry.geometry.bundle import Solution
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.colour import LateralColour
 from radiometry.geometry.coverage import TILTED_DEG, measure_one_sidedness, measure_tilt_deg
 from radiometry.geometry.curve import find_farthest_radius_px, find_turning_radius_px
-from radiometry.geometry.detecting import FIXED_WINDOW_PX
+from radiometry.geometry.detection import FIXED_WINDOW_PX
 from radiometry.geometry.results import Coverage, Point
 from radiometry.geometry.rows import Params
-from radiometry.geometry.solving import Solution
 from radiometry.geometry.views import Settled
 
 GOOD_VIEWS: Final = 10

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import CoefficientValue, Quantity
+from radiometry.geometry.bundle import Pose, Solution, choose_free_parameters, find_pose, require_determined
 from radiometry.geometry.camera import MODEL, PARAMETERS, UNITS, project
 from radiometry.geometry.colour import ColourView, LateralColour, fit_colour
 from radiometry.geometry.coverage import find_covered_radius_px, measure_coverage, measure_tilt_deg
@@ -16,7 +17,6 @@ from radiometry.geometry.features import Features
 from radiometry.geometry.findings import check_colours, check_solution, check_views
 from radiometry.geometry.results import Coefficient, Fit, Point
 from radiometry.geometry.rows import FrameRow, Params
-from radiometry.geometry.solving import Pose, Solution, choose_free_parameters, find_pose, require_determined
 from radiometry.geometry.target import Target
 from radiometry.geometry.views import (
     Candidate,

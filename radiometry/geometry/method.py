@@ -23,9 +23,9 @@ from radiometry.geometry.exports import export_json, export_opencv, export_ros
 from radiometry.geometry.features import Features, extract_features
 from radiometry.geometry.fit import fit_geometry as fit
 from radiometry.geometry.fit import list_coefficients
-from radiometry.geometry.planning import plan_views as plan
 from radiometry.geometry.results import Coefficient, Coverage, CurvePoint, Fit, Point
 from radiometry.geometry.rows import FrameRow, Params
+from radiometry.geometry.suggestions import plan_views as plan
 from radiometry.geometry.target import Target
 from radiometry.geometry.undistortion import Undistorted, require_size, undistort, undistort_frame
 from radiometry.geometry.verdicts import judge_frames

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
-from radiometry.geometry.camera import PARAMETERS, CameraModel
-from radiometry.geometry.descent import reduce
-from radiometry.geometry.solving import (
+from radiometry.geometry.bundle import (
     FreeParameters,
     Pose,
     Solution,
@@ -21,6 +19,8 @@ from radiometry.geometry.solving import (
     linearise_view,
     solve,
 )
+from radiometry.geometry.camera import PARAMETERS, CameraModel
+from radiometry.geometry.descent import reduce
 
 TURNS: Final = {
     "mirrored left to right": (False, True),

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Finding
 from radiometry.geometry import codes
+from radiometry.geometry.bundle import FreeParameters, Solution, View, solve
 from radiometry.geometry.features import Features
 from radiometry.geometry.mirror import TURNS, Hidden, find_turned, measure_hidden
 from radiometry.geometry.rows import CHART, FrameRow, Params
-from radiometry.geometry.solving import FreeParameters, Solution, View, solve
 from radiometry.geometry.target import locate_corners_mm
 
 FEWEST_VIEWS: Final = 3

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from radiometry.findings import Reason, shared
 from radiometry.frame.exposure import compute_rhs
 from radiometry.luminance import codes
-from radiometry.luminance.exposing import USEFUL_SHARE
+from radiometry.luminance.exposure import USEFUL_SHARE
 from radiometry.luminance.messages import show_settings
 from radiometry.luminance.points import Candidate, IsoSeries, is_below_detection, is_saturated
 from radiometry.luminance.rows import FrameRow, Params, Reading

@@ -29,7 +29,6 @@ from radiometry.luminance.application import luminance_per_dn
 from radiometry.luminance.curves import fit_series
 from radiometry.luminance.dark import check_dark
 from radiometry.luminance.darkness import inspect_darks
-from radiometry.luminance.planning import plan
 from radiometry.luminance.points import (
     DETECTION_ERRORS,
     FEW_POINTS,
@@ -51,6 +50,7 @@ from radiometry.luminance.results import (
 )
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes
+from radiometry.luminance.suggestions import plan
 from radiometry.luminance.verdicts import judge
 from radiometry.spectral.curves import describe_curve, list_lamps, list_responses
 from radiometry.spectral.mismatch import compute_f1_prime

@@ -17,7 +17,7 @@ from radiometry.luminance.agreement import (
 )
 from radiometry.luminance.darkness import inspect_darks, name_unusable
 from radiometry.luminance.evenness import inspect_evenness
-from radiometry.luminance.exposing import inspect_exposure
+from radiometry.luminance.exposure import inspect_exposure
 from radiometry.luminance.points import IsoSeries, collect_series
 from radiometry.luminance.rows import FrameRow, Params, Reading
 

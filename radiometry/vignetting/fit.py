@@ -21,10 +21,10 @@ from radiometry.vignetting.curve import (
 )
 from radiometry.vignetting.darkness import DarkError, merge_dark_errors
 from radiometry.vignetting.grid import Grid
+from radiometry.vignetting.least_squares import solve_falloff
 from radiometry.vignetting.quality import measure_gradient
 from radiometry.vignetting.results import ChannelFit, Coefficient, CornerVariance
 from radiometry.vignetting.solution import CENTRE, LIGHT, USUAL, Blocks, Matrix, Solution, is_apart
-from radiometry.vignetting.solving import solve_falloff
 from radiometry.vignetting.turning import Plane2, find_turned_light, measure_plane
 
 DARKEST_SHARE = 0.02

@@ -33,7 +33,6 @@ from radiometry.vignetting.findings import check_fits, check_frames, find_thresh
 from radiometry.vignetting.fit import FittedChannel, find_best, fit_channel
 from radiometry.vignetting.lens import Lens, LensShare, average_over_polygon
 from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
-from radiometry.vignetting.planning import plan
 from radiometry.vignetting.points import (
     Candidate,
     collect_candidates,
@@ -56,6 +55,7 @@ from radiometry.vignetting.results import (
 )
 from radiometry.vignetting.rows import Params
 from radiometry.vignetting.solution import Blocks, Solution
+from radiometry.vignetting.suggestions import plan
 from radiometry.vignetting.verdicts import judge
 
 __all__ = [

@@ -10,10 +10,10 @@ from scipy.ndimage import median_filter
 from radiometry.findings import Raised
 from radiometry.vignetting import codes
 from radiometry.vignetting.grid import Plane
+from radiometry.vignetting.least_squares import solve_falloff
 from radiometry.vignetting.light import MOST_CLIPPED_SHARE, ChannelLight, FlatLight, leave_out
 from radiometry.vignetting.results import Spot
 from radiometry.vignetting.solution import Blocks, Solution
-from radiometry.vignetting.solving import solve_falloff
 
 LEAST_SIGNAL_SHARE = 0.02
 """Of the span from dark to white: a dark signal that is wrong by a thousandth of it is then 5 % of the light,

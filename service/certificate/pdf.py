@@ -21,7 +21,7 @@ from store.tables import Rendering
 
 log = logging.getLogger(__name__)
 
-_SETTING: Final = Path(__file__).with_name("setting.py")
+_SETTING: Final = Path(__file__).with_name("typesetter.py")
 _WITHIN_S: Final = 300.0
 
 

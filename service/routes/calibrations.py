@@ -14,6 +14,7 @@ from radiometry.findings import interface
 from radiometry.fitting.evidence import Exclusion
 from service.auth import Calibrator, Caller, Publisher, Reader
 from service.certificate import warn_of_gaps
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import immutable_headers, not_modified, standing_headers
 from service.lookup import Id, owned
@@ -31,11 +32,10 @@ from service.schemas.fits import FitRequest, NewCalibration, read_request
 from service.schemas.history import RevocationAnswer
 from service.schemas.jobs import JobAnswer
 from service.tabular import write_csv
-from service.writing import Reply, Writes
 from store import jobs, publications
 from store.codec import encode
 from store.falloff import choose_falloff
-from store.fitting import leave_out_doubtful, list_missing, make_params
+from store.fits import leave_out_doubtful, list_missing, make_params
 from store.impact import list_touched
 from store.queries.calibrations import coefficients_of, history, read_version_statuses
 from store.queries.campaigns import count_being_read

@@ -12,6 +12,7 @@ from radiometry.fitting.evidence import Region
 from radiometry.frame.multispectral import name_panel
 from radiometry.frame.roi import Polygon, parse_imagej
 from service.auth import Calibrator, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Listing, Page, page_own
@@ -28,7 +29,6 @@ from service.schemas.campaigns import (
     RoiAnswer,
 )
 from service.schemas.panels import PanelOffered
-from service.writing import Reply, Writes
 from store.codec import decode, read_strictly
 from store.queries.campaigns import Drawing, count, find_or_add_roi, renew_extractions, set_roi
 from store.queries.equipment import find_or_add_panel

@@ -5,12 +5,12 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.auth import Calibrator, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem, invalid
 from service.routes import problems
 from service.schemas.checklist import ChecklistAnswer, ChecklistChange, explain_missing_checklist
-from service.writing import Reply, Writes
 from store.queries.checklist import (
     KEYS,
     RecordState,

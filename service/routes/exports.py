@@ -19,7 +19,7 @@ from service.problems import Problem
 from service.routes import UNCHANGED, problems, sends_file
 from service.schemas.base import Form, PositiveText, Text
 from service.schemas.exports import CameraFile, DngVignetteAnswer
-from store.fitting import read_result
+from store.fits import read_result
 from store.tables import Calibration, Camera
 
 router = APIRouter(prefix="/v1/calibrations/{calibration_id}/exports", tags=["calibrations"])

@@ -15,6 +15,7 @@ from radiometry.findings import interface
 from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
+from service.changes import Reply, StreamWrites, Writes
 from service.context import Context, UsesContext
 from service.immutable import send_blob
 from service.lookup import Id, owned
@@ -25,7 +26,6 @@ from service.routes import problems, sends_stored_file
 from service.routes.campaigns import read_roi
 from service.schemas.campaigns import NewRoi, RoiAnswer
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow, Upload
-from service.writing import Reply, StreamWrites, Writes
 from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
 from store.queries.frames import (
     NewFrame,

@@ -10,6 +10,7 @@ from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
 from service.auth import Caller, Reader, Scope, require
+from service.changes import Reply, Writes
 from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.paging import Page, UsesPaging
@@ -17,7 +18,6 @@ from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.jobs import JobAnswer, Kind, QueueAnswer, RetriedAnswer, RetriedJobs, State
-from service.writing import Reply, Writes
 from store import jobs
 from store.audit import record_act
 from store.broker import MOST_HINTS

@@ -8,13 +8,13 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.auth import SCOPES, Admin, Caller, get_caller
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Page, UsesPaging
 from service.problems import Problem, invalid
 from service.routes import problems
 from service.schemas.keys import KeyAnswer, NewKey, NewOrganisation, OrganisationAnswer, OwnKeyAnswer
-from service.writing import Reply, Writes
 from store.columns import utc_now
 from store.queries.keys import create_key, end_sessions, new_secret
 from store.tables import ApiKey, Organisation

@@ -3,11 +3,11 @@
 from fastapi import APIRouter, Response
 
 from service.auth import Uploader
+from service.changes import IdempotencyKey
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.routes import problems
 from service.schemas.known import HashesAsked, KnownAnswer
-from service.writing import IdempotencyKey
 from store.queries.known import find_known, read_sizes
 from store.tables import Campaign
 

@@ -6,6 +6,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import shared
 from radiometry.frame.roi import Polygon, bounding_window
 from service.auth import Calibrator, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.immutable import not_modified, standing_headers
 from service.lookup import Id, owned
@@ -15,7 +16,6 @@ from service.routes.frames import require_preview
 from service.schemas.jobs import JobAnswer
 from service.schemas.looks import NewLook, VerdictsAnswer
 from service.thumbnails import draw_thumbnail, tag_of
-from service.writing import Reply, Writes
 from store import jobs
 from store.queries.frames import current_roi
 from store.tables import Campaign, FrameRow

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import InputRejected, interface
 from radiometry.frame.grid import Grid
 from service.auth import Caller, Reader, Uploader
+from service.changes import Reply, Writes
 from service.context import Context, UsesContext
 from service.immutable import immutable_headers, not_modified, send_blob
 from service.lookup import Id, owned
@@ -30,7 +31,6 @@ from service.schemas.measurements import (
     NotMeasured,
 )
 from service.schemas.records import MeasurementRecord
-from service.writing import Reply, Writes
 from store import jobs
 from store.errors import Conflict
 from store.measuring.captures import Captures

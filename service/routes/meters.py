@@ -6,13 +6,13 @@ from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from service.auth import Calibrator, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Listing, Page, page_own
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.equipment import MeterAnswer, NewMeter
-from service.writing import Reply, Writes
 from store.queries.equipment import find_or_add_meter
 from store.tables import Meter
 

@@ -6,10 +6,10 @@ from fastapi import APIRouter, Response
 from sqlalchemy.orm import Session
 
 from service.auth import Admin, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.routes import problems
 from service.schemas.organisation import OrganisationChange, OwnOrganisationAnswer, UsageAnswer
-from service.writing import Reply, Writes
 from store.tables import Organisation
 from store.usage import read_usage
 

@@ -7,6 +7,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import interface
 from service.auth import Calibrator, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Listing, Page, page_own
@@ -14,7 +15,6 @@ from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.panels import NewPanel, PanelAnswer
-from service.writing import Reply, Writes
 from store.queries.equipment import find_or_add_panel
 from store.tables import Panel
 

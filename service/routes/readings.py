@@ -8,6 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.auth import Calibrator, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Page, UsesPaging
@@ -17,7 +18,6 @@ from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.campaigns import MOST_READINGS, NewReading, ReadingAnswer, ReadingsAnswer
 from service.sheets import is_table
-from service.writing import Reply, Writes
 from store.columns import utc_now
 from store.queries.campaigns import add_readings
 from store.tables import Campaign, Meter, Reading

@@ -5,12 +5,12 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.auth import Publisher, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Page, UsesPaging
 from service.routes import problems
 from service.schemas.recalls import NewPurge, PurgeAnswer
-from service.writing import Reply, Writes
 from store import recalls
 from store.tables import Meter, Recall
 

@@ -13,6 +13,7 @@ from radiometry.fleet.rigs import RigStability, RigVersion, compare_sets, group_
 from radiometry.specification.rig import RigExport
 from service.auth import Calibrator, Caller, Reader
 from service.certificate import build_rig_certificate, lay_out_rig
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Listing, Page, page_own
@@ -21,7 +22,6 @@ from service.routes import problems, sends_file
 from service.routes.certificates import send_certificate_json, send_certificate_pdf
 from service.schemas.base import PositiveText, Text
 from service.schemas.rigs import NewRig, RigAnswer, RigCertificateAnswer, RigFile, RigOrientationAnswer
-from service.writing import Reply, Writes
 from store.queries.calibration_record import read_calibration_record
 from store.queries.rigs import METHOD, SPEC, find_or_add_rig, list_cameras, list_versions, read_member
 from store.tables import Calibration, Camera, Rig

@@ -7,6 +7,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.auth import Caller, get_caller
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Page, UsesPaging
@@ -14,7 +15,6 @@ from service.problems import not_found
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.keys import SessionAnswer
-from service.writing import Reply, Writes
 from store.columns import utc_now
 from store.queries.keys import is_open
 from store.tables import ApiKey, WebSession

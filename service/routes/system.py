@@ -10,7 +10,7 @@ from service.context import UsesContext
 from service.problems import Problem
 from service.routes import problems
 from service.schemas.base import Answer
-from service.stopping import stopping
+from service.shutdown import stopping
 from store.parts import Part
 
 router = APIRouter(tags=["system"])

@@ -10,6 +10,7 @@ from radiometry.tools.coverage import compute_coverage
 from radiometry.tools.exponents import fit_exponents
 from radiometry.tools.motion import compute_motion
 from service.auth import Reader
+from service.changes import IdempotencyKey
 from service.exposure_csv import read_series, refuse_query
 from service.problems import invalid, located
 from service.routes import problems
@@ -20,7 +21,6 @@ from service.schemas.tools.motion import MotionAnswer, MotionsAnswer, NewMotion
 from service.schemas.tools.settings import MOST_CASES
 from service.sheets import Kind, is_table, read_sheet, refuse_columns
 from service.tool_plots import draw_footprints, draw_motion
-from service.writing import IdempotencyKey
 
 F = TypeVar("F", bound=Form)
 

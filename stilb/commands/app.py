@@ -13,7 +13,7 @@ from stilb.commands import (
     coefficients,
     doctor,
     jobs,
-    measuring,
+    measurements,
     motion,
     push,
     rig,
@@ -60,8 +60,8 @@ app.command("roi")(calibration.roi)
 app.command("calibrate")(calibration.calibrate)
 app.command("publish")(calibration.publish)
 app.command("k")(coefficients.k)
-app.command("measure")(measuring.measure)
-app.command("compare")(measuring.compare)
+app.command("measure")(measurements.measure)
+app.command("compare")(measurements.compare)
 app.command("motion")(motion.motion)
 app.command("rig")(rig.rig)
 app.command("export")(calibration.export)

@@ -11,8 +11,8 @@ from stilb.client import Client
 from stilb.commands.calibration import format_calibration
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command
+from stilb.commands.progress import lines
 from stilb.commands.push import Folder, transfer
-from stilb.commands.showing import lines
 from stilb.commands.tables import table
 from stilb.field.campaign import ensure_campaign, ensure_panel, ensure_readings, list_parameters
 from stilb.field.files import sort_files

@@ -10,7 +10,7 @@ import typer
 
 from stilb.commands.exits import Exit
 from stilb.commands.output import Output, command, config_folder
-from stilb.commands.showing import lines, showing, tell_retry
+from stilb.commands.progress import lines, showing, tell_retry
 from stilb.field.campaign import find_planned
 from stilb.field.files import ROLES, USUAL_RULES, FieldFile, Rule, sort_files
 from stilb.field.journal import Journal

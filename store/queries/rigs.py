@@ -11,7 +11,7 @@ from radiometry.fleet.rigs import RigVersion
 from radiometry.methods import METHODS, get_method
 from radiometry.specification.rig import RigMember
 from store.codec import decode, decode_header
-from store.fitting import read_result
+from store.fits import read_result
 from store.queries.fleet import list_sources
 from store.tables import Calibration, Camera, Extraction, FrameRow, Rig, Roi
 

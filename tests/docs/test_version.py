@@ -5,7 +5,7 @@ import tomllib
 from stilb import version
 from stilb.commands.app import main
 from store import software
-from store.fitting import hash_content
+from store.fits import hash_content
 from tests.support.compose import ROOT
 
 

@@ -6,9 +6,9 @@ from starlette.testclient import TestClient
 from service.app import build_app
 from service.context import Context
 from service.health import Health
+from service.job_watch import JobWatch
 from service.sessions import Sessions
-from service.stopping import Traffic
-from service.waiting import JobWatch
+from service.shutdown import Traffic
 from store.blobs import LocalBlobs
 from store.database import Database
 from store.settings import Settings

@@ -11,7 +11,7 @@ from radiometry.luminance.method import Params
 from simulation.camera import change, take
 from simulation.flats import FAST_LENS, plan_flats
 from store.codec import encode
-from store.fitting import hash_content
+from store.fits import hash_content
 from store.tables import Calibration
 from tests.service.test_optics import SERIAL, raw_bytes
 from tests.support.campaigns import calibrate

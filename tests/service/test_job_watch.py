@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 
-from service.waiting import JobWatch
+from service.job_watch import JobWatch
 from store.columns import utc_now
 from store.database import Database
 from store.tables import Job

@@ -11,9 +11,9 @@ from service.app import build_app
 from service.auth import SCOPES
 from service.context import Context
 from service.health import Health
+from service.job_watch import JobWatch
 from service.sessions import Sessions
-from service.stopping import Traffic
-from service.waiting import JobWatch
+from service.shutdown import Traffic
 from store.blobs import LocalBlobs
 from store.database import Database
 from store.jobs import Turn

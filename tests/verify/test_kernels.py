@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from radiometry import methods
-from store.fitting import read_params, write_version
+from store.fits import read_params, write_version
 from store.queries.evidence import gather
 from store.tables import Calibration, Campaign
 from tests.support.campaigns import calibrate, upload_campaign

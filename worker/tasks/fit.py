@@ -6,7 +6,7 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from store.falloff import correct
-from store.fitting import leave_out_doubtful, read_params, write_version
+from store.fits import leave_out_doubtful, read_params, write_version
 from store.jobs import Claim
 from store.queries.evidence import gather
 from store.tables import Campaign

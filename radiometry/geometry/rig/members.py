@@ -8,8 +8,8 @@ import numpy as np
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.geometry.rig.orientation import RigCamera, orient_rig
-from radiometry.geometry.rig.pairing import BoardPicture, pair_pictures
 from radiometry.geometry.rig.results import RigFit
+from radiometry.geometry.rig.triggers import BoardPicture, pair_pictures
 from radiometry.geometry.views import make_view
 from radiometry.specification.rig import RigMember
 

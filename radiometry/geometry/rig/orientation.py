@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import MOST_DOF
+from radiometry.geometry.bundle import find_pose
 from radiometry.geometry.camera import PARAMETERS, CameraModel, project
 from radiometry.geometry.descent import Linear, Minimum, minimise, reduce
 from radiometry.geometry.rig import codes
 from radiometry.geometry.rig.angles import describe_pose
-from radiometry.geometry.rig.pairing import BoardPicture, Trigger, pair_pictures
 from radiometry.geometry.rig.results import RigFit, RigPoint
 from radiometry.geometry.rig.scatter import Scatter, estimate_scatter
-from radiometry.geometry.rig.starting import compose, invert, start_rig
-from radiometry.geometry.solving import find_pose
+from radiometry.geometry.rig.start import compose, invert, start_rig
+from radiometry.geometry.rig.triggers import BoardPicture, Trigger, pair_pictures
 
 FEWEST_TRIGGERS: Final = 3
 GOOD_TRIGGERS: Final = 6

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radiometry.fleet.determinations import Key
-from radiometry.fleet.planning import compute_power, count_repeats
+from radiometry.fleet.power import compute_power, count_repeats
 from radiometry.fleet.sensitivity import find_sensitivity
 from radiometry.fleet.verdict import judge_fleet
 from radiometry.fleet.verdicts import judge_deviations

@@ -12,8 +12,8 @@ from pydantic import TypeAdapter
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import Exclusion
 from radiometry.geometry import method as geometry
+from radiometry.geometry.bundle import Pose
 from radiometry.geometry.camera import project
-from radiometry.geometry.solving import Pose
 from radiometry.geometry.target import locate_corners_mm
 from simulation.boards import draw_poses
 from tests.radiometry.geometry.boards import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radiometry.geometry import method as geometry
-from radiometry.geometry.solving import Pose
+from radiometry.geometry.bundle import Pose
 from tests.radiometry.evidence import taken
 from tests.radiometry.geometry.boards import BOARD, FREE, SQUARE, simulate, simulate_rows, with_features
 

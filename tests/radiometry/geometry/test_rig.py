@@ -8,13 +8,13 @@ import pytest
 
 from radiometry.findings import InputRejected
 from radiometry.fitting.curve import coverage_factor
+from radiometry.geometry.bundle import View, choose_free_parameters, solve
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.rig import codes
 from radiometry.geometry.rig.angles import describe_pose
 from radiometry.geometry.rig.members import COMPARED
 from radiometry.geometry.rig.orientation import RigCamera, orient_rig
-from radiometry.geometry.rig.pairing import BoardPicture, pair_pictures
-from radiometry.geometry.solving import View, choose_free_parameters, solve
+from radiometry.geometry.rig.triggers import BoardPicture, pair_pictures
 from radiometry.geometry.target import locate_corners_mm
 from simulation.heads import Mounted, draw_boards, see
 from tests.radiometry.geometry.boards import BOARD, make_header

@@ -7,8 +7,8 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.roi import Polygon
 from radiometry.vignetting import method as vignetting
 from radiometry.vignetting.grid import Grid, Site, average_radial
+from radiometry.vignetting.least_squares import Blocks
 from radiometry.vignetting.results import Coefficient
-from radiometry.vignetting.solving import Blocks
 from simulation.camera import change, take
 from simulation.flats import FAST_LENS, plan_dark, plan_flat
 from simulation.targets import Surface

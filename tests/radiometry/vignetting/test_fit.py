@@ -18,8 +18,8 @@ from radiometry.vignetting.application import evaluate
 from radiometry.vignetting.curve import evaluate_curve
 from radiometry.vignetting.fit import fit_channel
 from radiometry.vignetting.grid import Site
+from radiometry.vignetting.least_squares import solve_falloff
 from radiometry.vignetting.solution import CENTRE_U, EVEN, UNKNOWN
-from radiometry.vignetting.solving import solve_falloff
 from simulation.camera import change, take
 from simulation.flats import FALLOFFS, FAST_LENS, plan_flats
 from tests.radiometry.vignetting.flats import (

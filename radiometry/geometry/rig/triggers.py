@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from typing import Final
 
 from radiometry.frame import FrameHeader
-from radiometry.geometry.solving import View
+from radiometry.geometry.bundle import View
 from radiometry.geometry.target import Target
 
 WITHIN_S: Final = 1.0

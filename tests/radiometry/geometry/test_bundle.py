@@ -9,8 +9,8 @@ import pytest
 from radiometry.findings import InputRejected, shared
 from radiometry.fitting.curve import coverage_factor
 from radiometry.geometry import method as geometry
+from radiometry.geometry.bundle import Pose, choose_free_parameters, solve
 from radiometry.geometry.camera import PARAMETERS, CameraModel, find_directions, project
-from radiometry.geometry.solving import Pose, choose_free_parameters, solve
 from radiometry.geometry.views import make_view
 from tests.radiometry.geometry.boards import (
     BOARD,

@@ -13,9 +13,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from radiometry.findings import interface
 from service import problems
+from service.job_watch import JobWatch
 from service.metrics import Metrics
 from service.problems import Problem
-from service.waiting import JobWatch
 
 COME_BACK_S = 2
 _LINGER_S = 1.0

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.geometry.bundle import View, find_pose
 from radiometry.geometry.camera import CameraModel, project
-from radiometry.geometry.rig.pairing import BoardPicture, Trigger
-from radiometry.geometry.solving import View, find_pose
+from radiometry.geometry.rig.triggers import BoardPicture, Trigger
 
 Vector = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import pytest
 
 from radiometry.fitting.evidence import Exclusion
 from radiometry.luminance import method as luminance
-from radiometry.luminance.planning import plan
 from radiometry.luminance.points import collect_series
 from radiometry.luminance.rows import Params
+from radiometry.luminance.suggestions import plan
 from tests.radiometry import evidence
 from tests.radiometry.evidence import dark, light
 
