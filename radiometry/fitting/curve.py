@@ -60,6 +60,9 @@ class CurveFit:
     dark_rate_dn_per_s, dark_rate_u_dn_per_s : float
         Prediction of the rate of the dark current relative to its expectation, from
         dark and light frames together, and its standard uncertainty [DN/s].
+    lamp_size : float
+        Root mean square of the lamp's change that all scenes share, as the points show
+        it, in units of its given uncertainty; 1 if they cannot.
     chi_squared, stated_chi_squared : float or None
         With all sources, and without the scatter between frames; None for
         "semilog".
@@ -85,6 +88,7 @@ class CurveFit:
     scatter_errors_rel: Vector
     dark_rate_dn_per_s: float
     dark_rate_u_dn_per_s: float
+    lamp_size: float
     chi_squared: float | None
     stated_chi_squared: float | None
     dof: int
@@ -277,6 +281,7 @@ def _judge(curve: Curve, model: str, converged: Converged, stated_chi_squared: f
         scatter_errors_rel=converged.predict_scatter(curve.scatter_weights),
         dark_rate_dn_per_s=rate,
         dark_rate_u_dn_per_s=u_rate,
+        lamp_size=converged.predict_lamp(curve) if weighed else 1.0,
         chi_squared=solution.chi_squared if weighed else None,
         stated_chi_squared=stated_chi_squared if weighed else None,
         dof=dof,

@@ -8,7 +8,7 @@ import numpy as np
 from radiometry.fitting import models
 from radiometry.fitting.components import Component, Matrix, Vector, contribute
 from radiometry.fitting.gls import Solution
-from radiometry.fitting.sources import DARK_CURRENT, F_NUMBER, SCATTER, TIME, Curve
+from radiometry.fitting.sources import DARK_CURRENT, F_NUMBER, LAMP, SCATTER, TIME, Curve
 
 _NEGLIGIBLE_REL = 1e-4
 
@@ -132,6 +132,16 @@ class Converged:
         left = 1.0 - float(weights @ found.sensitivity)
         rate = float(weights @ self.solution.factored.problem.centred)
         return rate, math.sqrt(found.variance * max(left, 0.0))
+
+    def predict_lamp(self, curve: Curve) -> float:
+        """Return sqrt(z^2 + u(z)^2) of the lamp's drift z in units of its prior uncertainty; 1 if unseen."""
+        found = next((each for each in self.components if each.source == LAMP), None)
+        if found is None or "" not in curve.lamp_labels or not np.any(curve.lamp_u_rel):
+            return 1.0
+        # "" is the first of the sorted labels
+        weights = self.solution.predict(found)[0]
+        left = 1.0 - float(weights @ found.columns()[:, 0])
+        return math.hypot(float(weights @ self.solution.factored.problem.centred), math.sqrt(max(left, 0.0)))
 
 
 def predict_errors(

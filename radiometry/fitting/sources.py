@@ -82,6 +82,9 @@ class Curve:
         point, signed, (n,).
     lamp_labels : tuple of str
         Label of each point for that error.
+    lamp_level_u_rel : ndarray of float64
+        Relative standard uncertainty of an independent change of the lamp that all
+        points share, (n,).
     scatter_weights : ndarray of float64
         Weight of each point; its scatter has the variance u_s^2 / weight, (n,).
     flicker_u_rel : ndarray of float64 or None, default: None
@@ -109,6 +112,7 @@ class Curve:
     dark_lever_s: Vector
     lamp_u_rel: Vector
     lamp_labels: tuple[str, ...]
+    lamp_level_u_rel: Vector
     scatter_weights: Vector
     dark_rate_u_dn_per_s: float = 0.0
     dark_rate_shift_dn_per_s: float = 0.0
@@ -208,17 +212,18 @@ def _of_frames(curve: Curve, linear: LinearModel, *, scattered: bool) -> list[Co
 
 def _of_lamp(curve: Curve, linear: LinearModel) -> list[Component]:
     """Return the error of the lamp's change from the reading of a scene to its frames."""
-    if not np.any(curve.lamp_u_rel):
-        return []
+    own, level = curve.lamp_u_rel, curve.lamp_level_u_rel
     return [
         Component(
             source=LAMP,
             kind="B",
-            sensitivity=linear.per_relative_x * curve.lamp_u_rel,
-            labels=index_labels(curve.lamp_labels),
+            sensitivity=linear.per_relative_x * u_rel,
+            labels=index_labels(labels),
             variance=1.0,
-            common=len(set(curve.lamp_labels)) == 1 and not np.ptp(curve.lamp_u_rel),
+            common=len(set(labels)) == 1 and not np.ptp(u_rel),
         )
+        for u_rel, labels in ((own, curve.lamp_labels), (level, ("",) * len(level)))
+        if np.any(u_rel)
     ]
 
 

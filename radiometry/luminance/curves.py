@@ -61,6 +61,7 @@ def fit_series(
         `fit_failed` if the fit of the requested model does not converge.
     """
     series, curve = learn_dark_rate(series, params)
+    curve = learn_lamp(curve)
     coefficient, chosen = fit_coefficient(series, params, calibration_u_rel=calibration_u_rel, curve=curve)
     others = [fit_curve(curve, model=model) if model != params.model else chosen for model in get_args(Model)]
     points = _points(series, chosen, curve.scatter_weights if params.estimator == "robust" else None)
@@ -133,7 +134,7 @@ def fit_coefficient(
     InputRejected
         `fit_failed` if the fit does not converge.
     """
-    fit = fit_curve(curve or _curve(series, params), model=params.model)
+    fit = fit_curve(curve or learn_lamp(_curve(series, params)), model=params.model)
     if fit is None:
         raise InputRejected(
             shared.FIT_FAILED,
@@ -194,6 +195,23 @@ def learn_dark_rate(series: IsoSeries, params: Params) -> tuple[IsoSeries, Curve
     return series, curve
 
 
+def learn_lamp(curve: Curve) -> Curve:
+    """Return the curve with the change between readings and frames of a lamp that drifts as the frames show.
+
+    Notes
+    -----
+    A reading whose time is not known lies p of a scene from the middle of its frames, and
+    errs by p r. With p of mean 0 and independent of the drift r, the variance of p r is
+    var(p) (r^2 + u(r)^2), where r is predicted from the frames' own times and its prior
+    uncertainty, which is all that is left where they show nothing.
+    """
+    if not np.any(curve.lamp_level_u_rel) or not np.any(curve.lamp_u_rel):
+        return curve
+    fit = fit_curve(curve, model="proportional")
+    size = 1.0 if fit is None else fit.lamp_size
+    return replace(curve, lamp_level_u_rel=size * curve.lamp_level_u_rel)
+
+
 def _curve(series: IsoSeries, params: Params) -> Curve:
     used = series.used
     shares = [c.lens_share or _NO_LENS for c in used]
@@ -217,6 +235,7 @@ def _curve(series: IsoSeries, params: Params) -> Curve:
         dark_rate_measured=dark.rate_measured,
         lamp_u_rel=np.array([c.lamp.u_rel for c in used]),
         lamp_labels=tuple(c.lamp.label for c in used),
+        lamp_level_u_rel=np.array([c.lamp.level_u_rel for c in used]),
         flicker_u_rel=_estimate_flicker(used, params),
         scatter_weights=np.ones(len(used)),
         f_number_u_rel=params.f_number_u_rel,

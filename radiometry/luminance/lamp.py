@@ -12,6 +12,7 @@ from radiometry.luminance.rows import FrameRow, Params, Reading
 _HALF_HOUR_S = 1800.0
 _DOUBTFUL_S = 600.0
 _FARTHEST_ZONE_S = 14 * 3600.0
+_UNTIMED_S = 600.0
 _READING_U_REL = 0.01
 _FEW_DIFFERENCES = 3
 
@@ -27,6 +28,9 @@ class Change:
     u_rel : float, default: 0.0
         Relative standard uncertainty of the ratio, with the sign that it has at the
         other frames of `label`.
+    level_u_rel : float, default: 0.0
+        As `u_rel`, of an error that is independent of it and that all frames share: the
+        change before or after them of a lamp that drifts as `lamp_drift_u_rel` states.
     label : str, default: ""
         Frames with the same label share one error: a scene whose readings determine
         its drift, or "" for all others, since a lamp warms up in each scene alike.
@@ -34,6 +38,7 @@ class Change:
 
     ratio: float = 1.0
     u_rel: float = 0.0
+    level_u_rel: float = 0.0
     label: str = ""
 
 
@@ -53,7 +58,9 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
     quantity at two or more times, luminance or illuminance, give a line of ln L, and
     r is the mean of both, weighted by their variances [1]_. A reading repeats to
     `meter_repeatability_rel`, else to 1 %, and to no more than readings of one scene
-    differ. Where times are not known, a frame may lie half a scene from its reading.
+    differ. Where the times of readings are not known, a reading may lie half a scene
+    from the middle of the frames, whose own times still show r; T is then at least 10
+    minutes, since the reading may lie apart from a burst.
 
     Cameras write local time. Where the file states no offset, it is the number of
     half hours that brings the frames closest to the readings of their scenes. Times
@@ -65,7 +72,8 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
     .. [1] JCGM 100:2008, H.3, doi:10.59161/JCGM100-2008E
     """
     light = [row for row in rows if row.role == "light" and row.scene]
-    times = _find_times(light, readings)
+    stated = {row.frame: datetime.fromisoformat(row.taken_at) for row in light if row.taken_at}
+    times = _find_times(stated, light, readings)
     spreads = {name: _find_repeatability(name, readings, params) for name in ("luminance", "illuminance")}
     found: dict[str, Change] = {}
     frames: dict[str, dict[str, float | None]] = defaultdict(dict)
@@ -75,13 +83,16 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
     for reading in readings:
         read[reading.scene].append(reading)
     for scene in sorted(frames):
-        found |= _follow_scene(scene, frames[scene], read[scene], spreads, params)
+        clocks = [moment for name in frames[scene] if (moment := stated.get(name))]
+        if len(clocks) < len(frames[scene]) or len({moment.tzinfo is None for moment in clocks}) > 1:
+            clocks = []
+        found |= _follow_scene(frames[scene], clocks, read[scene], spreads, params)
     return found
 
 
 def _follow_scene(
-    scene: str,
     frames: Mapping[str, float | None],
+    clocks: Sequence[datetime],
     readings: Sequence[Reading],
     spreads: Mapping[str, float],
     params: Params,
@@ -89,7 +100,13 @@ def _follow_scene(
     shown = {name: time_s for name, time_s in frames.items() if time_s is not None}
     read = sorted(_to_seconds(r.taken_at) for r in readings if r.quantity == "luminance" and r.taken_at)
     if len(shown) < len(frames) or not read or len(read) < sum(r.quantity == "luminance" for r in readings):
-        return dict.fromkeys(frames, Change(u_rel=params.lamp_drift_u_rel / 2.0))
+        after_s = [(moment - clocks[0]).total_seconds() for moment in clocks] or [0.0] * len(frames)
+        middle_s, drift = (min(after_s) + max(after_s)) / 2.0, params.lamp_drift_u_rel
+        rate = drift / max(max(after_s) - min(after_s), _UNTIMED_S)
+        return {
+            name: Change(u_rel=rate * (time_s - middle_s), level_u_rel=drift / 2.0)
+            for name, time_s in zip(frames, after_s, strict=True)
+        }
     timed = [(_to_seconds(each.taken_at), each) for each in readings if each.taken_at]
     every = [*shown.values(), *(time_s for time_s, _ in timed)]
     duration_s = max(every) - min(every)
@@ -101,7 +118,7 @@ def _follow_scene(
         own = sorted((time_s, math.log(each.value)) for time_s, each in timed if each.quantity == quantity)
         lever_s2, product = _sum_up(own)
         if lever_s2 and math.isfinite(weight):
-            label, weight, pull = scene, weight + lever_s2 / u_rel**2, pull + product / u_rel**2
+            label, weight, pull = readings[0].scene, weight + lever_s2 / u_rel**2, pull + product / u_rel**2
     centre_s = math.fsum(read) / len(read)
     return {
         name: Change(
@@ -138,9 +155,10 @@ def _find_repeatability(quantity: str, readings: Sequence[Reading], params: Para
     return max(min(usual, seen), 1e-6)
 
 
-def _find_times(light: Sequence[FrameRow], readings: Sequence[Reading]) -> dict[str, float]:
+def _find_times(
+    stated: Mapping[str, datetime], light: Sequence[FrameRow], readings: Sequence[Reading]
+) -> dict[str, float]:
     """Return the time of each frame on the clock of the readings; empty if the clocks cannot be compared."""
-    stated = {row.frame: datetime.fromisoformat(row.taken_at) for row in light if row.taken_at}
     zoned = {frame: moment.timestamp() for frame, moment in stated.items() if moment.tzinfo}
     local = {frame: m.replace(tzinfo=UTC).timestamp() for frame, m in stated.items() if not m.tzinfo}
     read: dict[str, list[float]] = {}

@@ -27,6 +27,6 @@ def test_installed_client_states_the_version_of_its_package(monkeypatch, tmp_pat
 
 def test_content_hashes_are_those_of_the_stored_versions():
     """A release keeps the fit code version as long as it fits as before."""
-    assert software.FIT_CODE_VERSION == "0.1.4"
-    expected = "9b3c12180a951fc8465c323636874b286529fc5b032a32cdd1fc1e3a63f970ff"
+    assert software.FIT_CODE_VERSION == "0.1.5"
+    expected = "9bb23186c89c9bb89b4cfc733b777e09444f772575570656d04277f178c82b8b"
     assert hash_content({"frames": []}, {"model": "proportional"}) == expected

@@ -35,6 +35,7 @@ def fit_power(rhs, signal_dn):
         dark_lever_s=np.zeros(n),
         lamp_u_rel=np.zeros(n),
         lamp_labels=("",) * n,
+        lamp_level_u_rel=np.zeros(n),
         scatter_weights=np.ones(n),
     )
     return fit_curve(curve, model="power")

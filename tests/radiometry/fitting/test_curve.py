@@ -38,6 +38,7 @@ def curve(scenes, f_numbers, *, times=None, errors=0.0, u_dn=0.1, offset=0.0, ex
         dark_lever_s=np.zeros(n),
         lamp_u_rel=np.zeros(n),
         lamp_labels=("",) * n,
+        lamp_level_u_rel=np.zeros(n),
         scatter_weights=np.ones(n),
     )
     return dataclasses.replace(made, **changes)

@@ -51,14 +51,15 @@ def test_illuminance_shows_the_drift_of_a_single_luminance_reading():
 
 def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
     """Half of a scene between reading and frame; with times, from 0 to the whole of it."""
-    assert set(follow_lamp(LIGHTS, READINGS, PARAMS).values()) == {Change(u_rel=0.006)}
+    assert set(follow_lamp(LIGHTS, READINGS, PARAMS).values()) == {Change(level_u_rel=0.006)}
     rows = timed(LIGHTS[3:6])
     found = follow_lamp(rows, [read("middle", 5.0, "10:00:00")], PARAMS)
     assert [found[row.frame] for row in rows] == [Change(u_rel=u) for u in (0.0, 0.006, 0.012)]
     years_ago = [dataclasses.replace(row, taken_at=row.taken_at.replace("2026", "2015")) for row in rows]
-    assert set(follow_lamp(years_ago, [read("middle", 5.0, "10:00:00")], PARAMS).values()) == {
-        Change(u_rel=0.006)
-    }
+    found = follow_lamp(years_ago, [read("middle", 5.0, "10:00:00")], PARAMS)
+    assert [found[row.frame] for row in rows] == [
+        Change(u_rel=u, level_u_rel=0.006) for u in (-0.006, 0.0, 0.006)
+    ]
 
 
 def test_drift_is_a_line_of_the_budget():
@@ -67,6 +68,22 @@ def test_drift_is_a_line_of_the_budget():
     assert budget["lamp drift"].kind == "B"
     steady = fit(params=dataclasses.replace(PARAMS, lamp_drift_u_rel=0.0))
     assert "lamp drift" not in {line.source for line in steady.iso_fits[0].budget}
+
+
+def test_frames_show_by_their_own_times_how_steady_the_lamp_was():
+    """Readings without times: a steady lamp lowers its line of the budget, one that drifts raises it."""
+
+    def budget(drift, *, burst=False):
+        drawn = draw(5, drift_rel=drift, timed=True)
+        at_once = {"taken_at": DAY + "10:00:00"} if burst else {}
+        rows = [dataclasses.replace(row, **at_once) for row in drawn.rows]
+        readings = [dataclasses.replace(each, taken_at=None) for each in drawn.readings]
+        lines = fit(rows, readings, Params(meter_repeatability_rel=0.01)).iso_fits[0].budget
+        return next(line.u_rel for line in lines if line.source == "lamp drift")
+
+    assert budget(0.0, burst=True) == pytest.approx(0.006)
+    assert budget(0.0) < 0.005
+    assert budget(0.04) > 0.009
 
 
 @pytest.mark.parametrize("drift", [0.02, -0.02])
