@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 
 from store.tables import FrameRow, Roi
 
-_WIDEST_PX: Final = 320
+WIDEST_PX: Final = 320
 _MOST_BYTES: Final = 40_000
 _GREYS: Final = (63, 31, 15, 7, 3)
 """Grey levels that are tried; the region's colour stands behind the last of them."""
@@ -17,13 +17,13 @@ _REGION: Final = (255, 120, 0)
 _DRAWING: Final = "1"  # of the pictures' ETag: counts up when the same frame is drawn differently
 
 
-def tag_of(frame: FrameRow, roi: Roi | None) -> str:
+def tag_of(frame: FrameRow, roi: Roi | None, side_px: int) -> str:
     """Return what changes when the picture does."""
-    parts = (_DRAWING, frame.preview_sha256 or "", roi.sha256 if roi else "")
+    parts = (_DRAWING, str(side_px), frame.preview_sha256 or "", roi.sha256 if roi else "")
     return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
 
-def draw_thumbnail(preview: bytes, frame_width_px: int, roi: Roi | None) -> bytes:
+def draw_thumbnail(preview: bytes, frame_width_px: int, roi: Roi | None, side_px: int = WIDEST_PX) -> bytes:
     """Draw a preview of ours again, at most 320 px wide and high and 40 kB, as PNG.
 
     Parameters
@@ -34,10 +34,12 @@ def draw_thumbnail(preview: bytes, frame_width_px: int, roi: Roi | None) -> byte
         Width of the frame, in whose pixels the region is.
     roi : Roi or None
         Region to outline.
+    side_px : int
+        Longest side of the picture.
     """
     with Image.open(io.BytesIO(preview)) as opened:
         grey = opened.convert("L")
-    grey.thumbnail((_WIDEST_PX, _WIDEST_PX))
+    grey.thumbnail((side_px, side_px))
     scale = grey.width / frame_width_px
     outlines = [] if roi is None else [part["points"] for part in roi.parts or [{"points": roi.points}]]
     return next(

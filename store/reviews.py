@@ -23,6 +23,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import Reason
 from radiometry.frame.verdicts import Verdict, conclude
 from radiometry.methods.findings import FINDINGS
+from radiometry.specification.grid import Gap
 from store.codec import decode, encode
 from store.columns import utc_now
 from store.database import Database, summarise
@@ -103,14 +104,14 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
     ids = verdicts_of
     if ids is None:
         ids = session.scalars(select(FrameRow.id).where(FrameRow.campaign_id == campaign_id)).all()
-    columns = (CampaignReview.missing, CampaignReview.advice, CampaignReview.checklist)
+    columns = (CampaignReview.missing, CampaignReview.advice, CampaignReview.gaps, CampaignReview.checklist)
     fresh = (CampaignReview.kept_revision == CampaignReview.revision) & (
         CampaignReview.kept_by == hash_code()
     )
     row = session.execute(select(*columns).where(CampaignReview.campaign_id == campaign_id, fresh)).first()
     if row is None:
         return None
-    missing, advice, checklist = row
+    missing, advice, gaps, checklist = row
     chosen = FrameVerdict.campaign_id == campaign_id
     if verdicts_of is not None:
         chosen = FrameVerdict.frame_id.in_(verdicts_of)
@@ -118,6 +119,7 @@ def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] 
     return Assessment(
         missing=missing,
         advice=advice,
+        gaps=decode(tuple[Gap, ...], gaps or []),
         record=decode(RecordState, checklist) if checklist else None,
         verdicts=dict.fromkeys(ids, conclude(()))
         | {frame_id: _decode_verdict(text) for frame_id, text in reasons},
@@ -150,6 +152,7 @@ def _keep(
         "not_before": not_before,
         "missing": found.missing,
         "advice": found.advice,
+        "gaps": [encode(each) for each in found.gaps],
         "checklist": encode(found.record) if found.record else None,
     }
     if not _update(session, mine, **values):

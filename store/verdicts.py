@@ -10,6 +10,7 @@ from radiometry import methods
 from radiometry.findings import shared
 from radiometry.frame.roi import Polygon
 from radiometry.frame.verdicts import ReviewedFrame, Verdict, conclude, inspect_frame
+from radiometry.specification.grid import Gap
 from store.fits import leave_out_doubtful, list_missing, make_params
 from store.queries.checklist import RecordState, read_record
 from store.queries.evidence import Evidence, gather
@@ -23,13 +24,14 @@ class Assessment:
     """All that is kept of a campaign.
 
     ``missing``: what any fit needs; ``advice``: what a good one does; ``verdicts``: by the frame's id;
-    ``record``: what the checklist needs.
+    ``record``: what the checklist needs; ``gaps``: what to photograph next, by its place in the grid.
     """
 
     missing: list[str]
     advice: list[str]
     verdicts: Mapping[str, Verdict]
     record: RecordState | None
+    gaps: Sequence[Gap] = ()
 
 
 def assess(session: Session, campaign: Campaign) -> Assessment:
@@ -41,7 +43,8 @@ def assess(session: Session, campaign: Campaign) -> Assessment:
     params = make_params(session, campaign)
     return Assessment(
         missing=list_missing(campaign, fitted, params),
-        advice=list(spec.plan(every.frames, every.readings, leave_out_doubtful(params, every))),
+        advice=list(spec.plan(every.frames, every.readings, usable := leave_out_doubtful(params, every))),
+        gaps=spec.find_gaps(every.frames, every.readings, usable),
         verdicts=_judge(session, campaign, frames, every),
         record=read_record(session, campaign, fitted),
     )

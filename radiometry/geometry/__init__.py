@@ -7,6 +7,7 @@ from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE, RIG_CERTIFICATE
 from radiometry.geometry.effects import DISTORTION, move_corner
+from radiometry.geometry.suggestions import find_gaps
 from radiometry.geometry.plot import draw
 from radiometry.geometry.rig.codes import FINDINGS as RIG_FINDINGS
 from radiometry.geometry.rig.exports import EXPORTS as RIG_EXPORTS
@@ -66,6 +67,7 @@ SPEC: Final = MethodSpec(
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
     plan=drop_readings(method.plan),
+    find_gaps=drop_readings(find_gaps),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
     draw=draw,

@@ -13,6 +13,7 @@ from radiometry.geometry.findings import GOOD_SHARE, GOOD_VIEWS
 from radiometry.geometry.fit import fit_geometry
 from radiometry.geometry.rows import FrameRow, Params
 from radiometry.geometry.views import Candidate, collect_candidates, list_missing, make_view
+from radiometry.specification.grid import Gap
 
 _ADVICE: Final[dict[str, str]] = {
     codes.TILT_POOR: "tilt the board by 20 to 45 degrees, to the left, to the right, up and down",
@@ -38,6 +39,12 @@ def plan_views(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
     if 0 < len(usable) < GOOD_VIEWS:
         found.append(f"{len(usable)} usable views: add {GOOD_VIEWS - len(usable)} more")
     return (*found, *_plan_coverage(usable, params), *_plan_by_flags(rows, params))
+
+
+def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
+    """List the views of the board that are lacking."""
+    usable = sum(not each.left_out for each in collect_candidates(rows, params))
+    return tuple(Gap(role="chart", text="View of the board") for _ in range(GOOD_VIEWS - usable))
 
 
 def _plan_coverage(usable: Sequence[Candidate], params: Params) -> list[str]:

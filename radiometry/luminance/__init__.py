@@ -8,7 +8,9 @@ from radiometry.luminance import codes, method
 from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
+from radiometry.luminance.gaps import find_gaps
 from radiometry.luminance.plot import draw
+from radiometry.specification.grid import Grid
 from radiometry.specification.method import Budget, CoefficientEffect, CoefficientKind, MethodSpec
 from radiometry.specification.roles import DARK, LIGHT
 
@@ -50,6 +52,8 @@ SPEC: Final = MethodSpec(
     missing=method.missing,
     judge=method.judge,
     plan=method.plan,
+    grid=Grid(rows="scene", columns=("iso", "f_number")),
+    find_gaps=find_gaps,
     fit=method.fit,
     list_coefficients=method.list_coefficients,
     draw=draw,

@@ -30,8 +30,8 @@ def inspect_scenes(
     Returns
     -------
     dict of str to list of Reason
-        Reasons by name of the frame. Fail: `scene_missing`. Warn:
-        `reading_missing`, `lamp_drift`.
+        Reasons by name of the frame. Fail: `scene_missing`. Pending:
+        `reading_missing`. Warn: `lamp_drift`.
     """
     read = sorted({reading.scene for reading in readings if reading.quantity == "luminance"})
     scenes = summarise_scenes(readings, panel_rho=params.panel_rho)

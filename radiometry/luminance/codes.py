@@ -89,7 +89,7 @@ SCENE_MISSING = reason(
 )
 READING_MISSING = reason(
     "reading_missing",
-    "warn",
+    "pending",
     "Its scene has no luminance reading: the fit leaves the frame out.",
     "Send the reading, or correct the name of the scene.",
 )

@@ -93,15 +93,16 @@ def _plan_levels(series: IsoSeries) -> list[str]:
     narrow = levels[-1] / levels[0] < GOOD_SPAN
     if short > 0:
         noun = "level" if scenes == 1 else "levels"
-        return [f"{where} has {scenes} usable {noun}: add {short} more {_place(levels, narrow=narrow)}"]
+        return [f"{where} has {scenes} usable {noun}: add {short} more {place_levels(levels)}"]
     if narrow:
         span = f"{levels[0]:.3g} to {levels[-1]:.3g} cd/m2"
         return [f"add a darker level at {where}, {levels[-1] / GOOD_SPAN:.3g} cd/m2 or less: it has {span}"]
     return []
 
 
-def _place(levels: Sequence[float], *, narrow: bool) -> str:
-    if narrow:
+def place_levels(levels: Sequence[float]) -> str:
+    """State where to add light levels to these [cd/m2]: in the widest gap, or beyond the ends."""
+    if levels[-1] / levels[0] < GOOD_SPAN:
         low, high = levels[-1] / GOOD_SPAN, levels[0] * GOOD_SPAN
         return f"down to {low:.3g} cd/m2 or up to {high:.3g} cd/m2"
     low, high = max(itertools.pairwise(levels), key=lambda pair: pair[1] / pair[0])

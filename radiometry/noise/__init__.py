@@ -4,7 +4,9 @@ from typing import Final
 
 from radiometry.noise import codes, method
 from radiometry.noise.certificate import CERTIFICATE
+from radiometry.noise.suggestions import find_gaps
 from radiometry.noise.plot import draw
+from radiometry.specification.grid import Grid
 from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT, LIGHT
 
@@ -40,6 +42,8 @@ SPEC: Final = MethodSpec(
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
     plan=drop_readings(method.plan),
+    grid=Grid(rows="exposure_time_s", columns=("iso",)),
+    find_gaps=drop_readings(find_gaps),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
     draw=draw,

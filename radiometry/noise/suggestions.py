@@ -7,6 +7,7 @@ from radiometry.noise.fit import FittedChannel, fit_channel
 from radiometry.noise.points import collect_stacks
 from radiometry.noise.rows import DARK, Params
 from radiometry.noise.stacks import Stack
+from radiometry.specification.grid import Gap
 
 GOOD_LEVELS = 9
 """EMVA 1288 asks for at least nine levels between 5 and 95 % of saturation for the linearity error."""
@@ -34,6 +35,20 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
         gravest += _plan_levels(where, fitted)
         others += _plan_darks(where, stacks) + _plan_patterns(where, fitted)
     return tuple(dict.fromkeys([*gravest, *others]))
+
+
+def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
+    """List, by ISO value, the pairs of dark frames and of light levels that are lacking."""
+    gaps: dict[tuple[str, float], Gap] = {}
+    for (iso, _), stacks in collect_stacks(rows, params).items():
+        fitted = fit_channel(stacks, params)
+        if fitted is None:
+            gaps["dark", iso] = Gap(role=DARK, at={"iso": iso}, text="Two of one time")
+            continue
+        short = GOOD_LEVELS - sum(not level.left_out for level in fitted.levels)
+        if short > 0:
+            gaps["flat", iso] = Gap(role="flat", at={"iso": iso}, text=f"Pairs at {short} more times")
+    return tuple(gaps.values())
 
 
 def _plan_levels(where: str, fitted: FittedChannel) -> list[str]:

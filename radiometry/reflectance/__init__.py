@@ -7,6 +7,7 @@ from radiometry.reflectance.applying import APPLICATION
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
 from radiometry.reflectance.plot import draw
+from radiometry.specification.grid import Grid
 from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_target
 from radiometry.specification.roles import FIELD, PANEL
 
@@ -44,6 +45,7 @@ SPEC: Final = MethodSpec(
     missing=method.missing,
     judge=method.judge,
     plan=method.plan,
+    grid=Grid(rows="capture_id", columns=("band",)),
     fit=method.fit,
     list_coefficients=method.list_coefficients,
     draw=draw,

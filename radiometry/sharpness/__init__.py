@@ -5,6 +5,7 @@ from typing import Final
 from radiometry.sharpness import codes, method
 from radiometry.sharpness.certificate import CERTIFICATE
 from radiometry.sharpness.plot import draw
+from radiometry.specification.grid import Grid
 from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
 
@@ -66,6 +67,7 @@ SPEC: Final = MethodSpec(
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
     plan=drop_readings(method.plan),
+    grid=Grid(rows="f_number"),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
     draw=draw,

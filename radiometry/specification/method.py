@@ -11,6 +11,7 @@ from radiometry.frame.roi import Polygon
 from radiometry.specification.application import Application, Correction, FoundRegion
 from radiometry.specification.certificate import CertificateText
 from radiometry.specification.exports import Export
+from radiometry.specification.grid import Gap, Grid
 from radiometry.specification.parameters import Parameter, list_parameters
 from radiometry.specification.rig import RigSpec
 from radiometry.specification.roles import Role
@@ -191,6 +192,10 @@ class MethodSpec:
         ``(frames, rows, readings, params) -> dict of Verdict`` by the frame's name.
     plan : callable
         ``(rows, readings, params) -> tuple of str``, suggestions for a better fit.
+    grid : Grid
+        Axes of the grid in which a campaign's frames are shown.
+    find_gaps : callable
+        ``(rows, readings, params) -> tuple of Gap``, the frames to photograph next, with their places.
     fit : callable
         ``(rows, readings, params) -> result``. Raises InputRejected.
     list_coefficients : callable
@@ -235,6 +240,8 @@ class MethodSpec:
     list_coefficients: Callable[..., tuple[Any, ...]]
     draw: Callable[[dict[str, Any]], str]
     certificate: CertificateText
+    grid: Grid = field(default_factory=Grid)
+    find_gaps: Callable[..., tuple[Gap, ...]] = field(default=_none)
     findings: tuple[Finding, ...] = ()
     application: Application | None = None
     applied: str = ""

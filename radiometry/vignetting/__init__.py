@@ -3,6 +3,7 @@
 from typing import Final
 
 from radiometry.specification.application import Correction
+from radiometry.specification.grid import Grid
 from radiometry.specification.method import (
     CoefficientEffect,
     CoefficientKind,
@@ -14,6 +15,7 @@ from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
 from radiometry.vignetting.budget import list_budgets
 from radiometry.vignetting.certificate import CERTIFICATE
+from radiometry.vignetting.suggestions import find_gaps
 from radiometry.vignetting.plot import draw
 from radiometry.vignetting.written import EXPORTS
 
@@ -45,6 +47,8 @@ SPEC: Final = MethodSpec(
     missing=drop_readings(method.missing),
     judge=lambda frames, rows, _, params: method.judge(frames, rows, params),
     plan=drop_readings(method.plan),
+    grid=Grid(rows="f_number"),
+    find_gaps=drop_readings(find_gaps),
     fit=drop_readings(method.fit),
     list_coefficients=method.list_coefficients,
     list_budgets=list_budgets,

@@ -2,8 +2,10 @@
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Sequence
 
+from radiometry.specification.grid import Gap
 from radiometry.vignetting.features import FrameRow
 from radiometry.vignetting.light import EXPOSURE_RATIO
 from radiometry.vignetting.points import Candidate, collect_candidates
@@ -54,6 +56,24 @@ def plan(rows: Sequence[FrameRow], params: Params) -> tuple[str, ...]:
             "by half or a quarter of a turn between flats, and state the angle in the fit"
         )
     return (*advice, *_plan_f_numbers(sorted(by_f_number)))
+
+
+def find_gaps(rows: Sequence[FrameRow], params: Params) -> tuple[Gap, ...]:
+    """List the flat frames that an f-number needs, and the f-numbers that lie between."""
+    lights = [each.light for each in collect_candidates(rows, params) if not each.left_out and each.light]
+    counts = Counter(light.f_number for light in lights)
+    f_numbers = sorted(counts)
+    between = [
+        float(f"{math.sqrt(lower * higher):.2g}")
+        for lower, higher in itertools.pairwise(f_numbers)
+        if 2.0 * math.log2(higher / lower) > WIDEST_GAP_STOPS
+    ]
+    lacking = {f_number: GOOD_FLATS - counts[f_number] for f_number in (*f_numbers, *between)}
+    return tuple(
+        Gap(role="flat", at={"f_number": f_number}, text="Flat frame")
+        for f_number, count in lacking.items()
+        for _ in range(count)
+    )
 
 
 def _plan_darks(used: Sequence[Candidate]) -> list[str]:

@@ -26,6 +26,7 @@ from service.routes import problems, sends_stored_file
 from service.routes.campaigns import read_roi
 from service.schemas.campaigns import NewRoi, RoiAnswer
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow, Upload
+from store.columns import utc_now
 from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
 from store.queries.frames import (
     NewFrame,
@@ -127,9 +128,11 @@ def list_frames(
     context: UsesContext,
     *,
     brief: Annotated[bool, Query(description="Without `metadata` and `verdict`: shorter.")] = False,
+    withdrawn: Annotated[bool, Query(description="The withdrawn frames instead.")] = False,
 ) -> Response:
-    """A campaign's frames, oldest first."""
+    """A campaign's frames, oldest first, without those that were withdrawn."""
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign_id)
+    rows = rows.where(FrameRow.withdrawn_at.is_not(None) if withdrawn else FrameRow.withdrawn_at.is_(None))
     with context.database.reading() as session:
         owned(session, Campaign, campaign_id, caller)
         return paging.send(
@@ -158,12 +161,32 @@ def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: W
     def change(session: Session) -> Reply:
         # what two who come at once supply is kept together
         frame = owned(session, FrameRow, frame_id, caller, for_update=True)
-        said = body.model_dump(exclude_none=True)
-        supplied = {name: said.pop(name) for name in ("exposure_time_s", "f_number", "iso") if name in said}
-        changed = describe_anew(frame, {**said, "supplied": {**frame.supplied, **supplied}})
-        return _read_again(session, frame, caller, changed=changed)
+        jobs = apply_change(session, frame, body, caller)
+        session.flush()
+        campaign = session.get_one(Campaign, frame.campaign_id)
+        return Reply(status=200, body=_answer_write(session, frame, campaign, jobs), jobs=jobs)
 
     return writing.run(caller, change)
+
+
+def apply_change(session: Session, frame: FrameRow, body: FrameChange, caller: Caller) -> list[Job]:
+    """Correct what was said of a frame; return the job that reads it again, if its statistics need it."""
+    said = body.model_dump(exclude_none=True, exclude={"frame_ids", "reason"})
+    if "scene" in said:
+        frame.scene = said.pop("scene") or None
+    if (left_out := said.pop("left_out", None)) is not None:
+        reason = {"reason": body.reason or "Left out in the grid.", "by": caller.key_name}
+        frame.left_out = reason if left_out else None
+    changed = False
+    if (withdrawn := said.pop("withdrawn", None)) is not None and withdrawn != (
+        frame.withdrawn_at is not None
+    ):
+        frame.withdrawn_at = utc_now() if withdrawn else None
+        # the campaign's region may have changed meanwhile
+        changed = not withdrawn
+    supplied = {name: said.pop(name) for name in ("exposure_time_s", "f_number", "iso") if name in said}
+    changed = describe_anew(frame, {**said, "supplied": {**frame.supplied, **supplied}}) or changed
+    return [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
 
 
 @router.put("/frames/{frame_id}/roi", response_model=FrameAnswer, responses=problems(404))

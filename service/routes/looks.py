@@ -1,6 +1,8 @@
 """What the pages ask while somebody draws and while frames arrive: quick looks that record nothing."""
 
-from fastapi import APIRouter, Request, Response
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
@@ -15,7 +17,7 @@ from service.routes import problems, sends_stored_file
 from service.routes.frames import require_preview
 from service.schemas.jobs import JobAnswer
 from service.schemas.looks import NewLook, VerdictsAnswer
-from service.thumbnails import draw_thumbnail, tag_of
+from service.thumbnails import WIDEST_PX, draw_thumbnail, tag_of
 from store import jobs
 from store.queries.frames import current_roi
 from store.tables import Campaign, FrameRow
@@ -73,16 +75,23 @@ def list_verdicts(campaign_id: Id, caller: Reader, context: UsesContext) -> Resp
 @router.get(
     "/frames/{frame_id}/thumbnail.png", response_class=Response, responses=sends_stored_file("image/png")
 )
-def get_frame_thumbnail(frame_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
+def get_frame_thumbnail(
+    frame_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    side_px: Annotated[int, Query(ge=32, le=WIDEST_PX, description="Longest side.")] = WIDEST_PX,
+) -> Response:
     """A picture for lists, at most 320 px wide and 40 kB, with the region that holds for the frame."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
         roi = current_roi(session, frame, session.get_one(Campaign, frame.campaign_id))
     preview_sha256 = require_preview(frame)
-    headers = standing_headers(tag_of(frame, roi))
-    unchanged = not_modified(request, tag_of(frame, roi), headers)
+    tag = tag_of(frame, roi, side_px)
+    headers = standing_headers(tag)
+    unchanged = not_modified(request, tag, headers)
     if unchanged is not None:
         return unchanged
     _, pieces = context.files.open(preview_sha256)
-    png = draw_thumbnail(b"".join(pieces), (frame.header or {})["width_px"], roi)
+    png = draw_thumbnail(b"".join(pieces), (frame.header or {})["width_px"], roi, side_px)
     return Response(png, headers=headers, media_type="image/png")

@@ -243,7 +243,7 @@ def _enqueue(
 
 def _field_frames(session: Session, campaign: Campaign) -> list[FrameRow]:
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.role == "field")
-    found = list(session.scalars(rows.order_by(FrameRow.id)))
+    found = list(session.scalars(rows.where(FrameRow.withdrawn_at.is_(None)).order_by(FrameRow.id)))
     if not found:
         detail = "This campaign has no field frame: upload frames with role=field first."
         raise Problem(interface.CAMPAIGN_INCOMPLETE, detail)

@@ -70,7 +70,7 @@ def get_campaign_motion(
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
         pitch_um = _find_pitch(session, campaign, optics)
-        frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id)
+        frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
         if optics.role is not None:
             frames = frames.where(FrameRow.role == optics.role)
         found = session.scalars(frames.order_by(FrameRow.id))

@@ -111,6 +111,19 @@ def withdraw_reading(reading_id: Id, caller: Calibrator, writing: Writes) -> Res
     return writing.run(caller, change)
 
 
+@router.post("/readings/{reading_id}/restore", response_model=ReadingAnswer, responses=problems(404))
+def restore_reading(reading_id: Id, caller: Calibrator, writing: Writes) -> Response:
+    """Undo the withdrawal of a reading."""
+
+    def change(session: Session) -> Reply:
+        reading = owned(session, Reading, reading_id, caller)
+        reading.withdrawn_at = None
+        session.flush()
+        return Reply(status=200, body=ReadingAnswer.of(reading))
+
+    return writing.run(caller, change)
+
+
 def _columns(form: NewReading) -> dict[str, Any]:
     return {
         "scene": form.scene,

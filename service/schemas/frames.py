@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, WithJsonSchema
+from pydantic import Field, Strict, WithJsonSchema
 from typing_extensions import TypeAliasType
 
 from radiometry.findings import InputRejected, Reason
@@ -22,6 +22,8 @@ from store.tables import Blob, Extraction, FrameRow
 _measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)
 _REASONS = [each.code for each in FINDINGS.values() if "verdict" in each.where]
 ReasonCode = TypeAliasType("ReasonCode", Annotated[str, WithJsonSchema({"type": "string", "enum": _REASONS})])
+Flag = Annotated[bool, Strict()]
+MOST_FRAMES = 1000
 State = Literal["received", "read", "extracted", "refused"]
 
 
@@ -48,13 +50,36 @@ class Upload(Form):
 
 
 class FrameChange(Form):
-    """A correction of what was said of a frame; the frame is then read again."""
+    """A correction of what was said of a frame; it is then read again, except for scene and left_out."""
 
     role: Role | None = None
-    scene: Text | None = None
+    scene: Annotated[
+        str | None,
+        Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$", description='"" for a frame without one.'),
+    ] = None
+    left_out: Annotated[
+        Flag | None, Field(description="Keep the frame, and leave it out of every fit from now on.")
+    ] = None
+    reason: Annotated[LongText | None, Field(description="Why it is left out.")] = None
+    withdrawn: Annotated[
+        Flag | None, Field(description="Take the frame out of its campaign; false restores it.")
+    ] = None
     exposure_time_s: Positive | None = None
     f_number: Positive | None = None
     iso: Positive | None = None
+
+
+class FramesChange(FrameChange):
+    """The same correction of many frames of one campaign."""
+
+    frame_ids: Annotated[list[Text], Field(min_length=1, max_length=MOST_FRAMES)]
+
+
+class FramesChanged(Answer):
+    """How many frames were named, and how many of them are read again."""
+
+    frames: int
+    read_again: int
 
 
 class CameraAsRead(Answer):
@@ -162,6 +187,8 @@ class FrameAnswer(Answer):
         default=None, description="Why a multispectral file has no sunshine reading that can be used."
     )
     refusal: Refusal | None = None
+    left_out: dict[str, str] | None = Field(default=None, description="Who left it out, and why.")
+    withdrawn_at: Instant | None = None
     warnings: list[str]
     statistics: list[StatisticsRow]
     verdict: VerdictAnswer | None = Field(
@@ -202,7 +229,7 @@ class FrameAnswer(Answer):
 
 _FROM_ROW = (
     *("id", "campaign_id", "sha256", "filename", "role", "scene", "roi_id", "state", "exposure_time_s"),
-    *("f_number", "iso", "exposure", "warnings", "created_at"),
+    *("f_number", "iso", "exposure", "warnings", "created_at", "left_out", "withdrawn_at"),
 )
 
 

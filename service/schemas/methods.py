@@ -7,6 +7,7 @@ from pydantic import Field, TypeAdapter
 
 from radiometry.methods import METHODS
 from radiometry.specification.application import PictureApplication
+from radiometry.specification.grid import Grid
 from radiometry.specification.method import MethodSpec, Reference, ToleranceUnit
 from radiometry.specification.parameters import Kind, Parameter
 from service.schemas.base import Answer, FrameRole, Method
@@ -71,6 +72,10 @@ class CoefficientKindAnswer(Answer):
     units: list[str] = Field(description="Several if the unit depends on the camera or on a parameter.")
 
 
+class GridAnswer(Answer, restates=Grid):
+    """Axes of the grid in which a campaign's frames are shown."""
+
+
 class MethodAnswer(Answer):
     """A calibration method."""
 
@@ -98,6 +103,7 @@ class MethodAnswer(Answer):
     conditions: list[ParameterAnswer] = Field(
         description="Of these options the light and surroundings of a measurement."
     )
+    grid: GridAnswer
     parameters: list[ParameterAnswer]
     coefficients: list[CoefficientKindAnswer]
 
@@ -122,6 +128,7 @@ class MethodAnswer(Answer):
             measured_quantity=measured.quantity if measured else None,
             measurement_options=list(spec.measurement_options) if measured else [],
             conditions=[ParameterAnswer.of(each) for each in spec.conditions],
+            grid=GridAnswer.restate(spec.grid),
             parameters=[ParameterAnswer.of(each) for each in spec.parameters],
             coefficients=[CoefficientKindAnswer.model_validate(each) for each in spec.coefficients],
         )

@@ -47,7 +47,7 @@ class Captures:
             rows = self._session.execute(
                 select(_SAID["capture_id"].as_string(), _SAID["band"].as_string(), FrameRow.id)
                 .where(FrameRow.campaign_id == campaign_id, FrameRow.exposure_time_s.is_not(None))
-                .where(FrameRow.state != "refused")
+                .where(FrameRow.state != "refused", FrameRow.withdrawn_at.is_(None))
                 .order_by(FrameRow.id.desc())
             )
             self._frames[campaign_id] = {(capture, band): frame_id for capture, band, frame_id in rows}

@@ -39,7 +39,7 @@ def count(session: Session, campaign: Campaign) -> Counts:
     """What has arrived, and how far it has come."""
     rows = session.execute(
         select(FrameRow.state, func.count())
-        .where(FrameRow.campaign_id == campaign.id)
+        .where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
         .group_by(FrameRow.state)
     )
     states = {row[0]: row[1] for row in rows}
@@ -149,6 +149,7 @@ def _refuse_outside(session: Session, campaign: Campaign, roi: Roi) -> None:
 def renew_extractions(session: Session, campaign: Campaign, *, by: str, own_region: bool = True) -> list[Job]:
     """Jobs that compute a campaign's frames anew; ``own_region``: also those with a region of their own."""
     wanted = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.state != "refused")
+    wanted = wanted.where(FrameRow.withdrawn_at.is_(None))
     if not own_region:
         wanted = wanted.where(FrameRow.roi_id.is_(None))
     frames = session.scalars(wanted.order_by(FrameRow.id))

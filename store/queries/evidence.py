@@ -31,7 +31,7 @@ class Evidence:
     unread: list[str]
     """Frames of which nothing is known yet."""
     doubtful: tuple[Exclusion, ...]
-    """Frames that no fit may use, with what is doubted in them."""
+    """Frames that no fit may use: those that a person left out, and those whose pixels are doubtful."""
     references: dict[str, list[dict[str, Any]]]
     """What the readings were made with, as it is now: meters with their certificates, panels."""
 
@@ -73,9 +73,11 @@ def gather(
         rois={names[row.id]: current[row.id].roi_id for row in read if row.id in current},
         unread=[names[row.id] for row in rows if not _is_read(row)],
         doubtful=tuple(
-            Exclusion(frame=names[row.id], reason=row.describe_doubt(), by="stilb")
+            Exclusion(
+                frame=names[row.id], **(row.left_out or {"reason": row.describe_doubt(), "by": "stilb"})
+            )
             for row in read
-            if shared.IMAGE_PART_EMPTY in row.warnings
+            if row.left_out or shared.IMAGE_PART_EMPTY in row.warnings
         ),
         references=reference.sources,
     )

@@ -18,6 +18,7 @@ def list_flight(session: Session, calibration: Calibration) -> list[datetime]:
     to_measure = (FrameRow.campaign_id == calibration.campaign_id) & FrameRow.role.in_(
         spec.applied_role_names
     )
+    to_measure &= FrameRow.withdrawn_at.is_(None)
     stated = session.scalars(
         select(FrameRow.header["taken_at"].as_string())
         .where(or_(FrameRow.id.in_(measured), to_measure), FrameRow.header.is_not(None))

@@ -28,6 +28,7 @@ class FrameColumns:
     """What a verdict or a fit asks of a frame's row."""
 
     warnings: tuple[str, ...]
+    left_out: dict[str, str] | None
     found: dict[str, Any]
     header: FrameHeader | None
     exposure: Exposure | None
@@ -45,6 +46,7 @@ class FrameColumns:
     def of(cls, row: FrameRow) -> "FrameColumns":
         return cls(
             tuple(row.warnings),
+            row.left_out,
             row.found or {},
             decode(FrameHeader, row.header) if row.header else None,
             decode(Exposure, row.exposure) if row.exposure else None,
@@ -67,7 +69,14 @@ _PLAIN: tuple[InstrumentedAttribute[Any], ...] = (
     *(FrameRow.id, FrameRow.filename, FrameRow.sha256, FrameRow.role, FrameRow.scene, FrameRow.roi_id),
     *(FrameRow.state, FrameRow.refusal_detail),
 )
-_JSON = (FrameRow.warnings, FrameRow.found, FrameRow.header, FrameRow.exposure, FrameRow.proof)
+_JSON = (
+    FrameRow.warnings,
+    FrameRow.left_out,
+    FrameRow.found,
+    FrameRow.header,
+    FrameRow.exposure,
+    FrameRow.proof,
+)
 
 
 def read_frames(
@@ -76,19 +85,21 @@ def read_frames(
     """Read all frames of a campaign, or those of some roles, in the order in which they came."""
     rows = session.execute(
         select(*(cast(column, Text) for column in _JSON), *_PLAIN)
-        .where(FrameRow.campaign_id == campaign.id, FrameRow.role.in_(roles) if roles else true())
+        .where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
+        .where(FrameRow.role.in_(roles) if roles else true())
         .order_by(FrameRow.id)
     )
     return [
         FrameColumns(
             _read_list(warnings),
+            read_text(dict[str, str], left_out),
             read_text(dict[str, Any], found) or {},
             read_text(FrameHeader, header),
             _read_exposure(exposure),
             proof,
             *plain,
         )
-        for warnings, found, header, exposure, proof, *plain in rows
+        for warnings, left_out, found, header, exposure, proof, *plain in rows
     ]
 
 

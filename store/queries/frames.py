@@ -58,8 +58,8 @@ class NewFrame:
 def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tuple[FrameRow, bool, bool]:
     """The campaign's frame with these bytes; whether it is new; whether it is to be read (again).
 
-    The same bytes again change nothing, except that a refused frame gets another chance, and one whose
-    reading was given up is read again.
+    The same bytes again change nothing, except that a withdrawn frame is restored, a refused one gets another
+    chance, and one whose reading was given up is read again.
     """
     keep_blob(session, new.blob)
     found = session.scalar(
@@ -79,6 +79,9 @@ def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tu
         session.add(found)
         session.flush()
         return found, True, True
+    found.withdrawn_at, withdrawn = None, found.withdrawn_at
+    if withdrawn:
+        return found, False, True
     if found.state != "refused":
         return found, False, found.state == "received" and not jobs.is_live(session, found.id)
     said = {"role": new.role, "scene": new.scene, "supplied": {**found.supplied, **new.supplied}}

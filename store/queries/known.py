@@ -9,8 +9,9 @@ from store.tables import Blob, Campaign, FrameRow
 
 
 def find_known(session: Session, campaign: Campaign, hashes: Sequence[str]) -> dict[str, FrameRow]:
-    """The campaign's frames with these bytes, by hash. A campaign has a file once."""
+    """The campaign's frames with these bytes, by hash; a withdrawn one is restored when it is sent again."""
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.sha256.in_(set(hashes)))
+    rows = rows.where(FrameRow.withdrawn_at.is_(None))
     return {frame.sha256: frame for frame in session.scalars(rows)}
 
 

@@ -53,6 +53,7 @@ class Campaign(Audited, Base):
     """Of a reflectance campaign; None leaves the choice to what the files and the records say."""
     target: Mapped[Json | None] = mapped_column(default=None)
     """What is photographed, where the method must know it to read a frame: a board, an edge."""
+    archived_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
 
@@ -169,6 +170,10 @@ class FrameRow(Audited, Base):
     refusal_code: Mapped[str | None]
     refusal_detail: Mapped[str | None]
     preview_sha256: Mapped[str | None] = mapped_column(ForeignKey("blob.sha256"))
+    left_out: Mapped[Json | None] = mapped_column(default=None)
+    """``reason`` and ``by`` where a person excluded it from every fit."""
+    withdrawn_at: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    """Of a frame that no longer belongs to its campaign; it can be restored."""
     created_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
 
     @property

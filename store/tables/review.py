@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import CheckConstraint, ForeignKey
+from sqlalchemy import CheckConstraint, ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.columns import UtcDateTime, new_id, utc_now
@@ -33,6 +33,8 @@ class ChecklistSignature(Audited, Base):
     signed_by: Mapped[str]
     """The key that signed."""
     signed_at: Mapped[datetime] = mapped_column(UtcDateTime, default=utc_now)
+    state_sha256: Mapped[str | None] = mapped_column(String(64))
+    """Of the campaign's details, frames, readings and region as they were signed."""
 
 
 class Recall(Audited, Base):

@@ -46,6 +46,7 @@ def list_siblings(
     rows = session.scalars(
         select(FrameRow)
         .where(FrameRow.campaign_id == campaign.id, FrameRow.id != frame_id)
+        .where(FrameRow.withdrawn_at.is_(None))
         .where(FrameRow.role.in_(spec.role_names), FrameRow.state.in_(("read", "extracted")))
         .where(FrameRow.header[_CAPTURE].as_string() == capture)
         .order_by(FrameRow.id)

@@ -1,0 +1,99 @@
+"""The grid of a campaign's frames: read in columns, changed many at once."""
+
+import gzip
+import json
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from radiometry.frame.verdicts import Verdict
+from service.auth import Calibrator, Reader
+from service.context import UsesContext
+from service.hosts import absolute
+from service.immutable import not_modified, standing_headers
+from service.lookup import Id, owned
+from service.paging import Cursor
+from service.problems import invalid
+from service.routes import UNCHANGED, problems
+from service.routes.frames import apply_change
+from service.schemas.frames import FramesChange, FramesChanged
+from service.schemas.grid import CampaignGridAnswer, GapAnswer, GridColumns
+from service.changes import Reply, Writes
+from store.queries.grid import read_grid
+from store.reviews import hash_code
+from store.tables import Campaign, CampaignReview, FrameRow
+
+router = APIRouter(prefix="/v1/campaigns/{campaign_id}", tags=["frames"])
+
+_MOST_FRAMES = 5000
+
+
+@router.get("/grid", response_model=CampaignGridAnswer, responses={**UNCHANGED, **problems(404)})
+def get_campaign_grid(
+    campaign_id: Id,
+    request: Request,
+    caller: Reader,
+    context: UsesContext,
+    limit: Annotated[int, Query(ge=1, le=_MOST_FRAMES)] = 1000,
+    cursor: Cursor = None,
+) -> Response:
+    """What the grid of a campaign shows of its frames, in columns, with the gaps to photograph next.
+
+    Frames come in the order in which they were sent, withdrawn ones too. The ETag changes with the campaign.
+    """
+    packed = "gzip" in request.headers.get("accept-encoding", "")
+    with context.database.reading() as session:
+        campaign = owned(session, Campaign, campaign_id, caller)
+        revision = select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
+        tag = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}{'-gzip' * packed}"
+        headers = standing_headers(tag) | {"Vary": "Accept-Encoding, Authorization"}
+        unchanged = not_modified(request, tag, headers)
+        if unchanged is not None:
+            return unchanged
+        frames = read_grid(session, campaign, after=cursor or "", limit=limit + 1)
+        more, frames = len(frames) > limit, frames[:limit]
+        review = context.reviews.find(session, campaign_id, verdicts_of=[frame["id"] for frame in frames])
+    following = request.url.include_query_params(cursor=frames[-1]["id"]) if more else None
+    answer = CampaignGridAnswer(
+        frames=_shape(frames, review.verdicts),
+        gaps=[] if cursor else [GapAnswer.restate(gap, at=dict(gap.at)) for gap in review.gaps],
+        next=absolute(request, f"{following.path}?{following.query}") if following else None,
+    )
+    body = json.dumps(answer.model_dump(mode="json"), separators=(",", ":")).encode()
+    if packed:
+        headers["Content-Encoding"] = "gzip"
+        body = gzip.compress(body, compresslevel=4, mtime=0)
+    return Response(body, headers=headers, media_type="application/json")
+
+
+@router.patch("/frames", response_model=FramesChanged, responses=problems(404))
+def change_frames(campaign_id: Id, body: FramesChange, caller: Calibrator, writing: Writes) -> Response:
+    """Change many frames alike: move them to a scene, leave them out, withdraw or restore them."""
+
+    def change(session: Session) -> Reply:
+        owned(session, Campaign, campaign_id, caller)
+        ids = sorted(set(body.frame_ids))
+        chosen = select(FrameRow).where(FrameRow.campaign_id == campaign_id, FrameRow.id.in_(ids))
+        frames = session.scalars(chosen.order_by(FrameRow.id).with_for_update()).all()
+        if unknown := set(ids) - {frame.id for frame in frames}:
+            message = f"{min(unknown)} is not a frame of this campaign"
+            raise invalid([{"type": "unknown_frame", "loc": ("body", "frame_ids"), "msg": message}])
+        jobs = [job for frame in frames for job in apply_change(session, frame, body, caller)]
+        session.flush()
+        return Reply(status=200, body=FramesChanged(frames=len(frames), read_again=len(jobs)), jobs=jobs)
+
+    return writing.run(caller, change)
+
+
+def _shape(frames: list[dict[str, Any]], verdicts: Mapping[str, Verdict]) -> GridColumns:
+    for frame in frames:
+        verdict = verdicts.get(frame["id"])
+        reason = verdict.reasons[0] if verdict and verdict.reasons else None
+        frame["outcome"] = verdict.outcome if verdict else "pending"
+        frame["code"], frame["detail"] = (str(reason.code), reason.detail) if reason else (None, None)
+        frame["left_out"] = (frame["left_out"] or {}).get("reason")
+        frame["withdrawn"] = frame["withdrawn_at"] is not None
+    return GridColumns(**{name: [frame[name] for frame in frames] for name in GridColumns.model_fields})

@@ -1,0 +1,105 @@
+"""The grid of a campaign: columns, gaps, and frames that are moved, left out, withdrawn and restored."""
+
+import pytest
+
+from tests.service.test_frames import patch, set_roi
+from tests.support.campaigns import ROI
+
+SETTINGS = {"iso": 3200, "exposure_time_s": 0.05}
+
+
+def grid(house, campaign, **query):
+    answer = house.get(f"/v1/campaigns/{campaign['id']}/grid", **query)
+    frames = answer["frames"]
+    return [dict(zip(frames, values, strict=True)) for values in zip(*frames.values(), strict=True)], answer
+
+
+def change(house, campaign, frames, **said):
+    body = {"frame_ids": [frame["id"] for frame in frames], **said}
+    answer = house.http.patch(f"/v1/campaigns/{campaign['id']}/frames", json=body)
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+@pytest.fixture
+def campaign(house):
+    """Two scenes at two apertures of which one is lacking, and no dark frame."""
+    campaign = house.campaign()
+    set_roi(house, campaign, ROI)
+    for seed, (scene, f_number, signal) in enumerate([("a", 4.0, 900), ("a", 5.6, 450), ("b", 4.0, 300)]):
+        content = house.frame_bytes(f_number=f_number, signal_dn=signal, seed=seed, **SETTINGS)
+        house.upload(campaign, content, role="light", scene=scene, filename=f"{scene}-{f_number:g}.dng")
+    house.work()
+    return campaign
+
+
+def test_grid_pages_columns_and_gaps_with_exposure(house, campaign):
+    rows, answer = grid(house, campaign)
+    assert [(row["filename"], row["scene"], row["iso"], row["f_number"]) for row in rows] == [
+        ("a-4.dng", "a", 3200, 4.0),
+        ("a-5.6.dng", "a", 3200, 5.6),
+        ("b-4.dng", "b", 3200, 4.0),
+    ]
+    assert {(row["state"], row["code"]) for row in rows} == {("extracted", "reading_missing")}
+    assert rows[0]["signal_dn"] > rows[1]["signal_dn"] > 0
+    lacking, dark = answer["gaps"]
+    assert (lacking["at"], lacking["role"]) == ({"scene": "b", "iso": 3200, "f_number": 5.6}, "light")
+    # half the span at f/5.6, where 300 DN came in 0.05 s at f/4
+    assert lacking["exposure_time_s"] > 0.1
+    assert (dark["role"], dark["at"]["iso"], dark["exposure_time_s"]) == ("dark", 3200, 0.05)
+    page = grid(house, campaign, limit=2)[1]
+    assert len(page["frames"]["id"]) == 2
+    rest = house.http.get(page["next"]).json()
+    assert (rest["frames"]["id"], rest["next"]) == ([rows[2]["id"]], None)
+
+
+def test_grid_is_not_sent_again_until_the_campaign_changes(house, campaign):
+    path = f"/v1/campaigns/{campaign['id']}/grid"
+    first = house.http.get(path)
+    again = {"If-None-Match": first.headers["etag"]}
+    assert house.http.get(path, headers=again).status_code == 304
+    change(house, campaign, [{"id": first.json()["frames"]["id"][0]}], scene="c")
+    assert house.http.get(path, headers=again).json()["frames"]["scene"][0] == "c"
+
+
+def test_frames_are_moved_left_out_withdrawn_and_restored(house, campaign):
+    rows, _ = grid(house, campaign)
+    assert change(house, campaign, rows[:2], scene="c") == {"frames": 2, "read_again": 0}
+    assert change(house, campaign, rows[:1], left_out=True, reason="a bird") == {"frames": 1, "read_again": 0}
+    assert change(house, campaign, rows[2:], withdrawn=True)["read_again"] == 0
+    after, _ = grid(house, campaign)
+    assert [(row["scene"], row["left_out"], row["withdrawn"]) for row in after] == [
+        ("c", "a bird", False),
+        ("c", None, False),
+        ("b", None, True),
+    ]
+    path = f"/v1/campaigns/{campaign['id']}"
+    assert house.get(path)["frames"]["received"] == 2
+    assert [len(house.get(f"{path}/frames", withdrawn=each)["items"]) for each in (True, False)] == [1, 2]
+    # the same file sent again is the frame again
+    content = house.frame_bytes(f_number=4.0, signal_dn=300, seed=2, **SETTINGS)
+    assert house.upload(campaign, content, status=200, role="light")["id"] == rows[2]["id"]
+    change(house, campaign, rows[2:], withdrawn=True)
+    assert change(house, campaign, rows[2:], withdrawn=False)["read_again"] == 1
+    house.work()
+    restored = grid(house, campaign)[0][2]
+    assert (restored["state"], restored["withdrawn"]) == ("extracted", False)
+    assert patch(house, rows[0], left_out=False, scene="")["state"] == "extracted"
+    assert (grid(house, campaign)[0][0]["left_out"], grid(house, campaign)[0][0]["scene"]) == (None, None)
+
+
+def test_a_frame_of_another_campaign_changes_nothing(house, campaign):
+    other = house.campaign()
+    frame = grid(house, campaign)[0][0]
+    body = {"frame_ids": [frame["id"]], "scene": "x"}
+    answer = house.http.patch(f"/v1/campaigns/{other['id']}/frames", json=body)
+    assert (answer.status_code, answer.json()["code"]) == (422, "validation_failed")
+
+
+def test_a_withdrawn_reading_is_restored(house, campaign):
+    said = {"scene": "a", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}
+    reading = house.post(f"/v1/campaigns/{campaign['id']}/readings", said)
+    path = f"/v1/readings/{reading['id']}"
+    assert "withdrawn_at" in house.http.delete(path).json()
+    assert "withdrawn_at" not in house.http.post(f"{path}/restore").json()
+    assert house.get(f"/v1/campaigns/{campaign['id']}")["readings"] == 1
