@@ -214,10 +214,14 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     reading = {"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}
     added = _post(http, f"campaigns/{own}/readings", reading)
     client.withdraw_reading(added["id"])
+    _post(http, f"readings/{added['id']}/restore", None)
+    client.withdraw_reading(added["id"])
     exclude = [{"frame_id": version.raw["points"][0]["frame_id"], "reason": "a person crossed the light"}]
     draft = client.calibrate(own, model="proportional", tolerance=0.04, exclude=exclude)
     http.get(f"/v1/calibrations/{draft.id}/impact").raise_for_status()
     _send(http, "PATCH", f"frames/{frames[2].id}", {"scene": "street"})
+    named = {"frame_ids": [frames[1].id, frames[2].id], "left_out": True, "reason": "a car in the region"}
+    _send(http, "PATCH", f"campaigns/{survey}/frames", named)
 
 
 def _move(stage: Stage) -> None:
