@@ -7,12 +7,12 @@ from radiometry.geometry import codes, method
 from radiometry.geometry.camera import UNITS
 from radiometry.geometry.certificate import CERTIFICATE, RIG_CERTIFICATE
 from radiometry.geometry.effects import DISTORTION, move_corner
-from radiometry.geometry.suggestions import find_gaps
 from radiometry.geometry.plot import draw
 from radiometry.geometry.rig.codes import FINDINGS as RIG_FINDINGS
 from radiometry.geometry.rig.exports import EXPORTS as RIG_EXPORTS
 from radiometry.geometry.rig.members import count_shared, list_quantities, orient_members
 from radiometry.geometry.rig.results import RigFit
+from radiometry.geometry.suggestions import find_gaps
 from radiometry.geometry.written import EXPORTS
 from radiometry.specification.application import PictureApplication
 from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_readings

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 
 from radiometry.luminance.agreement import measure_brightness
-from radiometry.luminance.suggestions import GOOD_SCENES, place_levels
 from radiometry.luminance.points import IsoSeries, collect_series
 from radiometry.luminance.rows import FrameRow, Params, Reading
+from radiometry.luminance.suggestions import GOOD_SCENES, place_levels
 from radiometry.specification.grid import Gap
 
 GOOD_SIGNAL = 0.5

@@ -15,8 +15,8 @@ from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
 from radiometry.vignetting.budget import list_budgets
 from radiometry.vignetting.certificate import CERTIFICATE
-from radiometry.vignetting.suggestions import find_gaps
 from radiometry.vignetting.plot import draw
+from radiometry.vignetting.suggestions import find_gaps
 from radiometry.vignetting.written import EXPORTS
 
 __all__ = ["SPEC"]

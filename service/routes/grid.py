@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Reader
+from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.hosts import absolute
 from service.immutable import not_modified, standing_headers
@@ -21,7 +22,6 @@ from service.routes import UNCHANGED, problems
 from service.routes.frames import apply_change
 from service.schemas.frames import FramesChange, FramesChanged
 from service.schemas.grid import CampaignGridAnswer, GapAnswer, GridColumns
-from service.changes import Reply, Writes
 from store.queries.grid import read_grid
 from store.reviews import hash_code
 from store.tables import Campaign, CampaignReview, FrameRow
