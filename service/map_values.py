@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tifffile
 from numpy.typing import NDArray
 
 MOST_VALUES = 250_000
@@ -44,6 +43,8 @@ class Layout:
 
 def read_layout(path: Path) -> Layout:
     """The layout of a file of worker/maps/tiff.py: square tiles of float32, deflated."""
+    import tifffile
+
     with tifffile.TiffFile(path) as file:
         page = file.pages.first
         return Layout(

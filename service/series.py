@@ -238,8 +238,8 @@ def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[byte
 
 def _write_arrow(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
     """Write the stream format of Arrow: the schema, and a record batch for each page."""
-    import nanoarrow as na  # noqa: PLC0415  loaded where it is used
-    from nanoarrow.ipc import StreamWriter  # noqa: PLC0415
+    import nanoarrow as na
+    from nanoarrow.ipc import StreamWriter
 
     types = {
         "text": na.string,

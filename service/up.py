@@ -10,6 +10,7 @@ from dataclasses import replace
 from service.launch.lifeline import follow_make
 from service.launch.run import Roster, launch
 from service.launch.supervisor import Part
+from store.revision import is_current
 from store.settings import read_settings
 
 # What a part needs to end once its own grace is over.
@@ -28,7 +29,11 @@ ROSTER = Roster(
 def main() -> int:
     settings = read_settings()
     follow_make()
-    return launch(settings, give_grace(ROSTER, settings.stop_grace_s))
+    roster = give_grace(ROSTER, settings.stop_grace_s)
+    if is_current(settings.effective_database_url):
+        # a process that would load most of stilb, to find that nothing is to be done
+        roster = replace(roster, before=[])
+    return launch(settings, roster)
 
 
 def give_grace(roster: Roster, grace_s: float) -> Roster:

@@ -3,10 +3,11 @@
 import logging
 import threading
 import time
+from functools import cached_property
+from typing import TYPE_CHECKING
 
-from celery import Celery
-from kombu.exceptions import OperationalError
-from redis.exceptions import RedisError
+if TYPE_CHECKING:
+    from celery import Celery
 
 RUN_TASK = "stilb.run"
 _SILENCE_AFTER_FAILURE_S = 2.0
@@ -18,11 +19,13 @@ MOST_HINTS = 16
 log = logging.getLogger(__name__)
 
 
-def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -> Celery:
+def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -> "Celery":
     """The Celery application that both sides share: the sender by the task's name, the worker by its body.
 
     A worker waits for messages and has to be patient; who only sends has not.
     """
+    from celery import Celery
+
     app = Celery("stilb", broker=broker_url)
     app.conf.update(
         # A message lost with its worker is no loss. One that is acknowledged late holds one of the consumer's
@@ -54,16 +57,24 @@ class Hints:
     """
 
     def __init__(self, broker_url: str) -> None:
-        self._celery = make_celery(broker_url, answer_within_s=_HINT_WITHIN_S)
-        # `retry=False` alone would still leave six seconds of attempts to connect
-        self._celery.conf.broker_transport_options["max_retries"] = 0
+        self._broker_url = broker_url
         self._silent_until = 0.0
         self._lock = threading.Lock()
+
+    @cached_property
+    def _celery(self) -> "Celery":
+        celery = make_celery(self._broker_url, answer_within_s=_HINT_WITHIN_S)
+        # `retry=False` alone would still leave six seconds of attempts to connect
+        celery.conf.broker_transport_options["max_retries"] = 0
+        return celery
 
     def send(self, job_ids: list[str]) -> None:
         """Send messages to the workers that these jobs wait."""
         if not job_ids:
             return
+        from kombu.exceptions import OperationalError
+        from redis.exceptions import RedisError
+
         with self._lock:
             # Looked at behind the lock: those who waited for one that failed do not try one by one.
             if time.monotonic() < self._silent_until:

@@ -6,10 +6,9 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
-import psycopg
-from psycopg.errors import DiskFull
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import SQLAlchemyError
@@ -21,6 +20,7 @@ from store.schema import SchemaDiffers, require_own_schema
 
 ANSWER_WITHIN_S = 30.0
 _ASK_AGAIN_S = 1.0
+_POSTGRES_FULL = "53100"
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +49,7 @@ class Database:
             self._reader = _sqlite_engine(url, begin="BEGIN", wait_s=wait_s)
             self._writer = _sqlite_engine(url, begin="BEGIN IMMEDIATE", wait_s=wait_s)
         else:
-            from store.postgres import postgres_engine  # noqa: PLC0415  its driver is loaded where it is used
+            from store.postgres import postgres_engine
 
             self._reader = self._writer = postgres_engine(self.url, answer_within_s=answer_within_s)
 
@@ -59,7 +59,7 @@ class Database:
 
         On SQLite it never waits for a lock. Raises `ConnectionLost` where it cannot be used any more.
         """
-        driver = sqlite3 if self.is_sqlite else psycopg
+        driver = import_module("sqlite3" if self.is_sqlite else "psycopg")
         try:
             cursor = self._alone.pop()
         except IndexError:
@@ -149,7 +149,10 @@ def summarise(error: Exception) -> str:
 def is_full(error: Exception) -> bool:
     """Return whether the database has no room left on its disk, or in its quota."""
     cause = getattr(error, "orig", None)
-    return getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL or isinstance(cause, DiskFull)
+    return (
+        getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
+        or getattr(cause, "sqlstate", None) == _POSTGRES_FULL
+    )
 
 
 def _sqlite_engine(url: str, *, begin: str, wait_s: float) -> Engine:

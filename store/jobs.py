@@ -17,7 +17,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from radiometry.findings import interface
 from store.columns import new_id, utc_now
-from store.tables import Job
+from store.tables import FrameRow, Job
 
 QUARANTINE_AFTER = 3
 RETRIED_FOR = timedelta(days=1)
@@ -102,6 +102,13 @@ def enqueue(
     )
     session.add(job)
     return job
+
+
+def enqueue_extraction(session: Session, frame: FrameRow, organisation_id: str, *, by: str) -> Job:
+    """Add a job that reads this frame and computes whatever its region still lacks."""
+    return enqueue(
+        session, kind="extract", subject_id=frame.id, organisation_id=organisation_id, by=by, parameters={}
+    )
 
 
 def is_live(session: Session, subject_id: str) -> bool:

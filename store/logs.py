@@ -2,20 +2,19 @@
 
 import logging
 
-from kombu.exceptions import OperationalError as BrokerAway
-from redis.exceptions import ConnectionError as BrokerLost
-from redis.exceptions import TimeoutError as BrokerSilent
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoConnectionFree
 
 from store.database import summarise
 from store.schema import is_about_missing_parts
 
-_EXPECTED = (
-    *(BrokerAway, BrokerLost, BrokerSilent),
-    *(OperationalError, InterfaceError, NoConnectionFree),
-    *(ConnectionError, TimeoutError),
-)
+_EXPECTED = (OperationalError, InterfaceError, NoConnectionFree, ConnectionError, TimeoutError)
+# by name: few processes load what talks to the broker
+_BROKER_AWAY = {
+    "kombu.exceptions.OperationalError",
+    "redis.exceptions.ConnectionError",
+    "redis.exceptions.TimeoutError",
+}
 
 
 def configure_logging() -> None:
@@ -28,12 +27,15 @@ def configure_logging() -> None:
 def shorten(record: logging.LogRecord) -> bool:
     """Put the words of an error that will pass in the place of its traceback, which says nothing."""
     error = record.exc_info[1] if record.exc_info else None
-    if isinstance(error, _EXPECTED) and not _is_ours(error):
+    if isinstance(error, Exception) and _is_expected(error):
         record.msg = f"{record.getMessage().strip()}: {summarise(error)}"
         record.args = ()
         record.exc_info = record.exc_text = None
     return True
 
 
-def _is_ours(error: BaseException) -> bool:
-    return isinstance(error, OperationalError) and is_about_missing_parts(error)
+def _is_expected(error: Exception) -> bool:
+    if isinstance(error, OperationalError) and is_about_missing_parts(error):
+        return False
+    names = {f"{each.__module__}.{each.__qualname__}" for each in type(error).__mro__}
+    return isinstance(error, _EXPECTED) or not names.isdisjoint(_BROKER_AWAY)

@@ -1,13 +1,11 @@
 """Which schema a database has, and whether it is the one that this code was written for."""
 
-from functools import cache
-from pathlib import Path
-
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError, ProgrammingError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
-MIGRATIONS = Path(__file__).parent.parent / "migrations"
+from store.revision import own_schema
+
 OTHER_SCHEMA_EXIT = 3
 """The exit code of a process that finds a database of another stilb."""
 
@@ -24,12 +22,6 @@ class SchemaDiffers(SQLAlchemyError):  # noqa: N818  it says what was found
             what = f"has schema {found}, which is older than this stilb's {own_schema()}"
         super().__init__(f"the database {what}")
         self.found = found
-
-
-@cache
-def own_schema() -> str:
-    """Return the last revision of this code: migrations are numbered, and their files begin with it."""
-    return max(path.name for path in (MIGRATIONS / "versions").glob("[0-9]*.py")).partition("_")[0]
 
 
 def require_own_schema(session: Session) -> None:

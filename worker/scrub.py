@@ -19,7 +19,6 @@ from store.blobs import BlobDamaged, StorageUnavailable
 from store.columns import utc_now
 from store.database import Database, summarise
 from store.files import Files
-from store.queries.campaigns import enqueue_extraction
 from store.schema import SchemaDiffers
 from store.tables import Blob, Campaign, FrameRow
 
@@ -97,7 +96,7 @@ class Scrub:
                 frame = session.get_one(FrameRow, frame_id)
                 campaign = session.get_one(Campaign, frame.campaign_id)
                 if not jobs.is_live(session, frame.id):
-                    enqueue_extraction(session, frame, campaign.organisation_id, by="sweeper")
+                    jobs.enqueue_extraction(session, frame, campaign.organisation_id, by="sweeper")
 
     def _list_without_preview(self) -> list[str]:
         preview, content = aliased(Blob), aliased(Blob)

@@ -5,8 +5,6 @@ import os
 import signal
 import threading
 
-from celery.signals import worker_shutting_down
-
 from store.parts import Presence
 from worker.leases import Leases
 from worker.threads import JobThreads
@@ -24,6 +22,8 @@ class Stop:
 
     def heed_signals(self) -> None:
         """Stop at SIGTERM; not through Celery, which may be waiting for a broker that does not answer."""
+        from celery.signals import worker_shutting_down
+
         signal.signal(signal.SIGTERM, lambda *_: self.begin())
         # Celery takes the signal over while it runs, and passes it on.
         worker_shutting_down.connect(self.begin, weak=False)

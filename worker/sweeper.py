@@ -1,5 +1,9 @@
 """``python -m worker.sweeper``: takes back what dead workers held, sweeps the floor, proves stored files."""
 
+import gc
+
+gc.disable()  # until everything is imported: collections took a quarter of that time and freed nothing
+
 import logging
 import sys
 import time
@@ -17,6 +21,8 @@ from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings, read_settings
 from worker.scrub import Scrub
+
+gc.enable()
 
 log = logging.getLogger(__name__)
 
@@ -39,6 +45,7 @@ def sweep_floor(blobs: Blobs) -> None:
 
 
 def main() -> int:
+    gc.freeze()
     configure_logging()
     settings = read_settings()
     database = Database(settings.effective_database_url, answer_within_s=settings.database_timeout_s)

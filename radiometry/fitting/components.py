@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -56,7 +56,7 @@ class Component:
         rows = np.arange(n) if self.labels is None else self.labels
         shape = int(rows.max()) + 1, n
         if shape[0] * n > _MOST_DENSE:
-            return csr_array((self.sensitivity, (rows, np.arange(n))), shape=shape)
+            return scipy.sparse.csr_array((self.sensitivity, (rows, np.arange(n))), shape=shape)
         dense = np.zeros(shape)
         dense[rows, np.arange(n)] = self.sensitivity
         return dense

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError
-from scipy.special import stdtrit
+import scipy
+from numpy.linalg import LinAlgError
 
 from radiometry.fitting import models
 from radiometry.fitting.components import Matrix, Vector, index_labels
@@ -125,7 +125,7 @@ def coverage_factor(dof: float) -> float:
     float
         Quantile of Student's t; 1.96 for infinite degrees of freedom.
     """
-    return float(stdtrit(dof, (1 + _COVERAGE) / 2))
+    return float(scipy.special.stdtrit(dof, (1 + _COVERAGE) / 2))
 
 
 def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve_triangular
+import scipy
+from numpy.linalg import LinAlgError
 
 from radiometry.fitting.components import Component, Matrix, Vector
 
@@ -205,7 +206,7 @@ class Factored:
     @cached_property
     def weights(self) -> Matrix:
         """W with theta = W y, (p, n)."""
-        inverse = solve_triangular(self.triangle, np.eye(len(self.triangle)))
+        inverse = scipy.linalg.solve_triangular(self.triangle, np.eye(len(self.triangle)))
         return np.asarray((self.restore(self.upper) @ inverse[: self.problem.parameters].T).T, np.float64)
 
     @cached_property
@@ -220,7 +221,9 @@ class Factored:
     @property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of V."""
-        inverse = solve_triangular(self.triangle, np.eye(len(self.triangle)))[: self.problem.parameters]
+        inverse = scipy.linalg.solve_triangular(self.triangle, np.eye(len(self.triangle)))[
+            : self.problem.parameters
+        ]
         return self._log_restricted + float(np.linalg.slogdet(inverse @ inverse.T)[1])
 
     def restricted_likelihood(self) -> float:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve_triangular
+import scipy
+from numpy.linalg import LinAlgError
 
 from radiometry.fitting.components import Component, Labels, Matrix, Vector, contribute
 from radiometry.fitting.factoring import Factored, Problem
@@ -202,7 +203,7 @@ def leave_groups_out(
     found = []
     for index in range(len(parts)):
         triangle = _triangulate(before[index], after[index + 1], ridge)
-        scaled = solve_triangular(triangle[: size - 1, : size - 1], triangle[: size - 1, -1])
+        scaled = scipy.linalg.solve_triangular(triangle[: size - 1, : size - 1], triangle[: size - 1, -1])
         if not np.all(np.isfinite(scaled)):
             raise LinAlgError("the points without a group do not determine the parameters")
         errors = factored.scale * scaled

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import xlogy
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -282,5 +282,7 @@ def invert_gradient(model: str, parameters: Sequence[float], signal_dn: float) -
     if model == "affine":
         return 1.0 / first, np.array([-rhs / first, -1.0 / first])
     if model == "power":
-        return rhs / (second * signal_dn), np.array([-rhs / (second * first), -xlogy(rhs, rhs) / second])
-    return rhs / first, np.array([-xlogy(rhs, rhs) / first, -rhs / first])
+        return rhs / (second * signal_dn), np.array(
+            [-rhs / (second * first), -scipy.special.xlogy(rhs, rhs) / second]
+        )
+    return rhs / first, np.array([-scipy.special.xlogy(rhs, rhs) / first, -rhs / first])

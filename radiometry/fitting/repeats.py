@@ -2,7 +2,7 @@
 
 import math
 
-from scipy import special
+import scipy
 
 _LEVEL, _LEVEL_OF_TWO = 0.60, 0.35
 _COVERAGE = 0.975
@@ -31,7 +31,7 @@ def shows_scatter(observed: float, expected: float, count: int, *, dof: float = 
         them, a mean is covered by 93 % or more whatever the ratio of scatter and noise.
     """
     level = _LEVEL_OF_TWO if count == 2 else _LEVEL
-    return observed > expected * float(special.fdtri(count - 1, min(dof, _KNOWN_DOF), level))
+    return observed > expected * float(scipy.special.fdtri(count - 1, min(dof, _KNOWN_DOF), level))
 
 
 def merge_variances(observed: float, predicted: float, count: int, *, dof: float) -> tuple[float, float]:
@@ -53,9 +53,9 @@ def merge_variances(observed: float, predicted: float, count: int, *, dof: float
     if u == 0.0 or not shows_scatter(observed, predicted, count, dof=dof):
         return u, dof
     by_noise, by_scatter = (
-        float(special.stdtrit(min(freedom, _KNOWN_DOF), _COVERAGE)) * math.sqrt(variance / count)
+        float(scipy.special.stdtrit(min(freedom, _KNOWN_DOF), _COVERAGE)) * math.sqrt(variance / count)
         for freedom, variance in ((dof, predicted), (count - 1.0, observed))
     )
     if by_noise >= by_scatter:
         return u, dof
-    return u, float(special.stdtridf(_COVERAGE, by_scatter / u))
+    return u, float(scipy.special.stdtridf(_COVERAGE, by_scatter / u))

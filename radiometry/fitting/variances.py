@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError
 
 from radiometry.fitting.components import Component, Matrix, Vector
 from radiometry.fitting.factoring import Factored, Problem

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from scipy.special import stdtr, stdtrit
+import scipy
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.fleet.determinations import Determination, Key, LeftOut, Source, keep_repeats
@@ -166,10 +166,10 @@ def _describe(
     if line is not None:
         error = DAYS_PER_YEAR * math.sqrt(line.covariance[1][1])
         value = DAYS_PER_YEAR * line.slope_per_day
-        half = float(stdtrit(line.dof, 0.5 + CONFIDENCE / 2.0)) * error
+        half = float(scipy.special.stdtrit(line.dof, 0.5 + CONFIDENCE / 2.0)) * error
         slope = Quantity(value=value, standard_uncertainty=error, unit=f"{key.unit}/a")
         interval = (value - half, value + half)
-        p_value = 2.0 * float(stdtr(line.dof, -abs(value) / error)) if error > 0.0 else None
+        p_value = 2.0 * float(scipy.special.stdtr(line.dof, -abs(value) / error)) if error > 0.0 else None
         if factor is not None:
             cost = Quantity(value=factor * value, standard_uncertainty=factor * error, unit=f"{unit}/a")
     return Drift(

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -191,7 +191,7 @@ def _test(explained: float, levels: int, within: float, dof: int) -> tuple[float
     if within <= 0.0:
         return None, None
     statistic = max(0.0, explained) / levels / within
-    return statistic, float(fdtrc(levels, dof, statistic))
+    return statistic, float(scipy.special.fdtrc(levels, dof, statistic))
 
 
 def _code(labels: Index) -> tuple[Matrix, Matrix]:

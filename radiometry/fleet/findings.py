@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from datetime import timedelta
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from radiometry.findings import Raised
 from radiometry.fleet import codes
@@ -39,7 +39,7 @@ def find_flags(rows: Sequence[Determination], grouping: Grouping, effects: Effec
     stated = float(np.mean([row.standard_uncertainty**2 for row in rows]))
     if effects.dof > 0 and stated > 0.0:
         ratio = effects.within_variance / stated
-        if ratio > float(chdtri(effects.dof, _CHANCE)) / effects.dof:
+        if ratio > float(scipy.special.chdtri(effects.dof, _CHANCE)) / effects.dof:
             found.append(
                 codes.REPEATS_EXCEED_UNCERTAINTY.at(
                     where,

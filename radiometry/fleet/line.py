@@ -7,8 +7,7 @@ from datetime import datetime, timedelta
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import stdtrit
+import scipy
 
 from radiometry.fleet.determinations import Determination
 
@@ -124,7 +123,7 @@ def find_date(line: Line, *, reference: float, limit: float) -> tuple[datetime |
     At any time before, the true line is within the tolerance with 95 % on either side: t is the lower limit
     of the time at which it leaves. This assumes that the drift continues unchanged.
     """
-    quantile = float(stdtrit(line.dof, CONFIDENCE))
+    quantile = float(scipy.special.stdtrit(line.dof, CONFIDENCE))
 
     def excess(days: float) -> float:
         value, error = line.at(days)
@@ -140,7 +139,7 @@ def find_date(line: Line, *, reference: float, limit: float) -> tuple[datetime |
     if excess(HORIZON_DAYS) <= 0.0:
         return None, "The tolerance is not left within ten years, and a line is not believed for longer."
     # convex, not above 0 at the one end and above it at the other: there is one crossing
-    days = float(brentq(excess, 0.0, HORIZON_DAYS, xtol=1e-6))
+    days = float(scipy.optimize.brentq(excess, 0.0, HORIZON_DAYS, xtol=1e-6))
     return line.origin + timedelta(days=days), None
 
 
@@ -176,9 +175,9 @@ def judge_stability(
         return "cannot_tell", None, None
     change = line.slope_per_day * span_days
     error = math.sqrt(line.covariance[1][1]) * span_days
-    if abs(change) - float(stdtrit(line.dof, 0.5 + CONFIDENCE / 2.0)) * error > (limit or 0.0):
+    if abs(change) - float(scipy.special.stdtrit(line.dof, 0.5 + CONFIDENCE / 2.0)) * error > (limit or 0.0):
         return "drifts", change, error
-    if limit is not None and abs(change) + float(stdtrit(line.dof, CONFIDENCE)) * error < limit:
+    if limit is not None and abs(change) + float(scipy.special.stdtrit(line.dof, CONFIDENCE)) * error < limit:
         return "stable", change, error
     return "cannot_tell", change, error
 

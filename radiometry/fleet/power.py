@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from scipy.special import chdtri, ndtr, stdtrit
+import scipy
 
 from radiometry.fleet.verdicts import ALPHA, LEAST_DOF
 
@@ -39,11 +39,11 @@ def compute_power(*, cameras: int, repeats: int, tolerance_in_repeatabilities: f
     if dof < LEAST_DOF:
         return 0.0
     spread = math.sqrt((1.0 - 1.0 / cameras) / repeats)
-    quantile = float(stdtrit(dof, 1.0 - ALPHA))
+    quantile = float(scipy.special.stdtrit(dof, 1.0 - ALPHA))
     # the mean over s, at the middles of slices of equal probability
-    scatter = np.sqrt(chdtri(dof, (np.arange(_STEPS) + 0.5) / _STEPS) / dof)
+    scatter = np.sqrt(scipy.special.chdtri(dof, (np.arange(_STEPS) + 0.5) / _STEPS) / dof)
     room = tolerance_in_repeatabilities / spread - quantile * scatter
-    passing = float(np.mean(np.where(room > 0.0, 2.0 * ndtr(room) - 1.0, 0.0)))
+    passing = float(np.mean(np.where(room > 0.0, 2.0 * scipy.special.ndtr(room) - 1.0, 0.0)))
     return max(0.0, 1.0 - cameras * (1.0 - passing))
 
 

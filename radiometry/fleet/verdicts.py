@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import stdtr
 
 Vector = NDArray[np.float64]
 Outcome = Literal["shared", "per_camera", "cannot_tell"]
@@ -69,8 +69,8 @@ def judge_deviations(deviations: Vector, standard_errors: Vector, *, dof: int, l
     .. [2] D. J. Schuirmann, J. Pharmacokin. Biopharm. 15, 657 (1987), doi:10.1007/BF01068419
     """
     distances = (np.abs(deviations) - limit) / standard_errors
-    equivalence = float(np.max(stdtr(dof, distances)))
-    exceedance = min(1.0, 2.0 * deviations.size * float(np.min(stdtr(dof, -distances))))
+    equivalence = float(np.max(scipy.special.stdtr(dof, distances)))
+    exceedance = min(1.0, 2.0 * deviations.size * float(np.min(scipy.special.stdtr(dof, -distances))))
     outcome: Outcome = "cannot_tell"
     if dof >= LEAST_DOF and equivalence < ALPHA:
         outcome = "shared"

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS, CameraModel
 from radiometry.geometry.descent import SETTLED_REL, Linear, Minimum, minimise, reduce
 

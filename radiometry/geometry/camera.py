@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from radiometry.frame.opencv import cv2
 
 PARAMETERS: Final = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 """In OpenCV's order, which is that of covariances too."""
 UNITS: Final = {name: "px" if name.endswith("_px") else "1" for name in PARAMETERS}
 MODEL: Final = "brown_conrady"
-_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,5 +122,6 @@ def find_directions(camera: CameraModel, places_px: NDArray[np.float64]) -> NDAr
         Directions, (place, 2), x and y at unit distance.
     """
     seen = np.ascontiguousarray(places_px[:, ::-1]).reshape(-1, 1, 2)
-    ideal = cv2.undistortPoints(seen, camera.matrix, camera.distortion, criteria=_STOP)
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
+    ideal = cv2.undistortPoints(seen, camera.matrix, camera.distortion, criteria=stop)
     return np.asarray(ideal, np.float64).reshape(-1, 2)

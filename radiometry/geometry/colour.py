@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import Frame
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.detection import FITTED_STOP, Found, refine
 from radiometry.geometry.grey import BINOMIAL

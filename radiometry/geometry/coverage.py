@@ -4,10 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.bundle import Pose
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.curve import find_farthest_radius_px

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.grey import Grey
 from radiometry.geometry.target import Target, make_charuco_board, measure_spacing_px
 
@@ -23,8 +23,8 @@ _BLUR_PX: Final = 1.0  # that a marker's edge reaches beyond itself
 _LONGEST_SIDE_PX: Final = 1600
 _SMALLEST_SIDE_PX: Final = 2 * FIXED_WINDOW_PX + 5
 # OpenCV's sample: thirty steps, or until a corner moves by less than a tenth of a pixel.
-_SAMPLE_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.1)
-FITTED_STOP: Final = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-3)
+_SAMPLE_STOP: Final = (30, 0.1)
+FITTED_STOP: Final = (100, 1e-3)
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ def refine(
     fine: NDArray[np.uint8] | NDArray[np.float32],
     rough: NDArray[np.float64],
     window_px: int,
-    stop: tuple[int, int, float],
+    stop: tuple[int, float],
 ) -> NDArray[np.float64]:
     """Place corners where the edges around them point.
 
@@ -199,7 +199,7 @@ def refine(
     window_px : int
         Half side of the window [px].
     stop : tuple
-        OpenCV's criterion.
+        Most iterations, and the change at which they end [px].
 
     Returns
     -------
@@ -207,7 +207,8 @@ def refine(
         Places [px], (corner, 2), col before row.
     """
     start = rough.astype(np.float32).reshape(-1, 1, 2)
-    placed = cv2.cornerSubPix(fine, start, (window_px, window_px), (-1, -1), stop)
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, *stop)
+    placed = cv2.cornerSubPix(fine, start, (window_px, window_px), (-1, -1), criteria)
     return np.asarray(placed, np.float64).reshape(-1, 2)
 
 

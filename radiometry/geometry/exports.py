@@ -4,10 +4,10 @@ import json
 from collections.abc import Sequence
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS
 from radiometry.geometry.results import Fit
 

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 
 from radiometry.fitting.evidence import Extracted, Region
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Window, mask
 from radiometry.frame.statistics import ChannelStatistics, compute_statistics
 from radiometry.geometry.colour import ColourCorners, find_colours

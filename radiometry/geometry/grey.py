@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.frame import Frame
+from radiometry.frame.opencv import cv2
 
 BINOMIAL: Final = np.array([0.25, 0.5, 0.25])
 _DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.5, 99.5

@@ -4,15 +4,13 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.frame.opencv import cv2
+
 Kind = Literal["checkerboard", "charuco"]
 
-DICTIONARIES: Final = tuple(
-    sorted({name for name in dir(cv2.aruco) if name.startswith("DICT_") and name.upper() == name})
-)
 _MOST_PER_SIDE: Final = 100
 _LARGEST_MM: Final = 10_000.0
 
@@ -93,19 +91,20 @@ def _check_markers(target: Target) -> None:
         raise ValueError("a charuco board needs marker_size_mm and dictionary")
     if not 0.0 < target.marker_size_mm < target.square_size_mm:
         raise ValueError("marker_size_mm must be above 0 and below square_size_mm")
-    if target.dictionary not in DICTIONARIES:
-        raise ValueError(f"dictionary must be one of {', '.join(DICTIONARIES)}")
+    names = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_") and name.upper() == name)
+    if target.dictionary not in names:
+        raise ValueError(f"dictionary must be one of {', '.join(names)}")
     words = len(_find_dictionary(target.dictionary).bytesList)
     needed = target.columns * target.rows // 2
     if needed > words:
         raise ValueError(f"{target.dictionary} has {words} markers, the board needs {needed}")
 
 
-def _find_dictionary(name: str) -> cv2.aruco.Dictionary:
+def _find_dictionary(name: str) -> "cv2.aruco.Dictionary":
     return cv2.aruco.getPredefinedDictionary(int(getattr(cv2.aruco, name)))
 
 
-def make_charuco_board(target: Target) -> cv2.aruco.CharucoBoard:
+def make_charuco_board(target: Target) -> "cv2.aruco.CharucoBoard":
     """Return OpenCV's form of a ChArUco board, in millimetres.
 
     Parameters

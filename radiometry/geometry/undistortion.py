@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame import Frame
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import CameraModel
 from radiometry.geometry.grey import make_grey
 

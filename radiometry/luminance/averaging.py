@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import special
 
 from radiometry.findings import Raised
 from radiometry.fitting.repeats import shows_scatter
@@ -126,7 +126,7 @@ def evaluate_scatter(values: Values, noise_variances: Values) -> float:
     count = values.size
     observed, expected = float(values.var(ddof=1)), float(noise_variances.mean())
     if shows_scatter(observed, expected, count):
-        observed *= (float(special.stdtrit(count - 1, (1 + _COVERAGE) / 2)) / 1.96) ** 2
+        observed *= (float(scipy.special.stdtrit(count - 1, (1 + _COVERAGE) / 2)) / 1.96) ** 2
     return math.sqrt(max(0.0, observed - expected) / count)
 
 
@@ -177,7 +177,7 @@ def flag_scatter(signals: Sequence[Signal], *, dark_signal_dn: float) -> tuple[R
     values = np.array([signal.value_dn for signal in signals]) - dark_signal_dn
     mean, observed = abs(float(values.mean())), float(values.var(ddof=1))
     noise = float(np.mean([signal.standard_uncertainty_dn**2 for signal in signals]))
-    largest_noise = noise * float(special.chdtri(count - 1, 1.0 - _FLAG_LEVEL)) / (count - 1)
+    largest_noise = noise * float(scipy.special.chdtri(count - 1, 1.0 - _FLAG_LEVEL)) / (count - 1)
     if observed < max((_WORTH_NAMING_REL * mean) ** 2, largest_noise):
         return ()
     detail = (

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from scipy.special import chdtri
+import scipy
 
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting.evidence import CoefficientValue, FrameEvidence
@@ -386,7 +386,7 @@ def _check_offset(
 def _check_scatter(chosen: ModelFit, where: str) -> list[Raised]:
     """Test at 99 % by chi^2 whether the points scatter more than the stated sources explain."""
     stated = chosen.chi_squared if chosen.stated_chi_squared is None else chosen.stated_chi_squared
-    if stated is None or stated <= chdtri(chosen.dof, _CHANCE):
+    if stated is None or stated <= scipy.special.chdtri(chosen.dof, _CHANCE):
         return []
     between = (
         f"; between frames {chosen.frame_scatter_rel:.2%}" if chosen.frame_scatter_rel is not None else ""

@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize, minimize_scalar
-from scipy.special import ndtr
 
 Image = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -110,7 +109,9 @@ def _profile(changes: Counts, *, u_rel: float) -> tuple[float, float]:
     def fit(noise: float, start: Image) -> tuple[float, Image]:
         simplex = start + np.vstack([np.zeros(3), np.diag([0.1, 0.02, 0.7])])
         options = {"initial_simplex": simplex, "maxiter": 200, "xatol": 1e-4, "fatol": 1e-3}
-        found = minimize(_deviance, start, (changes, noise), method="Nelder-Mead", options=options)
+        found = scipy.optimize.minimize(
+            _deviance, start, (changes, noise), method="Nelder-Mead", options=options
+        )
         return float(found.fun), found.x
 
     starts = [np.array([first, second - first, math.log(spread)]) for spread in (0.03, 0.3)]
@@ -122,9 +123,9 @@ def _profile(changes: Counts, *, u_rel: float) -> tuple[float, float]:
 
     width = math.log(_RANGE[1] / _RANGE[0]) / 7.0
     around = (math.log(size) - width, math.log(size) + width)
-    best = minimize_scalar(profile, bounds=around, method="bounded", options={"xatol": 1e-3})
+    best = scipy.optimize.minimize_scalar(profile, bounds=around, method="bounded", options={"xatol": 1e-3})
     least = min(float(best.fun), min(tried, key=lambda each: each[0])[0])
-    even = minimize(
+    even = scipy.optimize.minimize(
         lambda x: _deviance((*x[:2], _LEAST_LOG_SPREAD + 1.0), changes, math.exp(x[2])),
         np.array([*near[:2], float(best.x)]),
         method="Nelder-Mead",
@@ -138,7 +139,7 @@ def _profile(changes: Counts, *, u_rel: float) -> tuple[float, float]:
         while side * (end - inner - step) > 0.0:
             if profile(inner + step) > limit:
                 outer = inner + step
-                return math.exp(brentq(lambda x: profile(x) - limit, inner, outer, xtol=1e-3))
+                return math.exp(scipy.optimize.brentq(lambda x: profile(x) - limit, inner, outer, xtol=1e-3))
             inner, step = inner + step, 1.6 * step
         return 0.0 if side < 0.0 else math.exp(end)
 
@@ -153,7 +154,8 @@ def _deviance(nuisance: Sequence[float], changes: Counts, noise: float) -> float
     levels = level + math.exp(log_spread) * _NODES
     edges = np.arange(changes.shape[0] + 1) - 0.5
     first, second = (
-        np.diff(ndtr((edges[None, :] - each[:, None]) / noise), axis=1) for each in (levels, levels + drift)
+        np.diff(scipy.special.ndtr((edges[None, :] - each[:, None]) / noise), axis=1)
+        for each in (levels, levels + drift)
     )
     probability = (first * _WEIGHTS[:, None]).T @ second
     return float(-2.0 * np.sum(changes * np.log(np.maximum(probability, 1e-300))))
@@ -175,7 +177,9 @@ def _invert(changes: Counts, *, u_rel: float) -> tuple[float, float]:
 
 
 def _solve(variance: float) -> float:
-    return float(brentq(lambda noise: _spread_out(noise) - variance, 0.0, math.sqrt(variance) + 1e-9))
+    return float(
+        scipy.optimize.brentq(lambda noise: _spread_out(noise) - variance, 0.0, math.sqrt(variance) + 1e-9)
+    )
 
 
 def _spread_out(noise: float) -> float:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from radiometry.noise.levels import Level
 from radiometry.noise.stacks import Stack
@@ -161,7 +161,7 @@ def _expect_maximum(top: Level, variance_dn2: float, end_dn: float) -> tuple[flo
     own = np.maximum(mean[:, None] + pixels * nodes, end_dn / 100.0)
     noise = np.sqrt(slope * own)
     h = (end_dn - own) / noise
-    below, density = ndtr(h), np.exp(-(h**2) / 2.0) / math.sqrt(2.0 * math.pi)
+    below, density = scipy.special.ndtr(h), np.exp(-(h**2) / 2.0) / math.sqrt(2.0 * math.pi)
     first = h * (1.0 - below) - density
     second = below - h * density + h**2 * (1.0 - below)
     weights = weights / weights.sum()

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.multispectral import RigGeometry
@@ -78,7 +78,9 @@ def align(
         onto=require_lens_data(onto),
         matrix=matrix,
     )
-    found = ndimage.map_coordinates(plane, [y, x], order=1, mode="constant", cval=np.nan, output=np.float32)
+    found = scipy.ndimage.map_coordinates(
+        plane, [y, x], order=1, mode="constant", cval=np.nan, output=np.float32
+    )
     return np.asarray(found, np.float32)
 
 

@@ -5,12 +5,12 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import zxingcpp
 from numpy.typing import NDArray
 
 from radiometry.frame.multispectral import PANEL_SERIAL, name_panel
+from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import FoundBy
 

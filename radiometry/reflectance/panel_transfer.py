@@ -1,11 +1,11 @@
 """Panel of a capture in a band whose code was not read: from another band, by lens data and correlation."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
 from radiometry.frame import Frame, FrameHeader
+from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance.alignment import move_region
 from radiometry.reflectance.panel_code import is_even

@@ -4,9 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from radiometry.frame.opencv import cv2
 
 Plane = NDArray[np.float32]
 Matrix = NDArray[np.float64]

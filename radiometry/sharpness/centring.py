@@ -1,10 +1,8 @@
 """Centre of a Siemens star."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import irfft2, rfft2
-from scipy.ndimage import uniform_filter
-from scipy.optimize import minimize
 
 from radiometry.sharpness.sampling import Plane
 
@@ -32,9 +30,9 @@ def guess_centre(picture: Matrix) -> tuple[float, float]:
     itself has its largest modulus at twice the centre. Slow changes of light are subtracted before.
     """
     size = max(3, min(picture.shape) // 8)
-    fine = picture - uniform_filter(picture, size, mode="nearest")
+    fine = picture - scipy.ndimage.uniform_filter(picture, size, mode="nearest")
     shape = (2 * picture.shape[0], 2 * picture.shape[1])
-    folded = np.abs(irfft2(rfft2(fine, shape) ** 2, shape))
+    folded = np.abs(scipy.fft.irfft2(scipy.fft.rfft2(fine, shape) ** 2, shape))
     row, col = np.unravel_index(int(np.argmax(folded)), folded.shape)
     return float(row) / 2.0, float(col) / 2.0
 
@@ -86,5 +84,5 @@ def refine_centre(
     first = np.array(start)
     simplex = np.array([first, first + np.array([0.7, 0.0]), first + np.array([0.0, 0.7])])
     options = {"initial_simplex": simplex, "xatol": 1e-3, "fatol": 0.0, "maxiter": 120}
-    found = minimize(weakness, first, method="Nelder-Mead", options=options).x
+    found = scipy.optimize.minimize(weakness, first, method="Nelder-Mead", options=options).x
     return float(found[0]), float(found[1])

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 Vector = NDArray[np.float64]
 
@@ -169,7 +169,7 @@ def measure_lengths(profile: Profile) -> Lengths:
     dark = float(signal[valid & (distance <= profile.low_px / 2.0)].mean())
     bright = float(signal[valid & (distance >= profile.high_px / 2.0)].mean())
     relative = (signal[valid] - dark) / (bright - dark)
-    spline = CubicSpline(distance[valid], relative)
+    spline = scipy.interpolate.CubicSpline(distance[valid], relative)
     middle = _nearest(_find_crossings(spline, 0.5), 0.0)
     ten = _last_below(_find_crossings(spline, 0.1), middle)
     ninety = -_last_below(-_find_crossings(spline, 0.9), -middle)
@@ -190,22 +190,19 @@ def _measure_width(distance_px: Vector, relative: Vector, *, middle: float, rise
     if it is shorter, noise makes the peak; if it is longer, the peak is flattened. A Gaussian comes out 0.4
     % too wide.
     """
-    # its package brings scipy.stats along, half a second of every process's start
-    from scipy.signal import savgol_filter  # noqa: PLC0415
-
     step_px = float(distance_px[1] - distance_px[0])
     if not (math.isfinite(rise_px) and 0.0 < rise_px <= distance_px.size * step_px / 3.0):
         return math.nan
     points = max(7, 2 * round(_SMOOTHED * rise_px / step_px / 2.0) + 1)
-    derivative = savgol_filter(relative, points, 6, deriv=1, delta=step_px)
-    spread = CubicSpline(distance_px, derivative)
+    derivative = scipy.signal.savgol_filter(relative, points, 6, deriv=1, delta=step_px)
+    spread = scipy.interpolate.CubicSpline(distance_px, derivative)
     fine = np.linspace(max(spread.x[0], middle - _NEAR_PX), min(spread.x[-1], middle + _NEAR_PX), 1201)
     peak = float(fine[np.argmax(spread(fine))])
     crossings = _find_crossings(spread, float(spread(peak)) / 2.0)
     return -_last_below(-crossings, -peak) - _last_below(crossings, peak)
 
 
-def _find_crossings(curve: CubicSpline, level: float) -> Vector:
+def _find_crossings(curve: "scipy.interpolate.CubicSpline", level: float) -> Vector:
     """Return the places where a spline crosses a level, by lines over a sixteenth of its own steps."""
     place = np.linspace(curve.x[0], curve.x[-1], _FINER * (curve.x.size - 1) + 1)
     above = curve(place) - level

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, shared
 from radiometry.frame import FrameHeader
 from radiometry.frame.multispectral import Multispectral
+from radiometry.frame.opencv import cv2
 
 Basis = Literal["during", "nearest", "largest"]
 

@@ -1,7 +1,7 @@
 """The weighted nonlinear least-squares fit of a falloff to blocks of one channel."""
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from radiometry.vignetting.grid import Plane, average_radial
 from radiometry.vignetting.solution import CENTRE, LIGHT, USUAL, Blocks, Matrix, Prior, Solution
@@ -80,7 +80,7 @@ def _minimise(model: "_Model", start: Matrix, prior: Prior, free: slice = slice(
         whole = fill(part)
         return np.append(model.residual(whole), known[:, 4:] @ (whole[4:] - prior.mean))
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         residual,
         start[free],
         jac=lambda part: np.vstack([model.jacobian(fill(part)), known])[:, free],

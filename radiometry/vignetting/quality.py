@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from radiometry.findings import Raised
 from radiometry.vignetting import codes
@@ -204,7 +204,7 @@ def _fit_without_spots(light: ChannelLight) -> tuple[Solution, NDArray[np.bool_]
 
 def _find_spots(residual: Plane, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which blocks differ from the median of their 7 x 7 surroundings by 1 % and six deviations."""
-    local = residual - median_filter(residual, size=_NEIGHBOURHOOD, mode="nearest")
+    local = residual - scipy.ndimage.median_filter(residual, size=_NEIGHBOURHOOD, mode="nearest")
     usual = _NORMAL_MAD * float(np.median(np.abs(local[known])))
     return np.asarray(known & (np.abs(local) > max(SPOT_REL, SPOT_DEVIATIONS * usual)))
 

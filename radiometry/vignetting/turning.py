@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from radiometry.vignetting.solution import Blocks, Matrix
 
@@ -86,7 +86,7 @@ def _solve(planes: Sequence[Plane2], turns: Matrix) -> tuple[float, Matrix, Matr
     size = 0.0
     for _ in range(2):
         unsure = ((_TURN_U * size) ** 2 + _STEADY_U**2) * np.eye(2)
-        weight = block_diag(*(np.linalg.inv(noise + unsure) for _, noise in planes))
+        weight = scipy.linalg.block_diag(*(np.linalg.inv(noise + unsure) for _, noise in planes))
         normal = design.T @ weight @ design
         found = np.linalg.solve(normal, design.T @ weight @ seen)
         size = float(np.hypot(*found[:2]))

@@ -4,7 +4,6 @@ import io
 from collections.abc import Callable
 from typing import Annotated, Any
 
-import tifffile
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field, create_model
 
@@ -93,6 +92,8 @@ def _require(calibration: Calibration, camera: Camera, method: str, export: Expo
 
 
 def _write_tiff(picture: Picture) -> bytes:
+    import tifffile
+
     out = io.BytesIO()
     photometric = "rgb" if picture.samples.ndim == 3 else "minisblack"
     tifffile.imwrite(

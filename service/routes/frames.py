@@ -27,7 +27,8 @@ from service.routes.campaigns import read_roi
 from service.schemas.campaigns import NewRoi, RoiAnswer
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow, Upload
 from store.columns import utc_now
-from store.queries.campaigns import enqueue_extraction, find_or_add_roi, renew_extraction
+from store.jobs import enqueue_extraction
+from store.queries.campaigns import find_or_add_roi, renew_extraction
 from store.queries.frames import (
     NewFrame,
     current_roi,

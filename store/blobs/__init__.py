@@ -3,7 +3,6 @@
 from store.blobs.errors import BlobDamaged, BlobMissing, Damage, StorageFull, StorageUnavailable
 from store.blobs.factory import blobs_from_url
 from store.blobs.local import LocalBlobs
-from store.blobs.objects import ObjectBlobs
 from store.blobs.proof import StoredBlob, StoredFile, prove_file
 from store.blobs.spool import BlobWriter
 from store.blobs.surface import Blobs
@@ -15,7 +14,6 @@ __all__ = [
     "Blobs",
     "Damage",
     "LocalBlobs",
-    "ObjectBlobs",
     "StorageFull",
     "StorageUnavailable",
     "StoredBlob",

@@ -4,7 +4,6 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from store.blobs.local import LocalBlobs
-from store.blobs.objects import ObjectBlobs
 from store.blobs.surface import Blobs
 
 
@@ -17,6 +16,8 @@ def blobs_from_url(url: str, data_folder: Path) -> Blobs:
         case "file":
             return LocalBlobs(Path(unquote(parts.path)))
         case "s3":
+            from store.blobs.objects import ObjectBlobs
+
             return ObjectBlobs(url, data_folder / "blob-cache")
         case other:
             raise ValueError(f"blobs can be kept in a folder or at s3://, not at {other}://")

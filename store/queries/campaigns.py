@@ -160,14 +160,7 @@ def renew_extraction(session: Session, frame: FrameRow, organisation_id: str, *,
     """As enqueue_extraction, for a frame whose statistics no longer are those of its region."""
     if frame.state == "extracted":
         frame.state = "read"
-    return enqueue_extraction(session, frame, organisation_id, by=by)
-
-
-def enqueue_extraction(session: Session, frame: FrameRow, organisation_id: str, *, by: str) -> Job:
-    """A job that reads this frame and computes whatever its region still lacks."""
-    return jobs.enqueue(
-        session, kind="extract", subject_id=frame.id, organisation_id=organisation_id, by=by, parameters={}
-    )
+    return jobs.enqueue_extraction(session, frame, organisation_id, by=by)
 
 
 def add_readings(session: Session, campaign: Campaign, values: Iterable[dict[str, Any]]) -> list[Reading]:

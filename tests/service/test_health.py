@@ -22,7 +22,8 @@ from store.columns import utc_now
 from store.database import Database
 from store.migrate import alembic_config
 from store.parts import Presence
-from store.schema import OTHER_SCHEMA_EXIT, own_schema
+from store.revision import own_schema
+from store.schema import OTHER_SCHEMA_EXIT
 from store.tables import PartRow
 from tests.support.alone import alone
 from tests.support.processes import wait_until

@@ -6,7 +6,8 @@ import httpx
 import pytest
 from sqlalchemy import select
 
-from store.blobs import BlobDamaged, ObjectBlobs, StorageUnavailable, StoredBlob
+from store.blobs import BlobDamaged, StorageUnavailable, StoredBlob
+from store.blobs.objects import ObjectBlobs
 from store.digests import PIECE_BYTES
 from store.files import Files
 from store.tables import AuditEntry, Blob

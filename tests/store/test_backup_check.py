@@ -6,7 +6,7 @@ import sqlite3
 import pytest
 
 from store.backup_check import main
-from store.blobs import ObjectBlobs
+from store.blobs.objects import ObjectBlobs
 from tests.support.blobs import files, put, spoil, zero
 
 

@@ -4,7 +4,8 @@ import time
 
 import pytest
 
-from store.blobs import ObjectBlobs, StorageUnavailable
+from store.blobs import StorageUnavailable
+from store.blobs.objects import ObjectBlobs
 from tests.support.blobs import put
 from tests.support.proxy import Proxy
 

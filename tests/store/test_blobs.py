@@ -11,12 +11,12 @@ from store.blobs import (
     BlobDamaged,
     BlobMissing,
     LocalBlobs,
-    ObjectBlobs,
     StorageUnavailable,
     StoredBlob,
     blobs_from_url,
     prove_file,
 )
+from store.blobs.objects import ObjectBlobs
 from store.digests import PIECE_BYTES
 from tests.support.blobs import files, put, spoil
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)

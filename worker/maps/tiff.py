@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 from xml.sax.saxutils import escape, quoteattr
 
-import cv2
 import numpy as np
-import tifffile
 from isal import isal_zlib
 from numpy.typing import NDArray
 
 from radiometry.frame import FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.frame.opencv import cv2
 from worker.decode import tags
 from worker.maps.directory import append_directories, has_exif
 
@@ -66,6 +65,8 @@ class MapFacts:
 
 def write_tiff(path: Path, tiles: Iterable[bytes], facts: MapFacts) -> None:
     """Write tiles of `encode_band`, band after band and plane after plane, as one image."""
+    import tifffile
+
     header = facts.header
     planes = max(1, len(facts.layers))
     with tifffile.TiffWriter(path, byteorder="<") as file:
@@ -89,6 +90,8 @@ def write_tiff(path: Path, tiles: Iterable[bytes], facts: MapFacts) -> None:
 
 def write_picture(path: Path, samples: Samples, facts: MapFacts) -> None:
     """Write whole numbers, (row, col) or (row, col, 3): differences of neighbours are small, so predicted."""
+    import tifffile
+
     with tifffile.TiffWriter(path, byteorder="<") as file:
         file.write(
             samples,

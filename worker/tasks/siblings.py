@@ -14,7 +14,7 @@ from radiometry.frame.roi import Polygon
 from radiometry.specification.application import FoundBy
 from store.blobs.errors import BlobDamaged
 from store.codec import decode_header
-from store.queries.campaigns import enqueue_extraction
+from store.jobs import enqueue_extraction
 from store.tables import Campaign, FrameRow, Roi
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed

@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.fitting.evidence import MOST_DOF, Quantity
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.rig.results import RelativePose
 
 Matrix = NDArray[np.float64]

@@ -8,10 +8,10 @@ import zipfile
 from collections.abc import Sequence
 from typing import Final
 
-import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS
 from radiometry.geometry.exports import export_ros
 from radiometry.geometry.rig.results import RigFit
@@ -136,7 +136,9 @@ def export_ros_files(orientation: RigFit, members: Sequence[RigMember], name: st
 
 
 def _turn_back(matrix: tuple[tuple[float, ...], ...]) -> list[float]:
-    quaternion: list[float] = Rotation.from_matrix(np.transpose(matrix)).as_quat(canonical=True).tolist()
+    quaternion: list[float] = (
+        scipy.spatial.transform.Rotation.from_matrix(np.transpose(matrix)).as_quat(canonical=True).tolist()
+    )
     return quaternion
 
 

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import MOST_DOF
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.bundle import find_pose
 from radiometry.geometry.camera import PARAMETERS, CameraModel, project
 from radiometry.geometry.descent import Linear, Minimum, minimise, reduce

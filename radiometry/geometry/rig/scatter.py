@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 _POSE: Final = 6
 # corners of a picture share errors of their search: 3.3 times at most in rendered pictures of rigid rigs
@@ -89,7 +89,7 @@ def estimate_scatter(reduced: Sequence[tuple[Matrix, Matrix]], *, within: tuple[
         squares -= float(right @ np.linalg.solve(information, right))
         return total + squares + float(np.linalg.slogdet(information)[1])
 
-    found = minimize(
+    found = scipy.optimize.minimize(
         deviance, np.array([0.7, 0.7]), method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-4}
     )
     rotation, translation = (abs(float(one)) * size_ for one, size_ in zip(found.x, typical, strict=True))

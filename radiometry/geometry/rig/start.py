@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from radiometry.frame.opencv import cv2
 from radiometry.geometry.bundle import View, find_pose
 from radiometry.geometry.camera import CameraModel, project
 from radiometry.geometry.rig.triggers import BoardPicture, Trigger
