@@ -38,13 +38,12 @@ def draw_boards(
     random: np.random.Generator,
     *,
     count: int,
-    tilt_deg: float = 35.0,
 ) -> tuple[Pose, ...]:
     """Draw poses, in the reference's frame, in which every camera sees the whole board."""
     corners = locate_corners_mm(board, np.arange(board.corners))
     found: list[Pose] = []
     while len(found) < count:
-        (pose,) = draw_poses(cameras[0].model, board, random, count=1, tilt_deg=tilt_deg)
+        (pose,) = draw_poses(cameras[0].model, board, random, count=1, tilt_deg=35.0)
         if all(shows_all(each.model, corners, each.move(pose)) for each in cameras):
             found.append(pose)
     return tuple(found)

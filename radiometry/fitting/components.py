@@ -113,7 +113,7 @@ def index_labels(labels: Sequence[Any]) -> Labels:
     return np.unique(np.asarray(labels), return_inverse=True)[1].astype(np.intp)
 
 
-def contribute(component: Component, weights: Matrix, target: Matrix | None = None) -> Matrix:
+def contribute(component: Component, weights: Matrix) -> Matrix:
     """Return the effects of a component's errors on linear combinations of the response.
 
     Parameters
@@ -122,14 +122,10 @@ def contribute(component: Component, weights: Matrix, target: Matrix | None = No
         Source of error.
     weights : ndarray of float64
         One combination per row, (r, n).
-    target : ndarray of float64 or None, default: None
-        What each combination predicts of the same errors, (r, levels); None for
-        nothing.
 
     Returns
     -------
     ndarray of float64
         Error of each combination per unit error of each group, (r, levels).
     """
-    effects = component.gather(weights.T).T
-    return effects if target is None else effects - target
+    return component.gather(weights.T).T

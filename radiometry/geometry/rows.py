@@ -26,8 +26,7 @@ class Params:
         unit="um",
         default_text="the camera's, where it is registered",
         example=3.28,
-        minimum=0.1,
-        maximum=100.0,
+        bounds="[0.1, 100]",
     )
     corner_window: Window = parameter(
         "fixed",
@@ -59,9 +58,7 @@ class Params:
         "fitted again; `none` keeps every view.",
         unit="px",
         none_allowed=True,
-        minimum=0.0,
-        above_minimum=True,
-        maximum=1000.0,
+        bounds="(0, 1000]",
     )
     exclude: tuple[Exclusion, ...] = ()
 

@@ -27,7 +27,6 @@ def apply_coefficient(
     *,
     exposure: Exposure,
     coefficients: Sequence[Coefficient],
-    iso_u_rel: float = 0.0,
 ) -> AppliedLuminance:
     """Compute the luminance of a region in a new frame.
 
@@ -39,9 +38,6 @@ def apply_coefficient(
         Exposure of the frame.
     coefficients : sequence of Coefficient
         Coefficients of the version, one per ISO value.
-    iso_u_rel : float, default: 0.0
-        Relative standard uncertainty of the ISO setting; 0 because K was fitted at
-        the same setting.
 
     Returns
     -------
@@ -65,6 +61,7 @@ def apply_coefficient(
         L = (N - D) f^2 / (K t S)
         (u_L/L)^2 = (u_K/K)^2 + (u_t/t)^2 + (u_S/S)^2 + 4 (u_f/f)^2 + (u_N^2 + u_D^2) / (N - D)^2
 
+    u_S is 0, because K was fitted at the same setting.
     K is that of the frame's f-number if it was calibrated, so that only the rest of
     the f-number's error counts; else it is K of the ISO value. The error of an
     exposure time that was calibrated is in K too, and cancels as far as it is. For
@@ -78,7 +75,7 @@ def apply_coefficient(
     """
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     signal = measure_signal(statistics, channel=coefficient.channel)
-    return apply_to_signal(signal, exposure=exposure, coefficient=coefficient, iso_u_rel=iso_u_rel)
+    return apply_to_signal(signal, exposure=exposure, coefficient=coefficient)
 
 
 def apply_to_signal(
@@ -87,7 +84,6 @@ def apply_to_signal(
     exposure: Exposure,
     coefficient: Coefficient,
     share: LensShare | None = None,
-    iso_u_rel: float = 0.0,
 ) -> AppliedLuminance:
     """Compute the luminance of a signal: of a region, of a cell, or of a single pixel.
 
@@ -102,8 +98,6 @@ def apply_to_signal(
     share : LensShare or None, default: None
         Relative illumination V at this place and f-number, if vignetting is
         corrected.
-    iso_u_rel : float, default: 0.0
-        Relative standard uncertainty of the ISO setting.
 
     Returns
     -------
@@ -140,7 +134,6 @@ def apply_to_signal(
         conversion=_Conversion(
             settings, aperture, rhs * scale, scale / (aperture.x_factor if aperture else 1.0)
         ),
-        iso_u_rel=iso_u_rel,
     )
     u_above_dark = math.hypot(signal.standard_uncertainty_dn, coefficient.dark_signal_standard_uncertainty_dn)
     return AppliedLuminance(
@@ -307,7 +300,6 @@ def _effects(
     *,
     adjusted_dn: float,
     conversion: _Conversion,
-    iso_u_rel: float,
 ) -> tuple[Effect, ...]:
     """List each source's effect on L = X scale [cd/m2]; correlated parameters as independent combinations."""
     by_signal, by_parameters = models.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
@@ -324,7 +316,7 @@ def _effects(
         ("dark signal", -by_signal * dark_u_dn / through * scale),
         *(("exposure time", effect) for effect in settled[1]),
         *(("f-number", effect) for effect in settled[2]),
-        ("ISO setting", luminance * iso_u_rel),
+        ("ISO setting", 0.0),  # K was fitted at the same setting
         *(("vignetting", effect * scale) for effect in by_lens),
     ]
     noise = Effect(

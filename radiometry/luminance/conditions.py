@@ -52,9 +52,7 @@ class FieldConditions:
         "estimated.",
         default_text="estimated, or 10 % where a spectrum is unknown",
         example=0.05,
-        minimum=0.0,
-        maximum=1.0,
-        below_maximum=True,
+        bounds="[0, 1)",
     )
     distance_m: float | None = parameter(
         None,
@@ -63,8 +61,7 @@ class FieldConditions:
         default_text="unknown",
         unit="m",
         example=30.0,
-        minimum=0.1,
-        maximum=1e5,
+        bounds="[0.1, 1e5]",
     )
     mains_frequency_hz: float | None = parameter(
         None,
@@ -73,8 +70,7 @@ class FieldConditions:
         default_text="the campaign's",
         unit="Hz",
         example=50.0,
-        minimum=10.0,
-        maximum=500.0,
+        bounds="[10, 500]",
     )
     flicker_modulation: float | None = parameter(
         None,
@@ -82,8 +78,7 @@ class FieldConditions:
         description="(L_max - L_min) / (L_max + L_min) of the measured light over a period of its flicker.",
         default_text="anything from 0 to 1",
         example=0.3,
-        minimum=0.0,
-        maximum=1.0,
+        bounds="[0, 1]",
     )
     glare_share: float | None = parameter(
         None,
@@ -92,8 +87,7 @@ class FieldConditions:
         "whole frame.",
         default_text="unknown",
         example=0.02,
-        minimum=0.0,
-        maximum=0.5,
+        bounds="[0, 0.5]",
     )
 
     def __post_init__(self) -> None:

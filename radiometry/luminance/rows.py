@@ -46,10 +46,7 @@ class Params:
         name="tolerance",
         label="Tolerance",
         description="Largest |L_fit - L_meter| / L_meter that passes; the procedure asks for 4 %.",
-        minimum=0.0,
-        above_minimum=True,
-        maximum=1.0,
-        below_maximum=True,
+        bounds="(0, 1)",
     )
     channel: Signal = parameter(
         "green",
@@ -70,9 +67,7 @@ class Params:
         "calibration: aim, spot, digits.",
         default_text="estimated from the scatter between scenes",
         example=0.01,
-        minimum=0.0,
-        maximum=1.0,
-        below_maximum=True,
+        bounds="[0, 1)",
     )
     f_number_u_rel: float | None = parameter(
         None,
@@ -82,18 +77,14 @@ class Params:
         "which as a rectangular distribution is 2.8 / sqrt(3) %.",
         default_text="estimated from the scatter between f-numbers",
         example=0.015,
-        minimum=0.0,
-        maximum=1.0,
-        below_maximum=True,
+        bounds="[0, 1)",
     )
     exposure_time_u_rel: float = parameter(
         0.005,
         label="Uncertainty of the exposure time",
         description="Relative standard uncertainty of a nominal exposure time. Electronic shutters are "
         "timed by a quartz; what is left is the choice of 1/60 or 1/64 s (parameter exposure_basis).",
-        minimum=0.0,
-        maximum=1.0,
-        below_maximum=True,
+        bounds="[0, 1)",
     )
     lamp_drift_u_rel: float = parameter(
         0.012,
@@ -101,9 +92,7 @@ class Params:
         description="Relative standard uncertainty of the change of the lamp's luminance during a scene, "
         "where its readings do not show it. 0.012 is 2 %, the drift that is flagged, as a rectangular "
         "distribution.",
-        minimum=0.0,
-        maximum=1.0,
-        below_maximum=True,
+        bounds="[0, 1)",
     )
     dark_rate_u_rel: float = parameter(
         0.002,
@@ -112,9 +101,7 @@ class Params:
         "frames of two times determine it: fraction of the span from black to white per second at ISO 100, "
         "in proportion at other ISO values. 0.002 is 50 e-/s of a full well of 25,000 e-.",
         unit="1/s",
-        minimum=0.0,
-        maximum=1.0,
-        below_maximum=True,
+        bounds="[0, 1)",
     )
     panel_rho: float | None = parameter(
         None,
@@ -124,9 +111,7 @@ class Params:
         default_text="no cross-check",
         example=0.18,
         given_by="campaign",
-        minimum=0.0,
-        above_minimum=True,
-        maximum=1.0,
+        bounds="(0, 1]",
     )
     exclude: tuple[Exclusion, ...] = ()
     vignetting: str | None = parameter(
@@ -174,8 +159,7 @@ class Params:
         example=1.5,
         given_by="campaign",
         unit="m",
-        minimum=0.1,
-        maximum=1e5,
+        bounds="[0.1, 1e5]",
     )
     focal_length_mm: float | None = parameter(
         None,
@@ -186,8 +170,7 @@ class Params:
         example=12.3,
         given_by="campaign",
         unit="mm",
-        minimum=0.5,
-        maximum=5000.0,
+        bounds="[0.5, 5000]",
     )
     mains_frequency_hz: float | None = parameter(
         None,
@@ -198,8 +181,7 @@ class Params:
         example=50.0,
         given_by="campaign",
         unit="Hz",
-        minimum=10.0,
-        maximum=500.0,
+        bounds="[10, 500]",
     )
     lamp_modulation: float | None = parameter(
         None,
@@ -209,8 +191,7 @@ class Params:
         default_text="unknown",
         example=0.05,
         given_by="campaign",
-        minimum=0.0,
-        maximum=1.0,
+        bounds="[0, 1]",
     )
     acceptance: Acceptance | None = parameter(
         None,

@@ -16,26 +16,20 @@ class Params:
         0.70,
         label="Upper end of the photon transfer fit",
         description="The photon transfer is fitted up to this fraction of saturation.",
-        minimum=0.0,
-        above_minimum=True,
-        maximum=1.0,
+        bounds="(0, 1]",
     )
     linearity_range_share: tuple[float, float] = parameter(
         (0.05, 0.95),
         label="Range of the linearity fit",
         description="Range of the straight line of the linearity error, as fractions of saturation.",
-        minimum=0.0,
-        above_minimum=True,
-        maximum=1.0,
+        bounds="(0, 1]",
     )
     largest_drift_rel: float = parameter(
         0.10,
         label="Largest drift of the light",
         description="Stacks whose frames differ more in their means are left out, because their light "
         "changed.",
-        minimum=0.0,
-        above_minimum=True,
-        maximum=1.0,
+        bounds="(0, 1]",
     )
     exclude: tuple[Exclusion, ...] = ()
 

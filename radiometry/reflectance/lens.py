@@ -62,22 +62,6 @@ def evaluate_polynomial(lens: VignettingPolynomial, window: Window, *, size: Fra
     return _require_lens(_evaluate(lens, *_pixels(window), size=size))
 
 
-def evaluate_radial(lens: RadialVignetting, window: Window) -> Plane:
-    """Compute 1 + k0 r + k1 r^2 + ... in a window; r [px] from the lens's centre.
-
-    Returns
-    -------
-    Plane
-        The polynomial, (row, col).
-
-    Raises
-    ------
-    InputRejected
-        `sensor_model_unusable` as in `evaluate_polynomial`.
-    """
-    return _require_lens(_evaluate_radial(lens, *_pixels(window)))
-
-
 def evaluate_band(band: Multispectral, window: Window, *, size: FrameSize) -> Plane:
     """Compute the relative illumination V of a band in a window, in whichever form its file states it.
 

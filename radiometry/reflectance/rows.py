@@ -47,8 +47,7 @@ class Params:
         description="Relative standard deviation of K's change in half an hour, by drift and by light that "
         "is not modelled. It counts as four degrees of freedom, and the difference of two panel captures as "
         "one more.",
-        minimum=0.0,
-        maximum=1.0,
+        bounds="[0, 1]",
         later=True,
     )
     incidence_angle_deg: float = parameter(
@@ -59,9 +58,7 @@ class Params:
         "sunshine sensor does, which is the usual way, and both see the same cosine. A measurement takes the "
         "same angle unless it states another.",
         unit="deg",
-        minimum=0.0,
-        maximum=90.0,
-        below_maximum=True,
+        bounds="[0, 90)",
     )
     incidence_angle_u_deg: float = parameter(
         2.0,
@@ -69,9 +66,7 @@ class Params:
         description="Its standard uncertainty; 2 degrees is a panel levelled by eye. Its effect is that of "
         "the sun's zenith angle where the incidence angle is 0 and the file states position and time.",
         unit="deg",
-        minimum=0.0,
-        maximum=90.0,
-        below_maximum=True,
+        bounds="[0, 90)",
     )
     sunshine_surface: Surface = parameter(
         "level",

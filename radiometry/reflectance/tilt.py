@@ -20,30 +20,26 @@ class TiltParams:
         1.0 / 6.0,
         label="Diffuse fraction",
         description="Diffuse fraction of the horizontal irradiance, 1/6 under a clear sky.",
-        minimum=0.0,
-        maximum=1.0,
+        bounds="[0, 1]",
     )
     refractive_index: float = parameter(
         1.38,
         label="Refractive index",
         description="Refractive index of the sensor's diffuser, 1.38 for PTFE.",
-        minimum=1.0,
-        maximum=3.0,
+        bounds="[1, 3]",
     )
     diffuse_share_u: float = parameter(
         0.1,
         label="Uncertainty of the diffuse fraction",
         description="Its standard uncertainty; a fraction that the file states has the same.",
-        minimum=0.0,
-        maximum=1.0,
+        bounds="[0, 1]",
     )
     attitude_u_deg: float = parameter(
         2.0,
         label="Uncertainty of the attitude",
         description="Standard uncertainty of the sensor's attitude towards the sun.",
         unit="deg",
-        minimum=0.0,
-        maximum=45.0,
+        bounds="[0, 45]",
     )
 
     def __post_init__(self) -> None:

@@ -67,24 +67,6 @@ def convert_resolution(
     )
 
 
-def star_frequency(*, cycles: int, radius_px: float) -> float:
-    """Compute a star's frequency at a distance from its centre, f = n / (2 pi r) [cycles per pixel].
-
-    Parameters
-    ----------
-    cycles : int
-        Cycles n of the star.
-    radius_px : float
-        Distance r from the centre [px].
-
-    Returns
-    -------
-    float
-        Frequency f [cycles per pixel].
-    """
-    return cycles / (2.0 * math.pi * radius_px)
-
-
 def unresolved_diameter(resolving_power: float, *, cycles: int) -> float:
     """Compute the diameter of the disc in which a star is not resolved, d = n / (pi RP) [px].
 

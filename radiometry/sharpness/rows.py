@@ -82,30 +82,26 @@ class Params:
         unit="um",
         default_text="the camera's, where it is registered",
         example=3.28,
-        minimum=0.1,
-        maximum=100.0,
+        bounds="[0.1, 100]",
     )
     star_contrast: float = parameter(
         0.1,
         label="Contrast at the limiting resolution",
         description="Contrast at which a star counts as resolved, relative to its contrast far outside.",
-        minimum=0.01,
-        maximum=0.9,
+        bounds="[0.01, 0.9]",
     )
     exposure_ratio_u_rel: float = parameter(
         0.02,
         label="Uncertainty of exposure time ratios",
         description="Of a saturated spot: relative standard uncertainty of the ratio of two exposure times.",
-        minimum=0.0,
-        maximum=0.5,
+        bounds="[0, 0.5]",
     )
     black_u_dn: float = parameter(
         1.0,
         label="Uncertainty of the black level",
         description="Of a saturated spot: standard uncertainty of the black level in the file.",
         unit="DN",
-        minimum=0.0,
-        maximum=1000.0,
+        bounds="[0, 1000]",
     )
     exclude: tuple[Exclusion, ...] = ()
 

@@ -130,9 +130,14 @@ def parameter(
         True for a field that older versions do not have (`stored.LATER`).
     **stated
         Other attributes of `Parameter`; ``labels`` maps each choice of a field of a `Literal` type to its
-        label. The type follows from the field's annotation.
+        label, and ``bounds`` is the range as an interval, "(0, 1]". The type follows from the field's
+        annotation.
     """
     stated |= {"label": label, "description": description}
+    if bounds := stated.pop("bounds", ""):
+        low, high = bounds[1:-1].split(", ")
+        stated |= {"minimum": float(low), "maximum": float(high)}
+        stated |= {"above_minimum": bounds[0] == "(", "below_maximum": bounds[-1] == ")"}
     return dataclasses.field(default=default, metadata={_KEY: stated, **(LATER if later else {})})
 
 

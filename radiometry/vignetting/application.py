@@ -39,11 +39,6 @@ class Share:
         """1 / V."""
         return np.asarray(1.0 / self.share)
 
-    @property
-    def gain_standard_uncertainty(self) -> Array:
-        """u(V) / V^2."""
-        return np.asarray(self.standard_uncertainty / self.share**2)
-
 
 def evaluate(
     coefficients: Sequence[Coefficient], row_px: Array, col_px: Array, *, channel: str, f_number: float

@@ -18,10 +18,7 @@ class Params:
         description="Angle by which the camera was turned about its axis from each flat of an f-number to "
         "the next, in either sense; the light then turns in the frame, and the lens does not.",
         unit="deg",
-        minimum=0.0,
-        above_minimum=True,
-        maximum=360.0,
-        below_maximum=True,
+        bounds="(0, 360)",
         default_text="not turned",
         example=180.0,
         later=True,

@@ -50,17 +50,13 @@ class Trigger:
     pictures: tuple[BoardPicture, ...]
 
 
-def pair_pictures(
-    pictures: Sequence[BoardPicture], *, within_s: float = WITHIN_S
-) -> tuple[tuple[Trigger, ...], dict[str, str]]:
+def pair_pictures(pictures: Sequence[BoardPicture]) -> tuple[tuple[Trigger, ...], dict[str, str]]:
     """Group pictures by trigger.
 
     Parameters
     ----------
     pictures : sequence of BoardPicture
         Pictures of all cameras.
-    within_s : float, optional
-        Largest difference of the times of pictures that belong together [s].
 
     Returns
     -------
@@ -70,7 +66,8 @@ def pair_pictures(
     Notes
     -----
     Pictures belong together that have the same scene, else the same capture identifier (multispectral
-    cameras), else times that agree. A camera has one picture of a trigger: where it has two, neither counts.
+    cameras), else times that agree within `WITHIN_S`. A camera has one picture of a trigger: where it has
+    two, neither counts.
     """
     groups: dict[str, list[BoardPicture]] = {}
     timed: list[tuple[datetime, BoardPicture]] = []
@@ -85,7 +82,7 @@ def pair_pictures(
             why[picture.frame] = "it has no scene, no capture identifier and no time"
     begun: datetime | None = None
     for taken, picture in sorted(timed, key=lambda each: (each[0], each[1].camera, each[1].frame)):
-        if begun is None or taken - begun > timedelta(seconds=within_s):
+        if begun is None or taken - begun > timedelta(seconds=WITHIN_S):
             begun = taken
         groups.setdefault(begun.isoformat(), []).append(picture)
     triggers = []

@@ -22,7 +22,7 @@ from radiometry.frame.roi import Polygon, Window
 from radiometry.reflectance import micasense, sequoia
 from radiometry.reflectance.features import extract_features, measure_gradient
 from radiometry.reflectance.imaging import compute_signal
-from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_polynomial, evaluate_radial
+from radiometry.reflectance.lens import FrameSize, correct_vignetting, evaluate_band, evaluate_polynomial
 from simulation.camera import change
 from simulation.sequoia import LENS, capture
 from tests.radiometry.reflectance.captures import CAMERA, make_header, seeded
@@ -41,6 +41,10 @@ GRID = [
 
 def whole(height, width):
     return Window(row0=0, col0=0, height=height, width=width)
+
+
+def with_lens(lens):
+    return dataclasses.replace(MICASENSE[0].multispectral, radial_vignetting=lens)
 
 
 def cut(frame, window):
@@ -85,7 +89,7 @@ def test_each_stage_of_a_micasense_camera_by_hand():
     # L = (2e-4 / 2) 0.5 / (0.001 + 1e-6 * 100 - 1e-3 * 0.001 * 100)
     assert found == pytest.approx(np.full((1, 2), 5e-5 / 0.001), rel=1e-12)
     lens = RadialVignetting(centre_x_px=3.0, centre_y_px=4.0, coefficients=(-0.01, 0.001))
-    share = evaluate_radial(lens, whole(5, 1))
+    share = evaluate_band(with_lens(lens), whole(5, 1), size=FrameSize(height_px=5, width_px=1))
     assert share[0, 0] == pytest.approx(1.0 - 0.01 * 5.0 + 0.001 * 25.0)  # r = 5
     assert micasense.panel_irradiance(0.17028382, albedo=0.67) == pytest.approx(0.79845, abs=5e-6)
 
@@ -118,7 +122,7 @@ def test_a_polynomial_that_is_no_lens_is_refused(constant):
         evaluate_polynomial(lens, whole(2, 2), size=FrameSize(height_px=2, width_px=2))
     radial = RadialVignetting(centre_x_px=-1.0, centre_y_px=0.0, coefficients=(constant - 1.0,))
     with pytest.raises(InputRejected, match="not a lens"):
-        evaluate_radial(radial, whole(1, 1))
+        evaluate_band(with_lens(radial), whole(1, 1), size=FrameSize(height_px=1, width_px=1))
 
 
 @given(st.integers(0, 100), st.integers(0, 130), st.integers(1, 20), st.integers(1, 30), st.booleans())

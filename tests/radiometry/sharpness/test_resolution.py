@@ -8,7 +8,6 @@ from radiometry.sharpness.features import Contrasts
 from radiometry.sharpness.resolution import (
     convert_resolution,
     find_resolving_power,
-    star_frequency,
     unresolved_diameter,
 )
 from radiometry.sharpness.spectrum import find_crossing
@@ -32,8 +31,6 @@ def test_without_a_pitch_there_are_no_line_pairs_per_millimetre():
 
 def test_the_star_s_d_is_a_diameter():
     assert unresolved_diameter(0.5, cycles=48) == pytest.approx(30.56, abs=5e-3)
-    assert star_frequency(cycles=48, radius_px=30.56 / 2) == pytest.approx(0.5, abs=1e-4)
-    assert star_frequency(cycles=48, radius_px=48 / math.pi) == pytest.approx(0.5)
 
 
 def curve(*contrast, u=0.01):

@@ -32,8 +32,7 @@ class Params:
         label="Offset",
         description="Signal that is subtracted from every mean.",
         unit="DN",
-        minimum=0.0,
-        maximum=65535.0,
+        bounds="[0, 65535]",
     )
     exclude: tuple[Exclusion, ...] = ()
 
