@@ -11,15 +11,15 @@ from service.attempts import Attempts
 from service.health import Health
 from service.hosts import Hosts
 from service.job_watch import JobWatch
-from service.lookups import LookupDesk
 from service.rates import Rates
 from service.sessions import Sessions
 from service.shutdown import Traffic
-from service.uses import Uses
+from service.uses import STEP, Uses
 from store.blobs import Blobs
 from store.broker import Hints
 from store.database import Database
 from store.files import Files
+from store.ready.lookups import Lookups
 from store.reviews import Reviews
 from store.settings import Settings
 from store.usage import Quotas
@@ -66,8 +66,8 @@ class Context:
         return Uses(self.database)
 
     @cached_property
-    def lookups(self) -> LookupDesk:
-        return LookupDesk(self.database)
+    def lookups(self) -> Lookups:
+        return Lookups(self.database, used_within=STEP)
 
     @property
     def files(self) -> Files:

@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Coroutine, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 from urllib.parse import parse_qsl
 
@@ -47,10 +47,9 @@ class Wanted(Form):
 def answer_held(request: Request, wanted: Wanted, held: Sequence[Held]) -> Response | None:
     """Answer with the coefficients that were asked for, or 304; None where no version has such a one."""
     chosen = wanted.chosen
-    tag = hashlib.sha256(json.dumps([[each.etag for each in held], chosen]).encode()).hexdigest()[:32]
-    headers = standing_headers(tag)
+    tag, headers = _tag(wanted, held)
     if not chosen and all(each.whole for each in held):
-        content = b",".join(inner for each in held if (inner := each.items[1:-1]))
+        content = b",".join(inner for each in held if (inner := (each.items or b"")[1:-1]))
         body = b'{"items":[%b]}' % content if content else b""
     else:
         items = [item for each in held for item in _choose(wanted, chosen, each)]
@@ -60,13 +59,23 @@ def answer_held(request: Request, wanted: Wanted, held: Sequence[Held]) -> Respo
     return not_modified(request, tag, headers) or Response(body, 200, headers, "application/json")
 
 
+def _tag(wanted: Wanted, held: Sequence[Held]) -> tuple[str, dict[str, str]]:
+    tag = _hash(tuple(each.etag for each in held), tuple(wanted.chosen.items()))
+    return tag, standing_headers(tag)
+
+
+@lru_cache(maxsize=4096)
+def _hash(etags: tuple[str, ...], chosen: tuple[tuple[str, Any], ...]) -> str:
+    return hashlib.sha256(json.dumps([etags, dict(chosen)]).encode()).hexdigest()[:32]
+
+
 def _choose(wanted: Wanted, chosen: dict[str, Any], held: Held) -> list[dict[str, Any]]:
     """Return the items with what was asked for.
 
     What is known both in general and at f-numbers is answered at the f-number asked for if it is known
     there, else in general.
     """
-    stored: list[dict[str, Any]] = from_json(held.items)
+    stored: list[dict[str, Any]] = from_json(held.items or b"[]")
     asked = {name: value for name, value in chosen.items() if name != "f_number"}
     items = [
         (place, item)
@@ -129,10 +138,20 @@ async def _answer_ready(request: Request) -> Response | None:
         return None
     context: Context = request.app.state.context
     secret = sent.removeprefix(_BEARER)
-    found = await context.lookups.find(
-        secret, camera_id, wanted.method, at=wanted.at, known_at=wanted.known_at
+    find = partial(
+        context.lookups.find,
+        secret,
+        camera_id=camera_id,
+        method=wanted.method,
+        at=wanted.at,
+        known_at=wanted.known_at,
     )
-    answer = answer_held(request, wanted, found.held) if found else None
+    named = request.headers.get("if-none-match", "*")
+    found = await find(tags_only=True) if named.strip() != "*" else None
+    answer = not_modified(request, *_tag(wanted, found.held)) if found else None
+    if answer is None:
+        found = await find(tags_only=False)
+        answer = answer_held(request, wanted, found.held) if found else None
     if found is None or answer is None:
         return None
     context.attempts.trust(secret)

@@ -1,13 +1,13 @@
 """One database, two ways in: reading sessions and writing transactions."""
 
+import asyncio
 import logging
 import sqlite3
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.engine import make_url
@@ -15,18 +15,18 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from store.audit import append_entries, forget_entries, record_changes
+from store.errors import ConnectionLost
 from store.revisions import forget_changes, note_changes, raise_revisions
 from store.schema import SchemaDiffers, require_own_schema
+
+if TYPE_CHECKING:
+    from store.postgres import Line
 
 ANSWER_WITHIN_S = 30.0
 _ASK_AGAIN_S = 1.0
 _POSTGRES_FULL = "53100"
 
 log = logging.getLogger(__name__)
-
-
-class ConnectionLost(Exception):  # noqa: N818  it is what happened
-    """A connection of the driver ended, or was not answered."""
 
 
 class Database:
@@ -42,47 +42,51 @@ class Database:
     def __init__(self, url: str, *, answer_within_s: float | None = ANSWER_WITHIN_S) -> None:
         self.url = make_url(url)
         self._guarded = False
-        self._alone: deque[Any] = deque()
+        self._alone: deque[sqlite3.Cursor] = deque()
+        self._line: Any = None
+        self._answer_within_s = answer_within_s or ANSWER_WITHIN_S
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         if self.is_sqlite:
-            wait_s = answer_within_s or ANSWER_WITHIN_S
-            self._reader = _sqlite_engine(url, begin="BEGIN", wait_s=wait_s)
-            self._writer = _sqlite_engine(url, begin="BEGIN IMMEDIATE", wait_s=wait_s)
+            self._reader = _sqlite_engine(url, begin="BEGIN", wait_s=self._answer_within_s)
+            self._writer = _sqlite_engine(url, begin="BEGIN IMMEDIATE", wait_s=self._answer_within_s)
         else:
             from store.postgres import postgres_engine
 
             self._reader = self._writer = postgres_engine(self.url, answer_within_s=answer_within_s)
 
     @contextmanager
-    def reading_alone(self) -> Iterator[Any]:
-        """Lend a cursor of the driver, for reading: each statement is a transaction of its own.
-
-        On SQLite it never waits for a lock. Raises `ConnectionLost` where it cannot be used any more.
-        """
-        driver = import_module("sqlite3" if self.is_sqlite else "psycopg")
+    def reading_alone(self) -> Iterator[sqlite3.Cursor]:
+        """Lend a cursor of SQLite, for reading: each statement is a transaction, and waits for no lock."""
         try:
             cursor = self._alone.pop()
         except IndexError:
-            cursor = self._open_alone()
+            cursor = self._open_alone().cursor()
+            cursor.execute("PRAGMA busy_timeout = 0")
         try:
             yield cursor
-        except (driver.OperationalError, driver.InterfaceError) as error:
+        except sqlite3.OperationalError as error:
             cursor.connection.close()
             raise ConnectionLost(str(error)) from error
         self._alone.append(cursor)
+
+    async def open_line(self, statements: Mapping[str, str]) -> "Line":
+        """Connect the running event loop to PostgreSQL, and prepare statements there."""
+        from store.postgres import Line, prepare
+
+        connection = await asyncio.to_thread(lambda: prepare(self._open_alone, statements))
+        self._close_line()
+        self._line = connection
+        return Line(connection, answer_within_s=self._answer_within_s)
 
     def _open_alone(self) -> Any:  # noqa: ANN401  the driver's own
         pooled = self._reader.raw_connection()
         connection: Any = pooled.driver_connection
         pooled.detach()
-        if self.is_sqlite:
-            connection.execute("PRAGMA busy_timeout = 0")
-            return connection.cursor()
-        connection.autocommit = True
-        # planning the one statement again costs more than running it
-        connection.execute("SET plan_cache_mode = force_generic_plan")
-        # as text, bytes would come in twice their length
-        return connection.cursor(binary=True)
+        return connection
+
+    def _close_line(self) -> None:
+        if self._line is not None:
+            self._line.close()
 
     @property
     def engine(self) -> Engine:
@@ -136,6 +140,7 @@ class Database:
     def dispose(self) -> None:
         while self._alone:
             self._alone.pop().connection.close()
+        self._close_line()
         self._reader.dispose()
         self._writer.dispose()
 

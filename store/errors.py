@@ -8,3 +8,7 @@ class Conflict(Exception):  # noqa: N818  it says what happened
         super().__init__(message)
         self.code = code
         self.message = message
+
+
+class ConnectionLost(Exception):  # noqa: N818  it is what happened
+    """A connection of the driver's own ended, or was not answered."""

@@ -1,13 +1,19 @@
 """How long PostgreSQL may take: limits that the server keeps, and one for a server out of reach."""
 
+import asyncio
 import math
 import time
-from collections.abc import Generator
+from collections import deque
+from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import psycopg
 from psycopg.abc import PQGen
+from psycopg.pq import ConnStatus, ExecStatus, Format
+from psycopg.pq.abc import PGresult
 from sqlalchemy import URL, Engine, create_engine, event
+
+from store.errors import ConnectionLost
 
 Result = TypeVar("Result")
 
@@ -69,6 +75,112 @@ class _Connection(psycopg.Connection[Any]):
             # What the server has made of the statement is unknown: nothing else may use this connection.
             self.close()
             raise psycopg.OperationalError(f"no answer within {self.silence_s:g} s") from None
+
+
+def prepare(
+    connect: Callable[[], psycopg.Connection[Any]], statements: Mapping[str, str]
+) -> psycopg.Connection[Any]:
+    """Connect for a `Line`, which is then asked for these statements by name."""
+    try:
+        connection = connect()
+        connection.autocommit = True
+        # planning a statement again costs more than running it
+        connection.execute("SET plan_cache_mode = force_generic_plan")
+        for name, statement in statements.items():
+            connection.execute(f"PREPARE {name} AS {statement}".encode())
+    except psycopg.Error as error:
+        raise ConnectionLost(str(error)) from error
+    return connection
+
+
+class Line:
+    """A connection that an event loop asks for prepared statements: none waits for the answer to another.
+
+    The questions go down one pipeline, each a transaction of its own; no thread takes part. Whatever fails
+    ends the line, and with it every question that is open.
+    """
+
+    def __init__(self, connection: psycopg.Connection[Any], *, answer_within_s: float) -> None:
+        self._connection, self._server = connection, connection.pgconn
+        self._silence_s = answer_within_s + _WORD_ON_THE_WAY_S
+        self._open: deque[tuple[asyncio.Future[PGresult], float]] = deque()
+        self._last: PGresult | None = None
+        self._loop = asyncio.get_running_loop()
+        self._watch: asyncio.TimerHandle | None = None
+        self._server.nonblocking = 1
+        self._server.enter_pipeline_mode()
+        self._socket = self._server.socket
+        self._loop.add_reader(self._socket, self._read)
+
+    @property
+    def closed(self) -> bool:
+        return self._connection.closed
+
+    async def ask(self, statement: bytes, values: Sequence[bytes | None]) -> list[tuple[bytes | None, ...]]:
+        """Return the rows in PostgreSQL's binary format; ``values`` as text. Raises `ConnectionLost`."""
+        answer: asyncio.Future[PGresult] = self._loop.create_future()
+        try:
+            self._server.send_query_prepared(statement, values, result_format=Format.BINARY)
+            self._server.pipeline_sync()
+            self._open.append((answer, self._loop.time()))
+            if self._server.flush():
+                self._loop.add_writer(self._socket, self._write)
+        except psycopg.Error as error:
+            answer.cancel()
+            self._close(str(error))
+            raise ConnectionLost(str(error)) from error
+        if self._watch is None:
+            self._watch = self._loop.call_later(self._silence_s, self._end_silence)
+        found = await answer
+        columns = range(found.nfields)
+        return [tuple(found.get_value(row, column) for column in columns) for row in range(found.ntuples)]
+
+    def _close(self, why: str) -> None:
+        if not self._connection.closed:
+            self._loop.remove_reader(self._socket)
+            self._loop.remove_writer(self._socket)
+            self._connection.close()
+        while self._open:
+            answer, _ = self._open.popleft()
+            if not answer.done():
+                answer.set_exception(ConnectionLost(why))
+
+    def _write(self) -> None:
+        try:
+            if not self._server.flush():
+                self._loop.remove_writer(self._socket)
+        except psycopg.Error as error:
+            self._close(str(error))
+
+    def _read(self) -> None:
+        try:
+            self._server.consume_input()
+            while self._open and not self._server.is_busy():
+                result = self._server.get_result()
+                if result is None:
+                    if self._server.status != ConnStatus.OK:
+                        raise psycopg.OperationalError("the server has ended the connection")
+                    continue
+                if result.status != ExecStatus.PIPELINE_SYNC:
+                    self._last = result
+                    continue
+                assert self._last is not None  # noqa: S101  a statement is answered before its end
+                if self._last.status != ExecStatus.TUPLES_OK:
+                    raise psycopg.OperationalError(self._last.error_message.decode(errors="replace"))
+                answer, _ = self._open.popleft()
+                if not answer.done():
+                    answer.set_result(self._last)
+        except psycopg.Error as error:
+            self._close(str(error))
+
+    def _end_silence(self) -> None:
+        self._watch = None
+        if self._open:
+            left_s = self._open[0][1] + self._silence_s - self._loop.time()
+            if left_s <= 0:
+                self._close(f"no answer within {self._silence_s:g} s")
+            else:
+                self._watch = self._loop.call_later(left_s, self._end_silence)
 
 
 class _Silent(Exception):  # noqa: N818  it is what happened

@@ -84,7 +84,9 @@ def _explain_none(wanted: Wanted, at: datetime, found: Sequence[Held]) -> str:
     if not found:
         return f"No {wanted.method} calibration of this camera is in force at {show_instant(at)}."
     versions = ", ".join(str(held.version) for held in found)
-    isos = sorted({item["iso"] for held in found for item in from_json(held.items) if item.get("iso")})
+    isos = sorted(
+        {item["iso"] for held in found for item in from_json(held.items or b"[]") if item.get("iso")}
+    )
     return (
         f"Version {versions} is in force at {show_instant(at)}, but has no such coefficient. "
         f"It was calibrated for ISO {', '.join(f'{iso:g}' for iso in isos)}."

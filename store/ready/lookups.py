@@ -1,36 +1,41 @@
 """Look-ups of what is in force: one query for the key and the ready answers, on a connection of its own."""
 
+import asyncio
 import hashlib
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import ColumnElement, Select, Text, bindparam, cast, select
+from sqlalchemy import Boolean, ColumnElement, Select, Text, bindparam, case, cast, select
 from sqlalchemy.dialects.postgresql.psycopg import PGDialect_psycopg
 from sqlalchemy.dialects.sqlite.pysqlite import SQLiteDialect_pysqlite
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session, aliased
 
 from store.columns import UtcDateTime, utc_now
-from store.database import ConnectionLost, Database
+from store.database import Database
+from store.errors import ConnectionLost
 from store.tables import ApiKey, ReadyAnswer, ReadyRow, Slot
 
+if TYPE_CHECKING:
+    from store.postgres import Line
+
+_NOW, _THEN = "ready_now", "ready_then"
 _AT_ONCE_S = 1.0
 """A connection that fails sooner was closed since its last use; later, the database does not answer."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Held:
-    """The ready answer of one publication in force."""
+    """The ready answer of one publication in force; without `items` where only tags were asked for."""
 
     calibration_id: str
-    version: int
     etag: str
-    whole: bool
     foreseen: str | None
-    items: bytes
+    version: int
+    whole: bool
+    items: bytes | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,58 +58,93 @@ def find_ready(
 
 
 class Lookups:
-    """Finds ready answers for whoever holds a key, without an ORM session.
+    """Finds ready answers for whoever holds a key, in the event loop, without an ORM session.
 
-    A key is checked with each look-up, in its query: nothing about it is remembered here.
+    A key is checked with each look-up, in its query: nothing about it is remembered here. On SQLite a look-up
+    never waits; PostgreSQL is asked down one line.
     """
 
     def __init__(self, database: Database, *, used_within: timedelta) -> None:
         self._database = database
         self._used_within = used_within
-        dialect = SQLiteDialect_pysqlite(paramstyle="named") if database.is_sqlite else PGDialect_psycopg()  # type: ignore[no-untyped-call]
-        compiled = {now: _with_key(now=now).compile(dialect=dialect) for now in (True, False)}
-        self._statements = {now: (each.string, dict(each.params)) for now, each in compiled.items()}
+        self._line: asyncio.Task[Line] | None = None
+        sqlite = SQLiteDialect_pysqlite(paramstyle="named")
+        postgres = PGDialect_psycopg(paramstyle="numeric_dollar")  # type: ignore[no-untyped-call]
+        dialect = sqlite if database.is_sqlite else postgres
+        compiled = {name: _with_key(now=name == _NOW).compile(dialect=dialect) for name in (_NOW, _THEN)}
+        self._statements = {name: each.string for name, each in compiled.items()}
+        self._constants = {name: dict(each.params) for name, each in compiled.items()}
+        self._orders = {name: getattr(each, "positiontup", None) or () for name, each in compiled.items()}
 
-    def find(
-        self, secret: str, *, camera_id: str, method: str, at: datetime | None, known_at: datetime | None
+    async def find(
+        self,
+        secret: str,
+        *,
+        camera_id: str,
+        method: str,
+        at: datetime | None,
+        known_at: datetime | None,
+        tags_only: bool,
     ) -> Found | None:
-        """Return what is in force; None where nothing is, and wherever the usual way must say why."""
+        """Return what is in force; None where nothing is, and wherever the usual way must say why.
+
+        With `tags_only`, the items of each answer are not read.
+        """
         now = utc_now()
-        values = {
+        name = _NOW if known_at is None else _THEN
+        values: dict[str, Any] = self._constants[name] | {
             "camera_id": camera_id,
             "method": method,
             "at": self._bind(at or now),
             "sha256": hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest(),
             "now": self._bind(now),
             "used_after": self._bind(now - self._used_within),
+            "tags_only": tags_only,
         }
         if known_at is not None:
             values["known_at"] = self._bind(known_at)
-        statement, constants = self._statements[known_at is None]
-        rows = self._fetch(statement, constants | values)
-        if not rows or '"read"' not in rows[0][1]:
-            return None
-        held = tuple(
-            Held(calibration_id=r[2], version=r[3], etag=r[4], whole=bool(r[5]), foreseen=r[6], items=r[7])
-            for r in rows
-        )
-        return Found(organisation_id=rows[0][0], held=held)
-
-    def _bind(self, instant: datetime) -> Any:  # noqa: ANN401
-        if not self._database.is_sqlite:
-            return instant
-        return instant.astimezone(UTC).replace(tzinfo=None).isoformat(" ", "microseconds")
-
-    def _fetch(self, statement: str, values: dict[str, Any]) -> Sequence[Any]:
         began = time.monotonic()
         try:
-            with self._database.reading_alone() as cursor:
-                rows: Sequence[Any] = cursor.execute(statement, values).fetchall()
+            rows = self._fetch(name, values) if self._database.is_sqlite else await self._ask(name, values)
         except ConnectionLost as error:
             if time.monotonic() - began < _AT_ONCE_S:
-                return ()
-            raise OperationalError(statement, None, error) from error
-        return rows
+                return None
+            raise OperationalError(name, None, error) from error
+        if not rows or '"read"' not in rows[0][1]:
+            return None
+        return Found(organisation_id=rows[0][0], held=tuple(Held(*row[2:]) for row in rows))
+
+    def _bind(self, instant: datetime) -> str:
+        if not self._database.is_sqlite:
+            return instant.isoformat()
+        return instant.astimezone(UTC).replace(tzinfo=None).isoformat(" ", "microseconds")
+
+    def _fetch(self, name: str, values: dict[str, Any]) -> list[Any]:
+        with self._database.reading_alone() as cursor:
+            return cursor.execute(self._statements[name], values).fetchall()
+
+    async def _ask(self, name: str, values: dict[str, Any]) -> list[Any]:
+        line = await self._open_line()
+        rows = await line.ask(name.encode(), [str(values[each]).encode() for each in self._orders[name]])
+        return [
+            (
+                *(text and text.decode() for text in row[:5]),
+                int.from_bytes(row[5] or b""),
+                row[6] == b"\1",
+                row[7],
+            )
+            for row in rows
+        ]
+
+    async def _open_line(self) -> "Line":
+        opening = self._line
+        if (
+            opening is None
+            or opening.get_loop() is not asyncio.get_running_loop()
+            or (opening.done() and (opening.exception() or opening.result().closed))
+        ):
+            opening = self._line = asyncio.create_task(self._database.open_line(self._statements))
+        return await asyncio.shield(opening)
 
 
 def _hold(*, now: bool) -> Select[Any]:
@@ -125,8 +165,8 @@ def _hold(*, now: bool) -> Select[Any]:
     )
     answer = ReadyAnswer
     columns: list[Any] = [
-        *(ReadyRow.calibration_id, ReadyRow.version),
-        *(answer.etag, answer.whole, answer.foreseen, answer.items),
+        *(ReadyRow.calibration_id, answer.etag, answer.foreseen, ReadyRow.version, answer.whole),
+        case((bindparam("tags_only", False, Boolean), None), else_=answer.items).label("items"),
     ]
     return (
         select(*columns)

@@ -1,5 +1,6 @@
 """A PostgreSQL that does not answer, or not in time: nobody waits for ever."""
 
+import asyncio
 import threading
 import time
 from pathlib import Path
@@ -9,6 +10,7 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from store.database import Database
+from store.errors import ConnectionLost
 from store.migrate import migrate
 from tests.support.proxy import Proxy
 
@@ -57,6 +59,25 @@ def test_a_server_that_falls_silent_within_a_transaction(database, proxy):
         with proxy.being("silent"), pytest.raises(OperationalError, match="no answer within"):
             session.execute(text("SELECT 1"))
     assert ask(database) == 1
+
+
+def test_line_answers_in_order_and_ends_with_what_fails(database, proxy):
+    async def ask_down_lines():
+        line = await database.open_line({"inverse": "SELECT 60 / $1::int"})
+        numbers = range(1, 31)
+        found = await asyncio.gather(*(line.ask(b"inverse", [b"%d" % number]) for number in numbers))
+        assert [int.from_bytes(rows[0][0]) for rows in found] == [60 // number for number in numbers]
+        open_too = asyncio.gather(
+            *(line.ask(b"inverse", [b"%d" % number]) for number in (0, 1)), return_exceptions=True
+        )
+        assert [type(each) for each in await open_too] == [ConnectionLost] * 2
+        assert line.closed
+        line = await database.open_line({"one": "SELECT 1"})
+        with proxy.being("silent"), pytest.raises(ConnectionLost, match="no answer within"):
+            await line.ask(b"one", [])
+        assert line.closed
+
+    asyncio.run(ask_down_lines())
 
 
 def test_a_server_that_never_answers_a_connection(database, proxy):
