@@ -4,9 +4,9 @@ The commit happens here, before the answer exists: never in a dependency, which 
 """
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from fastapi import Depends, Header, Request
 from fastapi.responses import JSONResponse
@@ -19,9 +19,12 @@ from service.context import Context, get_context
 from service.problems import Problem
 from service.schemas.base import Answer, Text
 from store.tables import IdempotentAnswer, Job
-from store.usage import refuse_long_queue
+from store.usage import charge
 
 _ATTEMPTS = 3
+REPLAYED = "Idempotent-Replayed"
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,54 +35,38 @@ class Reply:
     body: Answer
     headers: dict[str, str] = field(default_factory=dict)
     jobs: list[Job] = field(default_factory=list)
+    frame_bytes: int | None = None
+    """Size of the frame that was added, which counts for the quotas."""
 
 
 class Writing:
     """Runs a change once, however often its request is sent."""
 
     def __init__(self, context: Context, key: str | None, fingerprint: str) -> None:
-        self._context = context
+        self.context = context
         self._key = key
         self._fingerprint = fingerprint
 
     def with_content(self, sha256: str) -> "Writing":
         """The same, for a request whose body was streamed and is known by its hash."""
-        return Writing(self._context, self._key, f"{self._fingerprint}{sha256}")
+        return Writing(self.context, self._key, f"{self._fingerprint}{sha256}")
 
     def run(self, caller: Caller, change: Callable[[Session], Reply]) -> JSONResponse:
-        """Do it in a transaction; when another did the same at once, look again and find it done."""
-        for attempt in range(_ATTEMPTS):
-            try:
-                return self._run(caller, change)
-            except IntegrityError:
-                if attempt == _ATTEMPTS - 1:
-                    raise
-        raise AssertionError("unreachable")
+        """Do it in a transaction of its own."""
+        return run_all(caller, [(self, None)], lambda session, _: [change(session)])[0]
 
-    def _run(self, caller: Caller, change: Callable[[Session], Reply]) -> JSONResponse:
-        with self._context.database.writing(caller.key_id, caller.organisation_id) as session:
-            earlier = self._earlier(session, caller)
-            if earlier is not None:
-                return JSONResponse(
-                    earlier.body, earlier.status, {**earlier.headers, "Idempotent-Replayed": "true"}
+    def _keep(self, session: Session, caller: Caller, reply: Reply) -> None:
+        if self._key is not None:
+            session.add(
+                IdempotentAnswer(
+                    organisation_id=caller.organisation_id,
+                    key=self._key,
+                    fingerprint=self._digest(),
+                    status=reply.status,
+                    headers=reply.headers,
+                    body=reply.body.keep(),
                 )
-            reply = change(session)
-            if reply.jobs:
-                refuse_long_queue(session, caller.organisation_id, self._context.quotas)
-            body = reply.body.dump()
-            if self._key is not None:
-                session.add(
-                    IdempotentAnswer(
-                        organisation_id=caller.organisation_id,
-                        key=self._key,
-                        fingerprint=self._digest(),
-                        status=reply.status,
-                        headers=reply.headers,
-                        body=reply.body.keep(),
-                    )
-                )
-        self._context.hints.send([job.id for job in reply.jobs])
-        return JSONResponse(body, reply.status, reply.headers)
+            )
 
     def _earlier(self, session: Session, caller: Caller) -> IdempotentAnswer | None:
         if self._key is None:
@@ -94,6 +81,54 @@ class Writing:
 
     def _digest(self) -> str:
         return hashlib.sha256(self._fingerprint.encode()).hexdigest()
+
+
+def run_all(
+    caller: Caller,
+    requests: Sequence[tuple[Writing, Item]],
+    change: Callable[[Session, Sequence[Item]], Sequence[Reply]],
+) -> list[JSONResponse]:
+    """Do what several requests of one caller ask, in one transaction; what was done before is not done again.
+
+    When another did the same at once, look again and find it done.
+    """
+    for attempt in range(_ATTEMPTS):
+        try:
+            return _run_all(caller, requests, change)
+        except IntegrityError:
+            if attempt == _ATTEMPTS - 1:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _run_all(
+    caller: Caller,
+    requests: Sequence[tuple[Writing, Item]],
+    change: Callable[[Session, Sequence[Item]], Sequence[Reply]],
+) -> list[JSONResponse]:
+    context = requests[0][0].context
+    with context.database.writing(caller.key_id, caller.organisation_id) as session:
+        done = [writing._earlier(session, caller) for writing, _ in requests]  # noqa: SLF001  of this module
+        new = [request for request, earlier in zip(requests, done, strict=True) if earlier is None]
+        replies = list(change(session, [item for _, item in new])) if new else []
+        for (writing, _), reply in zip(new, replies, strict=True):
+            writing._keep(session, caller, reply)  # noqa: SLF001  of this module
+        jobs = [job.id for reply in replies for job in reply.jobs]
+        sizes = [reply.frame_bytes for reply in replies if reply.frame_bytes is not None]
+        if jobs or sizes:
+            quotas, count = context.quotas, len(jobs)
+            charge(
+                session, caller.organisation_id, quotas, frames=len(sizes), size_bytes=sum(sizes), jobs=count
+            )
+        answers = iter([JSONResponse(reply.body.dump(), reply.status, reply.headers) for reply in replies])
+        # made before the commit: an answer that cannot be made changes nothing
+        found = [next(answers) if earlier is None else _replay(earlier) for earlier in done]
+    context.hints.send(jobs)
+    return found
+
+
+def _replay(earlier: IdempotentAnswer) -> JSONResponse:
+    return JSONResponse(earlier.body, earlier.status, {**earlier.headers, REPLAYED: "true"})
 
 
 IdempotencyKey = Annotated[

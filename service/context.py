@@ -14,6 +14,7 @@ from service.job_watch import JobWatch
 from service.rates import Rates
 from service.sessions import Sessions
 from service.shutdown import Traffic
+from service.together import Together
 from service.uses import STEP, Uses
 from store.blobs import Blobs
 from store.broker import Hints
@@ -60,6 +61,10 @@ class Context:
     def presses(self) -> CapacityLimiter:
         """How many certificates are made at once, in threads that no other request waits for."""
         return CapacityLimiter(2)
+
+    @cached_property
+    def together(self) -> Together:
+        return Together()
 
     @cached_property
     def uses(self) -> Uses:

@@ -27,22 +27,22 @@ class Received:
     """Of the multipart part, where it was one."""
 
 
-Admit = Callable[[str, int], None]
-"""Raises where a file with this hash, of this size, may not be kept."""
+Admit = Callable[[str | None, int], bool]
+"""Raises where a file with this hash, of this size, may not be kept; False where only the hash will tell."""
 
 
 async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admit) -> Received:
     """Store the request's body, raw or the part ``file`` of a form; memory stays flat.
 
     Whatever goes wrong on the way leaves nothing behind: the writer removes what was not committed. ``admit``
-    is asked before the body is read, where its hash is announced, and again when it is there.
+    is asked before the body is read, and again when it is there and more is known of it.
     """
     expected = _announced_sha256(request)
-    announced = request.headers.get("content-length", "")
-    if announced.isdecimal() and int(announced) > max_bytes:
+    text = request.headers.get("content-length", "")
+    announced = int(text) if text.isdecimal() else 0
+    if announced > max_bytes:
         raise _too_large(max_bytes)
-    if expected is not None:
-        await run_in_threadpool(admit, expected, int(announced) if announced.isdecimal() else 0)
+    admitted = await run_in_threadpool(admit, expected, announced)
     try:
         with blobs.writer() as writer:
             filename = await _copy(request, writer, max_bytes)
@@ -52,7 +52,8 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
                     f"The file arrived as SHA-256 {writer.sha256}, not the announced {expected}. "
                     "Send it again.",
                 )
-            await run_in_threadpool(admit, writer.sha256, writer.size_bytes)
+            if not admitted or writer.size_bytes > announced:
+                await run_in_threadpool(admit, writer.sha256, writer.size_bytes)
             return Received(blob=await run_in_threadpool(writer.commit), filename=filename)
     except StorageFull as error:
         raise Problem(interface.STORAGE_FULL, "The service has no space left for this file.") from error

@@ -108,7 +108,7 @@ def answer_series(
     shape = query.format or _choose_shape(request.headers.get("accept", ""))
     packed = "gzip" in request.headers.get("accept-encoding", "")
     after = _read_cursor(query.cursor, series)
-    with context.database.reading() as session:
+    with context.database.reading(snapshot=True) as session:
         if query.camera_id is not None:
             owned(session, Camera, query.camera_id, caller)
         said = [read_version(), series.read_state(session), caller.organisation_id, str(request.url), shape]

@@ -60,9 +60,7 @@ def check_audit(database: Database, noted: Head | None = None) -> tuple[Head, Fa
     It reads one snapshot: entries that are appended meanwhile neither disturb nor count.
     """
     last = Head(seq=0, sha256=_FIRST)
-    with database.reading() as session:
-        if not database.is_sqlite:
-            session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+    with database.reading(snapshot=True) as session:
         try:
             _compare(last, noted)
             for entry in _walk(session):

@@ -39,9 +39,7 @@ class RowsReport:
 def check_rows(database: Database) -> RowsReport:
     """Compare every audited row with its entries, in one snapshot."""
     report = RowsReport()
-    with database.reading() as session:
-        if not database.is_sqlite:
-            session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+    with database.reading(snapshot=True) as session:
         tables: list[type[Base]] = [mapper.class_ for mapper in Base.registry.mappers]
         for table in sorted(tables, key=lambda each: each.__tablename__):
             if issubclass(table, Audited) or issubclass(table, AuditedTogether):

@@ -52,7 +52,9 @@ class Database:
         else:
             from store.postgres import postgres_engine
 
-            self._reader = self._writer = postgres_engine(self.url, answer_within_s=answer_within_s)
+            self._writer = postgres_engine(self.url, answer_within_s=answer_within_s)
+            # each statement sees what is committed by then in a transaction too, and costs three more answers
+            self._reader = self._writer.execution_options(isolation_level="AUTOCOMMIT")
 
     @contextmanager
     def reading_alone(self) -> Iterator[sqlite3.Cursor]:
@@ -115,8 +117,11 @@ class Database:
                 return
 
     @contextmanager
-    def reading(self) -> Iterator[Session]:
+    def reading(self, *, snapshot: bool = False) -> Iterator[Session]:
+        """Lend a session for reading; with a snapshot all its statements see the same moment."""
         with Session(self._reader, expire_on_commit=False) as session:
+            if snapshot and not self.is_sqlite:
+                session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
             yield session
 
     @contextmanager

@@ -5,7 +5,7 @@ again, ends that; the jobs that failed for it then go on by themselves.
 """
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from itertools import chain
@@ -29,6 +29,7 @@ from store.blobs import (
 from store.columns import utc_now
 from store.database import Database
 from store.tables import Blob, Job
+from store.usage import add_jobs
 
 log = logging.getLogger(__name__)
 
@@ -127,12 +128,24 @@ class Files:
 
 def keep_blob(session: Session, blob: StoredBlob) -> None:
     """Add the row of a file that has just been stored; one that was there before is whole again."""
-    row = session.get(Blob, blob.sha256, with_for_update=True)
-    if row is None:
-        session.add(Blob(sha256=blob.sha256, size_bytes=blob.size_bytes, digests=blob.digests))
-        session.flush()
-    else:
-        _keep_whole(session, row, blob)
+    keep_blobs(session, [blob])
+
+
+def keep_blobs(session: Session, blobs: Iterable[StoredBlob]) -> None:
+    """Do so for several files, of which some may be the same."""
+    stored = {blob.sha256: blob for blob in blobs}
+    # in one order, so that two who bring the same files do not wait for each other
+    rows = session.scalars(
+        select(Blob).where(Blob.sha256.in_(stored)).order_by(Blob.sha256).with_for_update(),
+        execution_options={"populate_existing": True},
+    )
+    for row in rows:
+        _keep_whole(session, row, stored.pop(row.sha256))
+    session.add_all(
+        Blob(sha256=sha256, size_bytes=blob.size_bytes, digests=blob.digests)
+        for sha256, blob in sorted(stored.items())
+    )
+    session.flush()
 
 
 def describe_damage(damage: BlobDamaged) -> str:
@@ -176,4 +189,5 @@ def _change_damage(session: Session, row: Blob, damage: Damage | None) -> None:
 def _retry_jobs(session: Session, sha256: str) -> None:
     """Queue what failed because of this file; a job names the file that it lacked in its error."""
     for_its_damage = Job.error["code"].as_string() == interface.STORED_FILE_DAMAGED
-    jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == sha256))
+    if retried := jobs.retry(session, for_its_damage & (Job.error["sha256"].as_string() == sha256)):
+        add_jobs(session, retried)

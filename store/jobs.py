@@ -79,16 +79,15 @@ def enqueue(
     by: str,
     parameters: dict[str, Any],
     lane: str | None = None,
+    is_new: bool = False,
 ) -> Job:
     """Return a queued job for this subject: one that already waits with the same parameters, or a new one.
 
     The lane is the job's kind unless another is named: what a person waits for does not stand in the lane of
-    what a whole card or flight brings.
+    what a whole card or flight brings. ``is_new``: the subject is, and no job can wait for it.
     """
-    waiting = session.scalars(
-        select(Job).where(Job.subject_id == subject_id, Job.kind == kind, Job.state == "queued")
-    )
-    for job in waiting:
+    waiting = select(Job).where(Job.subject_id == subject_id, Job.kind == kind, Job.state == "queued")
+    for job in [] if is_new else session.scalars(waiting):
         if job.parameters == parameters:
             return job
     job = Job(
@@ -104,10 +103,18 @@ def enqueue(
     return job
 
 
-def enqueue_extraction(session: Session, frame: FrameRow, organisation_id: str, *, by: str) -> Job:
-    """Add a job that reads this frame and computes whatever its region still lacks."""
+def enqueue_extraction(
+    session: Session, frame: FrameRow, organisation_id: str, *, by: str, is_new: bool = False
+) -> Job:
+    """Add a job that reads this frame, which may be new, and computes whatever its region still lacks."""
     return enqueue(
-        session, kind="extract", subject_id=frame.id, organisation_id=organisation_id, by=by, parameters={}
+        session,
+        kind="extract",
+        subject_id=frame.id,
+        organisation_id=organisation_id,
+        by=by,
+        parameters={},
+        is_new=is_new,
     )
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import select
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -19,6 +20,8 @@ Result = TypeVar("Result")
 
 _CONNECT_WITHIN_S = 5.0
 _PING_WITHIN_S = 2.0
+_TRUSTED_FOR_S = 5.0
+"""How long after its last answer a connection is taken to live, unless its server has closed it."""
 _WORD_ON_THE_WAY_S = 2.0
 """By how much longer than the server's own limit an answer may take."""
 
@@ -51,7 +54,9 @@ def postgres_engine(url: URL, *, answer_within_s: float | None) -> Engine:
         ping = engine.dialect.do_ping
 
         def ping_briefly(connection: Any) -> bool:  # noqa: ANN401
-            """Ask whether a connection of the pool still lives, which takes no time where it does."""
+            """Return whether a pooled connection still lives; one that has just answered is not asked."""
+            if connection.is_fresh:
+                return True
             connection.silence_s = min(_PING_WITHIN_S, silence_s)
             try:
                 return ping(connection)
@@ -67,14 +72,26 @@ class _Connection(psycopg.Connection[Any]):
     """Gives up a server that has not answered for so long [s]."""
 
     silence_s: float
+    _answered_at = -math.inf
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether it has just answered and nothing has come since, as does the end of a server."""
+        if time.monotonic() - self._answered_at > _TRUSTED_FOR_S or self.closed:
+            return False
+        poll = select.poll()
+        poll.register(self.fileno(), select.POLLIN)
+        return not poll.poll(0)
 
     def wait(self, gen: PQGen[Result], interval: float = 0.1, timeout: float | None = None) -> Result:
         try:
-            return super().wait(_within(gen, self.silence_s), interval, timeout)
+            result = super().wait(_within(gen, self.silence_s), interval, timeout)
         except _Silent:
             # What the server has made of the statement is unknown: nothing else may use this connection.
             self.close()
             raise psycopg.OperationalError(f"no answer within {self.silence_s:g} s") from None
+        self._answered_at = time.monotonic()
+        return result
 
 
 def prepare(

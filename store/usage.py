@@ -1,14 +1,15 @@
 """What each organisation uses of what it may: counted where it grows, so that no upload has to add it all up.
 
 The counts of an organisation lie in one row, which whoever adds to them locks until the commit: two that come
-at once are counted one after the other. Before anybody is refused they are counted anew.
+at once are counted one after the other. Before anybody is refused they are counted anew. Of jobs an upper
+bound is kept, which a job that ends does not lower: where it reaches the quota, the jobs are counted.
 """
 
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final, Literal
 
-from sqlalchemy import func, select
+from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
@@ -62,26 +63,53 @@ def read_usage(session: Session, organisation_id: str) -> Used:
     return Used(
         stored_bytes=row.stored_bytes,
         frames=row.frames,
-        jobs_waiting=_count_waiting(session, organisation_id),
+        jobs_waiting=_count_jobs(session, organisation_id, "queued"),
     )
 
 
 def check_room(session: Session, organisation_id: str, size_bytes: int, quotas: Quotas) -> None:
     """Raise QuotaExceeded when one more frame is too much as it looks now: before its bytes are sent."""
-    used = read_usage(session, organisation_id)
-    _refuse_over(used.frames + 1, used.stored_bytes + size_bytes, size_bytes, quotas)
-    if quotas.jobs_waiting and used.jobs_waiting >= quotas.jobs_waiting:
-        raise QuotaExceeded("jobs_waiting", limit=quotas.jobs_waiting, used=used.jobs_waiting)
+    row = session.get(Usage, organisation_id) or _count(session, organisation_id)
+    _refuse_over(row.frames + 1, row.stored_bytes + size_bytes, quotas, frames=1, size_bytes=size_bytes)
+    if quotas.jobs_waiting and row.jobs_most >= quotas.jobs_waiting:
+        _refuse_long_queue(session, organisation_id, quotas.jobs_waiting, room_for=1)
 
 
-def charge(session: Session, organisation_id: str, size_bytes: int, quotas: Quotas) -> None:
-    """Count a frame that was just added, or raise QuotaExceeded."""
-    row, counted = _lock(session, organisation_id)
-    if not counted:
-        row.frames += 1
-        row.stored_bytes += size_bytes
-    _refuse_over(row.frames, row.stored_bytes, size_bytes, quotas)
+def charge(
+    session: Session, organisation_id: str, quotas: Quotas, *, frames: int, size_bytes: int, jobs: int
+) -> None:
+    """Count what a transaction has added, or raise QuotaExceeded.
+
+    It is called last, because the counts stay locked until the commit.
+    """
     session.flush()
+    row = session.execute(
+        update(Usage)
+        .where(Usage.organisation_id == organisation_id)
+        .values(
+            frames=Usage.frames + frames,
+            stored_bytes=Usage.stored_bytes + size_bytes,
+            jobs_most=Usage.jobs_most + jobs,
+        )
+        .returning(Usage.frames, Usage.stored_bytes, Usage.jobs_most)
+        .execution_options(synchronize_session=False)
+    ).first()
+    # an organisation that was founded after the counts were made has none yet
+    used = row or _lock(session, organisation_id)[0]
+    _refuse_over(used.frames, used.stored_bytes, quotas, frames=frames, size_bytes=size_bytes)
+    if jobs and quotas.jobs_waiting and used.jobs_most > quotas.jobs_waiting:
+        _refuse_long_queue(session, organisation_id, quotas.jobs_waiting)
+        bound = _count_jobs(session, organisation_id, "queued", "running")
+        mine = update(Usage).where(Usage.organisation_id == organisation_id)
+        session.execute(mine.values(jobs_most=bound).execution_options(synchronize_session=False))
+
+
+def add_jobs(session: Session, count: int, *, organisation_id: str | None = None) -> None:
+    """Raise the bound by jobs that wait again or that nobody asked for, of one organisation or of all."""
+    raised = update(Usage).values(jobs_most=Usage.jobs_most + count)
+    if organisation_id is not None:
+        raised = raised.where(Usage.organisation_id == organisation_id)
+    session.execute(raised.execution_options(synchronize_session=False))
 
 
 def recount_if_old(session: Session, organisation_id: str) -> None:
@@ -89,16 +117,6 @@ def recount_if_old(session: Session, organisation_id: str) -> None:
     row, _ = _lock(session, organisation_id)
     if utc_now() - row.counted_at >= _RECOUNT_AFTER:
         _recount(session, row)
-
-
-def refuse_long_queue(session: Session, organisation_id: str, quotas: Quotas) -> None:
-    """Raise QuotaExceeded when more jobs wait than may, those of this transaction counted in."""
-    if not quotas.jobs_waiting:
-        return
-    _lock(session, organisation_id)
-    waiting = _count_waiting(session, organisation_id, most=quotas.jobs_waiting + 1)
-    if waiting > quotas.jobs_waiting:
-        raise QuotaExceeded("jobs_waiting", limit=quotas.jobs_waiting, used=quotas.jobs_waiting)
 
 
 def recount_all(session: Session) -> None:
@@ -109,11 +127,20 @@ def recount_all(session: Session) -> None:
             _recount(session, row)
 
 
-def _refuse_over(frames: int, stored_bytes: int, size_bytes: int, quotas: Quotas) -> None:
-    if quotas.frames and frames > quotas.frames:
-        raise QuotaExceeded("frames", limit=quotas.frames, used=frames - 1)
-    if quotas.stored_bytes and stored_bytes > quotas.stored_bytes:
-        raise QuotaExceeded("stored_bytes", limit=quotas.stored_bytes, used=stored_bytes - size_bytes)
+def _refuse_over(
+    total_frames: int, total_bytes: int, quotas: Quotas, *, frames: int, size_bytes: int
+) -> None:
+    """Raise QuotaExceeded if the totals, of which the last two are new, are too much."""
+    if quotas.frames and frames and total_frames > quotas.frames:
+        raise QuotaExceeded("frames", limit=quotas.frames, used=total_frames - frames)
+    if quotas.stored_bytes and frames and total_bytes > quotas.stored_bytes:
+        raise QuotaExceeded("stored_bytes", limit=quotas.stored_bytes, used=total_bytes - size_bytes)
+
+
+def _refuse_long_queue(session: Session, organisation_id: str, limit: int, *, room_for: int = 0) -> None:
+    waiting = _count_jobs(session, organisation_id, "queued", most=limit + 1)
+    if waiting + room_for > limit:
+        raise QuotaExceeded("jobs_waiting", limit=limit, used=min(waiting, limit))
 
 
 def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:
@@ -126,7 +153,7 @@ def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:
     if found is not None:
         return found, False
     # founded after the counts were made; two that come at once meet in the primary key, and try again
-    made = Usage(organisation_id=organisation_id, frames=0, stored_bytes=0, counted_at=utc_now())
+    made = Usage(organisation_id=organisation_id, frames=0, stored_bytes=0, jobs_most=0, counted_at=utc_now())
     session.add(made)
     session.flush()
     _recount(session, made)
@@ -135,7 +162,8 @@ def _lock(session: Session, organisation_id: str) -> tuple[Usage, bool]:
 
 def _recount(session: Session, row: Usage) -> None:
     counted = _count(session, row.organisation_id)
-    row.frames, row.stored_bytes, row.counted_at = counted.frames, counted.stored_bytes, utc_now()
+    row.frames, row.stored_bytes, row.jobs_most = counted.frames, counted.stored_bytes, counted.jobs_most
+    row.counted_at = utc_now()
     session.flush()
 
 
@@ -147,9 +175,14 @@ def _count(session: Session, organisation_id: str) -> Usage:
         .join(Blob, Blob.sha256 == FrameRow.sha256)
         .where(Campaign.organisation_id == organisation_id)
     ).one()
-    return Usage(organisation_id=organisation_id, frames=frames, stored_bytes=int(stored_bytes))
+    return Usage(
+        organisation_id=organisation_id,
+        frames=frames,
+        stored_bytes=int(stored_bytes),
+        jobs_most=_count_jobs(session, organisation_id, "queued", "running"),
+    )
 
 
-def _count_waiting(session: Session, organisation_id: str, most: int | None = None) -> int:
-    waiting = select(Job.id).where(Job.state == "queued", Job.organisation_id == organisation_id).limit(most)
-    return session.scalar(select(func.count()).select_from(waiting.subquery())) or 0
+def _count_jobs(session: Session, organisation_id: str, *states: str, most: int | None = None) -> int:
+    jobs = select(Job.id).where(Job.state.in_(states), Job.organisation_id == organisation_id).limit(most)
+    return session.scalar(select(func.count()).select_from(jobs.subquery())) or 0

@@ -21,6 +21,7 @@ from store.database import Database, summarise
 from store.files import Files
 from store.schema import SchemaDiffers
 from store.tables import Blob, Campaign, FrameRow
+from store.usage import add_jobs
 
 log = logging.getLogger(__name__)
 
@@ -97,6 +98,7 @@ class Scrub:
                 campaign = session.get_one(Campaign, frame.campaign_id)
                 if not jobs.is_live(session, frame.id):
                     jobs.enqueue_extraction(session, frame, campaign.organisation_id, by="sweeper")
+                    add_jobs(session, 1, organisation_id=campaign.organisation_id)
 
     def _list_without_preview(self) -> list[str]:
         preview, content = aliased(Blob), aliased(Blob)

@@ -1,7 +1,9 @@
 """Frames: uploaded as a stream, read by a worker, given back byte for byte."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 from urllib.parse import quote
 
@@ -15,7 +17,7 @@ from radiometry.findings import interface
 from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
-from service.changes import Reply, StreamWrites, Writes
+from service.changes import REPLAYED, Reply, StreamWrites, Writes, run_all
 from service.context import Context, UsesContext
 from service.immutable import send_blob
 from service.lookup import Id, owned
@@ -26,20 +28,21 @@ from service.routes import problems, sends_stored_file
 from service.routes.campaigns import read_roi
 from service.schemas.campaigns import NewRoi, RoiAnswer
 from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow, Upload
+from store.blobs import StoredBlob
 from store.columns import utc_now
 from store.jobs import enqueue_extraction
-from store.queries.campaigns import find_or_add_roi, renew_extraction
+from store.queries.campaigns import Drawing, find_or_add_roi, renew_extraction
 from store.queries.frames import (
     NewFrame,
     current_roi,
     describe_anew,
     extractions_of,
-    find_or_add_frame,
+    find_or_add_frames,
     statistics_of,
 )
 from store.queries.known import find_known
 from store.tables import Blob, Campaign, FrameRow, Job
-from store.usage import QuotaExceeded, charge, check_room, recount_if_old
+from store.usage import QuotaExceeded, check_room, recount_if_old
 from store.verdicts import judge_alone
 
 router = APIRouter(prefix="/v1", tags=["frames"])
@@ -86,39 +89,31 @@ async def upload_frame(
     The hash is compared when X-Content-SHA256 or Repr-Digest announces it.
     """
     region = _read_region(upload.roi) if upload.roi is not None else None
-    await run_in_threadpool(_check_campaign, context, campaign_id, caller)
     received = await receive(
         request,
         context.blobs,
         max_bytes=context.settings.max_upload_bytes,
         admit=lambda sha256, size_bytes: _admit(context, campaign_id, caller, sha256, size_bytes),
     )
-    # before a replayed answer is found: also that upload has brought the bytes again
-    await run_in_threadpool(context.files.heal, received.blob)
     filename = upload.filename or received.filename or f"{received.blob.sha256[:12]}.bin"
-
-    def change(session: Session) -> Reply:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        roi = find_or_add_roi(session, caller.organisation_id, read_roi(region)) if region else None
-        new = NewFrame(
-            blob=received.blob,
-            filename=_plain_name(filename),
-            role=upload.role,
-            scene=upload.scene,
-            roi_id=roi.id if roi else None,
-            supplied=upload.supplied(),
-        )
-        frame, is_new, to_read = find_or_add_frame(session, campaign, new)
-        if is_new:
-            charge(session, caller.organisation_id, received.blob.size_bytes, context.quotas)
-        jobs = (
-            [enqueue_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if to_read else []
-        )
-        return Reply(
-            status=201 if is_new else 200, body=_answer_write(session, frame, campaign, jobs), jobs=jobs
-        )
-
-    return await run_in_threadpool(writing.with_content(received.blob.sha256).run, caller, change)
+    new = NewFrame(
+        blob=received.blob,
+        filename=_plain_name(filename),
+        role=upload.role,
+        scene=upload.scene,
+        roi_id=None,
+        supplied=upload.supplied(),
+    )
+    arrival = _Arrival(campaign_id, new, read_roi(region) if region else None)
+    answer = await context.together.do(
+        caller.key_id,
+        (writing.with_content(received.blob.sha256), arrival),
+        lambda requests: run_all(caller, requests, partial(_add_frames, caller)),
+    )
+    if REPLAYED in answer.headers:
+        # nothing was done for it, but also this upload has brought the bytes again
+        await run_in_threadpool(context.files.heal, received.blob)
+    return answer
 
 
 @router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer], responses=problems(404))
@@ -253,26 +248,61 @@ def require_preview(frame: FrameRow) -> str:
     return frame.preview_sha256
 
 
-def _check_campaign(context: Context, campaign_id: str, caller: Caller) -> None:
-    """Before a long upload, not after it."""
-    with context.database.reading() as session:
-        owned(session, Campaign, campaign_id, caller)
+@dataclass(frozen=True)
+class _Arrival:
+    """A frame whose file is stored, on its way into a campaign; its own region, if it has one."""
+
+    campaign_id: str
+    new: NewFrame
+    drawing: Drawing | None
 
 
-def _admit(context: Context, campaign_id: str, caller: Caller, sha256: str, size_bytes: int) -> None:
-    """Refuse a file for which there is no room, unless the campaign has it already."""
+def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) -> list[Reply]:
+    arrived = []
+    for each in arrivals:
+        campaign = owned(session, Campaign, each.campaign_id, caller)
+        roi = find_or_add_roi(session, caller.organisation_id, each.drawing) if each.drawing else None
+        arrived.append((campaign, replace(each.new, roi_id=roi.id if roi else None)))
+    replies = []
+    for (campaign, new), (frame, is_new, to_read) in zip(
+        arrived, find_or_add_frames(session, arrived), strict=True
+    ):
+        by = caller.key_id
+        jobs = (
+            [enqueue_extraction(session, frame, caller.organisation_id, by=by, is_new=is_new)]
+            if to_read
+            else []
+        )
+        stored = new.blob if is_new else None
+        body = _answer_write(session, frame, campaign, jobs, stored=stored)
+        status, size_bytes = (200, None) if stored is None else (201, stored.size_bytes)
+        replies.append(Reply(status=status, body=body, jobs=jobs, frame_bytes=size_bytes))
+    return replies
 
-    def check() -> None:
+
+def _admit(context: Context, campaign_id: str, caller: Caller, sha256: str | None, size_bytes: int) -> bool:
+    """Refuse a file for which there is no room, unless the campaign has it already.
+
+    False where there is none and the file is not known yet.
+    """
+
+    def check() -> bool:
         with context.database.reading() as session:
-            if not find_known(session, session.get_one(Campaign, campaign_id), [sha256]):
+            campaign = owned(session, Campaign, campaign_id, caller)
+            try:
                 check_room(session, caller.organisation_id, size_bytes, context.quotas)
+            except QuotaExceeded:
+                if sha256 is not None and not find_known(session, campaign, [sha256]):
+                    raise
+                return sha256 is not None
+        return True
 
     try:
-        check()
+        return check()
     except QuotaExceeded:
         with context.database.writing("service") as session:
             recount_if_old(session, caller.organisation_id)
-        check()
+        return check()
 
 
 def _read_region(text: str) -> NewRoi:
@@ -300,10 +330,22 @@ def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: b
     return Reply(status=200, body=_answer_write(session, frame, campaign, jobs), jobs=jobs)
 
 
-def _answer_write(session: Session, frame: FrameRow, campaign: Campaign, jobs: list[Job]) -> FrameAnswer:
+def _answer_write(
+    session: Session,
+    frame: FrameRow,
+    campaign: Campaign,
+    jobs: list[Job],
+    *,
+    stored: StoredBlob | None = None,
+) -> FrameAnswer:
     # nobody else may write meanwhile: the frame is not held against a whole campaign here
-    verdicts = {frame.id: judge_alone(session, frame, campaign)} if jobs else {}
-    answer = _answers(session, [frame], verdicts)[0]
+    verdict = judge_alone(session, frame, campaign) if jobs else None
+    if stored is not None:
+        # the frame is new: nothing else is known of it
+        blob = Blob(sha256=stored.sha256, size_bytes=stored.size_bytes)
+        answer = FrameAnswer.of(frame, blob=blob, statistics=[], verdict=verdict)
+    else:
+        answer = _answers(session, [frame], {frame.id: verdict} if verdict else {})[0]
     return answer.model_copy(update={"job_id": jobs[0].id}) if jobs else answer
 
 

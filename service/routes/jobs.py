@@ -24,6 +24,7 @@ from store.broker import MOST_HINTS
 from store.jobs import FINAL_STATES
 from store.queries.jobs import frames_of, select_given_up, summarise_queue
 from store.tables import Campaign, Job, Organisation
+from store.usage import add_jobs
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -97,6 +98,7 @@ def retry_jobs(body: RetriedJobs, caller: Reader, writing: Writes) -> Response:
         if retried:
             asked = body.model_dump(exclude_none=True)
             organisation = session.get_one(Organisation, caller.organisation_id)
+            add_jobs(session, retried, organisation_id=organisation.id)
             record_act(session, "retry_jobs", organisation, asked, {"state": "queued", "jobs": retried})
         return Reply(status=202, body=RetriedAnswer(retried=retried), jobs=first)
 

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
 from typing import Any, Protocol
@@ -19,7 +19,7 @@ from radiometry.frame.statistics import ChannelStatistics
 from store import jobs
 from store.blobs import StoredBlob
 from store.columns import new_id
-from store.files import keep_blob
+from store.files import keep_blobs
 from store.software import EXTRACTOR
 from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Roi
 from store.tables.base import Json
@@ -55,18 +55,29 @@ class NewFrame:
     supplied: dict[str, float]
 
 
-def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tuple[FrameRow, bool, bool]:
+def find_or_add_frames(
+    session: Session, arrived: Sequence[tuple[Campaign, NewFrame]]
+) -> list[tuple[FrameRow, bool, bool]]:
     """The campaign's frame with these bytes; whether it is new; whether it is to be read (again).
 
     The same bytes again change nothing, except that a withdrawn frame is restored, a refused one gets another
     chance, and one whose reading was given up is read again.
     """
-    keep_blob(session, new.blob)
-    found = session.scalar(
-        select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.sha256 == new.blob.sha256)
+    keep_blobs(session, [new.blob for _, new in arrived])
+    rows = session.scalars(
+        select(FrameRow).where(
+            FrameRow.campaign_id.in_({campaign.id for campaign, _ in arrived}),
+            FrameRow.sha256.in_({new.blob.sha256 for _, new in arrived}),
+        )
     )
-    if found is None:
-        found = FrameRow(
+    known = {(row.campaign_id, row.sha256): row for row in rows}
+    frames = []
+    for campaign, new in arrived:
+        key = campaign.id, new.blob.sha256
+        if key in known:
+            frames.append(_find_again(session, known[key], new))
+            continue
+        known[key] = FrameRow(
             id=new_id("frm"),
             campaign_id=campaign.id,
             sha256=new.blob.sha256,
@@ -75,10 +86,15 @@ def find_or_add_frame(session: Session, campaign: Campaign, new: NewFrame) -> tu
             scene=new.scene,
             roi_id=new.roi_id,
             supplied=new.supplied,
+            state="received",
         )
-        session.add(found)
-        session.flush()
-        return found, True, True
+        session.add(known[key])
+        frames.append((known[key], True, True))
+    session.flush()
+    return frames
+
+
+def _find_again(session: Session, found: FrameRow, new: NewFrame) -> tuple[FrameRow, bool, bool]:
     found.withdrawn_at, withdrawn = None, found.withdrawn_at
     if withdrawn:
         return found, False, True
@@ -132,6 +148,8 @@ def region_ids(session: Session, campaign: Campaign, frames: Iterable["Sized"]) 
     sizes = {frame.id: frame.size_px for frame in frames if frame.size_px is not None}
     hashes = {size: whole_frame(*size).sha256 for size in set(sizes.values())}
     keys = {frame_id: hashes[size] for frame_id, size in sizes.items()}
+    if not keys:
+        return ids
     rois = session.execute(
         select(Roi.sha256, Roi.id).where(
             Roi.organisation_id == campaign.organisation_id, Roi.sha256.in_(set(keys.values()))

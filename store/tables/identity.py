@@ -83,6 +83,8 @@ class Usage(Base):
     frames: Mapped[int]
     stored_bytes: Mapped[int] = mapped_column(BigInteger)
     """Of the files of its frames, in each campaign that has them."""
+    jobs_most: Mapped[int] = mapped_column(default=0)
+    """At least as many as its jobs that wait or run: while this is below the quota, nobody counts them."""
     counted_at: Mapped[datetime] = mapped_column(UtcDateTime)
     """When it was last counted by adding up."""
 

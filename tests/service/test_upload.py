@@ -2,13 +2,17 @@
 
 import base64
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import unquote
 
 import pytest
-from sqlalchemy import func, select
+from sqlalchemy import event, func, select, update
 
-from store.tables import Blob, FrameRow
+from store.audit_check import check_audit
+from store.columns import utc_now
+from store.tables import Blob, FrameRow, Job, Usage
 from tests.support.blobs import files
+from tests.support.waiting import wait_for
 
 CONTENT = b"raw" * 1000
 SHA256 = hashlib.sha256(CONTENT)
@@ -208,3 +212,39 @@ def test_what_is_said_of_a_file_is_checked_before_it_is_read(house, query, field
 def test_an_unknown_campaign_is_told_before_the_upload(house):
     answer = send(house, CONTENT, campaign={"id": "cmp_no"})
     assert answer.status_code == 404
+
+
+def test_frames_that_arrive_at_once_share_a_commit_and_no_refusal(house):
+    campaign, engine, commits = house.campaign(), house.database.engine, []
+    path = f"/v1/campaigns/{campaign['id']}/frames?role=dark"
+    house.upload(campaign, b"first", role="dark")
+    waiting = house.app.state.context.together.waiting
+
+    def count(connection):
+        commits.append(connection)
+
+    def send_all(contents, reused=None):
+        def send_one(content):
+            headers = {"Idempotency-Key": "reused"} if content == reused else {}
+            return house.http.post(path, content=content, headers=headers).status_code
+
+        with ThreadPoolExecutor(8) as threads:
+            with house.database.writing("test") as session:
+                session.execute(update(Usage).values(counted_at=utc_now()))
+                sent = [threads.submit(send_one, content) for content in contents]
+                wait_for(lambda: sum(map(len, waiting.values())) >= len(contents) - 2, timeout_s=20)
+            commits.clear()
+            return sorted(each.result() for each in sent)
+
+    event.listen(engine, "commit", count)
+    try:
+        assert send_all([b"A", b"B", b"C", b"D", b"D"], reused=b"A") == [200, 201, 201, 201, 201]
+        assert len(commits) <= 3
+        assert send_all([b"E", b"F", b"G", b"H"], reused=b"H") == [201, 201, 201, 422]
+    finally:
+        event.remove(engine, "commit", count)
+    frames = [frame["id"] for frame in house.get(f"/v1/campaigns/{campaign['id']}/frames")["items"]]
+    with house.database.reading() as session:
+        jobs = session.scalars(select(Job.subject_id).where(Job.subject_id.in_(frames)).order_by(Job.id))
+        assert (len(frames), sorted(jobs)) == (8, sorted(frames))
+    assert check_audit(house.database)[1] is None

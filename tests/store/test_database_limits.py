@@ -113,7 +113,7 @@ def test_a_lock_is_not_waited_for_for_long(database, url):
     other = Database(url)
 
     def hold():
-        with other.reading() as session:
+        with other.writing("test") as session:
             session.execute(text("LOCK TABLE organisation"))
             locked.set()
             done.wait(30)

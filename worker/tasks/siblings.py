@@ -16,6 +16,7 @@ from store.blobs.errors import BlobDamaged
 from store.codec import decode_header
 from store.jobs import enqueue_extraction
 from store.tables import Campaign, FrameRow, Roi
+from store.usage import add_jobs
 from worker.context import Context
 from worker.decode.pool import DecoderCrashed
 
@@ -100,3 +101,5 @@ def ask_siblings(
         waiting = [frame] if later else []
     for each in waiting:
         enqueue_extraction(session, each, campaign.organisation_id, by=_ACTOR)
+    if waiting:
+        add_jobs(session, len(waiting), organisation_id=campaign.organisation_id)
