@@ -1,4 +1,4 @@
-"""``make verify CERT=... DATA=... [KEY=...]``: recompute every quantity of a certificate or a measurement.
+"""``make verify CERT=... DATA=... [KEY=...]``: recompute every quantity of a certificate or measurement.
 
 The exit code is 0 when all agree to the last bit or to rounding, 1 when something differs, 2 when nothing can
 be compared.
@@ -18,6 +18,7 @@ from verify.data import (
     Unusable,
     is_address,
     is_measurement,
+    is_rig,
     open_data,
     open_measurement,
     read_certificate,
@@ -26,6 +27,7 @@ from verify.data import (
 from verify.measurement import verify_measurement
 from verify.recompute import recompute
 from verify.report import conclude, tabulate
+from verify.rig import verify_rig
 from worker.decode.pool import DecoderKilled, DecoderPool, DecoderUnavailable
 
 
@@ -49,17 +51,15 @@ def _verify(place: str, data_place: str, key: str, console: Console) -> int:
     if is_measurement(certificate):
         with open_measurement(data_place, key, certificate["id"]) as folder, DecoderPool(1) as decoders:
             return _report(certificate, verify_measurement(certificate, folder, decoders), console)
-    with (
-        open_data(data_place, key, certificate["calibration_id"]) as data,
-        DecoderPool(1) as decoders,
-        console.status("reading the frames") as status,
-    ):
+    with DecoderPool(1) as decoders, console.status("reading the frames") as status:
 
         def tell(done: int, total: int) -> None:
             status.update(f"reading the frames: {done} of {total}")
 
-        found = recompute(certificate, data, decoders, tell)
-        rows = check(certificate, data, found)
+        if is_rig(certificate):
+            return _report(certificate, verify_rig(certificate, data_place, key, decoders, tell), console)
+        with open_data(data_place, key, certificate["calibration_id"]) as data:
+            rows = check(certificate, data, recompute(certificate, data, decoders, tell))
     return _report(certificate, rows, console)
 
 

@@ -216,6 +216,7 @@ def list_coefficients(fitted: Fit) -> tuple[CoefficientValue, ...]:
             iso=each.iso,
             channel=each.channel,
             flags=_flags_at(fitted, each.direction),
+            effective_dof=each.effective_dof,
         )
         for each in fitted.blooming or ()
     ]

@@ -3,15 +3,17 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from radiometry.fitting.evidence import Quantity
+from radiometry.fitting.evidence import MOST_DOF, Quantity
+from radiometry.fitting.repeats import merge_variances
 from radiometry.frame.roi import Window
 from radiometry.sharpness import codes
 from radiometry.sharpness.sampling import Matrix, Plane
+from radiometry.specification.stored import LATER
 
 FEWEST_PLACES: Final = 8
 SATURATED_RATIO: Final = 1.1
@@ -89,6 +91,8 @@ class Blooming:
         Distance from where light alone saturates to where less than 1 % is added [px].
     added : tuple of Added
         What is added against the distance.
+    effective_dof : float or None
+        Effective degrees of freedom of `blooming`; None in versions from before they were computed.
     frames, references : tuple of str
         Saturated and unsaturated frames.
     """
@@ -105,6 +109,7 @@ class Blooming:
     added: tuple[Added, ...]
     frames: tuple[str, ...]
     references: tuple[str, ...]
+    effective_dof: float | None = field(default=None, metadata=LATER)
 
 
 def measure_spot(plane: Plane, *, window: Window) -> SpotResponse:
@@ -184,8 +189,9 @@ def fit_blooming(
         u(added)^2 = u(S)^2 + (rho u(S_ref))^2 + (rho S_ref u(rho)/rho)^2 + ((rho - 1) u(black))^2
 
     where the last two are shared by all places and add linearly in the sum. Several frames of one setting
-    are averaged; the reference is the longest exposure of at most half of the saturated one that is not
-    saturated itself.
+    are averaged: where their sums scatter beyond that, as by a lamp that changes between them, u follows
+    from the scatter with Student's factor. The reference is the longest exposure of at most half of the
+    saturated one that is not saturated itself. Degrees of freedom are those of the samples across a strip.
     """
     found: list[Blooming] = []
     why: dict[tuple[str, str, str], str] = {}
@@ -223,10 +229,14 @@ def fit_blooming(
 
 def _average(frames: Sequence[SpotShot], arm: int) -> tuple[Matrix, Matrix]:
     """Return signal and its standard uncertainty, from the larger of noise and the scatter of repeats."""
-    signals = np.array([shot.spot.arms[arm].signal_dn for shot in frames])
+    signals = _stack(frames, arm)
     noise = np.mean(np.array([shot.spot.arms[arm].u_dn for shot in frames]) ** 2, axis=0)
     scatter = signals.var(axis=0, ddof=1) if len(frames) > 1 else np.zeros_like(noise)
     return signals.mean(axis=0), np.sqrt(np.maximum(noise, scatter) / len(frames))
+
+
+def _stack(frames: Sequence[SpotShot], arm: int) -> Matrix:
+    return np.array([shot.spot.arms[arm].signal_dn for shot in frames])
 
 
 def _middle(frames: Sequence[SpotShot]) -> float:
@@ -253,6 +263,21 @@ def _find_reference(shorter: Sequence[list[SpotShot]], frames: Sequence[SpotShot
     return None
 
 
+def _sum_noise(signals: Matrix, u: Matrix) -> tuple[float, float]:
+    """Return u of the sum over all places, and its degrees of freedom; repeats may change as a whole.
+
+    ``signals`` : (frame, place); ``u`` : of their mean at each place
+    """
+    by_noise = float((u**2).sum())
+    # a strip is as wide as its arm is long times 4 of its share
+    across = max(1.0, 4.0 * _STRIP * u.size - 1.0)
+    dof = across * len(signals) * by_noise**2 / float((u**4).sum()) if by_noise else math.inf
+    sums = signals.sum(axis=1)
+    if len(sums) == 1:
+        return math.sqrt(by_noise), dof
+    return merge_variances(float(sums.var(ddof=1)), by_noise * len(sums), len(sums), dof=dof)
+
+
 def _compare(
     frames: Sequence[SpotShot],
     reference: Sequence[SpotShot],
@@ -276,7 +301,13 @@ def _compare(
         [np.where(open_, light * ratio_u_rel, 0.0), np.where(open_, (rho - 1.0) * black_u_dn, 0.0)]
     )
     pitch = float(np.mean(np.diff(distance)))
-    total = math.sqrt(float((noise**2).sum()) + float((shared.sum(axis=1) ** 2).sum()))
+    below = open_ & (signal < level)
+    parts = [
+        _sum_noise(np.where(below, _stack(frames, arm), 0.0), np.where(below, u, 0.0)),
+        _sum_noise(np.where(open_, rho * _stack(reference, arm), 0.0), np.where(open_, rho * u_dim, 0.0)),
+    ]
+    total = math.sqrt(sum(each**2 for each, _ in parts) + float((shared.sum(axis=1) ** 2).sum()))
+    doubt = sum(each**4 / dof for each, dof in parts)
     edge = float(distance[open_][0]) if open_.any() else float(distance[-1])
     u_place = np.sqrt(noise**2 + (shared**2).sum(axis=0))
     beyond = distance[open_ & (added > np.maximum(REACH_REL * level, 2.0 * u_place))]
@@ -303,4 +334,5 @@ def _compare(
         ),
         frames=tuple(shot.frame for shot in frames),
         references=tuple(shot.frame for shot in reference),
+        effective_dof=min(MOST_DOF, total**4 / doubt) if doubt else MOST_DOF,
     )

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from radiometry.fitting.curve import coverage_factor
 from radiometry.methods.findings import FINDINGS
 from service.certificate.document import build_certificate
 from service.certificate.figures import in_print, in_step, plain, stamp
@@ -24,6 +23,7 @@ from service.schemas.rigs import (
 )
 from store.queries.calibration_record import CalibrationRecord
 from store.queries.rigs import SPEC
+from store.statements import state_orientation
 from store.tables import Rig
 
 SCHEMA_VERSION = 1
@@ -67,7 +67,7 @@ def build_rig_certificate(
         traceability=SPEC.certificate.traceability,
         at=at,
         orientation=answer,
-        coefficients=[each for pose in orientation.poses for each in _state_pose(pose)],
+        coefficients=[CertifiedPose(**each) for each in state_orientation(orientation)],
         stability=[RigStabilityAnswer.restate(each) for each in stability],
         flags=[FlagInWords.restate(each, meaning=FINDINGS[each.flag].sentence) for each in orientation.flags],
         software=cameras[0].software,
@@ -75,24 +75,6 @@ def build_rig_certificate(
         statements=[RELATES, EXPANDED, _SUFFICE, WHOLE],
         gaps=list(gaps.values()),
     )
-
-
-def _state_pose(pose: Any) -> list[CertifiedPose]:  # noqa: ANN401  of SPEC.result
-    """Return each quantity of a camera's orientation with its expanded uncertainty."""
-    stated = []
-    for name, dof in pose.effective_dof.items():
-        quantity, k = getattr(pose, name), coverage_factor(dof)
-        stated.append(
-            CertifiedPose.restate(
-                quantity,
-                camera=pose.camera,
-                name=name,
-                expanded_uncertainty=k * quantity.standard_uncertainty,
-                coverage_factor=k,
-                effective_dof=dof,
-            )
-        )
-    return stated
 
 
 def lay_out_rig(certificate: Node) -> Node:

@@ -34,6 +34,10 @@ class Rigs(Equipment):
         query = {"tolerance_deg": tolerance_deg, "tolerance_m": tolerance_m}
         return self._get(address("rigs", rig_id, "orientation"), query)
 
+    def rig_certificate(self, rig_id: str) -> dict[str, Any]:
+        """The certificate of the newest orientation, as it is answered."""
+        return self._get(address("rigs", rig_id, "certificate.json"))
+
     def save_rig(self, rig_id: str, path: PathLike[str] | str) -> Path:
         """Save the newest orientation as the file's name says.
 

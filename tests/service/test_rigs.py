@@ -1,6 +1,7 @@
 """A rig over HTTP: registered, photographed in front of one board, oriented, exported and compared."""
 
 import io
+import json
 import zipfile
 
 import cv2
@@ -12,12 +13,15 @@ from scipy.spatial.transform import Rotation
 
 from radiometry.fitting.curve import coverage_factor
 from simulation.heads import draw_boards
+from stilb.export import export
+from tests.support.certificates import InHouse
 from tests.support.rigs import BOARD, RIG, photograph
+from tests.verify.changing import nudge, run
 
 pytestmark = pytest.mark.either_database
 
 
-def test_a_rig_is_oriented_from_pictures_taken_together(house):
+def test_a_rig_is_oriented_from_pictures_taken_together(house, tmp_path, capsys):
     cameras = [house.camera(serial=f"R{number}") for number in range(2)]
     body = {"name": "Four Vision", "camera_ids": [camera["id"] for camera in cameras]}
     rig = house.post("/v1/rigs", body)
@@ -59,6 +63,7 @@ def test_a_rig_is_oriented_from_pictures_taken_together(house):
     check_ros(house, path, pose)
     check_certificate(house, path, pose)
     check_given_versions(house, path, made)
+    check_recomputed(house, path, made, tmp_path, capsys)
     check_wrong_scene(house, path, made)
 
 
@@ -101,6 +106,19 @@ def check_certificate(house, path, pose):
     assert certificate["number"] in text
     assert "Certificate of orientation" in text
     assert {"R0-geometry-1", "R1-geometry-1", "boresight"} <= set(text.split())
+
+
+def check_recomputed(house, path, made, folder, capsys):
+    """From an export per camera: a last digit is rounding, a changed angle is found, nothing else differs."""
+    for _, version in made:
+        export(InHouse(house), version, folder / version, None)
+    certificate = house.get(f"{path}/certificate.json")
+    nudge(("orientation", "poses", 0, "rotation", 0), 1e-12)(certificate)
+    nudge(("coefficients", 0, "value"))(certificate)
+    (folder / "certificate.json").write_text(json.dumps(certificate))
+    code, said = run(capsys, folder)
+    assert code == 1
+    assert " 1 of " in said
 
 
 def check_given_versions(house, path, made):

@@ -33,7 +33,7 @@ TIMES_S = (0.01, 0.2)
 WHOLE = Settings(exposure_time_s=TIMES_S[0], f_number=4.0, iso=100.0)
 
 
-def shoot(camera, *, times_s=TIMES_S, seed=1, repeats=1):
+def shoot(camera, *, times_s=TIMES_S, seed=1, repeats=1, flicker=0.0):
     """The spot at half of the full well, and twenty times as long."""
     random = np.random.default_rng(seed)
     lamp = Lamp(luminance_cd_m2=camera.find_luminance(2000.0, WHOLE))
@@ -41,11 +41,14 @@ def shoot(camera, *, times_s=TIMES_S, seed=1, repeats=1):
     for time_s in times_s:
         for repeat in range(repeats):
             settings = dataclasses.replace(WHOLE, exposure_time_s=time_s)
+            bright = dataclasses.replace(
+                lamp, luminance_cd_m2=lamp.luminance_cd_m2 * random.normal(1.0, flicker)
+            )
             shot = Shot(
                 frame=f"spot-{time_s:g}-{repeat}",
                 role="chart",
                 settings=settings,
-                lamp=lamp,
+                lamp=bright if flicker else lamp,
                 target=Picture(SPOT.fill()),
             )
             frame = take(camera, shot, random).frame
@@ -110,6 +113,16 @@ def test_a_halo_without_blooming_is_no_blooming():
             for each in by_direction.values()
         )
     assert 24 <= inside <= 32
+
+
+def test_repeats_of_a_lamp_that_flickers_have_students_factor():
+    """Two frames of each time: their light changes as a whole, which the noise of a place does not show."""
+    camera, dof = change(CCD, spill_share=0.0), []
+    for flicker in (0.0, 0.2):
+        found, _ = fit(shoot(camera, repeats=2, flicker=flicker, seed=3), black_u_dn=0.0)
+        dof.append([each.effective_dof for each in sharpness.list_coefficients(found)])
+    assert max(dof[0]) > 20.0
+    assert max(dof[1]) < 3.0
 
 
 def test_without_an_unsaturated_picture_there_is_no_fit():
