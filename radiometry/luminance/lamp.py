@@ -58,9 +58,10 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
     quantity at two or more times, luminance or illuminance, give a line of ln L, and
     r is the mean of both, weighted by their variances [1]_. A reading repeats to
     `meter_repeatability_rel`, else to 1 %, and to no more than readings of one scene
-    differ. Where the times of readings are not known, a reading may lie half a scene
-    from the middle of the frames, whose own times still show r; T is then at least 10
-    minutes, since the reading may lie apart from a burst.
+    differ. Where the times of readings are not known, those of the frames still show r:
+    a reading may lie one interval between frames before the first or after the last, and
+    half of T at least from their middle. T is then at least 10 minutes, since the reading
+    may lie apart from a burst.
 
     Cameras write local time. Where the file states no offset, it is the number of
     half hours that brings the frames closest to the readings of their scenes. Times
@@ -102,9 +103,12 @@ def _follow_scene(
     if len(shown) < len(frames) or not read or len(read) < sum(r.quantity == "luminance" for r in readings):
         after_s = [(moment - clocks[0]).total_seconds() for moment in clocks] or [0.0] * len(frames)
         middle_s, drift = (min(after_s) + max(after_s)) / 2.0, params.lamp_drift_u_rel
-        rate = drift / max(max(after_s) - min(after_s), _UNTIMED_S)
+        span_s = max(after_s) - min(after_s)
+        gap_s = span_s / max(len(after_s) - 1, 1)
+        rate = drift / max(span_s + gap_s, _UNTIMED_S)
+        level = max(drift / 2.0, rate * (span_s / 2.0 + gap_s))
         return {
-            name: Change(u_rel=rate * (time_s - middle_s), level_u_rel=drift / 2.0)
+            name: Change(u_rel=rate * (time_s - middle_s), level_u_rel=level)
             for name, time_s in zip(frames, after_s, strict=True)
         }
     timed = [(_to_seconds(each.taken_at), each) for each in readings if each.taken_at]

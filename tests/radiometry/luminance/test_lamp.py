@@ -58,7 +58,7 @@ def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
     years_ago = [dataclasses.replace(row, taken_at=row.taken_at.replace("2026", "2015")) for row in rows]
     found = follow_lamp(years_ago, [read("middle", 5.0, "10:00:00")], PARAMS)
     assert [found[row.frame] for row in rows] == [
-        Change(u_rel=u, level_u_rel=0.006) for u in (-0.006, 0.0, 0.006)
+        Change(u_rel=pytest.approx(u), level_u_rel=0.008) for u in (-0.004, 0.0, 0.004)
     ]
 
 
@@ -82,7 +82,7 @@ def test_frames_show_by_their_own_times_how_steady_the_lamp_was():
         return next(line.u_rel for line in lines if line.source == "lamp drift")
 
     assert budget(0.0, burst=True) == pytest.approx(0.006)
-    assert budget(0.0) < 0.005
+    assert budget(0.0) < 0.0055
     assert budget(0.04) > 0.009
 
 
