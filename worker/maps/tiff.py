@@ -1,7 +1,7 @@
 """The map's TIFF: float32 in compressed tiles, with everything that is known of the frame."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -31,11 +31,8 @@ _MASK: Final = ~np.uint32(2 * _HALF - 1)
 _BYTE, _ASCII, _LONG = 1, 2, 4
 _GDAL_METADATA, _GDAL_NODATA = 42112, 42113
 
-_WHOLE: Final = TILE_PX**2
-
 Plane = NDArray[np.float32]
 Samples = NDArray[np.uint16]
-Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,25 +157,23 @@ def encode_band(band: Plane) -> list[bytes]:
     .. [1] M. Kloewer et al., Nat. Comput. Sci. 1, 713 (2021), doi:10.1038/s43588-021-00156-2
     .. [2] Adobe Photoshop TIFF Technical Note 3 (2005)
     """
-    # a carry into the exponent is the right rounding, and NaN and infinity have no bit below the mask
-    bits = band.view(np.uint32) + _HALF
-    bits &= _MASK
-    planes = cv2.split(bits.view(np.uint8).reshape(*band.shape, 4))
-    tiles = zip(*(_cut_tiles(np.asarray(plane, np.uint8)) for plane in reversed(planes)), strict=True)
-    return [isal_zlib.compress(_differentiate(np.hstack(tile)), LEVEL) for tile in tiles]
-
-
-def _differentiate(rows: Bytes) -> Bytes:
-    found = rows.copy()
-    np.subtract(rows[:, 1:], rows[:, :-1], out=found[:, 1:])
-    return found
-
-
-def _cut_tiles(band: Bytes) -> Iterator[Bytes]:
-    """Tiles are stored whole: the last ones repeat the border, which a reader cuts off."""
-    for left in range(0, band.shape[1], TILE_PX):
-        tile = band[:, left : left + TILE_PX]
-        rows, cols = tile.shape
-        if tile.size < _WHOLE:
-            tile = np.pad(tile, ((0, TILE_PX - rows), (0, TILE_PX - cols)), mode="edge")
-        yield tile
+    rows, width = band.shape
+    # of one tile, and used for each, so that they stay in the cache and no page of them is new
+    bits = np.empty((TILE_PX, TILE_PX), np.uint32)
+    laid, stored = np.empty((2, TILE_PX, 4 * TILE_PX), np.uint8)
+    planes = [laid[:, first : first + TILE_PX] for first in range(3 * TILE_PX, -1, -TILE_PX)]
+    tiles = []
+    for left in range(0, width, TILE_PX):
+        found = band[:, left : left + TILE_PX].view(np.uint32)
+        cols = found.shape[1]
+        # a carry into the exponent is the right rounding, and NaN and infinity have no bit below the mask
+        np.add(found, _HALF, out=bits[:rows, :cols])
+        # a tile is stored whole: the last ones repeat the border, which a reader cuts off
+        bits[:rows, cols:] = bits[:rows, cols - 1 : cols]
+        bits[rows:] = bits[rows - 1]
+        np.bitwise_and(bits, _MASK, out=bits)
+        cv2.split(bits.view(np.uint8).reshape(TILE_PX, TILE_PX, 4), planes)
+        np.subtract(laid.ravel()[1:], laid.ravel()[:-1], out=stored.ravel()[1:])
+        stored[:, 0] = laid[:, 0]
+        tiles.append(isal_zlib.compress(stored, LEVEL))
+    return tiles
