@@ -65,7 +65,7 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(part)
 
 
-def check_frame(answer: dict[str, Any], body: bytearray, window: tuple[int, int, int, int]) -> Frame:
+def check_frame(answer: dict[str, Any], body: memoryview, window: tuple[int, int, int, int]) -> Frame:
     """A frame of exactly the window that was asked for."""
     told = answer.get("frame")
     if not isinstance(told, dict) or told.get("cfa") not in _SITES:
@@ -87,10 +87,11 @@ def check_frame(answer: dict[str, Any], body: bytearray, window: tuple[int, int,
     )
 
 
-def check_preview(body: bytearray) -> bytes:
-    if not body.startswith(b"\x89PNG\r\n\x1a\n"):
+def check_preview(body: memoryview) -> bytes:
+    preview = bytes(body)
+    if not preview.startswith(b"\x89PNG\r\n\x1a\n"):
         raise BrokenMessageError("a preview that is no PNG")
-    return bytes(body)
+    return preview
 
 
 def check_proof(answer: dict[str, Any]) -> Proof:

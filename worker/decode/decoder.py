@@ -104,14 +104,14 @@ class Decoder:
         """Forget a cell that belongs to the parent of this process."""
         self._cell = None
 
-    def _ask(self, request: dict[str, Any], max_body_bytes: int) -> tuple[dict[str, Any], bytearray]:
+    def _ask(self, request: dict[str, Any], max_body_bytes: int) -> tuple[dict[str, Any], memoryview]:
         """The answer; a file is not blamed before a second cell has met the same end."""
         try:
             return self._ask_once(request, max_body_bytes)
         except DecoderKilled:
             return self._ask_once(request, max_body_bytes)
 
-    def _ask_once(self, request: dict[str, Any], max_body_bytes: int) -> tuple[dict[str, Any], bytearray]:
+    def _ask_once(self, request: dict[str, Any], max_body_bytes: int) -> tuple[dict[str, Any], memoryview]:
         stage = str(request["do"])
         try:
             cell = self._deliver(request)

@@ -11,6 +11,8 @@ import struct
 import time
 from typing import Any, Final
 
+import numpy as np
+
 _LENGTHS: Final = struct.Struct(">II")
 MAX_JSON_BYTES: Final = 1 << 20
 MAX_BODY_BYTES: Final = 6 * 250_000_000  # a whole RGB frame of the largest size
@@ -29,12 +31,12 @@ def send(descriptor: int, message: dict[str, Any], body: bytes | memoryview = b"
 
 def receive(
     descriptor: int, *, deadline: float | None = None, max_body_bytes: int = 0
-) -> tuple[dict[str, Any], bytearray]:
+) -> tuple[dict[str, Any], memoryview]:
     lengths = _read(descriptor, _LENGTHS.size, deadline)
     json_bytes, body_bytes = _LENGTHS.unpack(lengths)
     if json_bytes > MAX_JSON_BYTES or body_bytes > max_body_bytes:
         raise BrokenMessageError("a message longer than was asked for")
-    message = decode(_read(descriptor, json_bytes, deadline))
+    message = decode(bytes(_read(descriptor, json_bytes, deadline)))
     return message, _read(descriptor, body_bytes, deadline)
 
 
@@ -42,7 +44,7 @@ def encode(message: dict[str, Any]) -> bytes:
     return json.dumps(message, allow_nan=False).encode()
 
 
-def decode(content: bytes | bytearray) -> dict[str, Any]:
+def decode(content: bytes) -> dict[str, Any]:
     try:
         message = json.loads(content, parse_constant=_reject, parse_float=_finite)
     except (ValueError, RecursionError) as error:
@@ -57,9 +59,9 @@ def _write(descriptor: int, content: memoryview) -> None:
         content = content[os.write(descriptor, content) :]
 
 
-def _read(descriptor: int, size: int, deadline: float | None) -> bytearray:
-    content = bytearray(size)
-    rest = memoryview(content)
+def _read(descriptor: int, size: int, deadline: float | None) -> memoryview:
+    # not a bytearray, which would be filled with zeros first
+    rest = content = np.empty(size, np.uint8).data
     poll = select.poll()
     poll.register(descriptor, select.POLLIN)
     while rest:

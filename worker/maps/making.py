@@ -17,6 +17,7 @@ from worker.maps.strips import StripReader, cut_bands
 from worker.maps.tiff import TILE_PX, MapFacts, Plane, encode_band, write_tiff
 
 _THREADS: Final = 2
+_WAITING: Final = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +123,7 @@ def _make_tiles(
         waiting.append(threads.submit(work, frame, top, bottom))
         if subject.report is not None:
             subject.report(bottom / height)
-        if len(waiting) > _THREADS:
+        if len(waiting) > _WAITING:
             yield from _collect(waiting.popleft(), reduction)
     for future in waiting:
         yield from _collect(future, reduction)

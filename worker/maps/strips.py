@@ -32,14 +32,14 @@ def cut_strips(header: FrameHeader) -> list[tuple[int, int]]:
 class StripReader:
     """Gives any rows of a frame, as long as they are asked for from the top downwards.
 
-    The next two strips are read meanwhile, by two processes where the pool has them.
+    The next two strips are read meanwhile, by one process: starting another takes longer than it saves.
     """
 
     def __init__(self, decoders: DecoderPool, file: Readable, header: FrameHeader) -> None:
         self._decoders = decoders
         self._file = file
         self._width = header.width_px
-        self._ahead = ThreadPoolExecutor(_AHEAD, thread_name_prefix="strips")
+        self._ahead = ThreadPoolExecutor(1, thread_name_prefix="strips")
         self._left = iter(cut_strips(header))
         self._coming: deque[Future[Frame]] = deque()
         self._held: list[Frame] = []
