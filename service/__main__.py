@@ -9,13 +9,16 @@ import logging
 import os
 import sys
 from contextlib import suppress
+from socket import socket
 
 import uvicorn
+from fastapi import FastAPI
 
 from service.app import build_app
 from service.auth import SCOPES
 from service.connections import Connections, guarding, raise_file_limit
 from service.context import Context
+from service.forking import serve_forked, share_metrics
 from service.health import Health
 from service.job_watch import JobWatch
 from service.launch.folder import close_to_others
@@ -70,6 +73,8 @@ def main() -> int:
     except Refusal as refusal:
         report(str(refusal))
         return refusal.code
+    if settings.workers > 1:
+        share_metrics()
     context = build_context(settings)
     try:
         context.database.guard_schema()
@@ -85,10 +90,20 @@ def main() -> int:
     # What is loaded by now stays: collecting garbage need not walk through it in the middle of answers.
     gc.collect()
     gc.freeze()
+    files = raise_file_limit()
+    if settings.workers == 1:
+        _serve(app, settings, files, None)
+    # no process may use the connections of another
+    context.database.dispose()
+    listening = uvicorn.Config(app, host=settings.host, port=settings.port, log_config=None).bind_socket()
+    return serve_forked(settings, listening, lambda own, bound: _serve(app, own, files, bound))
+
+
+def _serve(app: FastAPI, settings: Settings, files: int, listening: socket | None) -> None:
+    """Serve until a signal; the process ends with it."""
+    context: Context = app.state.context
     connections = Connections(
-        files=raise_file_limit(),
-        per_peer=settings.connections_per_peer,
-        headers_within_s=settings.headers_within_s,
+        files=files, per_peer=settings.connections_per_peer, headers_within_s=settings.headers_within_s
     )
     config = uvicorn.Config(
         app,
@@ -109,15 +124,20 @@ def main() -> int:
         notice_s=settings.stop_notice_s,
     )
     presence = Presence(context.database, "service")
-    vitals = Vitals(presence, Pulse(settings.pulse), hang_s=settings.hang_s)
+    vitals = Vitals(
+        presence,
+        Pulse(settings.pulse),
+        hang_s=settings.hang_s,
+        rates=context.rates,
+        attempts=context.attempts,
+    )
     with asyncio.Runner(loop_factory=config.get_loop_factory()) as runner:
-        runner.run(_serve(server, vitals, presence))
-    return 0
+        runner.run(_keep_serving(server, vitals, presence, listening))
 
 
-async def _serve(server: Server, vitals: Vitals, presence: Presence) -> None:
+async def _keep_serving(server: Server, vitals: Vitals, presence: Presence, listening: socket | None) -> None:
     beating = asyncio.create_task(vitals.keep())
-    await server.serve()
+    await server.serve(None if listening is None else [listening])
     beating.cancel()
     with suppress(TimeoutError):
         async with asyncio.timeout(_FAREWELL_S):

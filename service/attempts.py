@@ -1,15 +1,15 @@
 """How often somebody may try to sign in: a wait that doubles with each failure, for the one who fails.
 
-It is kept in memory, per process of the service: what it bounds is noise. A key has 256 random bits, which
-nobody finds by trying.
+It is kept in memory, and the processes of a service tell each other every second. What it bounds is noise: a
+key has 256 random bits, which nobody finds by trying.
 """
 
 import hashlib
 import ipaddress
 import time
 from collections import OrderedDict
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import astuple, dataclass
 from threading import Lock
 from typing import Any, Final
 
@@ -18,6 +18,7 @@ FREE: Final = 5
 LONGEST_WAIT_S: Final = 300.0
 FORGOTTEN_AFTER_S: Final = 900.0
 _MOST_KEPT: Final = 10_000
+_MOST_TOLD: Final = 500
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,10 @@ class _Failures:
     last_at: float
 
     @property
-    def wait_until(self) -> float:
+    def wait_s(self) -> float:
+        """How long nobody may try after the last failure."""
         over = self.count - FREE
-        return self.last_at + (min(2.0**over, LONGEST_WAIT_S) if over >= 0 else 0.0)
+        return min(2.0**over, LONGEST_WAIT_S) if over >= 0 else 0.0
 
 
 class Attempts:
@@ -38,10 +40,11 @@ class Attempts:
     proxy that hides addresses.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float] = time.time) -> None:
         self._clock = clock
         self._lock = Lock()
         self._failures: OrderedDict[str, _Failures] = OrderedDict()
+        self._others: dict[str, list[_Failures]] = {}
         self._right: OrderedDict[bytes, None] = OrderedDict()
 
     def fail(self, who: str) -> None:
@@ -54,8 +57,29 @@ class Attempts:
     def wait_s(self, who: str) -> float:
         """Return how long an address or key has to wait now [s]; 0 when it may try."""
         with self._lock:
-            found = self._failures.get(who)
-        return max(0.0, found.wait_until - self._clock()) if found else 0.0
+            known = [*self._others.get(who, ()), *filter(None, [self._failures.get(who)])]
+            found = [each for each in known if not self._is_forgotten(each)]
+        if not found:
+            return 0.0
+        total = _Failures(sum(each.count for each in found), max(each.last_at for each in found))
+        # no longer where the clock has been set back since
+        return min(max(0.0, total.last_at + total.wait_s - self._clock()), total.wait_s)
+
+    def tell(self) -> dict[str, tuple[int, float]]:
+        """Return the newest failures that this process has seen, for the others."""
+        with self._lock:
+            newest = list(self._failures.items())[-_MOST_TOLD:]
+        over = self._clock() - LONGEST_WAIT_S
+        return {who: astuple(each) for who, each in newest if each.last_at > over}
+
+    def hear(self, others: Iterable[Mapping[str, tuple[int, float]]]) -> None:
+        """Count with what the other processes have seen."""
+        heard: dict[str, list[_Failures]] = {}
+        for each in others:
+            for who, failures in each.items():
+                heard.setdefault(who, []).append(_Failures(*failures))
+        with self._lock:
+            self._others = heard
 
     def trust(self, secret: str) -> None:
         """Remember that a key was right."""
@@ -71,9 +95,10 @@ class Attempts:
 
     def _count(self, who: str) -> int:
         found = self._failures.get(who)
-        if found is None or self._clock() > found.wait_until + FORGOTTEN_AFTER_S:
-            return 0
-        return found.count
+        return 0 if found is None or self._is_forgotten(found) else found.count
+
+    def _is_forgotten(self, failures: _Failures) -> bool:
+        return self._clock() > failures.last_at + failures.wait_s + FORGOTTEN_AFTER_S
 
 
 def name_address(host: str | None) -> str:

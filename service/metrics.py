@@ -1,5 +1,6 @@
 """What Prometheus reads."""
 
+import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import accumulate, product
@@ -10,6 +11,7 @@ from typing import get_args
 
 from prometheus_client import Histogram, Metric, generate_latest
 from prometheus_client.core import GaugeMetricFamily, HistogramMetricFamily
+from prometheus_client.multiprocess import MultiProcessCollector
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 
@@ -49,7 +51,13 @@ class Metrics:
                 self._totals = (monotonic(), count_totals(session))
             totals = self._totals[1]
         free_bytes = shutil.disk_usage(data).free
-        return generate_latest(_Collected([*_collect(queue, totals, free_bytes), *self.requests.collect()]))
+        return generate_latest(_Collected([*_collect(queue, totals, free_bytes), *self._collect_requests()]))
+
+    def _collect_requests(self) -> Iterable[Metric]:
+        """Return what all processes behind this port counted, also those that were replaced."""
+        shared = "PROMETHEUS_MULTIPROC_DIR" in os.environ
+        counted: Collector = MultiProcessCollector(None) if shared else self.requests  # type: ignore[no-untyped-call]
+        return counted.collect()
 
 
 class _Collected(Collector):

@@ -77,6 +77,23 @@ class Presence:
         except SQLAlchemyError:
             return
 
+    def share(self, counts: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+        """Write what this process counts for others of its kind, if there are any; return what they wrote."""
+        others = select(PartRow.counts).where(
+            PartRow.kind == self._kind,
+            PartRow.id != self._id,
+            PartRow.seen_at > utc_now() - timedelta(seconds=STALE_AFTER_S),
+        )
+        try:
+            with self._database.reading() as session:
+                found = list(session.scalars(others))
+            if found:
+                with self._database.writing(self._kind) as session:
+                    session.execute(update(PartRow).where(PartRow.id == self._id).values(counts=counts))
+        except SQLAlchemyError:
+            return []
+        return [each for each in found if each]
+
     def leave(self) -> None:
         """Remove the row at an orderly end; that of a killed process is forgotten after a while."""
         try:

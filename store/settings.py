@@ -35,6 +35,7 @@ class Settings(BaseSettings):
     data: Path = Path("stilb-data")
     host: str = "127.0.0.1"
     port: int = Field(default=8000, ge=0, le=65535)
+    workers: int = Field(default=1, ge=1, le=64)
     key: SecretStr = SecretStr("")
     session_secret: SecretStr = SecretStr("")
     cors_origins: str = ""

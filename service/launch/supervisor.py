@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Protocol
 
 from service.launch.lifeline import die_with_parent
 from service.launch.room import has_room
@@ -32,12 +32,26 @@ class GaveUp(Exception):  # noqa: N818 (it says what happened)
     """A part died too often; the message names the log to read."""
 
 
+class Process(Protocol):
+    """A child process, as `subprocess.Popen` shows it."""
+
+    @property
+    def pid(self) -> int: ...
+    @property
+    def returncode(self) -> int | None: ...
+    def poll(self) -> int | None: ...
+    def wait(self, timeout: float = ...) -> int: ...
+    def terminate(self) -> None: ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class Part:
     """A process that has to run."""
 
     name: str
-    command: Sequence[str]
+    command: Sequence[str] = ()
+    run: Callable[[], Process] | None = None
+    """Starts it in place of the command, with this process's own output."""
     stop_within_s: float = 10.0
     """How long it may take to finish in order before it is killed."""
     knows_key: bool = False
@@ -53,7 +67,7 @@ class _Child:
     part: Part
     log: Path
     pulse: Path
-    process: subprocess.Popen[bytes] | None = None
+    process: Process | None = None
     start_at: float = 0.0
     deaths: deque[float] = field(default_factory=deque)
     beat: int | None = None
@@ -75,10 +89,12 @@ class Supervisor:
         lock: int,
         hang_s: float,
         report: Callable[[str], None],
+        pulses: Path | None = None,
     ) -> None:
         self._environment = dict(environment)
         self._key = key
         self.data = data
+        self._pulses = pulses or data / "run"
         self._lock = lock
         self._hang_s = hang_s
         self._report = report
@@ -87,10 +103,9 @@ class Supervisor:
         self._was_full = False
 
     def start(self, part: Part) -> None:
-        child = _Child(
-            part, self.data / "logs" / f"{part.name}.log", self.data / "run" / f"{part.name}.pulse"
-        )
-        _rotate(child.log)
+        child = _Child(part, self.data / "logs" / f"{part.name}.log", self._pulses / f"{part.name}.pulse")
+        if part.run is None:
+            _rotate(child.log)
         child.pulse.parent.mkdir(exist_ok=True)
         self._children.append(child)
         self._spawn(child)
@@ -142,6 +157,9 @@ class Supervisor:
             self._clock.now_s,
             START_WITHIN_S,
         )
+        if child.part.run is not None:
+            child.process = child.part.run()
+            return
         with _open_log(child.log) as log:
             child.process = subprocess.Popen(  # noqa: S603 (our own commands)
                 child.part.command,
@@ -163,7 +181,7 @@ class Supervisor:
             child.start_at = now + LONGEST_PAUSE_S
             self._report(f"{child.part.name} could not be started and is tried again: {error}")
 
-    def _feel(self, child: _Child, process: subprocess.Popen[bytes]) -> None:
+    def _feel(self, child: _Child, process: Process) -> None:
         """Kill a part whose pulse has not changed for too long while the launcher looked."""
         beat = read_beat(child.pulse)
         if beat != child.beat:
@@ -178,7 +196,7 @@ class Supervisor:
             with suppress(subprocess.TimeoutExpired):
                 process.wait(1.0)
 
-    def _bury(self, child: _Child, process: subprocess.Popen[bytes], now: float) -> None:
+    def _bury(self, child: _Child, process: Process, now: float) -> None:
         # What it had started itself must not work on beside its successor.
         _kill_group(process)
         child.process = None
@@ -189,14 +207,15 @@ class Supervisor:
         child.deaths.append(now)
         while child.deaths[0] < now - WITHIN_S:
             child.deaths.popleft()
-        how = _how_it_ended(process.returncode)
+        how = _how_it_ended(process.wait())
         if len(child.deaths) > DEATHS_ALLOWED:
             raise GaveUp(
                 f"{child.part.name} {how}, {len(child.deaths)} times within {WITHIN_S:g} s: read {child.log}"
             )
         pause_s = min(FIRST_PAUSE_S * 2 ** (len(child.deaths) - 1), LONGEST_PAUSE_S)
         child.start_at = now + pause_s
-        self._report(f"{child.part.name} {how} and is started again (log: {child.log})")
+        where = "" if child.part.run else f" (log: {child.log})"
+        self._report(f"{child.part.name} {how} and is started again{where}")
 
     def _wait_for_room(self, child: _Child, now: float) -> None:
         """Try again without counting: nothing that died on a full disk is broken for that."""
@@ -215,7 +234,7 @@ def _how_it_ended(code: int) -> str:
     return f"was killed by signal {-code}"
 
 
-def _kill_group(process: subprocess.Popen[bytes]) -> None:
+def _kill_group(process: Process) -> None:
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
 

@@ -25,3 +25,5 @@ class PartRow(Base):
     worked_at: Mapped[datetime] = mapped_column(UtcDateTime)
     """When it last did its work, or was free to: the loop that does the work sets it."""
     details: Mapped[Json] = mapped_column(default=dict)
+    counts: Mapped[Json | None] = mapped_column(default=None)
+    """What the other processes of its kind must count with: shown to nobody."""
