@@ -9,7 +9,7 @@ from radiometry.findings import interface
 from service.problems import Problem, RefusedBody
 
 MAX_BODY_BYTES: Final = 4 << 20
-_UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames")
+_UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames|/v1/uploads(/upl_[^/]+)?")
 
 
 def is_upload(path: str) -> bool:

@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 
 from radiometry.findings import Finding, InputRejected, interface
 from service.messages import describe
-from store.blobs import BlobDamaged, StorageUnavailable
+from store.blobs import BlobDamaged, StorageFull, StorageUnavailable
 from store.errors import Conflict
 from store.files import describe_damage
 from store.usage import QuotaExceeded
@@ -74,12 +74,9 @@ def not_found(what: str) -> Problem:
     )
 
 
-def storage_unavailable() -> Problem:
-    return Problem(interface.STORAGE_UNAVAILABLE, "The file store does not answer. Try again.")
-
-
 def install(app: FastAPI) -> None:
     """Turn every exception that can reach the top into a problem."""
+    _install_storage(app)
 
     @app.exception_handler(Problem)
     async def problem(_request: Request, error: Problem) -> JSONResponse:
@@ -93,14 +90,6 @@ def install(app: FastAPI) -> None:
     async def conflict(request: Request, error: Conflict) -> JSONResponse:
         code = request.scope.get("state", {}).get("old_codes", {}).get(error.code, error.code)
         return _answer(problem_body(409, code, error.message))
-
-    @app.exception_handler(BlobDamaged)
-    async def damaged(_request: Request, error: BlobDamaged) -> JSONResponse:
-        return answer(Problem(interface.STORED_FILE_DAMAGED, describe_damage(error)))
-
-    @app.exception_handler(StorageUnavailable)
-    async def unavailable(_request: Request, _error: StorageUnavailable) -> JSONResponse:
-        return answer(storage_unavailable())
 
     @app.exception_handler(QuotaExceeded)
     async def quota(_request: Request, error: QuotaExceeded) -> JSONResponse:
@@ -118,6 +107,21 @@ def install(app: FastAPI) -> None:
     async def unexpected(_request: Request, _error: Exception) -> JSONResponse:
         detail = "Internal error. It has been logged. Try again, and tell the operator if it persists."
         return answer(Problem(interface.INTERNAL_ERROR, detail))
+
+
+def _install_storage(app: FastAPI) -> None:
+    @app.exception_handler(BlobDamaged)
+    async def damaged(_request: Request, error: BlobDamaged) -> JSONResponse:
+        return answer(Problem(interface.STORED_FILE_DAMAGED, describe_damage(error)))
+
+    @app.exception_handler(StorageFull)
+    @app.exception_handler(StorageUnavailable)
+    async def storage(_request: Request, error: StorageFull | StorageUnavailable) -> JSONResponse:
+        if isinstance(error, StorageUnavailable):
+            return answer(
+                Problem(interface.STORAGE_UNAVAILABLE, "The file store does not answer. Try again.")
+            )
+        return answer(Problem(interface.STORAGE_FULL, "The service has no space left for this file."))
 
 
 def _of_the_framework(request: Request, error: HTTPException) -> Problem:

@@ -13,8 +13,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
 
 from radiometry.findings import Finding, interface
-from service.problems import Problem, storage_unavailable
-from store.blobs import Blobs, BlobWriter, StorageFull, StorageUnavailable, StoredBlob
+from service.problems import Problem
+from store.blobs import Blobs, BlobWriter, StoredBlob
 
 _FLUSH_BYTES = 1 << 20
 _REPR_DIGEST = re.compile(r"sha-256=:([A-Za-z0-9+/=]+):")
@@ -55,10 +55,6 @@ async def receive(request: Request, blobs: Blobs, *, max_bytes: int, admit: Admi
             if not admitted or writer.size_bytes > announced:
                 await run_in_threadpool(admit, writer.sha256, writer.size_bytes)
             return Received(blob=await run_in_threadpool(writer.commit), filename=filename)
-    except StorageFull as error:
-        raise Problem(interface.STORAGE_FULL, "The service has no space left for this file.") from error
-    except StorageUnavailable as error:
-        raise storage_unavailable() from error
     except ClientDisconnect as error:
         raise Problem(
             interface.UPLOAD_INCOMPLETE,

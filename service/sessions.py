@@ -47,6 +47,10 @@ class Sessions:
     def is_csrf_token(self, token: str, given: str) -> bool:
         return _same(given, self.csrf_token(token))
 
+    def upload_token(self, text: str) -> str:
+        """The secret part of an upload's address: the same for the same text."""
+        return self._sign("upload", text)
+
     def _sign(self, purpose: str, text: str) -> str:
         return hmac.new(self._secret, f"{purpose}:{text}".encode(), hashlib.sha256).hexdigest()
 

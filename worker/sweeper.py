@@ -16,6 +16,7 @@ from store.clocks import ClockWatch, mend_times
 from store.database import Database, summarise
 from store.files import Files
 from store.logs import configure_logging
+from store.partials import Partials
 from store.parts import Presence
 from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
@@ -37,9 +38,9 @@ def sweep_jobs(database: Database, *, lease_s: float, renew: bool = False) -> No
         jobs.sweep(session)
 
 
-def sweep_floor(blobs: Blobs) -> None:
-    """Remove what killed uploads left half written a day ago."""
-    removed = blobs.sweep_temporary(_ABANDONED_AFTER_S)
+def sweep_floor(blobs: Blobs, partials: Partials) -> None:
+    """Remove what killed uploads left half written a day ago, and those in pieces that have expired."""
+    removed = blobs.sweep_temporary(_ABANDONED_AFTER_S) + partials.sweep()
     if removed:
         log.info("removed %d abandoned uploads", removed)
 
@@ -59,6 +60,7 @@ def main() -> int:
 
 def _sweep(settings: Settings, database: Database) -> int:
     blobs = blobs_from_url(settings.effective_blobs_url, settings.data)
+    partials = Partials.of(settings)
     clock = ClockWatch()
     Scrub(database, Files(database, blobs), days=settings.scrub_days).start()
     presence = Presence(database, "sweeper")
@@ -74,7 +76,7 @@ def _sweep(settings: Settings, database: Database) -> int:
             was_away = False
             presence.beat()
             if time.monotonic() >= floor_due:
-                sweep_floor(blobs)
+                sweep_floor(blobs, partials)
                 floor_due = time.monotonic() + _FLOOR_EVERY_S
             if trouble:
                 trouble = ""

@@ -133,6 +133,42 @@ DIGEST_MISMATCH = _refusal(
     "Send it again; if it persists, the disk or memory of the sender is at fault.",
     retryable=True,
 )
+UPLOAD_OFFSET_DIFFERS = _refusal(
+    409,
+    "upload_offset_differs",
+    "A piece of a file does not begin where what has arrived ends, as the header `Upload-Offset` states; or "
+    "another connection has taken the upload over.",
+    "Ask with `HEAD` how far it is, and go on from there.",
+    retryable=True,
+)
+UPLOAD_CHECKSUM_DIFFERS = _refusal(
+    460,
+    "upload_checksum_differs",
+    "A piece of a file is not the one that `Upload-Checksum` announced. The piece was not kept.",
+    "Send the piece again.",
+    retryable=True,
+)
+UPLOAD_VERSION = _refusal(
+    412,
+    "upload_version",
+    "The request speaks neither tus 1.0.0 (`Tus-Resumable: 1.0.0`) nor the IETF's resumable uploads "
+    "(`Upload-Complete`).",
+    "Use a client of one of the two.",
+)
+UPLOAD_TYPE = _refusal(
+    415,
+    "upload_type",
+    "A piece of a file comes as another media type than `application/offset+octet-stream` (tus) or "
+    "`application/partial-upload` (IETF).",
+    "Send that `Content-Type`.",
+)
+TOO_MANY_UPLOADS = _refusal(
+    429,
+    "too_many_uploads",
+    "Your organisation has 10,000 uploads that were begun and not finished.",
+    "Finish them, or end them with `DELETE`; after a week they end by themselves.",
+    retryable=True,
+)
 STORAGE_FULL = _refusal(
     507,
     "storage_full",

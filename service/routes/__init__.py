@@ -13,10 +13,13 @@ _MEANINGS = {
     403: "The key lacks a scope.",
     404: "There is no such thing for this key's organisation.",
     409: "It contradicts what is recorded.",
+    412: "The request speaks another protocol than the service does.",
     413: "The body is too large.",
     500: "The stored file is damaged or missing; the same upload heals it.",
+    415: "The body has another media type than is taken here.",
     422: "A field is wrong, or what was sent cannot be used; the problem says what and why.",
     429: "Too much at once, or more than your organisation may have; wait as `Retry-After` says.",
+    460: "A piece of a file is not the one that was announced.",
     503: "A part of the service does not answer just now; try again.",
     507: "There is no room left.",
 }
@@ -83,6 +86,7 @@ def include_routes(app: FastAPI) -> None:
         sessions,
         system,
         tools,
+        uploads,
     )
 
     app.include_router(coefficients.ready_router, dependencies=[Depends(check_request)])
@@ -99,6 +103,7 @@ def include_routes(app: FastAPI) -> None:
         map_values,
         frames,
         grid,
+        uploads,
         looks,
         calibrations,
         methods,

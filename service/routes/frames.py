@@ -17,7 +17,7 @@ from radiometry.findings import interface
 from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
-from service.changes import REPLAYED, Reply, StreamWrites, Writes, run_all
+from service.changes import REPLAYED, Reply, StreamWrites, Writes, Writing, run_all
 from service.context import Context, UsesContext
 from service.immutable import send_blob
 from service.lookup import Id, owned
@@ -88,17 +88,33 @@ async def upload_frame(
 
     The hash is compared when X-Content-SHA256 or Repr-Digest announces it.
     """
-    region = _read_region(upload.roi) if upload.roi is not None else None
+    region = read_region(upload.roi) if upload.roi is not None else None
     received = await receive(
         request,
         context.blobs,
         max_bytes=context.settings.max_upload_bytes,
-        admit=lambda sha256, size_bytes: _admit(context, campaign_id, caller, sha256, size_bytes),
+        admit=lambda sha256, size_bytes: admit(context, campaign_id, caller, sha256, size_bytes),
     )
-    filename = upload.filename or received.filename or f"{received.blob.sha256[:12]}.bin"
+    named = upload.model_copy(update={"filename": upload.filename or received.filename})
+    return await keep_frame(
+        context, writing, caller, campaign_id, upload=named, region=region, blob=received.blob
+    )
+
+
+async def keep_frame(
+    context: Context,
+    writing: Writing,
+    caller: Caller,
+    campaign_id: str,
+    *,
+    upload: Upload,
+    region: NewRoi | None,
+    blob: StoredBlob,
+) -> Response:
+    """Make a stored file a frame of a campaign, or find the one that it is already."""
     new = NewFrame(
-        blob=received.blob,
-        filename=_plain_name(filename),
+        blob=blob,
+        filename=_plain_name(upload.filename or f"{blob.sha256[:12]}.bin"),
         role=upload.role,
         scene=upload.scene,
         roi_id=None,
@@ -107,12 +123,12 @@ async def upload_frame(
     arrival = _Arrival(campaign_id, new, read_roi(region) if region else None)
     answer = await context.together.do(
         caller.key_id,
-        (writing.with_content(received.blob.sha256), arrival),
+        (writing.with_content(blob.sha256), arrival),
         lambda requests: run_all(caller, requests, partial(_add_frames, caller)),
     )
     if REPLAYED in answer.headers:
         # nothing was done for it, but also this upload has brought the bytes again
-        await run_in_threadpool(context.files.heal, received.blob)
+        await run_in_threadpool(context.files.heal, blob)
     return answer
 
 
@@ -280,7 +296,7 @@ def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) 
     return replies
 
 
-def _admit(context: Context, campaign_id: str, caller: Caller, sha256: str | None, size_bytes: int) -> bool:
+def admit(context: Context, campaign_id: str, caller: Caller, sha256: str | None, size_bytes: int) -> bool:
     """Refuse a file for which there is no room, unless the campaign has it already.
 
     False where there is none and the file is not known yet.
@@ -305,7 +321,8 @@ def _admit(context: Context, campaign_id: str, caller: Caller, sha256: str | Non
         return check()
 
 
-def _read_region(text: str) -> NewRoi:
+def read_region(text: str) -> NewRoi:
+    """Read a region as an address or a header holds it."""
     try:
         if text.lstrip().startswith("["):
             return NewRoi.model_validate({"polygon": json.loads(text)})

@@ -1,20 +1,36 @@
-"""What need not be uploaded, because the campaign has it already."""
+"""What need not be uploaded, because it is there already."""
+
+from collections.abc import Callable, Iterable
 
 from fastapi import APIRouter, Response
+from sqlalchemy.orm import Session
 
 from service.auth import Uploader
 from service.changes import IdempotencyKey
-from service.context import UsesContext
+from service.context import Context, UsesContext
 from service.lookup import Id, owned
 from service.routes import problems
 from service.schemas.known import HashesAsked, KnownAnswer
-from store.queries.known import find_known, read_sizes
-from store.tables import Campaign
+from store.queries.known import find_known, find_known_anywhere, read_sizes
+from store.tables import Campaign, FrameRow
 
-router = APIRouter(prefix="/v1/campaigns/{campaign_id}/frames/known", tags=["frames"])
+router = APIRouter(prefix="/v1", tags=["frames"])
 
 
-@router.post("", response_model=KnownAnswer, responses=problems(404))
+@router.post("/uploads/known", response_model=KnownAnswer, responses=problems())
+def ask_known(
+    body: HashesAsked, caller: Uploader, context: UsesContext, _idempotency_key: IdempotencyKey = None
+) -> Response:
+    """Ask by hash which files are stored whole, and in which campaigns.
+
+    Nothing is stored: asked again it answers as things stand then, whatever the `Idempotency-Key`.
+    """
+    return _answer(
+        context, body, lambda session: find_known_anywhere(session, caller.organisation_id, body.sha256)
+    )
+
+
+@router.post("/campaigns/{campaign_id}/frames/known", response_model=KnownAnswer, responses=problems(404))
 def ask_known_frames(
     campaign_id: Id,
     body: HashesAsked,
@@ -26,10 +42,16 @@ def ask_known_frames(
 
     Nothing is stored: asked again it answers as things stand then, whatever the `Idempotency-Key`.
     """
+
+    def find(session: Session) -> Iterable[FrameRow]:
+        return find_known(session, owned(session, Campaign, campaign_id, caller), body.sha256).values()
+
+    return _answer(context, body, find)
+
+
+def _answer(context: Context, body: HashesAsked, find: Callable[[Session], Iterable[FrameRow]]) -> Response:
     with context.database.reading() as session:
-        campaign = owned(session, Campaign, campaign_id, caller)
-        found = find_known(session, campaign, body.sha256)
-        sizes = read_sizes(session, found)
+        found = list(find(session))
+        sizes = read_sizes(session, {frame.sha256 for frame in found})
     absent = context.files.find_absent(sizes)
-    known = {sha256: frame for sha256, frame in found.items() if sha256 not in absent}
-    return KnownAnswer.of(body.sha256, known).respond()
+    return KnownAnswer.of(body.sha256, [frame for frame in found if frame.sha256 not in absent]).respond()

@@ -1,6 +1,6 @@
 """Which files need not be sent: asked by hash before an upload."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated
 
 from pydantic import Field
@@ -17,8 +17,8 @@ class HashesAsked(Form):
     sha256: Annotated[list[Sha256], Field(min_length=1, max_length=MOST_HASHES)]
 
 
-class KnownFrame(Answer, restates=FrameRow, fields="sha256 filename scene"):
-    """What the campaign has, and what was said of it: a sender sees whether it means the same."""
+class KnownFrame(Answer, restates=FrameRow, fields="sha256 filename scene campaign_id"):
+    """A frame that there is, and what was said of it: a sender sees whether it means the same."""
 
     frame_id: str
     role: Role
@@ -30,11 +30,11 @@ class KnownAnswer(Answer):
     unknown: list[str] = Field(description="To be sent. In the order asked, each once.")
 
     @classmethod
-    def of(cls, asked: Sequence[str], found: Mapping[str, FrameRow]) -> "KnownAnswer":
-        hashes = list(dict.fromkeys(asked))
+    def of(cls, asked: Sequence[str], found: Sequence[FrameRow]) -> "KnownAnswer":
+        places = {each: [frame for frame in found if frame.sha256 == each] for each in dict.fromkeys(asked)}
         return cls(
             known=[
-                KnownFrame.restate(found[each], frame_id=found[each].id) for each in hashes if each in found
+                KnownFrame.restate(frame, frame_id=frame.id) for there in places.values() for frame in there
             ],
-            unknown=[each for each in hashes if each not in found],
+            unknown=[each for each, there in places.items() if not there],
         )

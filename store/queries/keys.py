@@ -42,6 +42,12 @@ def find_key(session: Session, secret: str) -> tuple[ApiKey, Organisation] | Non
     return (row[0], row[1]) if row else None
 
 
+def find_key_by_id(session: Session, key_id: str) -> tuple[ApiKey, Organisation] | None:
+    """The same, by the key's id."""
+    row = session.execute(_keys().where(ApiKey.id == key_id, *_in_force())).first()
+    return (row[0], row[1]) if row else None
+
+
 def find_ended_key(session: Session, secret: str) -> ApiKey | None:
     """The key that was revoked or has expired."""
     return session.scalar(select(ApiKey).where(ApiKey.sha256 == _hash(secret), not_(and_(*_in_force()))))

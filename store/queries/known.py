@@ -1,4 +1,4 @@
-"""Which files a campaign already has, by their hashes."""
+"""Which files a campaign or an organisation already has, by their hashes."""
 
 from collections.abc import Iterable, Sequence
 
@@ -13,6 +13,17 @@ def find_known(session: Session, campaign: Campaign, hashes: Sequence[str]) -> d
     rows = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.sha256.in_(set(hashes)))
     rows = rows.where(FrameRow.withdrawn_at.is_(None))
     return {frame.sha256: frame for frame in session.scalars(rows)}
+
+
+def find_known_anywhere(session: Session, organisation_id: str, hashes: Sequence[str]) -> list[FrameRow]:
+    """Every frame of an organisation with these bytes, in the order in which they came."""
+    rows = (
+        select(FrameRow)
+        .join(Campaign, Campaign.id == FrameRow.campaign_id)
+        .where(Campaign.organisation_id == organisation_id, FrameRow.sha256.in_(set(hashes)))
+        .order_by(FrameRow.id)
+    )
+    return list(session.scalars(rows))
 
 
 def read_sizes(session: Session, hashes: Iterable[str]) -> dict[str, int]:

@@ -35,12 +35,16 @@ def test_known_files_are_told_from_unknown_ones_each_once_in_the_order_asked(hou
             "role": "light",
             "scene": "level-1",
             "state": "received",
+            "campaign_id": campaign["id"],
         }
     ]
 
 
-def test_another_campaigns_files_are_unknown(house, sent):
-    _, frame = sent
+def test_another_campaigns_files_are_unknown_to_this_one_and_known_to_the_organisation(house, sent):
+    campaign, frame = sent
+    anywhere = house.post("/v1/uploads/known", {"sha256": [OTHER, frame["sha256"]]}, status=200)
+    assert anywhere["unknown"] == [OTHER]
+    assert [known["campaign_id"] for known in anywhere["known"]] == [campaign["id"]]
     assert ask(house, house.campaign(), frame["sha256"]) == {"known": [], "unknown": [frame["sha256"]]}
 
 

@@ -15,6 +15,7 @@ from store.tables import Usage
 from store.usage import Quotas, recount_all
 from tests.support.house import KEY
 from tests.support.live import serving
+from tests.support.resumable import begin_upload, describe
 
 
 @pytest.fixture
@@ -38,6 +39,16 @@ def usage(house):
 def send(house, campaign, content, **headers):
     path = f"/v1/campaigns/{campaign['id']}/frames"
     return house.http.post(path, params={"role": "dark"}, content=content, headers=headers)
+
+
+def test_what_has_not_come_yet_of_an_upload_in_pieces_counts(house, limit):
+    campaign = house.campaign()["id"]
+    limit(quota_bytes=150)
+    place = begin_upload(house, campaign, b"a" * 100)
+    refused = house.http.post("/v1/uploads", headers=describe(campaign, b"b" * 100))
+    assert (refused.status_code, refused.json()["code"]) == (507, "quota_exceeded")
+    assert house.http.delete(place).status_code == 204
+    begin_upload(house, campaign, b"b" * 100)
 
 
 def test_what_is_used_is_shown(house, limit):

@@ -4,6 +4,7 @@ from store.software import FIT_CODE_VERSION
 from tests.support.campaigns import published_campaign
 from tests.support.house import House
 from tests.support.measuring import measure
+from tests.support.resumable import begin_upload
 
 METER = {"kind": "luminance", "make": "Gossen", "model": "Starlite", "serial": "1"}
 PANEL = {"serial": "RP04", "bands": [{"band": "red", "reflectance": 0.5}], "measured_on": "2026-04-01"}
@@ -30,6 +31,7 @@ def make_one_of_each(house: House) -> dict[str, str]:
         "key_id": key["id"],
         "session_id": house.get("/v1/sessions", key_id=key["id"])["items"][0]["id"],
         "measurement_id": measure(house, {"id": frame_id}, version)["id"],
+        "upload_id": begin_upload(house, version["campaign_id"], b"raw").rpartition("/")[2],
         "recall_id": house.post("/v1/recalls", {"cause": {"software": FIT_CODE_VERSION}, "reason": "r"})[
             "id"
         ],

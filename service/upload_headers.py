@@ -1,0 +1,159 @@
+"""What tus 1.0.0 and the IETF's draft of resumable uploads say in headers."""
+
+import base64
+import binascii
+import hashlib
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from email.utils import format_datetime
+from typing import Annotated, Final
+
+from fastapi import Depends, Header, Request, Response
+from pydantic import ValidationError
+
+from radiometry.findings import interface
+from service.problems import Problem, invalid, located
+from service.routes.frames import read_region
+from service.schemas.base import Sha256, Text
+from service.schemas.frames import Upload
+from store.partials import Facts, Partial
+
+TUS: Final = "1.0.0"
+_DRAFT: Final = "6"
+PIECES: Final = ("application/offset+octet-stream", "application/partial-upload")
+"""Media types of a piece: of tus, and of the IETF's draft."""
+_OF_BROWSERS: Final = frozenset({"name", "type", "filetype", "relativePath"})
+"""What uploaders of browsers say of any file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadHeaders:
+    """What a request says in headers; what is absent is None."""
+
+    tus_version: Annotated[str | None, Header(alias="Tus-Resumable", description="`1.0.0`, of tus.")] = None
+    complete: Annotated[
+        str | None,
+        Header(alias="Upload-Complete", description="Of the IETF's draft: `?1` with the last byte."),
+    ] = None
+    offset: Annotated[
+        str | None, Header(alias="Upload-Offset", description="Where the piece begins [bytes].")
+    ] = None
+    length: Annotated[
+        str | None, Header(alias="Upload-Length", description="Size of the whole file [bytes].")
+    ] = None
+    metadata: Annotated[
+        str | None,
+        Header(
+            alias="Upload-Metadata",
+            description="Pairs of a name and a value in Base64, with commas between: `campaign_id`, "
+            "`sha256` (of the whole file), `role`, and what else an upload of a frame takes.",
+        ),
+    ] = None
+    checksum: Annotated[
+        str | None,
+        Header(
+            alias="Upload-Checksum",
+            description="`sha256` and the piece's digest in Base64: it is kept whole or not at all.",
+        ),
+    ] = None
+    media_type: Annotated[str, Header(alias="Content-Type", include_in_schema=False)] = ""
+
+    @property
+    def is_piece(self) -> bool:
+        """Whether the body is a piece of a file."""
+        return self.media_type.partition(";")[0].strip() in PIECES
+
+
+UsesHeaders = Annotated[UploadHeaders, Depends()]
+
+
+class FrameSaid(Upload):
+    """What is said of a file before its first byte."""
+
+    campaign_id: Text
+    sha256: Sha256
+
+
+def check_protocol(headers: UploadHeaders) -> None:
+    """Refuse a client that speaks neither protocol."""
+    if headers.tus_version != TUS and headers.complete is None:
+        raise Problem(
+            interface.UPLOAD_VERSION,
+            "Send Tus-Resumable: 1.0.0 (tus), or Upload-Complete (the IETF's resumable uploads).",
+            headers={"Tus-Version": TUS},
+        )
+
+
+def read_count(text: str | None, name: str) -> int:
+    """Read a count of bytes."""
+    if text is None or re.fullmatch(r"\d{1,15}", text, re.ASCII) is None:
+        raise invalid([{"type": "upload", "loc": ("header", name), "msg": "must be a count of bytes"}])
+    return int(text)
+
+
+def read_length(length: str | None, most: int) -> int:
+    """Read the size of the whole file."""
+    size_bytes = read_count(length, "Upload-Length")
+    if size_bytes > most:
+        raise Problem(
+            interface.UPLOAD_TOO_LARGE, f"A file may have at most {most} bytes (STILB_MAX_UPLOAD_BYTES)."
+        )
+    return size_bytes
+
+
+def read_metadata(text: str | None) -> dict[str, str]:
+    """Read what is said of a file, each name once."""
+    pairs = [pair.split() for pair in (text or "").split(",") if pair.strip()]
+    try:
+        said = {name: base64.b64decode("".join(value), validate=True).decode() for name, *value in pairs}
+    except (binascii.Error, UnicodeDecodeError):
+        message = "must be names with their values in Base64, separated by commas"
+        raise invalid([{"type": "upload", "loc": ("header", "Upload-Metadata"), "msg": message}]) from None
+    if "filename" not in said and "name" in said:
+        said["filename"] = said["name"]
+    return {name: value for name, value in said.items() if name not in _OF_BROWSERS}
+
+
+def read_said(said: dict[str, str]) -> FrameSaid:
+    """Check what is said of a file before its first byte is taken."""
+    try:
+        frame = FrameSaid.model_validate(said)
+    except ValidationError as error:
+        raise invalid(located(error, "header", "Upload-Metadata")) from None
+    if frame.roi is not None:
+        read_region(frame.roi)
+    return frame
+
+
+def read_checksum(text: str | None) -> bytes | None:
+    """Read the digest of a piece."""
+    if text is None:
+        return None
+    algorithm, _, digest = text.partition(" ")
+    try:
+        value = base64.b64decode(digest, validate=True)
+    except binascii.Error:
+        value = b""
+    if algorithm != "sha256" or len(value) != hashlib.sha256().digest_size:
+        raise Problem(
+            interface.BAD_REQUEST, "Upload-Checksum takes sha256 and the digest of the piece in Base64."
+        )
+    return value
+
+
+def answer(request: Request, partial: Partial, facts: Facts, status: int) -> Response:
+    """State how far an upload is, in the words of both protocols."""
+    headers = {
+        "Tus-Resumable": TUS,
+        "Upload-Offset": str(partial.read_offset()),
+        "Upload-Length": str(facts.size_bytes),
+        "Upload-Complete": "?1" if facts.frame_id else "?0",
+        "Upload-Expires": format_datetime(datetime.fromtimestamp(facts.expires_at, UTC), usegmt=True),
+        "Cache-Control": "no-store",
+    }
+    if "upload-draft-interop-version" in request.headers:
+        headers["Upload-Draft-Interop-Version"] = _DRAFT
+    if facts.frame_id:
+        headers["Content-Location"] = f"/v1/frames/{facts.frame_id}"
+    return Response(status_code=status, headers=headers)
