@@ -1,4 +1,4 @@
-"""From a file on the disk to its luminance map as TIFF: ours, and plain numpy over rawpy's decode."""
+"""Luminance map of a file on the disk as TIFF: ours, and plain numpy over rawpy's decode."""
 
 import itertools
 from collections.abc import Callable
@@ -50,7 +50,7 @@ def _measure(scale: Scale, compression: Compression, paths: list[Path], pool: De
 
 
 def map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
-    """What the worker does for one frame."""
+    """Make the map as the worker does for one frame."""
     with pool.hold(path):
         header: FrameHeader = pool.read_header(path)
         facts = MapFacts(header=header, exposure=_EXPOSURE, software="stilb", description={"unit": "cd/m2"})
@@ -58,7 +58,7 @@ def map_ours(pool: DecoderPool, path: Path, target: Path) -> None:
 
 
 def map_plainly(path: Path, target: Path) -> None:
-    """What a script does: decode all of it, interpolate green in whole arrays, hand them to tifffile.
+    """Make the map as a script does: decode all, interpolate green in whole arrays, hand them to tifffile.
 
     The same tiles, compression and level, and the values as computed: ours are rounded to 12 bits first.
     Single precision, as a script that cares for time.

@@ -50,5 +50,5 @@ def read_memory_mb(pid: int, name: str) -> float:
 
 
 def forget_peak(pid: int) -> None:
-    """Let the peak start anew from what is used now."""
+    """Reset the peak to what is used now."""
     Path(f"/proc/{pid}/clear_refs").write_text("5", encoding="ascii")

@@ -1,4 +1,4 @@
-"""From a file on the disk to the statistics of a region: ours, other people's ways, and the limit.
+"""Statistics of a region of a file on the disk: ours, other people's ways, and the limit.
 
 Every way ends in the same function on the same region, and must give the same numbers.
 """
@@ -70,7 +70,7 @@ def _measure(scale: Scale, compression: Compression, paths: list[Path], pool: De
 
 
 def extract_ours(pool: DecoderPool, path: Path, polygon: Polygon) -> Rows:
-    """What the worker does for one frame: header, window, statistics."""
+    """Extract as the worker does for one frame: header, window, statistics."""
     with pool.hold(path):
         header = pool.read_header(path)
         window = bounding_window(polygon, height_px=header.height_px, width_px=header.width_px)
@@ -79,7 +79,7 @@ def extract_ours(pool: DecoderPool, path: Path, polygon: Polygon) -> Rows:
 
 
 def extract_with_rawpy(path: Path, polygon: Polygon) -> Rows:
-    """What a script with rawpy does: decode all of it, then look at the region."""
+    """Extract as a script with rawpy does: decode all of it, then read the region."""
     with rawpy.imread(str(path)) as raw:
         mosaic = raw.raw_image_visible
         window = bounding_window(polygon, height_px=mosaic.shape[0], width_px=mosaic.shape[1])

@@ -1,4 +1,4 @@
-"""From a four-band capture on the disk to its reflectance maps: ours, and plain numpy in one process."""
+"""Reflectance maps of a four-band capture on the disk: ours, and plain numpy in one process."""
 
 import itertools
 import tempfile
@@ -64,7 +64,7 @@ def run(scale: Scale) -> list[bool]:
 
 @contextmanager
 def open_ours(bands: Sequence[Band]) -> Iterator[tuple[Callable[[], None], list[int]]]:
-    """What the worker does for each band of a capture."""
+    """Open each band of a capture as the worker does."""
     turns = itertools.cycle(range(NAMES))
     with DecoderPool(DECODERS) as pool:
         pool.read_header(bands[0].paths[0])
@@ -79,7 +79,7 @@ def open_ours(bands: Sequence[Band]) -> Iterator[tuple[Callable[[], None], list[
 
 @contextmanager
 def open_plain(bands: Sequence[Band]) -> Iterator[tuple[Callable[[], None], list[int]]]:
-    """What a script does for each band of a capture."""
+    """Open each band of a capture as a script does."""
     turns = itertools.cycle(range(NAMES))
 
     def work() -> None:

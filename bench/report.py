@@ -1,4 +1,4 @@
-"""What a benchmark says: lines of figures, each with its target where there is one."""
+"""Report of a benchmark: lines of figures, each with its target where there is one."""
 
 import importlib.metadata
 import os

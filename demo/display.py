@@ -1,4 +1,4 @@
-"""What is going on: bars in a terminal, plain lines elsewhere."""
+"""Progress: bars in a terminal, plain lines elsewhere."""
 
 import time
 from collections.abc import Callable, Iterator

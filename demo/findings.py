@@ -40,7 +40,7 @@ class Finding:
 
     @property
     def agrees(self) -> bool:
-        """Whether the figure agrees with the truth."""
+        """Return True if the figure agrees with the truth."""
         return abs(self.difference) <= AGREES_WITHIN
 
 

@@ -1,4 +1,4 @@
-"""Who asks: a key of one organisation, with its scopes, or the session that a browser opened with it."""
+"""Authentication: an API key of one organisation with its scopes, or a browser session opened with it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ def get_caller(
 
 
 def find_session(request: Request, context: Context) -> Caller | None:
-    """Who is signed in with this browser, if anyone. The caller looks after CSRF."""
+    """Return who is signed in with this browser, if anyone. The caller checks CSRF."""
     session_id = context.sessions.session_id_of(request.cookies.get(context.sessions.cookie, ""))
     if session_id is None:
         return None

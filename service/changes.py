@@ -29,7 +29,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, kw_only=True)
 class Reply:
-    """What a change answers, and the jobs it left for the workers."""
+    """Answer of a change, and the jobs that it left for the workers."""
 
     status: int
     body: Answer

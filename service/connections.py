@@ -19,7 +19,7 @@ _MANY_FILES = 65536
 
 
 def raise_file_limit() -> int:
-    """Let this process open as many files as it may; how many those are."""
+    """Raise the limit of open files to the highest that this process may have, and return it."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _MANY_FILES if hard == resource.RLIM_INFINITY else hard
     with suppress(OSError, ValueError):

@@ -1,4 +1,4 @@
-"""What a request needs of the world, built once in main and passed down."""
+"""Resources that a request needs, built once in main and passed down."""
 
 from dataclasses import dataclass
 from functools import cached_property

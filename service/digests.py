@@ -1,4 +1,4 @@
-"""What a request says of its own content (RFC 9530) is compared with what arrives."""
+"""Check of a request's content against the digest that it states (RFC 9530)."""
 
 import base64
 import binascii

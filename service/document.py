@@ -43,7 +43,7 @@ Node = dict[str, Any]
 
 
 def build_document(app: FastAPI) -> Node:
-    """What the service publishes at /openapi.json; built once."""
+    """Return the document published at /openapi.json; built once."""
     if app.openapi_schema is None:
         document = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
         _add_methods(document)

@@ -1,4 +1,4 @@
-"""Whether the service can serve: what it stands on is looked at in threads of its own, and never for long."""
+"""Health of the service: what it depends on is checked in threads of its own, and never for long."""
 
 import asyncio
 import time
@@ -30,7 +30,7 @@ _NOBODY = ""
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What one check found, or that it has not come back."""
+    """Result of one check, or that it has not come back."""
 
     name: str
     code: Entry | None = None
@@ -52,7 +52,7 @@ class Report:
 
     @property
     def warnings(self) -> list[str]:
-        """What is wrong while requests can be served: what they ask for waits."""
+        """Return what is wrong while requests can be served: what they ask for waits."""
         at_work = {part.kind for part in self.parts if part.state == "working"}
         idle = {
             "worker": "no worker is at work: jobs wait",

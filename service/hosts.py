@@ -30,7 +30,7 @@ class Hosts:
 
     @property
     def are_listed(self) -> bool:
-        """Whether somebody has said which names there are; others are then refused."""
+        """Return True if host names are configured; others are then refused."""
         return bool(self._schemes)
 
     def is_listed(self, host: str) -> bool:

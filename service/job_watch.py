@@ -15,7 +15,7 @@ _LONGEST_TICK_S = 2.0
 
 
 class JobWatch:
-    """Holds no thread and no connection for anyone who waits; asks nothing while nobody does."""
+    """Watch of jobs: no thread or connection per waiting request, and no query while none waits."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -39,7 +39,7 @@ class JobWatch:
                 del self._waiting[job_id]
 
     def release(self) -> None:
-        """Let everybody go who waits, and who will."""
+        """Release all requests that wait, and those that will."""
         self._released = True
         self._tell(list(self._waiting))
 

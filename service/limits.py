@@ -13,7 +13,7 @@ _UPLOADS = re.compile(r"/v1/campaigns/[^/]+/frames|/v1/uploads(/upl_[^/]+)?")
 
 
 def is_upload(path: str) -> bool:
-    """Whether what is sent there is a file, which streams."""
+    """Return True if what is sent there is a file, which streams."""
     return _UPLOADS.fullmatch(path) is not None
 
 

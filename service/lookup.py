@@ -1,4 +1,4 @@
-"""From an id in an address to a row of the caller's organisation: what is another's does not exist."""
+"""Look-up of a row by an id in an address: rows of other organisations do not exist for the caller."""
 
 from typing import Annotated, TypeVar
 

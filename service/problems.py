@@ -125,7 +125,7 @@ def _install_storage(app: FastAPI) -> None:
 
 
 def _of_the_framework(request: Request, error: HTTPException) -> Problem:
-    """What the framework refuses by itself, in our words."""
+    """Return the problem, in our words, of a request that the framework refused."""
     headers = dict(error.headers or {})
     match error.status_code:
         case 404:
@@ -179,7 +179,7 @@ def _locate_in_json(error: Mapping[str, Any]) -> str:
 
 
 def located(error: ValidationError, *place: str) -> list[dict[str, Any]]:
-    """What pydantic found, and where in the request."""
+    """Return what pydantic found, and where in the request."""
     return [{**each, "loc": (*place, *each["loc"])} for each in error.errors(include_url=False)]
 
 

@@ -41,7 +41,7 @@ class Sessions:
         return session_id if time.time() < int(expires) else None
 
     def csrf_token(self, token: str) -> str:
-        """What a page of this session sends with every change, and a stranger's page cannot know."""
+        """Return the token that a page sends with every change, and a stranger's page cannot know."""
         return self._sign("csrf", token)
 
     def is_csrf_token(self, token: str, given: str) -> bool:

@@ -24,7 +24,7 @@ _GROUPED = re.compile(r"\d{1,3}(,\d{3})+")
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What a table holds. ``numbers``: columns whose cells are numbers; ``most``: rows it may have.
+    """Content of a table. ``numbers``: columns whose cells are numbers; ``most``: rows it may have.
 
     ``usual`` : what a row says that says nothing of it
     """
@@ -57,7 +57,7 @@ def read_sheet(
 
 
 def is_table(request: Request) -> bool:
-    """Whether the body says that it is CSV, with or without its character set."""
+    """Return True if the body is declared as CSV, with or without its character set."""
     return request.headers.get("content-type", "").split(";")[0].strip().lower() == "text/csv"
 
 

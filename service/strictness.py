@@ -1,4 +1,4 @@
-"""What FastAPI would let pass: parameters that a route does not know, loose numbers, members given twice."""
+"""Checks that FastAPI lacks: parameters that a route does not know, loose numbers, members given twice."""
 
 import json
 import re
@@ -18,7 +18,7 @@ _WHOLE: Final = re.compile(r"[+-]?\d+", re.ASCII)
 
 @dataclass(frozen=True, kw_only=True)
 class _Operation:
-    """What the document says of a request: the type of each parameter in the address, and the body."""
+    """Types that the document states of a request: each parameter in the address, and the body."""
 
     types: dict[str, str]
     takes_json: bool

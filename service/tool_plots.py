@@ -1,4 +1,4 @@
-"""What the calculators draw: tolerable rotation and blur against exposure time, and footprints."""
+"""Plots of the calculators: tolerable rotation and blur against exposure time, and footprints."""
 
 import math
 from collections.abc import Iterator, Sequence

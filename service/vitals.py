@@ -1,4 +1,4 @@
-"""Whether the service can still work: its loop turns, and a thread is free now and then."""
+"""Vital signs of the service: its loop turns, and a thread is free now and then."""
 
 import asyncio
 import time

@@ -1,4 +1,4 @@
-"""What every group of calls stands on: one service, one key."""
+"""Connection that all groups of calls share: one service, one key."""
 
 from types import TracebackType
 from typing import Any, Self

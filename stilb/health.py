@@ -14,7 +14,7 @@ _SAMPLE = re.compile(r'^(?P<name>\w+)(?:\{\w+="(?P<label>[^"]*)"\})? (?P<value>\
 
 @dataclass(frozen=True, kw_only=True)
 class Health:
-    """What a look at a service showed. None: it does not tell, as where a proxy keeps /metrics to itself.
+    """State of a service when it was asked. None: not reported, as where a proxy keeps /metrics to itself.
 
     ``clock_ahead_s``: the service's clock minus this machine's, to half a second.
     """

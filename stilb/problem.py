@@ -1,4 +1,4 @@
-"""What can go wrong, as the service says it (RFC 9457) or as the connection shows it."""
+"""Errors, as the service states them (RFC 9457) or as the connection shows them."""
 
 import json
 import re
@@ -43,7 +43,7 @@ class Problem(Exception):  # noqa: N818  the name of the media type
 
 
 class Unclear(ValueError):  # noqa: N818  what the caller asked, not an error of the program
-    """What was asked fits several things; the message says which, and how to name one."""
+    """A name that fits several things; the message says which, and how to name one."""
 
 
 class JobFailed(Problem):

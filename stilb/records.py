@@ -1,4 +1,4 @@
-"""What the service answers, as frozen records.
+"""Answers of the service, as frozen records.
 
 A record names the fields that a caller works with; ``raw`` holds the whole answer, so that a field which the
 service learnt yesterday is within reach today. Times are aware datetimes.
@@ -60,7 +60,7 @@ class CampaignDetails(TypedDict, total=False):
 
 
 class PanelBand(TypedDict):
-    """What a panel reflects in a band, 0..1; the uncertainty absolute, k = 1."""
+    """Reflectance of a panel in a band, 0..1; the uncertainty absolute, k = 1."""
 
     band: str
     reflectance: float

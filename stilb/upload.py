@@ -23,7 +23,7 @@ PathLike = str | os.PathLike[str]
 
 
 class FrameDetails(TypedDict, total=False):
-    """What one frame may bring of its own: a region, and exposure values that its file does not state."""
+    """Details of one frame: a region, and exposure values that its file does not state."""
 
     roi: Polygon
     exposure_time_s: float

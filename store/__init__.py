@@ -1,1 +1,1 @@
-"""What service and worker share of the outside world: settings, tables, queries, blobs, jobs, codec."""
+"""Resources that service and worker share: settings, tables, queries, blobs, jobs, codec."""

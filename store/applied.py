@@ -1,4 +1,4 @@
-"""What a version applies to later frames, as its method takes it."""
+"""Values of a version for later frames, as its method takes them."""
 
 from typing import Any
 

@@ -55,7 +55,7 @@ def append_entries(session: Session) -> None:
 
 
 def forget_entries(session: Session) -> None:
-    """What was rolled back was never done."""
+    """Drop the entries of what was rolled back: it was never done."""
     session.info.pop("audit_entries", None)
 
 

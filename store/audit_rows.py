@@ -28,7 +28,7 @@ _Key = tuple[Any, ...]
 
 @dataclass
 class RowsReport:
-    """What was compared, and what differs, in words."""
+    """Rows that were compared, and what differs, in words."""
 
     faults: list[str] = field(default_factory=list)
     compared: int = 0
@@ -181,7 +181,7 @@ _RECORDED_LATE = frozenset({"extraction"})
 
 @dataclass
 class _State:
-    """What the entries of a row add up to."""
+    """State of a row by its entries."""
 
     values: dict[str, Any]
     perhaps: dict[str, list[Any]] = field(default_factory=lambda: defaultdict(list))

@@ -32,7 +32,7 @@ _MOST_LINES: Final = 50
 
 @dataclass(frozen=True, kw_only=True)
 class Proven:
-    """What holds, and what does not in sentences."""
+    """Proof of a backup: files and bytes that are whole, and the faults in sentences."""
 
     files: int = 0
     size_bytes: int = 0

@@ -1,4 +1,4 @@
-"""What the store refuses, whoever asks."""
+"""Errors that the store raises, whoever asks."""
 
 
 class Conflict(Exception):  # noqa: N818  it says what happened

@@ -17,15 +17,7 @@ from sqlalchemy.orm import Session
 from radiometry.findings import interface
 from store import jobs
 from store.audit import record_act
-from store.blobs import (
-    BlobDamaged,
-    BlobMissing,
-    Blobs,
-    Damage,
-    StorageUnavailable,
-    StoredBlob,
-    StoredFile,
-)
+from store.blobs import BlobDamaged, BlobMissing, Blobs, Damage, StorageUnavailable, StoredBlob, StoredFile
 from store.columns import utc_now
 from store.database import Database
 from store.tables import Blob, Job

@@ -1,4 +1,4 @@
-"""From a campaign's evidence to a version: what is missing, what goes in, and what is written down."""
+"""Fit of a campaign's evidence to a version: what is missing, what goes in, and what is written down."""
 
 import hashlib
 import json
@@ -52,7 +52,7 @@ def leave_out_doubtful(params: Any, evidence: Evidence) -> Any:  # noqa: ANN401 
 
 
 def list_missing(campaign: Campaign, evidence: Evidence, params: Any) -> list[str]:  # noqa: ANN401
-    """What a fit still needs, by name; empty when it can start."""
+    """List by name what a fit still needs; empty if it can start."""
     return [
         *(() if is_told(campaign) else [_UNTOLD]),
         *methods.get_method(campaign.method).missing(
@@ -167,7 +167,7 @@ def read_result(calibration: Calibration) -> Any:  # noqa: ANN401 (the method's 
 
 
 def _configuration(camera: Camera) -> dict[str, Any]:
-    """What else a version holds for: the lens, where it is named."""
+    """Return what else a version holds for: the lens, where it is named."""
     lens = {"make": camera.lens_make, "model": camera.lens_model, "serial": camera.lens_serial}
     return {"lens": {name: value for name, value in lens.items() if value}} if camera.lens_model else {}
 

@@ -1,4 +1,4 @@
-"""What a decision about a version changes: coefficients, flags, and the measurements made with it."""
+"""Effect of a decision about a version: coefficients, flags, and the measurements made with it."""
 
 import json
 from collections.abc import Collection, Sequence
@@ -67,12 +67,12 @@ class Impact:
 
 
 def find_in_force(session: Session, calibration: Calibration, at: datetime) -> InForce | None:
-    """What holds the version's own slot at a time, as far as is known now."""
+    """Return what holds the version's own slot at a time, as far as is known now."""
     return next((held for held in _list_open(session, calibration) if _holds(held, at, at)), None)
 
 
 def assess(session: Session, calibration: Calibration, against: InForce) -> Impact:
-    """What publishing a version changes against the one in force."""
+    """Compare a version with the one in force: what publishing it changes."""
     old = against.calibration
     shared, common = _compare_references(old, calibration)
     rows = coefficients_of(session, [old.id, calibration.id])
@@ -173,7 +173,7 @@ def _holds(held: InForce, earliest: datetime, latest: datetime) -> bool:
 def _compare_references(
     old: Calibration, new: Calibration
 ) -> tuple[MeterCalibration, dict[tuple[str, str | None], float]]:
-    """Whether both hang on the same meters or panel; the error that they share, by coefficient and band."""
+    """Compare the meters or panel of two versions; return the error that they share, by coefficient, band."""
     spec = get_method(old.method)
     name = spec.coefficients[0].name
     if old.method == new.method and spec.reference == "panel":

@@ -31,7 +31,7 @@ _CLAIM_ATTEMPTS = 8
 
 
 class Dependency(StrEnum):
-    """What a job needs of the world, and may have to wait for."""
+    """A resource that a job needs, and may have to wait for."""
 
     DATABASE = "database"
     BLOBS = "blobs"
@@ -119,7 +119,7 @@ def enqueue_extraction(
 
 
 def is_live(session: Session, subject_id: str) -> bool:
-    """Whether a job for this subject waits or runs."""
+    """Return True if a job for this subject waits or runs."""
     live = select(Job.id).where(Job.subject_id == subject_id, Job.state.in_(("queued", "running")))
     return session.scalar(live.limit(1)) is not None
 
@@ -247,7 +247,7 @@ def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None
 
 
 def resume(session: Session, waits_for: Dependency) -> int:
-    """Let the jobs that wait for something be due now that it is back; how many they were."""
+    """Make the jobs due that wait for something that is back; return how many they were."""
     waiting = (Job.state == "queued") & (Job.waits_for == str(waits_for))
     return _update(session, waiting, due_at=utc_now(), waits_for=None)
 

@@ -69,7 +69,7 @@ def postgres_engine(url: URL, *, answer_within_s: float | None) -> Engine:
 
 
 class _Connection(psycopg.Connection[Any]):
-    """Gives up a server that has not answered for so long [s]."""
+    """Connection that is closed when the server has not answered for so long [s]."""
 
     silence_s: float
     _answered_at = -math.inf

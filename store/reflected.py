@@ -1,4 +1,4 @@
-"""What a change of a reflectance version makes of the measurements that were made with it."""
+"""Effect of a change of a reflectance version on the measurements that were made with it."""
 
 from typing import Any, Literal
 
@@ -15,7 +15,7 @@ _PANEL = "panel reflectance"
 
 
 def compare_panels(old: Calibration, new: Calibration) -> tuple[PanelCalibration, dict[str, float]]:
-    """Whether both hang on one panel, and the error that they then share, relative to K, by band."""
+    """Compare the panels of two versions; return the error that they share, relative to K, by band."""
     before, after = _panels(old), _panels(new)
     if not before or not after:
         return "unknown", {}

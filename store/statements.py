@@ -1,4 +1,4 @@
-"""What a certificate states of a result, in one form for all methods: coefficients with U, budgets."""
+"""Statements of a certificate about a result, alike for all methods: coefficients with U, budgets."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What each organisation uses of what it may: counted where it grows, so that no upload has to add it all up.
+"""Usage of each organisation: counted where it grows, so that no upload has to add it all up.
 
 The counts of an organisation lie in one row, which whoever adds to them locks until the commit: two that come
 at once are counted one after the other. Before anybody is refused they are counted anew. Of jobs an upper
@@ -50,7 +50,7 @@ class Quotas:
 
 @dataclass(frozen=True, kw_only=True)
 class Used:
-    """What an organisation uses."""
+    """Usage of an organisation."""
 
     stored_bytes: int
     frames: int

@@ -1,4 +1,4 @@
-"""What a field team is told on site: the verdict on each frame, and what its campaign still lacks."""
+"""Verdicts for a field team on site: on each frame, and what its campaign still lacks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a certificate is checked against: an export in a folder, or one fetched from a server for this."""
+"""Data that a certificate is checked against: an export in a folder, or one fetched from a server."""
 
 import json
 import tempfile
@@ -93,7 +93,7 @@ def open_measurement(place: str, key: str, measurement_id: str) -> Iterator[Path
 
 
 def is_address(place: str) -> bool:
-    """Whether a place is on a server."""
+    """Return True if a place is on a server."""
     return place.startswith(("http://", "https://"))
 
 

@@ -1,4 +1,4 @@
-"""From the bytes of the frames, readings and panels to the figures, with the code that the service runs."""
+"""Recomputation from the bytes of frames, readings and panels, with the code that the service runs."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
@@ -206,7 +206,7 @@ def _signal(statistics: tuple[ChannelStatistics, ...], certificate: Node) -> Nod
 
 
 def inputs_of(certificate: Node, found: Recomputed, data: Data) -> Node:
-    """What a version's content hash is taken over, made of what was found."""
+    """Return what a version's content hash is taken over, made of what was found."""
     frames = []
     for frame in found.frames:
         stated = frame.stated
@@ -237,7 +237,7 @@ def inputs_of(certificate: Node, found: Recomputed, data: Data) -> Node:
 
 
 def _references(certificate: Node, data: Data) -> Node:
-    """What the readings were made with, and what the signals were corrected with."""
+    """Return what the readings were made with, and what the signals were corrected with."""
     spec = methods.get_method(certificate["method"])
     falloff = certificate.get("falloff")
     return {

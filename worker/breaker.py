@@ -1,4 +1,4 @@
-"""What a worker knows of a thing that it depends on: one probe at a time while it does not serve."""
+"""Circuit breaker of a resource: one probe at a time while it does not serve."""
 
 import logging
 import threading
@@ -57,7 +57,7 @@ class Breaker:
         return self._open_since
 
     def permits(self) -> bool:
-        """Whether this thread may begin something that needs it; one that is let through has to report."""
+        """Return True if this thread may begin what needs it; one that is let through has to report."""
         with self._lock:
             if self._state is _State.CHECKED:
                 self._state, self._trier = _State.TRIED, threading.get_ident()

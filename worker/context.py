@@ -1,4 +1,4 @@
-"""What a job needs of the world, built once in main and passed down."""
+"""Resources that a job needs, built once in main and passed down."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -45,7 +45,7 @@ class Leases:
             self._held[claim.job_id] = (claim, progress, self._clock.now_s)
 
     def give_back(self) -> None:
-        """Let others do at once what this process will not end."""
+        """Return jobs that this process will not end, so that others take them at once."""
         with self._lock:
             held = list(self._held.values())
         for claim, _, _ in held:

@@ -1,4 +1,4 @@
-"""What each kind of job needs of the world, and which errors say that it does not serve."""
+"""Resources that each kind of job needs, and which errors say that they do not serve."""
 
 from datetime import datetime
 

@@ -32,7 +32,7 @@ _ABANDONED_AFTER_S = 24 * 3600.0
 
 
 def sweep_jobs(database: Database, *, lease_s: float, renew: bool = False) -> None:
-    """Let the jobs whose leases have run out wait again; ``renew`` : first let every lease begin anew."""
+    """Queue the jobs again whose leases have run out; ``renew`` : first renew every lease."""
     with database.writing("sweeper") as session:
         mend_times(session, lease_s=lease_s, jumped=renew)
         jobs.sweep(session)

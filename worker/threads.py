@@ -53,7 +53,7 @@ class JobThreads:
             thread.start()
 
     def wake(self) -> None:
-        """Let one thread that sleeps, or the next that would, look for a job."""
+        """Wake one thread that sleeps, or the next that would, to take a job."""
         with self._changed:
             self._wakes = min(self._wakes + 1, len(self._threads))
             self._changed.notify()

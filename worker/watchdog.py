@@ -24,7 +24,7 @@ _LOOK_EVERY_S = 5.0
 
 
 class Watchdog:
-    """Looks several times in each stall limit; the time in which it was stopped itself does not count."""
+    """Watch of a stall: several checks in each limit; the time in which it was stopped does not count."""
 
     def __init__(
         self, database: Database, leases: Leases, presence: Presence, pulse: Pulse, *, stall_s: float

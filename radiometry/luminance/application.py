@@ -2,10 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected, Raised, shared
 from radiometry.fitting import models
@@ -13,13 +9,13 @@ from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure, Settings, require_plausible
 from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
 from radiometry.luminance import codes
+from radiometry.luminance.coefficient import Aperture, Coefficient
+from radiometry.luminance.effects import SAME_SETTING_REL, Conversion, list_source_effects
+from radiometry.luminance.measured import AppliedLuminance
 from radiometry.luminance.points import DETECTION_ERRORS, MOST_SATURATED_SHARE
-from radiometry.luminance.results import Aperture, AppliedLuminance, Coefficient, Effect, Rows
 from radiometry.vignetting.lens import LensShare
 
-NOISE = "pixel noise"
 _SAME_TIME_REL = 0.02
-_SAME_SETTING_REL = 1e-3
 
 
 def apply_coefficient(
@@ -126,12 +122,12 @@ def apply_to_signal(
     aperture = find_aperture(coefficient, settings)
     rhs = _invert(coefficient, adjusted) / (aperture.x_factor if aperture else 1.0)
     scale = settings.f_number**2 / (settings.exposure_time_s * settings.iso)
-    effects = _effects(
+    effects = list_source_effects(
         coefficient,
         signal,
         share,
         adjusted_dn=adjusted,
-        conversion=_Conversion(
+        conversion=Conversion(
             settings, aperture, rhs * scale, scale / (aperture.x_factor if aperture else 1.0)
         ),
     )
@@ -167,7 +163,7 @@ def find_aperture(coefficient: Coefficient, settings: Settings) -> Aperture | No
         None if the f-number was not calibrated, or the version is older.
     """
     for aperture in coefficient.apertures or ():
-        if math.isclose(aperture.f_number, settings.f_number, rel_tol=_SAME_SETTING_REL):
+        if math.isclose(aperture.f_number, settings.f_number, rel_tol=SAME_SETTING_REL):
             return aperture
     return None
 
@@ -281,87 +277,6 @@ def _invert(coefficient: Coefficient, adjusted_dn: float) -> float:
             f"{adjusted_dn:g} DN above dark.",
         )
     return rhs
-
-
-@dataclass(frozen=True)
-class _Conversion:
-    """A frame's settings, what was calibrated of them, its luminance and luminance per X [cd/m2]."""
-
-    settings: Settings
-    aperture: Aperture | None
-    luminance: float
-    scale: float
-
-
-def _effects(
-    coefficient: Coefficient,
-    signal: Signal,
-    share: LensShare | None,
-    *,
-    adjusted_dn: float,
-    conversion: _Conversion,
-) -> tuple[Effect, ...]:
-    """List each source's effect on L = X scale [cd/m2]; correlated parameters as independent combinations."""
-    by_signal, by_parameters = models.invert_gradient(coefficient.model, coefficient.parameters, adjusted_dn)
-    scale, luminance = conversion.scale, conversion.luminance
-    through = share.value if share else 1.0
-    by_lens = [-by_signal * adjusted_dn * effect / through for effect in share.effects] if share else []
-    # semilog has no K that scales with the meter
-    meter_u_rel = coefficient.meter_calibration_u_rel if coefficient.model != "semilog" else 0.0
-    dark_u_dn = coefficient.dark_signal_standard_uncertainty_dn
-    settled = _settle(coefficient, by_parameters * scale, conversion)
-    shared = [
-        *(("fit of K", effect) for effect in settled[0]),
-        ("meter calibration", luminance * meter_u_rel),
-        ("dark signal", -by_signal * dark_u_dn / through * scale),
-        *(("exposure time", effect) for effect in settled[1]),
-        *(("f-number", effect) for effect in settled[2]),
-        ("ISO setting", 0.0),  # K was fitted at the same setting
-        *(("vignetting", effect * scale) for effect in by_lens),
-    ]
-    noise = Effect(
-        source=NOISE, shared=False, effect_cd_m2=by_signal * signal.standard_uncertainty_dn / through * scale
-    )
-    return (*(Effect(source=name, shared=True, effect_cd_m2=effect) for name, effect in shared), noise)
-
-
-def _settle(
-    coefficient: Coefficient, by_parameters: NDArray[np.float64], conversion: _Conversion
-) -> tuple[list[float], list[float], list[float]]:
-    """Return the effects of the fit, of the exposure times and of the f-numbers [cd/m2].
-
-    Notes
-    -----
-    An error that the calibration's frames had as well is in K already. With g the share
-    of it in ln K, its effect on L is L (1 - g), and nothing if all frames had it.
-    """
-    aperture, luminance = conversion.aperture, conversion.luminance
-    by_time, by_f_number = (
-        luminance * coefficient.exposure_time_u_rel,
-        2.0 * luminance * coefficient.f_number_u_rel,
-    )
-    errors = aperture.errors if aperture else coefficient.errors
-    if errors is None:
-        return _combine(coefficient.covariance, by_parameters), [by_time], [by_f_number]
-    gradient = np.append(by_parameters, -luminance) if aperture else by_parameters
-    times = (gradient @ np.array(errors.exposure_times)).tolist()
-    met = [
-        math.isclose(time, conversion.settings.exposure_time_s, rel_tol=_SAME_SETTING_REL)
-        for time in coefficient.exposure_times_s
-    ]
-    if any(met):
-        times[met.index(True)] += by_time
-    else:
-        times.append(by_time)
-    f_numbers = _combine(errors.f_numbers, gradient)
-    return _combine(errors.fit, gradient), times, f_numbers if aperture else [*f_numbers, by_f_number]
-
-
-def _combine(covariance: Rows, gradient: NDArray[np.float64]) -> list[float]:
-    """Return the effects of independent combinations of correlated errors."""
-    variances, directions = np.linalg.eigh(np.array(covariance))
-    found: list[float] = (gradient @ (directions * np.sqrt(np.maximum(variances, 0.0)))).tolist()
-    return found
 
 
 def _flags(

@@ -8,7 +8,7 @@ from radiometry.fitting.comparison import PERCENT, MeasuredChange
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Exposure
 from radiometry.luminance.application import find_aperture
-from radiometry.luminance.results import Aperture, Coefficient
+from radiometry.luminance.coefficient import Aperture, Coefficient
 
 
 def change_luminance(

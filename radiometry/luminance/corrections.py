@@ -10,8 +10,9 @@ from radiometry.fitting.shared_errors import FOCUS, STRAY
 from radiometry.fitting.sources import FLICKER
 from radiometry.frame.exposure import Settings
 from radiometry.luminance import codes
+from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.conditions import CalibrationConditions, Colour, FieldConditions
-from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
+from radiometry.luminance.measured import AppliedLuminance, Effect
 from radiometry.spectral.curves import is_table, list_lamps, list_responses, name_curve
 from radiometry.spectral.mismatch import (
     DEFAULT_U_REL,

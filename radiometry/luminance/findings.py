@@ -7,7 +7,7 @@ from radiometry.findings import Raised, shared
 from radiometry.frame import Frame
 from radiometry.frame.roi import Polygon
 from radiometry.luminance import codes
-from radiometry.luminance.results import AppliedLuminance
+from radiometry.luminance.measured import AppliedLuminance
 
 Corners = Sequence[tuple[float, float]]
 

@@ -13,8 +13,8 @@ from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import GREY
 from radiometry.luminance.application import choose_coefficient, luminance_per_dn, require_alike
+from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.lens import compute_shares
-from radiometry.luminance.results import Coefficient
 from radiometry.vignetting.lens import Lens
 
 Plane = NDArray[np.float32]

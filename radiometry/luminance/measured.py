@@ -7,6 +7,59 @@ from radiometry.fitting.evidence import FieldCorrection, Quantity
 
 
 @dataclass(frozen=True, kw_only=True)
+class Effect:
+    """Effect of one standard uncertainty of one independent source on a luminance.
+
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    shared : bool
+        True if the same error is in every luminance of the frame, so that it can
+        cancel in a ratio and never averages down; otherwise it is this luminance's
+        own noise.
+    effect_cd_m2 : float
+        Effect with its sign [cd/m2].
+    """
+
+    source: str
+    shared: bool
+    effect_cd_m2: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class AppliedLuminance:
+    """Luminance of a region in a frame, with its uncertainty and flags.
+
+    Attributes
+    ----------
+    luminance_cd_m2 : Quantity
+        Luminance [cd/m2].
+    signal_dn : float
+        Signal N, black included [DN].
+    adjusted_signal_dn : float
+        (N - D) / V [DN]; N - D without vignetting correction.
+    rhs : float
+        Right-hand side X.
+    effects : tuple of Effect
+        Effects of the sources, whose sum of squares is the variance; the shared
+        ones of one frame's luminances are in one order.
+    flags : tuple of Raised
+        Flags of the measurement.
+    lens_share : Quantity or None, default: None
+        Relative illumination V; None without vignetting correction.
+    """
+
+    luminance_cd_m2: Quantity
+    signal_dn: float
+    adjusted_signal_dn: float
+    rhs: float
+    effects: tuple[Effect, ...]
+    flags: tuple[Raised, ...]
+    lens_share: Quantity | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Share:
     """Contribution of one source to the mean's uncertainty.
 

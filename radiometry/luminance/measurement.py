@@ -5,47 +5,35 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from radiometry.findings import InputRejected, Raised
+from radiometry.findings import Raised
 from radiometry.fitting.evidence import FieldCorrection, Quantity
 from radiometry.frame import Frame
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.grid import Grid
 from radiometry.frame.roi import Polygon, Window, bounding_window
-from radiometry.frame.statistics import ChannelStatistics, Signal, measure_signal
-from radiometry.luminance import codes, method
-from radiometry.luminance.application import NOISE, apply_to_signal, choose_coefficient
-from radiometry.luminance.averaging import (
-    SCATTER,
-    Values,
-    add_signal,
-    average_signals,
-    find_drift,
-    flag_scatter,
-)
+from radiometry.frame.statistics import Signal
+from radiometry.luminance import method
+from radiometry.luminance.application import choose_coefficient
+from radiometry.luminance.averaging import SCATTER, add_signal, flag_scatter
+from radiometry.luminance.camera import CalibratedCamera, add_up
+from radiometry.luminance.cells import illuminate, measure_surface
+from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.conditions import FieldConditions, measure_colour
 from radiometry.luminance.corrections import (
-    apply_corrections,
     correct_flicker,
     correct_focus,
     correct_spectrum,
     correct_stray_light,
 )
-from radiometry.luminance.findings import find_flags, summarise_cells
-from radiometry.luminance.lens import correct_signal
+from radiometry.luminance.findings import find_flags
 from radiometry.luminance.maps import average_map, find_map_scale, sum_signal
-from radiometry.luminance.measured import Measured, Percentile, Share, Surface
+from radiometry.luminance.measured import AppliedLuminance, Measured, Percentile, Share
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels
-from radiometry.luminance.results import AppliedLuminance, Coefficient, Effect
-from radiometry.luminance.surface import Cells, Estimate, judge_uniformity, lay_grid
-from radiometry.vignetting.lens import Lens, LensShare
-
-Read = tuple[Signal, LensShare | None]
+from radiometry.luminance.surface import lay_grid
+from radiometry.vignetting.lens import Lens
 
 # A flicker over whole periods is not exactly 0.
 _ROUNDING = 1e-9
-_GREENS = ("G1", "G2", "G")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,21 +202,21 @@ def measure(
     coefficient = choose_coefficient(coefficients, iso=exposure.iso)
     coefficient = coefficient.at(exposure.on_basis(coefficient.exposure_basis).exposure_time_s)
     lens = correction.lens if correction else None
-    camera = _Camera(exposure, coefficient, lens, ())
+    camera = CalibratedCamera(exposure, coefficient, lens, ())
     cells = lay_grid(request.grid) if request.grid else ()
     signals, of_cells, summed = [], [], None
     part, whole = _find_part(request, height_px=frame.height_px, width_px=frame.width_px), frame
     frame = _crop(whole, part)
     # one frame at a time: a region may be most of it
     for each in itertools.chain([frame], (_crop(each, part) for each in repeats)):
-        signals.append(camera.read(each, request.polygon))
-        of_cells.append([[camera.read(each, cell, of_grid=True) for cell in line] for line in cells])
+        signals.append(camera.read_region(each, request.polygon))
+        of_cells.append([[camera.read_region(each, cell, of_grid=True) for cell in line] for line in cells])
         summed = add_signal(summed, sum_signal(each, channel=coefficient.channel))
     corrections, raised = _find_corrections(frame, whole, request, camera, frames=len(signals))
     camera = replace(camera, corrections=corrections)
-    region = camera.apply(signals)
+    region = camera.apply_to_region(signals)
     disagreement = flag_scatter([signal for signal, _ in signals], dark_signal_dn=coefficient.dark_signal_dn)
-    scatter_rel = _part(region.effects, source=SCATTER) / (abs(region.luminance_cd_m2.value) or 1.0)
+    scatter_rel = add_up(region.effects, source=SCATTER) / (abs(region.luminance_cd_m2.value) or 1.0)
     pixels = order_pixels(
         frame,
         request.polygon,
@@ -236,7 +224,9 @@ def measure(
         correction=Correction(lens, coefficient.dark_signal_dn) if lens else None,
         signal=summed,
     )
-    surface, cell_flags = _measure_surface(of_cells, request, camera)
+    surface, cell_flags = (
+        measure_surface(of_cells, camera, reflectance=request.reflectance) if cells else (None, ())
+    )
     measured = [request.polygon.points, *([request.grid.corners] if request.grid else [])]
     own = find_flags(frame, measured, calibrated, rendered=rendered, corrected=lens is not None)
 
@@ -248,7 +238,7 @@ def measure(
             black_level_dn=0.0,
             white_level_dn=0.0,
         )
-        found = camera.convert(signal, pixel.share).luminance_cd_m2
+        found = camera.convert_signal(signal, pixel.share).luminance_cd_m2
         u = math.hypot(found.standard_uncertainty, found.value * scatter_rel)
         return replace(found, standard_uncertainty=u)
 
@@ -260,8 +250,8 @@ def measure(
         model=coefficient.model,
         exposure_basis=coefficient.exposure_basis,
         mean=region.luminance_cd_m2,
-        shared_u_cd_m2=_part(region.effects, shared=True),
-        noise_u_cd_m2=_part(region.effects, shared=False),
+        shared_u_cd_m2=add_up(region.effects, shared=True),
+        noise_u_cd_m2=add_up(region.effects, shared=False),
         smallest=luminance(pixels.smallest),
         largest=luminance(pixels.largest),
         median=luminance(pixels.median),
@@ -271,7 +261,7 @@ def measure(
         ),
         budget=_share_out(region),
         surface=surface,
-        illuminance_lx=_illuminate(region.luminance_cd_m2, request.reflectance),
+        illuminance_lx=illuminate(region.luminance_cd_m2, request.reflectance),
         saturated_share=max(signal.saturated_share for signal, _ in signals),
         vignetting=correction.name if correction else "none",
         flags=(*region.flags, *raised, *cell_flags, *disagreement, *own),
@@ -280,64 +270,8 @@ def measure(
     )
 
 
-@dataclass(frozen=True)
-class _Camera:
-    """Exposure, coefficient, lens and corrections with which every region of a frame is measured."""
-
-    exposure: Exposure
-    coefficient: Coefficient
-    lens: Lens | None
-    corrections: tuple[FieldCorrection, ...]
-
-    def convert(self, signal: Signal, share: LensShare | None) -> AppliedLuminance:
-        applied = apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
-        return apply_corrections(applied, self.corrections)
-
-    def read(self, frame: Frame, polygon: Polygon, *, of_grid: bool = False) -> Read:
-        """Return the signal of a region, and V if vignetting is corrected."""
-        statistics = method.extract(frame, polygon)
-        if of_grid:
-            _require_green(statistics, frame)
-        signal = measure_signal(statistics, channel=self.coefficient.channel)
-        if self.lens is None:
-            return signal, None
-        return correct_signal(
-            frame,
-            polygon,
-            signal,
-            self.lens,
-            channel=self.coefficient.channel,
-            dark_signal_dn=self.coefficient.dark_signal_dn,
-        )
-
-    def apply(self, read: Sequence[Read], *, drift: tuple[Values, float] | None = None) -> AppliedLuminance:
-        """Apply the coefficient to the mean of a region's signals.
-
-        ``drift`` is that of the whole grid (see `averaging.find_drift`): the shared part of the scatter.
-        """
-        signal, scatter_dn = average_signals(
-            [signal for signal, _ in read],
-            dark_signal_dn=self.coefficient.dark_signal_dn,
-            drift_rel=drift[0] if drift else None,
-        )
-        # V depends on the place alone
-        applied = self.convert(signal, read[0][1])
-        if len(read) == 1:
-            return applied
-        per_dn = _part(applied.effects, source=NOISE) / signal.standard_uncertainty_dn
-        own = Effect(source=SCATTER, shared=drift is None, effect_cd_m2=scatter_dn * per_dn)
-        more = [own]
-        if drift is not None:
-            shared = drift[1] * applied.luminance_cd_m2.value
-            more.append(Effect(source=SCATTER, shared=True, effect_cd_m2=shared))
-        effects = (*applied.effects, *more)
-        u = math.hypot(*(effect.effect_cd_m2 for effect in effects))
-        luminance = replace(applied.luminance_cd_m2, standard_uncertainty=u)
-        return replace(applied, luminance_cd_m2=luminance, effects=effects)
-
-
 def _find_corrections(
-    frame: Frame, whole: Frame, request: Request, camera: _Camera, *, frames: int
+    frame: Frame, whole: Frame, request: Request, camera: CalibratedCamera, *, frames: int
 ) -> tuple[tuple[FieldCorrection, ...], tuple[Raised, ...]]:
     """Find the corrections of the field; none without conditions."""
     field, coefficient = request.conditions, camera.coefficient
@@ -364,61 +298,6 @@ def _find_corrections(
     return made, tuple(itertools.chain.from_iterable(flags for _, flags in pairs))
 
 
-def _measure_surface(
-    frames: Sequence[Sequence[Sequence[Read]]], request: Request, camera: _Camera
-) -> tuple[Surface | None, tuple[Raised, ...]]:
-    """Apply the calibration to every cell as it was read in each frame, and judge them together."""
-    if request.grid is None:
-        return None, ()
-    cells = [list(zip(*lines, strict=True)) for lines in zip(*frames, strict=True)]
-    drift = None
-    if len(frames) > 1:
-        signals = [[signal for signal, _ in cell] for line in cells for cell in line]
-        drift = find_drift(signals, dark_signal_dn=camera.coefficient.dark_signal_dn)
-    applied = [[camera.apply(cell, drift=drift) for cell in line] for line in cells]
-    uniformity = judge_uniformity(_gather(applied))
-    average = _quantity(uniformity.average_cd_m2, "cd/m2")
-    surface = Surface(
-        cell_model="projective",
-        cells=tuple(tuple(one.luminance_cd_m2 for one in line) for line in applied),
-        l_av_cd_m2=average,
-        l_min_cd_m2=_quantity(uniformity.smallest_cd_m2, "cd/m2"),
-        l_max_cd_m2=_quantity(uniformity.largest_cd_m2, "cd/m2"),
-        u_o=_ratio(uniformity.u_o),
-        u_l=tuple(_ratio(line) for line in uniformity.u_l),
-        average_to_min=_ratio(uniformity.average_to_min),
-        max_to_min=_ratio(uniformity.max_to_min),
-        illuminance_lx=_illuminate(average, request.reflectance),
-    )
-    return surface, summarise_cells(applied)
-
-
-def _require_green(statistics: tuple[ChannelStatistics, ...], frame: Frame) -> None:
-    """Refuse a cell without green pixels, which would be measured with another colour than was calibrated."""
-    if "G" in frame.cfa and not any(row.channel in _GREENS for row in statistics):
-        raise InputRejected(
-            codes.GRID_INVALID,
-            "A cell of the grid holds no green pixel: take fewer rows or columns, or fly lower.",
-        )
-
-
-def _gather(applied: Sequence[Sequence[AppliedLuminance]]) -> Cells:
-    """Separate the cells' effects into those that they share and each one's own."""
-    values = np.array([[one.luminance_cd_m2.value for one in line] for line in applied])
-    noise = np.array([[_part(one.effects, shared=False) for one in line] for line in applied])
-    shared = np.array(
-        [[[e.effect_cd_m2 for e in one.effects if e.shared] for one in line] for line in applied]
-    )
-    return Cells(values_cd_m2=values, noise_cd_m2=noise, shared_cd_m2=np.moveaxis(shared, -1, 0))
-
-
-def _part(effects: Sequence[Effect], *, shared: bool | None = None, source: str | None = None) -> float:
-    """Add up the effects that are shared or not, or of one source."""
-    return math.hypot(
-        *(e.effect_cd_m2 for e in effects if shared in {None, e.shared} and source in {None, e.source})
-    )
-
-
 def _share_out(applied: AppliedLuminance) -> tuple[Share, ...]:
     """Add up the effects of each source; the variance shares add up to one."""
     total = applied.luminance_cd_m2.standard_uncertainty
@@ -435,23 +314,3 @@ def _share_out(applied: AppliedLuminance) -> tuple[Share, ...]:
             )
         )
     return tuple(shares)
-
-
-def _illuminate(luminance: Quantity, reflectance: float | None) -> Quantity | None:
-    """Compute E = pi L / rho [lx]."""
-    if reflectance is None:
-        return None
-    factor = math.pi / reflectance
-    return Quantity(
-        value=luminance.value * factor,
-        standard_uncertainty=luminance.standard_uncertainty * factor,
-        unit="lx",
-    )
-
-
-def _quantity(figure: Estimate, unit: str) -> Quantity:
-    return Quantity(value=figure.value, standard_uncertainty=figure.standard_uncertainty, unit=unit)
-
-
-def _ratio(figure: Estimate | None) -> Quantity | None:
-    return _quantity(figure, "1") if figure is not None else None

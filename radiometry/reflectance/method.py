@@ -18,11 +18,7 @@ from radiometry.fitting.evidence import CoefficientValue, Extracted, FrameEviden
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
-from radiometry.reflectance.application import (
-    Scale,
-    find_scale_of_frame,
-    scale_pixels,
-)
+from radiometry.reflectance.application import Scale, find_scale_of_frame, scale_pixels
 from radiometry.reflectance.application import apply_features as apply
 from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.findings import check_candidates, check_fit, check_frame, review_frame
@@ -39,15 +35,7 @@ from radiometry.reflectance.points import (
     list_missing,
     require_flat_angle,
 )
-from radiometry.reflectance.results import (
-    AppliedReflectance,
-    BandFit,
-    Coefficient,
-    Effect,
-    Fit,
-    Knot,
-    Point,
-)
+from radiometry.reflectance.results import AppliedReflectance, BandFit, Coefficient, Effect, Fit, Knot, Point
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import TiltParams

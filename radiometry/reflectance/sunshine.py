@@ -11,12 +11,7 @@ from radiometry.findings import InputRejected, Raised
 from radiometry.frame.light import LightBasis, SunshineCounts, SunshineIrradiance
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
-from radiometry.reflectance.gains import (
-    ROUNDING,
-    Gain,
-    measure_gains,
-    measure_scales,
-)
+from radiometry.reflectance.gains import ROUNDING, Gain, measure_gains, measure_scales
 from radiometry.reflectance.sunshine_counts import SunshineReading, angle_to_sun, list_readings
 from radiometry.reflectance.tilt import FURTHEST_FROM_SUN_DEG, Tilt, level_factor
 

@@ -21,11 +21,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.statistics import CHANNELS
 from radiometry.vignetting import codes
-from radiometry.vignetting.application import (
-    Share,
-    evaluate,
-    select_channels,
-)
+from radiometry.vignetting.application import Share, evaluate, select_channels
 from radiometry.vignetting.correction import compute_correction
 from radiometry.vignetting.dng import DngVignette, export_dng
 from radiometry.vignetting.features import Features, FrameRow, extract_features
@@ -33,15 +29,8 @@ from radiometry.vignetting.findings import check_fits, check_frames, find_thresh
 from radiometry.vignetting.fit import FittedChannel, find_best, fit_channel
 from radiometry.vignetting.lens import Lens, LensShare, average_over_polygon
 from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
-from radiometry.vignetting.points import (
-    Candidate,
-    collect_candidates,
-    describe_points,
-    require_one_lens,
-)
-from radiometry.vignetting.points import (
-    list_missing as missing,
-)
+from radiometry.vignetting.points import Candidate, collect_candidates, describe_points, require_one_lens
+from radiometry.vignetting.points import list_missing as missing
 from radiometry.vignetting.residuals import read_residuals
 from radiometry.vignetting.results import (
     EQUATION,

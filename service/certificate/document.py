@@ -95,7 +95,7 @@ def _number(record: CalibrationRecord, version: Calibration) -> str:
 
 
 def _name(record: CalibrationRecord, key_id: str) -> str:
-    """Of the key that acted; a process that acted by itself is named as it is."""
+    """Return the name of the key that acted; a process that acted without a key is named as it is."""
     return record.names.get(key_id, key_id)
 
 
@@ -120,7 +120,7 @@ def _coefficients(record: CalibrationRecord) -> list[CertifiedCoefficient]:
 
 
 def _readings(record: CalibrationRecord) -> list[UsedReading]:
-    """Of meters; a panel's reflectances stand with the panel."""
+    """List the readings of meters; a panel's reflectances are listed with the panel."""
     if get_method(record.calibration.method).reference != "meter":
         return []
     found = zip(record.calibration.inputs["readings"], record.readings, strict=True)

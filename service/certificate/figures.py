@@ -8,7 +8,7 @@ from typing import Any
 def in_step(value: float, uncertainty: float) -> tuple[str, str]:
     """A value and its uncertainty: two significant digits of the uncertainty, the value to the same place.
 
-    Source: JCGM 100:2008, 7.2.6
+    By JCGM 100:2008, 7.2.6.
     """
     if uncertainty <= 0.0:
         return plain(value), plain(uncertainty)
@@ -37,7 +37,7 @@ def percent(share: float) -> str:
 
 
 def extent(limits: list[float]) -> str:
-    """From the lowest to the highest."""
+    """Format a range, from the lowest to the highest."""
     return f"{plain(limits[0])} to {plain(limits[1])}"
 
 
@@ -58,5 +58,5 @@ def stamp(moment: str) -> str:
 
 
 def optional(row: dict[str, Any], name: str, form: Any = str) -> str:  # noqa: ANN401  a callable
-    """What is absent is a dash."""
+    """Format a value that may be absent: then a dash."""
     return form(row[name]) if name in row else "-"

@@ -1,4 +1,4 @@
-"""Whether a version may be published with the certificate that it has."""
+"""Check whether a version may be published with the certificate that it has."""
 
 from sqlalchemy.orm import Session
 

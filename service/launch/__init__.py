@@ -1,1 +1,1 @@
-"""What `make up` runs: one tree of processes that stands and falls together."""
+"""Process tree of `make up`: its processes start and end together."""

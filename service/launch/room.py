@@ -1,4 +1,4 @@
-"""Whether the disk takes anything: what a full one does to the parts is not their fault."""
+"""Check that the disk accepts writes: the parts are not at fault for what a full disk does to them."""
 
 import errno
 import os

@@ -24,7 +24,7 @@ READY_WITHIN_S = 120.0
 
 @dataclass(frozen=True, kw_only=True)
 class Roster:
-    """What is run: commands once and to their end before the parts, which run until the launcher stops."""
+    """Processes to run: commands once and to their end, then parts, which run until the launcher stops."""
 
     before: Sequence[Sequence[str]]
     parts: Sequence[Part]

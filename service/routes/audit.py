@@ -32,7 +32,7 @@ def list_audit_entries(
     limit: Limit = 100,
     cursor: After = None,
 ) -> Response:
-    """Who did what in your organisation, from what to what, newest first."""
+    """List who did what in your organisation, from what to what, newest first."""
     rows = select(AuditEntry).where(AuditEntry.organisation_id == caller.organisation_id)
     if subject_id is not None:
         rows = rows.where(AuditEntry.subject_id == subject_id)

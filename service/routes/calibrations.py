@@ -21,13 +21,7 @@ from service.lookup import Id, owned
 from service.paging import Page, Paging, UsesPaging
 from service.problems import Problem, invalid, located
 from service.routes import problems, sends_file
-from service.schemas.calibrations import (
-    IN_FORCE,
-    CalibrationAnswer,
-    NewPublication,
-    NewRevocation,
-    State,
-)
+from service.schemas.calibrations import IN_FORCE, CalibrationAnswer, NewPublication, NewRevocation, State
 from service.schemas.fits import FitRequest, NewCalibration, read_request
 from service.schemas.history import RevocationAnswer
 from service.schemas.jobs import JobAnswer

@@ -171,7 +171,7 @@ def _check_stated(method: str, body: CampaignDetails) -> None:
 
 
 def _read_target(method: str, said: dict[str, Any] | None) -> dict[str, Any] | None:
-    """What is photographed, as the method wants it said, defaults written out; None: to be said later."""
+    """Read the target as the method requires it, defaults written out; None if it is stated later."""
     kind = methods.get_method(method).target
     if kind is None and said is None:
         return None

@@ -1,4 +1,4 @@
-"""What is in force, and the flat rows that dashboards draw."""
+"""Coefficients in force, and the flat rows that dashboards draw."""
 
 from collections.abc import Sequence
 from datetime import datetime

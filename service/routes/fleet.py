@@ -1,4 +1,4 @@
-"""Whether one set of coefficients serves several cameras, and how one camera drifts: nothing is stored."""
+"""Comparison of several cameras, and drift of one: nothing is stored."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -28,7 +28,7 @@ router = APIRouter(prefix="/v1", tags=["fleet"])
     "/fleet/verdict", response_model=FleetVerdictAnswer, responses=problems(404), dependencies=stateless
 )
 def judge_cameras(body: NewFleetVerdict, caller: Reader, context: UsesContext) -> Response:
-    """Whether one set of coefficients is enough for several cameras of a model, and what sharing it costs.
+    """Judge whether one set of coefficients serves several cameras of a model, and what sharing it costs.
 
     Each campaign with a published version that was not revoked is a repeat of its camera's calibration.
     """

@@ -40,7 +40,7 @@ def get_campaign_grid(
     limit: Annotated[int, Query(ge=1, le=_MOST_FRAMES)] = 1000,
     cursor: Cursor = None,
 ) -> Response:
-    """What the grid of a campaign shows of its frames, in columns, with the gaps to photograph next.
+    """Return a campaign's frames in columns, with the gaps to photograph next.
 
     Frames come in the order in which they were sent, withdrawn ones too. The ETag changes with the campaign.
     """

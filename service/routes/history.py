@@ -1,4 +1,4 @@
-"""What publishing a version would change, and what was decided until now."""
+"""Effect of publishing a version, and the decisions until now."""
 
 from typing import Annotated
 
@@ -26,7 +26,7 @@ def get_impact(
     context: UsesContext,
     at: Annotated[Instant | None, Query(description="Compared with what is in force then; now.")] = None,
 ) -> Response:
-    """What a version changes against the one in force: coefficients, flags, measurements."""
+    """Compare a version with the one in force: coefficients, flags, measurements."""
     instant = at or utc_now()
     with context.database.reading() as session:
         calibration = owned(session, Calibration, calibration_id, caller)
@@ -50,7 +50,7 @@ def get_impact(
 
 @router.get("/cameras/{camera_id}/decisions", response_model=DecisionsAnswer, responses=problems(404))
 def list_camera_decisions(camera_id: Id, caller: Reader, context: UsesContext) -> Response:
-    """Who made, published and revoked which version of a camera, when and why; newest first, all at once."""
+    """List who made, published and revoked which version, when and why; newest first, all at once."""
     with context.database.reading() as session:
         owned(session, Camera, camera_id, caller)
         found = list_decisions(session, camera_id)

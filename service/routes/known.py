@@ -1,4 +1,4 @@
-"""What need not be uploaded, because it is there already."""
+"""Files that need not be uploaded, because they are there already."""
 
 from collections.abc import Callable, Iterable
 

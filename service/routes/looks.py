@@ -1,4 +1,4 @@
-"""What the pages ask while somebody draws and while frames arrive: quick looks that record nothing."""
+"""Region previews that the pages request during drawing and upload; nothing is recorded."""
 
 from typing import Annotated
 

@@ -172,7 +172,7 @@ def get_measurement_record(
 def get_measurement_map(
     measurement_id: Id, request: Request, caller: Reader, context: UsesContext
 ) -> Response:
-    """What every pixel measured, float32, with the frame's metadata; NaN where it is not known.
+    """Return the map of all pixels, float32, with the frame's metadata; NaN where the value is not known.
 
     A luminance in cd/m2; a band's reflectance or an index without unit, or its radiance in W/(m2 sr nm). With
     the product `bands`: several planes on the same pixels, named in GDAL's metadata. Of a geometry campaign's

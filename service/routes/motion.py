@@ -90,7 +90,7 @@ def _find_pitch(session: Session, campaign: Campaign, optics: FrameOptics) -> fl
 
 
 def _read(frame: FrameRow) -> tuple[FrameHeader, float]:
-    """What the file says of itself, and its exposure time [s]."""
+    """Read what the file states of itself, and its exposure time [s]."""
     if frame.refusal_code is not None:
         raise InputRejected(
             shared.FRAME_NOT_READ, f"This frame was refused ({frame.refusal_code}): {frame.refusal_detail}"
@@ -103,7 +103,7 @@ def _read(frame: FrameRow) -> tuple[FrameHeader, float]:
 
 
 def _describe(frame: FrameRow, optics: CampaignOptics, pixel_pitch_um: float) -> FrameMotionRow:
-    """What is known of one frame's motion; what is not, with the reason."""
+    """Describe what is known of one frame's motion, and why the rest is not."""
     row = {name: getattr(frame, name) for name in ("filename", "role", "scene")} | {"frame_id": frame.id}
     try:
         header, exposure_time_s = _read(frame)

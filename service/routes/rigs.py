@@ -42,7 +42,7 @@ class _Chosen(BaseModel):
 
 
 class _Judged(_Chosen):
-    """What change between its sets is accepted, too."""
+    """Query of a rig's stability, with the change between sets that is accepted."""
 
     tolerance_deg: PositiveText | None = Field(
         default=None, description="Largest accepted change of an angle over all sets."

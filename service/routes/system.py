@@ -1,4 +1,4 @@
-"""Whether the service lives and can serve."""
+"""Liveness and readiness of the service."""
 
 from typing import Any, Literal
 

@@ -148,7 +148,7 @@ def draw_image_motion(body: Motions, _caller: Reader) -> Response:
     openapi_extra=_body_of(NewCoverage),
 )
 def compute_ground_coverage(body: Coverages, _caller: Reader) -> Response:
-    """What a tilted or nadir camera sees of level ground, and how finely.
+    """Compute what a tilted or nadir camera sees of level ground, and how finely.
 
     One object gives one answer, a list or a table (the cameras of a rig) gives `items` in its order.
     """

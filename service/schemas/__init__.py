@@ -1,1 +1,1 @@
-"""What is sent and what is answered: pydantic at the edge."""
+"""Requests and answers: pydantic at the edge."""

@@ -13,7 +13,7 @@ from service.schemas.tools.motion import KM_H_PER_M_S
 
 
 class FrameOptics(Form):
-    """What turns an angle into pixels; files do not say it reliably."""
+    """Optics that convert an angle to pixels; files do not state them reliably."""
 
     pixel_pitch_um: Annotated[
         float | None, Field(ge=0.01, le=1e4, description="Else that of the camera's record.")
@@ -68,7 +68,7 @@ class CampaignOptics(FrameOptics):
 
 
 class TurnAnswer(Answer, restates=Turn):
-    """From one record to the next, about the body's own axes."""
+    """Turn between two records, about the body's own axes."""
 
     tilt_rate_deg_s: float = Field(description="Of roll and pitch together.")
 
@@ -136,14 +136,14 @@ COLUMNS = list(FrameMotionRow.model_fields)
 
 
 def format_forward(case: MotionCase) -> dict[str, Any]:
-    """What a frame's exposure tells by itself: too long for the speed, it is so whatever the rotation was."""
+    """Format what a frame's exposure alone shows: too long for the speed, whatever the rotation was."""
     motion = compute_motion(case)
     said = {"forward_blur_px": motion.forward_blur_px, "tolerable_rate_deg_s": motion.tolerable_rate_deg_s}
     return said | ({"within_limit": False} if (motion.forward_blur_px or 0.0) > case.limit_px else {})
 
 
 def format_rotation(case: MotionCase, blur: FrameBlur) -> dict[str, Any]:
-    """What the rate adds."""
+    """Format what the rate adds."""
     rate = blur.turn.tilt_rate_deg_s
     theoretical = blur.centre_blur_px + (compute_motion(case).forward_blur_px or 0.0)
     return {

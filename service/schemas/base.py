@@ -1,4 +1,4 @@
-"""What every form and every answer has in common."""
+"""Types and base classes shared by all forms and answers."""
 
 import inspect
 import re
@@ -88,7 +88,7 @@ Day = Annotated[date, BeforeValidator(_is_written_out)]
 
 
 class Form(BaseModel):
-    """What a client sends: unknown fields, null and numbers that are none are refused by name."""
+    """Request body: unknown fields, null and numbers that are none are refused by name."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
 
@@ -101,7 +101,7 @@ class Form(BaseModel):
 
 
 class Answer(BaseModel):
-    """What the service sends: what is absent is left out, never null.
+    """Answer of the service: what is absent is left out, never null.
 
     An answer that restates a dataclass or a table names it, and takes the types of its fields and their
     sentences from there: ``class TurnAnswer(Answer, restates=Turn)``. Of a table ``fields`` names the columns
@@ -155,7 +155,7 @@ class Answer(BaseModel):
         return JSONResponse(self.dump(), headers=headers)
 
     def keep(self) -> dict[str, Any]:
-        """What may be stored of it, to be given again to the same request: all, unless it tells a secret."""
+        """Return what may be stored, to be given again to the same request: all, unless it tells a secret."""
         return self.dump()
 
 

@@ -57,7 +57,7 @@ class CoefficientsAnswer(Answer):
 
 
 class Gap(Answer):
-    """What ISO/IEC 17025 asks a certificate for and this one lacks."""
+    """An item that ISO/IEC 17025 asks of a certificate and that this one lacks."""
 
     code: str
     message: str

@@ -22,7 +22,7 @@ STATED = {each.name: each for spec in METHODS for each in spec.parameters if eac
 
 
 class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED.values()))):  # type: ignore[misc]
-    """What may be said when a campaign begins, and corrected later."""
+    """Details of a campaign: stated when it begins, or corrected later."""
 
     project_number: Text | None = None
     recorder: Text | None = None
@@ -63,7 +63,7 @@ class NewCampaign(CampaignDetails):
 
 
 class CampaignChange(CampaignDetails):
-    """What is corrected; what is left out stays."""
+    """Corrections; what is left out stays."""
 
 
 class FrameCounts(Answer, restates=Counts, fields="received being_read extracted refused"):

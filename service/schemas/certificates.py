@@ -141,7 +141,7 @@ class CertifiedCoefficient(Answer):
 
 
 class Budget(Answer):
-    """Of the coefficient at an ISO value or f-number, of a band or channel."""
+    """Budget of the coefficient at an ISO value or f-number, of a band or channel."""
 
     iso: float | None = None
     f_number: float | None = None

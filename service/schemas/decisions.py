@@ -1,4 +1,4 @@
-"""What was decided of a camera's versions."""
+"""Decisions about a camera's versions."""
 
 from service.schemas.base import Answer
 from store.queries.decisions import Decision

@@ -10,7 +10,7 @@ from service.schemas.base import Answer
 
 
 class FindingAnswer(Answer):
-    """What can be found in a frame, a fit or a measurement."""
+    """A finding that can occur in a frame, a fit or a measurement."""
 
     code: str = Field(description="Stable: the `flag`, the `code` of a reason, or the `code` of a refusal.")
     severity: Severity = Field(description='The gravest that an occurrence can have; "error": no result.')

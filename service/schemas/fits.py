@@ -35,7 +35,7 @@ class Exclusion(Form):
 
 
 class FitRequest(Form):
-    """What every method takes."""
+    """Fields that every method takes."""
 
     exclude: Annotated[
         list[Exclusion] | None, Field(max_length=10_000, description="Frames that the fit leaves out.")

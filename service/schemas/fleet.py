@@ -75,7 +75,7 @@ class ToleranceMeant(Answer, restates=results.Tolerance):
 
 
 class Parameter(Answer, restates=Key):
-    """What a coefficient is, without its value."""
+    """Identity of a coefficient, without its value."""
 
 
 class LevelDeviation(Answer, restates=Deviation):

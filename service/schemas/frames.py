@@ -28,7 +28,7 @@ State = Literal["received", "read", "extracted", "refused"]
 
 
 class Upload(Form):
-    """What the field team says of the file that it sends."""
+    """Statements of the field team about the file that it sends."""
 
     role: Role
     scene: Annotated[Text | None, Field(description="The light level that a light frame belongs to.")] = None
@@ -102,7 +102,7 @@ class ReasonAnswer(Answer, restates=Reason):
 
 
 class VerdictAnswer(Answer, restates=Verdict):
-    """What a field team does about a frame while it is on site."""
+    """Verdict on a frame: what a field team does about it while it is on site."""
 
 
 class StatisticsRow(Answer, restates=ChannelStatistics):

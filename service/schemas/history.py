@@ -1,4 +1,4 @@
-"""What a decision about a version changes."""
+"""Effect of a decision about a version."""
 
 from typing import Any, Literal
 

@@ -18,7 +18,7 @@ class HashesAsked(Form):
 
 
 class KnownFrame(Answer, restates=FrameRow, fields="sha256 filename scene campaign_id"):
-    """A frame that there is, and what was said of it: a sender sees whether it means the same."""
+    """A frame that is there, with its statements: a sender sees whether it means the same."""
 
     frame_id: str
     role: Role

@@ -35,7 +35,7 @@ _Value = Annotated[float | None, WithJsonSchema({"type": ["number", "null"]})]
 
 
 class ValueUncertainty(Answer):
-    """Of one value v of the map: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
+    """Uncertainty of a value v: u^2 = (u_rel v)^2 + u_constant^2 + u_pixel^2; the last two in its unit."""
 
     u_rel: float = Field(description="Of K, meter, time, f-number: the same share in every pixel.")
     u_constant: float = Field(description="Of the dark signal and of stray light: the same in every pixel.")
@@ -76,7 +76,7 @@ class MapValuesAnswer(Answer):
 
 
 def uncertainty_of(result: dict[str, Any]) -> ValueUncertainty | None:
-    """From a stored budget: all that is shared scales with the value, but for what is subtracted."""
+    """Split a stored budget: all that is shared scales with the value, but for what is subtracted."""
     if "smallest" not in result or "budget" not in result:
         return None
     mean, smallest = result["mean"]["value"], result["smallest"]

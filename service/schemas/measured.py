@@ -160,7 +160,7 @@ _OUTSIDE = ("below_zero_share", "above_one_share")
 
 
 def _figures(row: Measurement) -> dict[str, Any]:
-    """What the method measured."""
+    """Return what the method measured."""
     result = row.result
     application = get_method(row.method).application
     if isinstance(application, SurfaceApplication):
@@ -246,7 +246,7 @@ def _flags_of_vignetting(status: VersionStatus | None) -> list[FlagAnswer]:
 
 
 def _flags_of(status: VersionStatus) -> list[FlagAnswer]:
-    """What has become of the version since."""
+    """Return what has become of the version since."""
     match status.state:
         case "draft":
             flag, detail = shared.CALIBRATION_NOT_PUBLISHED, "It is a draft."

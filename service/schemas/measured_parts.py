@@ -1,4 +1,4 @@
-"""What a measurement's answer is made of."""
+"""Parts of a measurement's answer."""
 
 from typing import Literal
 
@@ -84,7 +84,7 @@ class AlignmentAnswer(Answer, restates=Alignment):
 
 
 class UndistortedAnswer(Answer):
-    """What `map.tif` then holds: the whole picture as a lens without distortion would have taken it."""
+    """Content of `map.tif`: the whole picture as a lens without distortion would have taken it."""
 
     planes: list[str] = Field(
         description="`grey`: around each pixel of a mosaic its pattern's four sites weigh a quarter each; "
@@ -100,7 +100,7 @@ class UndistortedAnswer(Answer):
 
 
 class MapCounts(Answer):
-    """Of all pixels of the map: how many leave [0, 1], are saturated, or have no index."""
+    """Counts of all pixels of the map: how many leave [0, 1], are saturated, or have no index."""
 
     pixels: int
     below_zero: int | None = None

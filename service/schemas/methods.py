@@ -189,7 +189,7 @@ def _describe(kind: type[Any], stem: str, schemas: dict[str, Node]) -> str:
 
 
 def _let_absent(schema: Node) -> None:
-    """What may be null is left out of an answer, so that no client may require it."""
+    """Leave out of an answer what may be null, so that no client may require it."""
     optional = {
         name
         for name, each in schema.get("properties", {}).items()

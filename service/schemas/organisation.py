@@ -18,7 +18,7 @@ class OrganisationChange(Form):
 
 
 class UsageAnswer(Answer):
-    """What an organisation uses; a limit that is absent is none."""
+    """Usage of an organisation; a limit that is absent is none."""
 
     frames: int
     frames_limit: int | None = None

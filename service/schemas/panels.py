@@ -10,7 +10,7 @@ from store.tables import Panel
 
 
 class PanelBand(Form, Answer):
-    """What a panel reflects in a band; `Red edge`, `RedEdge` and `red_edge` are one name, always the last."""
+    """Reflectance of a panel in a band; `Red edge`, `RedEdge`, `red_edge` are one name, always the last."""
 
     band: BandName
     reflectance: Annotated[

@@ -259,7 +259,7 @@ def _symbol(place: int) -> str:
 
 
 def _where(key: Key, *, without: frozenset[str] = frozenset()) -> str:
-    """What a series holds for, but for what goes without saying."""
+    """Return what a series holds for, but for what goes without saying."""
     return ", ".join(part for part in _parts(key) if part not in without)
 
 
@@ -270,7 +270,7 @@ def _parts(key: Key) -> list[str]:
 
 
 def _shared(keys: Sequence[Key]) -> frozenset[str]:
-    """What all series hold for: of an only one nothing, as it must have a name."""
+    """Return what all series hold for: nothing for a single one, as it must have a name."""
     if len(set(keys)) == 1:
         return frozenset()
     return frozenset.intersection(*(frozenset(_parts(key)) for key in keys))

@@ -1,4 +1,4 @@
-"""What every answer tells a browser that it may not do with it."""
+"""Security headers of every answer."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""From a template to an answer, for whoever looks."""
+"""Rendering of templates, for signed-in readers and others."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -61,7 +61,7 @@ def render(
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """What a handler shows to whoever is signed in."""
+    """A page for whoever is signed in."""
 
     request: Request
     caller: Caller

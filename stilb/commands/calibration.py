@@ -1,4 +1,4 @@
-"""From a campaign's frames to a version in force."""
+"""Commands on the way to a version in force."""
 
 import json
 import re

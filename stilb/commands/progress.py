@@ -74,7 +74,7 @@ def tell_retry(console: Console, problem: Problem, pause_s: float) -> None:
 
 
 def lines(report: Report) -> Iterator[str]:
-    """What a person reads at the end: each file that does not simply pass with its reasons, then the sum."""
+    """Return the lines at the end: each file that does not simply pass with its reasons, then the sum."""
     for file in report.files:
         if file.outcome != "pass" or file.reasons:
             yield f"{file.name}  {file.outcome}"

@@ -1,4 +1,4 @@
-"""From campaign.toml to a campaign that lacks nothing but its frames. Every step may be done again."""
+"""Campaign made from campaign.toml, lacking nothing but its frames. Every step may be repeated."""
 
 import hashlib
 import itertools

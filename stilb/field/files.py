@@ -17,7 +17,7 @@ _PARTS = {"{scene}": "(?P<scene>[^/]+)", "**/": "(?:.*/)?", "*": "[^/]*", "?": "
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """What files are, by their names: by a pattern, by a range of names, or by both.
+    """Role of files by their names: by a pattern, by a range of names, or by both.
 
     ``pattern``: of the path below the folder where it holds a "/", else of the name; ``*``, ``?``, ``**/``
     and ``{scene}``, which names the scene. Without one: the raw files. ``first`` and ``last`` belong to it.
@@ -31,7 +31,7 @@ class Rule:
     details: FrameDetails = field(default_factory=FrameDetails)
 
     def match(self, name: str) -> "dict[str, str] | None":
-        """What the name says, or None where the rule is not about it."""
+        """Return what the name states, or None where the rule does not concern it."""
         own = name.rpartition("/")[2].casefold()
         if not (self.first or "").casefold() <= own:
             return None

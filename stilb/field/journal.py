@@ -1,4 +1,4 @@
-"""What this machine has read of a folder, so that a push that goes on need not read a whole card again.
+"""Record of what this machine has read of a folder: a push that continues need not read a whole card again.
 
 What has arrived is never taken from here: the service is asked. A line a file, appended as soon as it is
 known; a line that a crash cut off is left out.

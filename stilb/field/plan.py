@@ -52,7 +52,7 @@ _NEEDED = frozenset({"camera", "campaign"})
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What campaign.toml says.
+    """Content of campaign.toml.
 
     ``panels``: as `Client.create_panel` takes them, or one by its serial alone; ``readings_csv``: the
     text of the spreadsheet; of ``polygon``, ``imagej`` and ``parts`` one at most.

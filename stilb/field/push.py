@@ -1,4 +1,4 @@
-"""From a folder to a campaign: hash, ask what is there, send the rest, wait until it is read, tell."""
+"""Push of a folder to a campaign: hash, ask what is there, send the rest, wait until it is read, report."""
 
 import time
 from collections import Counter
@@ -22,7 +22,7 @@ _PATIENCE_S = 60.0  # without any frame being read in that time
 
 @dataclass(frozen=True, kw_only=True)
 class Listener:
-    """Who is told how far it is; ``on_count``: of what is done, how many, of how many."""
+    """Receiver of progress; ``on_count``: of what is done, how many, of how many."""
 
     on_count: Callable[[str, int, int], None] = lambda *_: None
     on_progress: OnProgress | None = None
@@ -30,7 +30,7 @@ class Listener:
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """What became of one file. ``frame_id`` is empty where it did not arrive; the reasons then say why."""
+    """Outcome of one file. ``frame_id`` is empty where it did not arrive; the reasons then say why."""
 
     name: str
     sha256: str
@@ -42,7 +42,7 @@ class Told:
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """What became of all files; ``sent`` counts those that went over the network this time."""
+    """Outcome of all files; ``sent`` counts those that went over the network this time."""
 
     campaign_id: str
     files: tuple[Told, ...]

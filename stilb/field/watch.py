@@ -9,7 +9,7 @@ Stamp = tuple[int, int]
 
 
 class Watch:
-    """Gives each file once, when two looks in a row have found it with the same size and time.
+    """Files of a folder, each once: when two scans in a row have found it with the same size and time.
 
     Asking again and again needs nothing of the system, and works on cards, sticks and network folders alike.
     """

@@ -49,7 +49,7 @@ class Calibrations(Campaigns, Jobs):
         return Calibration.of(self._post(address("calibrations", calibration_id, "publish"), body))
 
     def impact(self, calibration_id: str, *, at: Moment | None = None) -> dict[str, Any]:
-        """What publishing a version would change against what is in force at ``at`` (now)."""
+        """Compare a version with what is in force at ``at`` (now): what publishing it would change."""
         query = {} if at is None else {"at": as_text(at)}
         return self._get(address("calibrations", calibration_id, "impact"), query)
 
@@ -58,7 +58,7 @@ class Calibrations(Campaigns, Jobs):
         return self._post(address("calibrations", calibration_id, "revoke"), {"reason": reason})
 
     def certificate(self, calibration_id: str) -> dict[str, Any]:
-        """What is handed out with a version, and all that is needed to compute it anew."""
+        """Return what is handed out with a version, and all that is needed to compute it again."""
         return self._get(address("calibrations", calibration_id, "certificate.json"))
 
     def export(self, calibration_id: str, folder: PathLike, *, on_progress: OnExport | None = None) -> Path:

@@ -1,4 +1,4 @@
-"""What is in force, and what was: the calls of a dashboard and of a notebook."""
+"""Coefficients in force, now and earlier: the calls of a dashboard and of a notebook."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ class Coefficients(Equipment):
         at: Moment | None = None,
         known_at: Moment | None = None,
     ) -> list[Coefficient]:
-        """What is in force at ``at`` (now), as it was known at ``known_at`` (now).
+        """Return the coefficients in force at ``at`` (now), as they were known at ``known_at`` (now).
 
         With ``f_number``, what was calibrated at that f-number; where it was not, the general value with the
         uncertainty that it has there, flagged.

@@ -7,7 +7,7 @@ from stilb.transport import address
 
 
 class System(Connection):
-    """Who asks, and how the service fares."""
+    """Own key, and state of the service."""
 
     def own_key(self) -> OwnKey:
         """The key that this client asks with: its organisation and its scopes."""

@@ -1,4 +1,4 @@
-"""From the setting to the store."""
+"""Choice of the blob store by the setting."""
 
 from pathlib import Path
 from urllib.parse import unquote, urlsplit

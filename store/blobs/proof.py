@@ -1,4 +1,4 @@
-"""What a blob is known by, and the proof that bytes are its own."""
+"""Hashes that identify a blob, and the proof that bytes are its own."""
 
 import hashlib
 from collections.abc import Iterable, Iterator

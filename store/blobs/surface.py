@@ -1,4 +1,4 @@
-"""What every blob store offers, whichever place the bytes lie in."""
+"""Interface of all blob stores, wherever the bytes are."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping

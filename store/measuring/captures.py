@@ -10,7 +10,7 @@ _SAID = FrameRow.header["multispectral"]
 
 
 class Captures:
-    """Of the campaigns of the frames that it is asked about, as they are when it is first asked."""
+    """Captures of the campaigns of the frames that are asked for, as they are when first asked."""
 
     def __init__(self, session: Session) -> None:
         self._session = session

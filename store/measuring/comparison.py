@@ -45,7 +45,7 @@ class Side:
 
     @property
     def quantity(self) -> str:
-        """What was measured: only the same can be compared."""
+        """Return what was measured: only the same can be compared."""
         result = self.result
         radiance = result.get("radiance")
         return str(

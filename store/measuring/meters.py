@@ -10,7 +10,7 @@ MeterCalibration = Literal["common", "separate", "unknown"]
 
 
 def compare_meters(old: Calibration, new: Calibration) -> tuple[MeterCalibration, float]:
-    """Whether both hang on the same certificates, and the error that they then share, relative to K."""
+    """Compare the certificates of two versions; return the error that they share, relative to K."""
     if {get_method(each.method).reference for each in (old, new)} != {"meter"}:
         return "separate", 0.0
     before, after = _certificates(old), _certificates(new)

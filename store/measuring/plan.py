@@ -1,4 +1,4 @@
-"""From a frame and a request to a plan for the worker."""
+"""Plan of a measurement for the worker, made from a frame and a request."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ _FORMAT = ("width_px", "height_px", "cfa", "white_level_dn", "rendered")
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What a request says; None where it leaves the choice to what is recorded."""
+    """Statements of a request; None where it leaves the choice to what is recorded."""
 
     polygon: Polygon | None = None
     grid: Grid | None = None
@@ -297,7 +297,7 @@ def _require_read(frame: FrameRow, method: str) -> None:
 
 
 def read_proof(frame: FrameRow) -> Proof | None:
-    """What vouches for a frame's pixels; None of one that nobody has read as a whole."""
+    """Return the proof of a frame's pixels; None for one that was never read as a whole."""
     return decode(Proof, frame.proof) if frame.proof else None
 
 

@@ -57,7 +57,7 @@ def _find_in_force(session: Session, frame: FrameRow, campaign: Campaign) -> tup
 
 
 def _fits(configuration: dict[str, Any], frame: FrameRow) -> bool:
-    """Whether a version holds for the frame's sunshine sensor, where it holds for one."""
+    """Return True if a version holds for the frame's sunshine sensor, where it holds for one."""
     held = configuration.get("sunshine_sensor", {}).get("serial")
     said = ((frame.header or {}).get("multispectral") or {}).get("sunshine_serial")
     return held is None or said is None or held.casefold() == said.casefold()

@@ -1,1 +1,1 @@
-"""What is asked of the tables, by subject."""
+"""Queries of the tables, by subject."""

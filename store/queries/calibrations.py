@@ -15,7 +15,7 @@ State = Literal["draft", "published", "superseded", "revoked"]
 
 @dataclass(frozen=True, kw_only=True)
 class VersionStatus:
-    """What was decided of a version since it was made."""
+    """Decisions about a version since it was made."""
 
     state: State
     valid_from: datetime | None = None

@@ -36,7 +36,7 @@ class Counts:
 
 
 def count(session: Session, campaign: Campaign) -> Counts:
-    """What has arrived, and how far it has come."""
+    """Count what has arrived, and how far it has come."""
     rows = session.execute(
         select(FrameRow.state, func.count())
         .where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))

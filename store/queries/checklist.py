@@ -62,7 +62,7 @@ class ChecklistItem:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordState:
-    """What the record says of a campaign: of each item, and since when each part is as it is."""
+    """State of a campaign by its record: of each item, and since when each part is as it is."""
 
     findings: dict[str, Finding]
     times: dict[str, datetime]

@@ -1,4 +1,4 @@
-"""Who decided what of a version, when and why."""
+"""Decisions about versions: who, what, when and why."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -40,7 +40,7 @@ class Decision:
 
 
 def list_publishings(session: Session, slot_ids: Select[int]) -> list[Act]:
-    """What was published in these slots, oldest first.
+    """List what was published in these slots, oldest first.
 
     When a newer version takes a part of an older one's time, the older one's rest is written anew in the same
     instant: of a slot's rows of one instant only the last one written is what somebody published.
@@ -88,6 +88,6 @@ def list_decisions(session: Session, camera_id: str) -> list[Decision]:
 
 
 def key_names(session: Session, organisation_id: str) -> dict[str, str]:
-    """Of every key of an organisation, also of those that were revoked, its name."""
+    """Return the name of every key of an organisation, also of those that were revoked."""
     rows = session.execute(select(ApiKey.id, ApiKey.name).where(ApiKey.organisation_id == organisation_id))
     return {row[0]: row[1] for row in rows}

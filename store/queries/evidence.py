@@ -84,7 +84,7 @@ def gather(
 
 
 def _is_read(row: FrameColumns) -> bool:
-    """Whether a fit can be told of it: a chart may do without an exposure."""
+    """Return True if a frame can enter a fit: a chart may do without an exposure."""
     return row.header is not None and (row.exposure is not None or row.role == "chart")
 
 

@@ -25,7 +25,7 @@ _read_list = lru_cache(4096)(lambda text: tuple(json.loads(text)))
 
 @dataclass(frozen=True, slots=True)
 class FrameColumns:
-    """What a verdict or a fit asks of a frame's row."""
+    """Columns of a frame's row that a verdict or a fit needs."""
 
     warnings: tuple[str, ...]
     left_out: dict[str, str] | None

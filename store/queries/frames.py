@@ -117,12 +117,12 @@ def describe_anew(frame: FrameRow, values: dict[str, Any]) -> bool:
 
 
 def extractor_of(campaign: Campaign) -> str:
-    """What makes this campaign's extractions: the code, its method, and what it was told to look for."""
+    """Return what makes this campaign's extractions: the code, its method, and the target it was given."""
     return name_extractor(campaign.method, campaign.target)
 
 
 def is_told(campaign: Campaign) -> bool:
-    """Whether what is photographed has been said, where the method must know."""
+    """Return True if the target is stated, where the method must know it."""
     return campaign.target is not None or methods.get_method(campaign.method).target is None
 
 
@@ -178,7 +178,7 @@ def find_extraction(session: Session, frame: FrameRow, roi: Roi, extractor: str)
 
 
 def find_equal_extraction(session: Session, frame: FrameRow, roi: Roi, extractor: str) -> Extraction | None:
-    """What the same code has already computed from the same bytes in the same region."""
+    """Return what the same code has already computed from the same bytes in the same region."""
     return session.scalar(
         select(Extraction)
         .join(FrameRow, FrameRow.id == Extraction.frame_id)

@@ -65,7 +65,7 @@ def find_session_key(session: Session, session_id: str) -> tuple[WebSession, Api
 
 
 def is_open() -> tuple[ColumnElement[bool], ...]:
-    """What holds of a session that has not ended."""
+    """Return the condition of a session that has not ended."""
     return WebSession.ended_at.is_(None), WebSession.expires_at > utc_now()
 
 

@@ -1,4 +1,4 @@
-"""What a campaign is measured against: a meter's readings of its scenes, or a panel's reflectances."""
+"""References of a campaign: a meter's readings of its scenes, or a panel's reflectances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class Reference:
 
 
 def find_reference(session: Session, campaign: Campaign, frames: Sequence[FrameColumns]) -> Reference:
-    """What the campaign's method measures against; most measure against nothing."""
+    """Return what the campaign's method measures against; most measure against nothing."""
     spec = get_method(campaign.method)
     if spec.reference == "meter":
         meters = _meters(session, campaign)

@@ -17,7 +17,7 @@ _UNDER_WAY = ("queued", "running", *GIVEN_UP)
 
 @dataclass(frozen=True, kw_only=True)
 class QueueCounts:
-    """What is under way, by its indexes."""
+    """Counts of what is under way, by its indexes."""
 
     jobs: dict[str, int]
     """By state, but those that succeeded."""
@@ -50,7 +50,7 @@ class QueueCounts:
 
 @dataclass(frozen=True, kw_only=True)
 class Totals:
-    """What there is of everything, over all organisations: whole tables are counted."""
+    """Counts of everything, over all organisations: whole tables are counted."""
 
     jobs: dict[str, int]
     frames: dict[str, int]

@@ -8,11 +8,7 @@ from typing import Any, Protocol
 from sqlalchemy import ColumnElement, func, literal, select, tuple_
 from sqlalchemy.orm import Session
 
-from store.tables import (
-    Calibration,
-    ReadyRow,
-    Revocation,
-)
+from store.tables import Calibration, ReadyRow, Revocation
 
 Page = list[Sequence[str]]
 """Some rows, column by column: cells as text; an absent one is empty."""

@@ -1,4 +1,4 @@
-"""Who changed what, when, from what to what. Append-only and chained: triggers and hashes hold it."""
+"""Audit trail: who changed what, when, from what to what. Append-only, held by triggers and hashes."""
 
 from datetime import datetime
 

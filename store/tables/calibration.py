@@ -63,7 +63,7 @@ class CoefficientRow(AuditedTogether, Base):
 
 
 class Slot(Base):
-    """What at most one published version may hold at any time: a camera's method in one configuration."""
+    """A camera's method in one configuration, which at most one published version may hold at any time."""
 
     __tablename__ = "slot"
     __table_args__ = (UniqueConstraint("camera_id", "method", "configuration"),)

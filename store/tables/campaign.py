@@ -1,4 +1,4 @@
-"""What a field team brings home: campaigns, their regions, meter readings, frames and frame statistics."""
+"""Tables of field work: campaigns, their regions, meter readings, frames and frame statistics."""
 
 from datetime import datetime
 from typing import Any, ClassVar

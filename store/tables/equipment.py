@@ -1,4 +1,4 @@
-"""What is calibrated and what it is calibrated against."""
+"""Tables of what is calibrated and what it is calibrated against."""
 
 from datetime import date, datetime
 from typing import Any

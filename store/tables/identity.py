@@ -1,4 +1,4 @@
-"""Who may do what: organisations, their keys, and the answers already given to a key's requests."""
+"""Tables of organisations, their keys, and the answers already given to a key's requests."""
 
 from datetime import datetime
 from typing import ClassVar
@@ -75,7 +75,7 @@ class WebSession(Audited, Base):
 
 
 class Usage(Base):
-    """What an organisation stores, counted as it arrives (store/usage.py)."""
+    """Bytes and rows that an organisation stores, counted as they arrive (store/usage.py)."""
 
     __tablename__ = "usage"
 

@@ -1,4 +1,4 @@
-"""What was computed of a whole campaign and is kept until the campaign changes; derived, so never audited."""
+"""Results computed of a whole campaign, kept until it changes; derived, so never audited."""
 
 from datetime import datetime
 from typing import Any
@@ -13,7 +13,7 @@ _IS_STALE = "kept_revision < revision"
 
 
 class CampaignReview(Base):
-    """What a campaign still lacks, and the revision of the campaign that this was computed from."""
+    """List of what a campaign still lacks, and the revision of the campaign that it was computed from."""
 
     __tablename__ = "campaign_review"
     __table_args__ = (

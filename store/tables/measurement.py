@@ -1,4 +1,4 @@
-"""What was measured with a calibrated camera: every answer names the version that it was made with."""
+"""Measurements with calibrated cameras: each names the version that it was made with."""
 
 from datetime import datetime
 

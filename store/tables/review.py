@@ -1,4 +1,4 @@
-"""What people sign and decide besides publishing: the procedure's checklist, and recalls by cause."""
+"""Signatures and decisions besides publishing: the procedure's checklist, and recalls by cause."""
 
 from datetime import datetime
 from typing import Any

@@ -1,4 +1,4 @@
-"""Style of the docstrings of radiometry and simulation."""
+"""Style of the docstrings: how they open everywhere, and their sections in the science."""
 
 import ast
 import re
@@ -11,7 +11,9 @@ import pytest
 from radiometry.specification.method import MethodSpec
 
 ROOT = Path(__file__).parents[2]
-OPENINGS = ("Give", "Say", "Tell", "Hold", "Look", "What", "Who", "Of", "Whether", "From")
+ROOMS = ("radiometry", "simulation", "store", "worker", "service", "stilb", "verify", "demo", "bench")
+OPENINGS = frozenset(("Give", "Gives", "Say", "Tell", "Hold", "Holds", "Let", "Look", "Looks"))
+OPENINGS |= {"What", "Who", "Of", "Whether", "From"}
 INLINE = ("Takes", "Source:")
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
 
@@ -56,7 +58,7 @@ def test_simulation_needs_no_sections():
 
 
 def list_files() -> list[Path]:
-    return [path for room in ("radiometry", "simulation") for path in (ROOT / room).rglob("*.py")]
+    return [path for room in ROOMS for path in (ROOT / room).rglob("*.py")]
 
 
 def find_faults(path: Path, source: str) -> Iterator[str]:

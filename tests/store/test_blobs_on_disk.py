@@ -10,14 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from store.blobs import (
-    LocalBlobs,
-    ObjectBlobs,
-    StorageFull,
-    StorageUnavailable,
-    StoredBlob,
-    prove_file,
-)
+from store.blobs import LocalBlobs, ObjectBlobs, StorageFull, StorageUnavailable, StoredBlob, prove_file
 from tests.support.blobs import files, put
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
 

@@ -1,4 +1,4 @@
-"""What a file may use up, in proportion to what it holds and claims; the settings are the bounds above."""
+"""Limits of a file, in proportion to what it holds and claims; the settings are the bounds above."""
 
 import math
 import resource
@@ -22,7 +22,7 @@ _CPU_S_PER_MEGASAMPLE: Final = 0.5
 
 
 class Budget:
-    """Of one cell, which sets these limits on itself: the hard ones of memory are the settings' own."""
+    """Limits that a cell sets on itself; the hard ones of memory are the settings' own."""
 
     def __init__(self, bounds: DecoderLimits, *, before: int, file_bytes: int) -> None:
         """Start with what a header takes. ``before`` : the address space of a cell without a file."""
@@ -40,7 +40,7 @@ class Budget:
         self.begin_request()
 
     def begin_request(self) -> None:
-        """Let the processor's time count from now on."""
+        """Count the processor's time from now on."""
         used = resource.getrusage(resource.RUSAGE_SELF)
         _, hard = resource.getrlimit(resource.RLIMIT_CPU)
         allowed = int(used.ru_utime + used.ru_stime) + 1 + min(self._cpu_s, self._bounds.cpu_seconds)
@@ -52,6 +52,6 @@ def allow_all(_samples: int) -> None:
 
 
 def read_address_space() -> int:
-    """Of this process now: the libraries are most of it."""
+    """Return the address space of this process now: the libraries are most of it."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     return pages * resource.getpagesize()

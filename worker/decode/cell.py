@@ -30,7 +30,7 @@ _OPEN_FILES: Final = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """What the zygote has made ready for all of its cells.
+    """Resources that the zygote has prepared for all of its cells.
 
     ``address_space`` : of a process without a file, in bytes; ``first_file``, ``first_stream`` : of our own
     """

@@ -89,11 +89,11 @@ class Decoder:
         return self._checked("inspect", lambda: (answers.check_preview(body), answers.check_proof(answer)))
 
     def has_open(self, file: Readable) -> bool:
-        """Whether the cell reads this very file: the same proof of it, and the same bytes under its path."""
+        """Return True if the cell reads this file: the same proof of it, the same bytes under its path."""
         return self._file == file and self._identity == _identify(path_of(file).stat())
 
     def close(self) -> None:
-        """Let the cell end, and all that it holds with it."""
+        """End the cell, and all that it holds."""
         cell, self._cell = self._cell, None
         if cell is not None:
             cell.close()

@@ -35,7 +35,7 @@ class StatedDigest:
 
 
 def read_digest(raw: Directory, main: Directory, *, bits: int) -> StatedDigest | None:
-    """What the file states; the newer one where it has both."""
+    """Return the digest that the file states; the newer one where it has both."""
     for tag, tiled in ((tags.NEW_RAW_IMAGE_DIGEST, True), (tags.RAW_IMAGE_DIGEST, False)):
         for directory in (main, raw):
             value = directory.raw(tag, at_most=_DIGEST_BYTES)
@@ -67,7 +67,7 @@ class DigestCheck:
             self._waiting, self._rows = [together[_TILE_PX:]], len(together) - _TILE_PX
 
     def matches(self) -> bool:
-        """Whether the rows are those that the digest was made of."""
+        """Return True if the rows are those that the digest was made of."""
         if self._rows:
             self._add_tiles(np.concatenate(self._waiting))
             self._waiting, self._rows = [], 0

@@ -68,7 +68,7 @@ def _unpack(raw: bytes, layout: struct.Struct) -> "itertools.chain[tuple[float, 
 
 
 def _is_list(raw: bytes, layout: struct.Struct) -> bool:
-    """Whether the times of such records rise as readings do; a single record is told by its length alone."""
+    """Return True if the times of the records rise as readings do; a single one is told by its length."""
     times = [int(row[0]) for row in _unpack(raw, layout)]
     if len(times) < 2:
         return len(raw) == layout.size and times[0] < _LATEST_US

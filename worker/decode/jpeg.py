@@ -1,4 +1,4 @@
-"""What a JPEG claims, read from hostile bytes: its size and its EXIF, and that it reaches its own end."""
+"""Claims of a JPEG, read from hostile bytes: its size and its EXIF, and that it reaches its own end."""
 
 import re
 import struct

@@ -47,7 +47,7 @@ class Layout:
 
     @property
     def row_bytes(self) -> int:
-        """Of one uncompressed segment row: each starts on a byte of its own."""
+        """Return the bytes of one uncompressed segment row: each starts on a byte of its own."""
         return -(-self.segment_cols * self.samples * self.bits // 8)
 
     @property

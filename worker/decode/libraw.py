@@ -1,4 +1,4 @@
-"""What only LibRaw can decode: other makers' raw files, and the DNG features that are not read natively."""
+"""Files that only LibRaw can decode: other makers' raw files, and the DNG features not read natively."""
 
 import ctypes
 import importlib.metadata
@@ -87,7 +87,7 @@ class LibRawFile:
         return mosaic
 
     def header(self, metadata: Metadata | None) -> FrameHeader:
-        """From LibRaw, and from the file's own EXIF where it could be read."""
+        """Return the header by LibRaw, and by the file's own EXIF where it could be read."""
         cfa = self._read_cfa()
         sites = 1 if cfa == "grey" else 4
         white = float(self._raw.white_level)

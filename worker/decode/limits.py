@@ -1,4 +1,4 @@
-"""What no honest frame exceeds; all of it is checked before anything is allocated."""
+"""Limits that no honest frame exceeds; all are checked before anything is allocated."""
 
 from radiometry.findings import files
 

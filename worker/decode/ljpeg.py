@@ -212,7 +212,7 @@ def _check_length(stream: Stream, planes: NDArray[np.uint16]) -> None:
 
 
 def _is_filler(scan: bytes, count: int) -> bool:
-    """Whether the scan's last bytes hold nothing; else codes that are in no table were read as something."""
+    """Return True if the scan's last bytes hold nothing; else codes of no table were read as something."""
     plain = scan[-2 * (count + 1) :].replace(b"\xff\0", b"\xff")
     return count == 0 or set(plain[-count:]) in ({0}, {0xFF})
 
@@ -225,7 +225,7 @@ def _count_bits(differences: NDArray[np.uint16], table: bytes) -> int:
 
 
 def _differences(planes: NDArray[np.uint16], stream: Stream) -> NDArray[np.uint16]:
-    """What the encoder wrote: each sample less its prediction, modulo 2^16 (ITU T.81, table H.1)."""
+    """Return what the encoder wrote: each sample less its prediction, modulo 2^16 (ITU T.81, table H.1)."""
     out = np.empty_like(planes)
     flat, apart = planes.reshape(-1), stream.components
     row = stream.cols * apart

@@ -1,4 +1,4 @@
-"""What goes between the service's process and the decoding one: length, JSON, and an array's bare bytes.
+"""Messages between the service's process and the decoding one: length, JSON, and an array's bare bytes.
 
 Nothing that is received can run code, and neither side believes a length before it has checked it.
 """

@@ -1,4 +1,4 @@
-"""What EXIF and DNG tags say of the camera and the exposure. Nothing here can make a file unreadable."""
+"""Camera and exposure by EXIF and DNG tags. Nothing here can make a file unreadable."""
 
 import math
 import re

@@ -153,7 +153,7 @@ class NativeFile:
 
     @property
     def lowest_dn(self) -> float:
-        """What a sample of zero means."""
+        """Return what a sample of zero means."""
         return 0.0 if self._image.table is None else float(self._image.table[0])
 
     def bands(self) -> Iterator[tuple[int, NDArray[np.uint16]]]:
@@ -200,7 +200,7 @@ class NativeFile:
             )
 
     def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
-        """What vouches for the samples, after all bands have been read."""
+        """Return what proves the samples whole, after all bands have been read."""
         layout = self._image.layout
         if self._libraw is not None:
             return "libraw", ()

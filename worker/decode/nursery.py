@@ -48,13 +48,13 @@ class Cell:
             socket.send_fds(control, [b"cell"], [self._its_talk.fileno(), self._its_line.fileno()])
 
     def await_birth(self) -> bool:
-        """Whether there is, or was, such a process."""
+        """Return True if there is, or was, such a process."""
         if self.pid is None:
             self.pid = self._hear(_BIRTH_SECONDS).get("pid")
         return self.pid is not None
 
     def is_over(self) -> bool:
-        """Whether the process is known to have ended, or never was."""
+        """Return True if the process is known to have ended, or never was."""
         return self.pid is not None and bool(_poll(self._line, 0))
 
     def give(self, descriptor: int) -> None:
@@ -113,7 +113,7 @@ class Nursery:
 
     @property
     def pid(self) -> int | None:
-        """Of the zygote."""
+        """Return the zygote's process id."""
         return self._process.pid if self._process else None
 
     def start(self) -> Sandbox:

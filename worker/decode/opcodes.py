@@ -36,7 +36,7 @@ def read_opcodes(directory: Directory) -> tuple[Opcode, ...]:
 
 
 def _parse(data: bytes, stage: int) -> list[Opcode]:
-    """What cannot be parsed to its end is still told apart: "unreadable", with the hash of the rest."""
+    """Parse a list; one that cannot be parsed to its end ends in "unreadable", with the hash of the rest."""
     found: list[Opcode] = []
     count, position = int.from_bytes(data[:4], "big"), 4
     for _ in range(min(count, limits.MAX_OPCODES)):

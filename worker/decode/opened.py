@@ -1,4 +1,4 @@
-"""From bytes to an opened file: which kind it is, and whether it is one at all."""
+"""Opening of a file by its bytes: which kind it is, and whether it is one at all."""
 
 from collections.abc import Iterator
 from typing import Final, TypeVar

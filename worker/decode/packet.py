@@ -1,4 +1,4 @@
-"""What the dialects of multispectral cameras share: the packet, the band's name, lens and levels."""
+"""Parts that the dialects of multispectral cameras share: packet, band name, lens and levels."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

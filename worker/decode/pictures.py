@@ -55,7 +55,7 @@ class PictureFile:
         yield 0, self._decode().astype(np.uint16)
 
     def vouch(self) -> tuple[Voucher, tuple[PieceRun, ...]]:
-        """What vouches for the samples: a PNG has checksums, a JPEG only an end."""
+        """Return what proves the samples whole: a PNG has checksums, a JPEG only an end."""
         return "end" if self._jpeg else "checksum", ()
 
     def black_level(self, *_window: int) -> tuple[float, ...]:
@@ -105,7 +105,7 @@ def _describe(
 
 
 def _read_exif(exif: bytes) -> Metadata:
-    """What the camera wrote beside the picture; damage there costs the metadata and not the picture."""
+    """Read what the camera wrote beside the picture; damage there costs the metadata and not the picture."""
     try:
         main = read_directories(exif)[0] if is_tiff(exif) else _NOTHING
     except InputRejected:

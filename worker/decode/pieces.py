@@ -48,7 +48,7 @@ _second: list[_SecondThread] = []
 
 
 def start_second_thread() -> None:
-    """Let another thread decode every other piece from now on, where there are two processors and Linux."""
+    """Start another thread that decodes every other piece, where there are two processors and Linux."""
     if hasattr(os, "sched_getaffinity") and len(os.sched_getaffinity(0)) > 1:
         with contextlib.suppress(RuntimeError):  # no more threads are allowed here: one does as well
             _second.append(_SecondThread())

@@ -1,4 +1,4 @@
-"""What a PNG claims, read from hostile bytes: its size and its EXIF, and that it reaches its own end."""
+"""Claims of a PNG, read from hostile bytes: its size and its EXIF, and that it reaches its own end."""
 
 import struct
 from dataclasses import dataclass

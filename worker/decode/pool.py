@@ -11,14 +11,7 @@ from typing import Self
 
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.proof import Proof
-from worker.decode.decoder import (
-    PREVIEW_SIDE_PX,
-    Decoder,
-    DecoderCrashed,
-    DecoderKilled,
-    Readable,
-    path_of,
-)
+from worker.decode.decoder import PREVIEW_SIDE_PX, Decoder, DecoderCrashed, DecoderKilled, Readable, path_of
 from worker.decode.nursery import DecoderUnavailable, Nursery
 from worker.decode.sandbox import Sandbox
 from worker.decode.settings import DecoderLimits
@@ -96,7 +89,7 @@ class DecoderPool:
             return decoder.inspect(longest_side_px)
 
     def pids(self) -> list[int]:
-        """Of the zygote and of the cells that live, as far as they are known."""
+        """Return the process ids of the zygote and of the cells that live, as far as they are known."""
         with self._lock:
             idle = [decoder.pid for decoders in self._idle.values() for decoder in decoders]
             found = [self._nursery.pid, *(decoder.pid for decoder in self._busy), *idle]

@@ -30,7 +30,7 @@ class Position:
 
 
 def read_position(main: Directory) -> Position:
-    """What the file says, unless it says that it does not know.
+    """Read the position that the file states, unless it says that it does not know.
 
     Not known: no hemisphere, a zero denominator, an interrupted fix (status V), and zero degrees both ways,
     which is what a receiver without a fix writes.

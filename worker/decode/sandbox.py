@@ -1,4 +1,4 @@
-"""What the kernel takes from a cell before it reads a file: other files, network, processes, signals.
+"""Restrictions that the kernel puts on a cell before it reads a file: files, network, processes, signals.
 
 Landlock and seccomp need no rights, so this works as any user and in plain containers. Both are asked by way
 of ctypes: three system calls and a short program, where libraries bring more than is used.
@@ -29,7 +29,7 @@ _SCOPES = 0b11  # abstract sockets and signals
 
 @dataclass(frozen=True, kw_only=True)
 class Sandbox:
-    """What holds in a cell. ``landlock`` : the version in use, 0 for none."""
+    """Restrictions of a cell. ``landlock`` : the version in use, 0 for none."""
 
     no_new_privs: bool
     landlock: int
@@ -61,7 +61,7 @@ class Sandbox:
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """What a full sandbox needs and this kernel refuses; seccomp alone takes network and signals, too."""
+        """Return the needed parts that this kernel refuses; seccomp alone takes network and signals, too."""
         needed = ("no_new_privs", "landlock_files", "seccomp")
         return tuple(name for name in needed if not self.parts[name])
 

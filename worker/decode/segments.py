@@ -66,7 +66,7 @@ def read_samples(
 
 
 class _Part(NamedTuple):
-    """What a window needs of one strip or tile: where it goes in the window, and which of its samples."""
+    """Part of a strip or tile that a window needs: where it goes in the window, and which of its samples."""
 
     segment: int
     target: tuple[slice, slice]

@@ -1,4 +1,4 @@
-"""What a decoding process may use up."""
+"""Limits of a decoding process."""
 
 from dataclasses import dataclass
 from typing import Final

@@ -164,7 +164,7 @@ class Xmp:
         return numbers[0] if len(numbers) == 1 else None
 
     def first_number(self, *keys: str) -> float | None:
-        """Of a property that firmware writes in one of several families."""
+        """Return the number of a property that firmware writes in one of several families."""
         return next((found for key in keys if (found := self.number(key)) is not None), None)
 
     def index(self, key: str) -> int | None:

@@ -28,7 +28,7 @@ def append_directories(path: Path, header: FrameHeader, exposure: Exposure | Non
 
 
 def has_exif(header: FrameHeader, exposure: Exposure | None) -> bool:
-    """Whether there is anything to say: a directory without an entry is none."""
+    """Return True if there is anything to write: a directory without an entry is none."""
     return bool(_exif_entries(header, exposure))
 
 

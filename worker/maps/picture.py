@@ -26,7 +26,7 @@ Plane = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Part:
-    """What a band adds to the squares of the lines [first, first + len(sums)), and its odd pixels."""
+    """Sums that a band adds to the squares of the lines [first, first + len(sums)), and its odd pixels."""
 
     first: int
     sums: NDArray[np.float32]
@@ -92,7 +92,7 @@ def _add_lines(band: Plane, factor: int, *, skipped: int) -> Plane:
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """What a map shows. ``ends`` : of an even scale; None: logarithmic, its ends chosen from the map."""
+    """Appearance of a map. ``ends`` : of an even scale; None: logarithmic, its ends chosen from the map."""
 
     unit: str
     unknown: str = "saturated"

@@ -30,7 +30,7 @@ def cut_strips(header: FrameHeader) -> list[tuple[int, int]]:
 
 
 class StripReader:
-    """Gives any rows of a frame, as long as they are asked for from the top downwards.
+    """Reader of any rows of a frame, as long as they are asked for from the top downwards.
 
     The next two strips are read meanwhile, by one process: starting another takes longer than it saves.
     """

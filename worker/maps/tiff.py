@@ -46,7 +46,7 @@ class Layer:
 
 @dataclass(frozen=True, kw_only=True)
 class MapFacts:
-    """What a map says of itself beside its pixels.
+    """Statements of a map about itself, beside its pixels.
 
     ``description`` is kept as JSON in ImageDescription; ``packet`` : XMP, where the map has one; ``layers`` :
     its planes, in GDAL's words

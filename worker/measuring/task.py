@@ -54,7 +54,7 @@ class Task:
                 yield file
 
     def describe(self, **more: Any) -> dict[str, Any]:  # noqa: ANN401
-        """What ImageDescription says, so that a map that has left its place still names what it is."""
+        """Return ImageDescription, so that a map that has left its place still names what it is."""
         calibration, exposure = self.calibration, self.frame.exposure or {}
         return {
             **more,

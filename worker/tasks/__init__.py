@@ -1,4 +1,4 @@
-"""What each kind of job does."""
+"""Tasks, one for each kind of job."""
 
 from store.jobs import Claim
 from worker.context import Context

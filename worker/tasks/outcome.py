@@ -1,4 +1,4 @@
-"""What a task hands back: how to store what it computed, and whether the input was refused."""
+"""Outcome of a task: how to store what it computed, and whether the input was refused."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a camera sees of the ground: what is typed in, and what follows from it."""
+"""Ground coverage of a camera: what is entered, and what follows from it."""
 
 from typing import Annotated
 
@@ -36,7 +36,7 @@ class FieldOfView(Answer):
 
 
 class CoverageAnswer(Answer, restates=Coverage, without="horizontal_fov_deg vertical_fov_deg"):
-    """What lies above the horizon is left out and named."""
+    """Ground coverage; what lies above the horizon is left out and named."""
 
     name: str | None = None
     fov_deg: FieldOfView

@@ -41,7 +41,7 @@ class NewExposureSeries(Form):
 
 
 class ExposureTable(Form):
-    """What a table does not say of itself; with JSON none of it, for it stands in the body."""
+    """Statements that a table does not contain; with JSON none of them, since they are in the body."""
 
     white_level_dn: Annotated[float | None, _WHITE_LEVELS_DN, Field(description="Needed with a table.")] = (
         None
@@ -58,7 +58,7 @@ class ExposureTable(Form):
 
 
 class Exponents(Answer):
-    """Of the settings that vary."""
+    """Exponents of the settings that vary."""
 
     exposure_time_s: Quantity | None = None
     f_number: Quantity | None = None

@@ -1,4 +1,4 @@
-"""What the calculators share: ranges of the settings, and how many cases one request may ask for."""
+"""Ranges of the calculators' settings, and how many cases one request may ask for."""
 
 from typing import Annotated
 

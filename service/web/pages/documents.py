@@ -1,4 +1,4 @@
-"""What people read: the reference of this API, and what each error means. No key is needed."""
+"""Documentation pages: the reference of this API, and the meaning of each error. No key is needed."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What needs attention."""
+"""Overview: what needs attention."""
 
 from fastapi import APIRouter, Response
 

@@ -122,7 +122,7 @@ def _too_many(request: Request, next_address: str, wait_s: float) -> Response:
 
 
 def _plain(text: str) -> str | None:
-    """What a browser calls itself, as a row can hold it."""
+    """Return the browser's name of itself, as a row can hold it."""
     return "".join(c for c in text if c.isprintable())[:200] or None
 
 

@@ -15,16 +15,7 @@ from simulation.camera import change, expose
 from simulation.light import Lamp
 from simulation.luminance import X5S
 from simulation.targets import Surface
-from tests.radiometry.luminance.exact import (
-    DARK,
-    DARKS,
-    LIGHTS,
-    PARAMS,
-    K,
-    fit,
-    light,
-    statistics,
-)
+from tests.radiometry.luminance.exact import DARK, DARKS, LIGHTS, PARAMS, K, fit, light, statistics
 
 
 def apply(mean_dn, *, exposure=None, model="proportional", **changes):

@@ -13,16 +13,7 @@ from pydantic import TypeAdapter
 from radiometry.noise import method as noise
 from simulation.camera import change
 from simulation.flats import COUNTING_SENSOR, find_variance_maximum
-from tests.radiometry.noise.series import (
-    PARAMS,
-    SMALL,
-    TIMES,
-    agrees,
-    make_row,
-    only,
-    shoot,
-    take,
-)
+from tests.radiometry.noise.series import PARAMS, SMALL, TIMES, agrees, make_row, only, shoot, take
 
 
 @pytest.fixture(scope="module")

@@ -6,14 +6,7 @@ import pytest
 
 from radiometry.reflectance import method as reflectance
 from tests.radiometry.evidence import taken
-from tests.radiometry.reflectance.captures import (
-    PANEL_R,
-    READINGS,
-    change_features,
-    panel,
-    seeded,
-    take,
-)
+from tests.radiometry.reflectance.captures import PANEL_R, READINGS, change_features, panel, seeded, take
 
 PARAMS = reflectance.Params()
 

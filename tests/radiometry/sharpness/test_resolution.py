@@ -5,11 +5,7 @@ import math
 import pytest
 
 from radiometry.sharpness.features import Contrasts
-from radiometry.sharpness.resolution import (
-    convert_resolution,
-    find_resolving_power,
-    unresolved_diameter,
-)
+from radiometry.sharpness.resolution import convert_resolution, find_resolving_power, unresolved_diameter
 from radiometry.sharpness.spectrum import find_crossing
 
 

@@ -13,12 +13,7 @@ from radiometry.reflectance.fit import unit_of_k
 from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.lens import FrameSize, evaluate_band
 from tests.support.data import data_file
-from tests.worker.decode.spectral_tiff import (
-    make_tiff,
-    write_dji_xmp,
-    write_micasense_xmp,
-    write_sequoia_xmp,
-)
+from tests.worker.decode.spectral_tiff import make_tiff, write_dji_xmp, write_micasense_xmp, write_sequoia_xmp
 from worker.decode import reader
 from worker.decode.dialects import BY_SYSTEM
 

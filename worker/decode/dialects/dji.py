@@ -60,7 +60,7 @@ def read(packet: Packet) -> Multispectral:
 
 
 def _find_contradiction(packet: Packet, black_dn: float | None) -> str:
-    """What makes DJI's formula wrong for this file; "" for nothing."""
+    """Return what makes DJI's formula wrong for this file; "" for nothing."""
     if packet.xmp.number("drone-dji:VignettingFlag"):
         return "VignettingFlag says that the camera has corrected the vignetting already"
     if black_dn is None and not read_numbers(packet.main, tags.BLACK_LEVEL):
