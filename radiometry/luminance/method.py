@@ -26,7 +26,8 @@ from radiometry.luminance.checks import check_iso_fit, check_series
 from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.curves import fit_series
 from radiometry.luminance.measured import AppliedLuminance
-from radiometry.luminance.points import collect_series, list_missing, list_unread_scenes, require_shares
+from radiometry.luminance.missing import list_missing, list_unread_scenes, require_shares
+from radiometry.luminance.points import collect_series
 from radiometry.luminance.results import Fit, IsoFit, ModelFit, Point, SceneSummary, SpectralQuality
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, meter_calibration_u_rel, summarise_scenes

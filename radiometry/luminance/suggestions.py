@@ -11,13 +11,8 @@ from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
 from radiometry.luminance.corrections import compute_flicker
 from radiometry.luminance.dark import check_dark
 from radiometry.luminance.messages import show_time
-from radiometry.luminance.points import (
-    FEW_POINTS,
-    FEWEST_SCENES,
-    IsoSeries,
-    collect_series,
-    list_unread_scenes,
-)
+from radiometry.luminance.missing import list_unread_scenes
+from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, collect_series
 from radiometry.luminance.rows import FrameRow, Params, Reading
 from radiometry.luminance.scenes import check_scenes, summarise_scenes
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from radiometry.fitting.comparison import PERCENT
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame import FrameHeader
-from radiometry.reflectance.application import choose_coefficient, find_scale_of_frame
 from radiometry.reflectance.imaging import require_band
 from radiometry.reflectance.results import Coefficient
+from radiometry.reflectance.scale import choose_coefficient, find_scale_of_frame
 
 
 def change_reflectance(

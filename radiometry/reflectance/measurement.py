@@ -14,10 +14,11 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.frame.light import LightBasis
 from radiometry.frame.roi import Polygon, Window, mask
-from radiometry.reflectance.application import apply_features, choose_angle
+from radiometry.reflectance.application import apply_features
 from radiometry.reflectance.features import extract_features
 from radiometry.reflectance.imaging import compute_signal
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient, Effect
+from radiometry.reflectance.scale import choose_angle
 from radiometry.specification.stored import LATER
 
 PERCENTILES = (5, 10, 90, 95)

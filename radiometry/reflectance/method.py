@@ -18,8 +18,8 @@ from radiometry.fitting.evidence import CoefficientValue, Extracted, FrameEviden
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
 from radiometry.reflectance import codes
-from radiometry.reflectance.application import Scale, find_scale_of_frame, scale_pixels
 from radiometry.reflectance.application import apply_features as apply
+from radiometry.reflectance.application import scale_pixels
 from radiometry.reflectance.features import Features, extract_features
 from radiometry.reflectance.findings import check_candidates, check_fit, check_frame, review_frame
 from radiometry.reflectance.fit import describe_point, fit_bands
@@ -37,6 +37,7 @@ from radiometry.reflectance.points import (
 )
 from radiometry.reflectance.results import AppliedReflectance, BandFit, Coefficient, Effect, Fit, Knot, Point
 from radiometry.reflectance.rows import FrameRow, Params, Reading
+from radiometry.reflectance.scale import Scale, find_scale_of_frame
 from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import TiltParams
 from radiometry.reflectance.verdicts import judge, plan

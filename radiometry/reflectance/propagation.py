@@ -12,11 +12,11 @@ from radiometry.findings import InputRejected, Raised
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.multispectral import Alignment
 from radiometry.reflectance import codes
-from radiometry.reflectance.application import choose_coefficient
 from radiometry.reflectance.formula import Formula, compute
 from radiometry.reflectance.indices import spread_plane
 from radiometry.reflectance.measurement import Share, estimate_noise
 from radiometry.reflectance.results import REFLECTANCE_UNIT, AppliedReflectance, Coefficient
+from radiometry.reflectance.scale import choose_coefficient
 from radiometry.specification.stored import LATER
 
 PANEL, ALIGNMENT = "panel", "alignment"

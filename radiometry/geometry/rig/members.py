@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from radiometry.fitting.evidence import Quantity
-from radiometry.geometry.rig.orientation import RigCamera, orient_rig
+from radiometry.geometry.rig.adjustment import RigCamera
+from radiometry.geometry.rig.orientation import orient_rig
 from radiometry.geometry.rig.results import RigFit
 from radiometry.geometry.rig.triggers import BoardPicture, pair_pictures
 from radiometry.geometry.views import make_view

@@ -2,58 +2,35 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radiometry.findings import Raised
-from radiometry.fitting.evidence import MOST_DOF
-from radiometry.frame.opencv import cv2
-from radiometry.geometry.bundle import find_pose
-from radiometry.geometry.camera import PARAMETERS, CameraModel, project
-from radiometry.geometry.descent import Linear, Minimum, minimise, reduce
+from radiometry.geometry.camera import project
+from radiometry.geometry.descent import Minimum, reduce
 from radiometry.geometry.rig import codes
+from radiometry.geometry.rig.adjustment import (
+    CAMERA,
+    POSE,
+    Matrix,
+    RigCamera,
+    fit_board,
+    linearise_rig,
+    read_pose,
+    solve_rig,
+)
 from radiometry.geometry.rig.angles import describe_pose
 from radiometry.geometry.rig.results import RigFit, RigPoint
 from radiometry.geometry.rig.scatter import Scatter, estimate_scatter
-from radiometry.geometry.rig.start import compose, invert, start_rig
+from radiometry.geometry.rig.start import compose, start_rig
 from radiometry.geometry.rig.triggers import BoardPicture, Trigger, pair_pictures
 
 FEWEST_TRIGGERS: Final = 3
 GOOD_TRIGGERS: Final = 6
 OUTLIER_RATIO: Final = 4.0
 _FLOOR: Final = 3.0  # of an outlier, in units of the corners' own scatter
-_POSE: Final = 6
-_CAMERA: Final = len(PARAMETERS)
-
-Matrix = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class RigCamera:
-    """Calibrated camera of a rig.
-
-    Attributes
-    ----------
-    serial : str
-        Serial number.
-    model : CameraModel
-        Camera as its geometry version states it.
-    covariance : ndarray of float64
-        Covariance of PARAMETERS, (9, 9).
-    noise_px : float
-        Standard deviation of a corner in row and in col [px].
-    dof : float, default: MOST_DOF
-        Degrees of freedom of `covariance`.
-    """
-
-    serial: str
-    model: CameraModel
-    covariance: Matrix
-    noise_px: float
-    dof: float = MOST_DOF
 
 
 def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -> RigFit:
@@ -98,7 +75,7 @@ def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -
     kept, rejected = list(triggers), list[tuple[BoardPicture, float]]()
     while True:
         _require_triggers(cameras, kept)
-        found = _solve(cameras, kept, shared)
+        found = solve_rig(cameras, kept, shared)
         misses = _measure_misses(kept, found)
         typical = float(np.median([miss for each in misses for miss in each.values()]))
         worst = max(range(len(kept)), key=lambda place: max(misses[place].values()))
@@ -106,7 +83,7 @@ def orient_rig(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture]) -
             break
         others = [each for place, each in enumerate(kept) if place != worst]
         _require_triggers(cameras, others)
-        found = _solve(cameras, others, found.shared)
+        found = solve_rig(cameras, others, found.shared)
         kept[worst : worst + 1], gone = _split(
             cameras, kept[worst], found.shared, max(OUTLIER_RATIO * typical, _FLOOR)
         )
@@ -131,56 +108,6 @@ def _require_triggers(cameras: Sequence[RigCamera], triggers: Sequence[Trigger])
             )
 
 
-def _linearise(
-    cameras: Sequence[RigCamera], trigger: Trigger, shared: Matrix, board: Matrix, *, whole: bool = False
-) -> Linear:
-    """Return residuals over noise and derivatives; ``whole`` adds those by the parameters of all cameras."""
-    poses = _POSE * (len(cameras) - 1)
-    residuals, of_shared, of_board = [], [], []
-    for picture in trigger.pictures:
-        number, camera = picture.camera, cameras[picture.camera]
-        placed, by_board, by_camera = board, np.eye(_POSE), np.zeros((_POSE, _POSE))
-        if number:
-            mine = shared[_POSE * (number - 1) : _POSE * number]
-            parts = cv2.composeRT(board[:3], board[3:], mine[:3], mine[3:])
-            placed = np.concatenate((np.ravel(parts[0]), np.ravel(parts[1])))
-            by_board = np.block([[parts[2], parts[3]], [parts[6], parts[7]]])
-            by_camera = np.block([[parts[4], parts[5]], [parts[8], parts[9]]])
-        seen, jacobian = cv2.projectPoints(
-            picture.view.points_mm, placed[:3], placed[3:], camera.model.matrix, camera.model.distortion
-        )
-        slopes = np.asarray(jacobian, np.float64) / camera.noise_px
-        residual = picture.view.seen_px[:, ::-1] - np.asarray(seen).reshape(-1, 2)
-        rows = np.zeros((len(slopes), poses + (_CAMERA * len(cameras) if whole else 0)))
-        if number:
-            rows[:, _POSE * (number - 1) : _POSE * number] = slopes[:, :_POSE] @ by_camera
-        if whole:
-            rows[:, poses + _CAMERA * number : poses + _CAMERA * (number + 1)] = slopes[:, _POSE:]
-        residuals.append(residual.ravel() / camera.noise_px)
-        of_shared.append(rows)
-        of_board.append(slopes[:, :_POSE] @ by_board)
-    return Linear(np.concatenate(residuals), np.concatenate(of_shared), np.concatenate(of_board))
-
-
-def _solve(cameras: Sequence[RigCamera], triggers: Sequence[Trigger], shared: Matrix) -> Minimum:
-    boards = [_find_board(cameras, trigger.pictures, shared) for trigger in triggers]
-    return minimise(
-        lambda block, values, board: _linearise(cameras, triggers[block], values, board),
-        shared,
-        np.array(boards),
-    )
-
-
-def _pose(shared: Matrix, number: int) -> Matrix:
-    return shared[_POSE * (number - 1) : _POSE * number] if number else np.zeros(_POSE)
-
-
-def _find_board(cameras: Sequence[RigCamera], pictures: Sequence[BoardPicture], shared: Matrix) -> Matrix:
-    first = pictures[0]
-    seen = find_pose(cameras[first.camera].model, first.view).vector
-    return compose(seen, invert(_pose(shared, first.camera)))
-
-
 def _measure_misses(triggers: Sequence[Trigger], found: Minimum) -> list[dict[int, float]]:
     """Return, per trigger, the rms of each camera's corners over its noise."""
     misses = []
@@ -197,7 +124,7 @@ def _measure_misses(triggers: Sequence[Trigger], found: Minimum) -> list[dict[in
 
 
 def _miss_px(cameras: Sequence[RigCamera], picture: BoardPicture, board: Matrix, shared: Matrix) -> float:
-    placed = compose(board, _pose(shared, picture.camera))
+    placed = compose(board, read_pose(shared, picture.camera))
     there = project(cameras[picture.camera].model, picture.view.points_mm, placed[:3], placed[3:])
     return math.sqrt(float(((picture.view.seen_px - there) ** 2).sum()) / len(there))
 
@@ -215,7 +142,7 @@ def _split(
         trials = []
         for picture in kept.pictures:
             rest = replace(kept, pictures=tuple(each for each in kept.pictures if each is not picture))
-            alone = _fit_board(cameras, rest, shared)
+            alone = fit_board(cameras, rest, shared)
             misses = [
                 _miss_px(cameras, each, alone, shared) / cameras[each.camera].noise_px
                 for each in rest.pictures
@@ -229,20 +156,6 @@ def _split(
         if left <= limit:
             return [kept], gone
     return [], gone
-
-
-def _fit_board(cameras: Sequence[RigCamera], trigger: Trigger, shared: Matrix) -> Matrix:
-    """Return the pose of the board that fits pictures of one trigger best, the rig fixed."""
-
-    def linearise(_: int, __: Matrix, board: Matrix) -> Linear:
-        residuals, of_shared, of_board = _linearise(cameras, trigger, shared, board)
-        return Linear(residuals, of_shared[:, :0], of_board)
-
-    board = _find_board(cameras, trigger.pictures, shared)
-    for _ in range(20):
-        residuals, _, of_board = linearise(0, shared, board)
-        board = board + np.linalg.lstsq(of_board, residuals, rcond=None)[0]
-    return board
 
 
 def _find_fitting(
@@ -269,7 +182,7 @@ def _conclude(
     reduced = [reduce(block)[:2] for block in found.linear]
     count = [len(trigger.pictures) for trigger in triggers]
     corners = sum(len(each.view.points_mm) for trigger in triggers for each in trigger.pictures)
-    within = 2 * corners - _POSE * sum(count)
+    within = 2 * corners - POSE * sum(count)
     scatter = estimate_scatter(reduced, within=(found.cost, within))
     parts = list(
         zip(
@@ -280,7 +193,7 @@ def _conclude(
     )
     poses = []
     for number, camera in enumerate(cameras[1:], start=1):
-        mine = slice(_POSE * (number - 1), _POSE * number)
+        mine = slice(POSE * (number - 1), POSE * number)
         used = sum(number in each for each in misses)
         poses.append(
             describe_pose(
@@ -314,7 +227,7 @@ def _conclude(
         scatter_mm=scatter.translation_mm,
         triggers=len(triggers),
         corners=corners,
-        degrees_of_freedom=2 * corners - len(found.shared) - _POSE * len(triggers),
+        degrees_of_freedom=2 * corners - len(found.shared) - POSE * len(triggers),
         points=tuple(
             RigPoint(
                 camera=cameras[each.camera].serial,
@@ -336,19 +249,17 @@ def _find_covariances(
     """Return the covariances of the poses from corners, triggers and the cameras' own uncertainties."""
     size = len(found.shared)
     blocks = [
-        reduce(_linearise(cameras, trigger, found.shared, board, whole=True))[0]
+        reduce(linearise_rig(cameras, trigger, found.shared, board, whole=True))[0]
         for trigger, board in zip(triggers, found.poses, strict=True)
     ]
     whole = np.sum(blocks, axis=0)
     inverse = np.linalg.inv(whole[:size, :size])
-    spread = np.tile(
-        np.repeat([scatter.rotation_rad**2, scatter.translation_mm**2], _POSE // 2), size // _POSE
-    )
+    spread = np.tile(np.repeat([scatter.rotation_rad**2, scatter.translation_mm**2], POSE // 2), size // POSE)
     between = np.sum([block[:size, :size] * spread @ block[:size, :size] for block in blocks], axis=0)
     gain = -inverse @ whole[:size, size:]
-    own = np.zeros((_CAMERA * len(cameras),) * 2)
+    own = np.zeros((CAMERA * len(cameras),) * 2)
     for number, camera in enumerate(cameras):
-        mine = slice(_CAMERA * number, _CAMERA * (number + 1))
+        mine = slice(CAMERA * number, CAMERA * (number + 1))
         own[mine, mine] = camera.covariance
     corners, swaying, given = (
         (part + part.T) / 2.0
