@@ -1,4 +1,4 @@
-"""What arrives at once is committed at once: a hundred requests may share what one commit costs.
+"""Requests that arrive together are committed together: a hundred requests may share what one commit costs.
 
 Nobody waits for company. While a transaction is under way, the next requests of the same key gather, and the
 following transaction takes all of them. Each is answered after the commit that it is in.
@@ -21,7 +21,7 @@ _Waiting = deque[tuple[Any, "asyncio.Future[Any]"]]
 
 
 class Together:
-    """What waits for a transaction, by event loop and key; each of them in its loop's thread alone."""
+    """Requests that wait for a transaction, by event loop and key; each in its loop's thread alone."""
 
     def __init__(self) -> None:
         self.waiting: dict[tuple[object, str], _Waiting] = {}

@@ -1,4 +1,4 @@
-"""What tus 1.0.0 and the IETF's draft of resumable uploads say in headers."""
+"""Headers of tus 1.0.0 and of the IETF's draft of resumable uploads."""
 
 import base64
 import binascii
@@ -29,7 +29,7 @@ _OF_BROWSERS: Final = frozenset({"name", "type", "filetype", "relativePath"})
 
 @dataclass(frozen=True, kw_only=True)
 class UploadHeaders:
-    """What a request says in headers; what is absent is None."""
+    """Statements of a request in headers; what is absent is None."""
 
     tus_version: Annotated[str | None, Header(alias="Tus-Resumable", description="`1.0.0`, of tus.")] = None
     complete: Annotated[
@@ -61,7 +61,7 @@ class UploadHeaders:
 
     @property
     def is_piece(self) -> bool:
-        """Whether the body is a piece of a file."""
+        """Return True if the body is a piece of a file."""
         return self.media_type.partition(";")[0].strip() in PIECES
 
 
@@ -69,7 +69,7 @@ UsesHeaders = Annotated[UploadHeaders, Depends()]
 
 
 class FrameSaid(Upload):
-    """What is said of a file before its first byte."""
+    """Statements about a file, made before its first byte."""
 
     campaign_id: Text
     sha256: Sha256

@@ -46,7 +46,7 @@ class FactsTooLong(Exception):  # noqa: N818  it says what was found
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """What was said of a file before its first byte."""
+    """Statements about a file, made before its first byte."""
 
     organisation_id: str
     key_id: str

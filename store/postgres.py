@@ -76,7 +76,7 @@ class _Connection(psycopg.Connection[Any]):
 
     @property
     def is_fresh(self) -> bool:
-        """Whether it has just answered and nothing has come since, as does the end of a server."""
+        """Return True if it has just answered and nothing has come since, as does the end of a server."""
         if time.monotonic() - self._answered_at > _TRUSTED_FOR_S or self.closed:
             return False
         poll = select.poll()

@@ -40,7 +40,7 @@ class CalibratedCamera:
         applied = apply_to_signal(signal, exposure=self.exposure, coefficient=self.coefficient, share=share)
         return apply_corrections(applied, self.corrections)
 
-    def read_region(self, frame: Frame, polygon: Polygon, *, of_grid: bool = False) -> Read:
+    def read_signal(self, frame: Frame, polygon: Polygon, *, of_grid: bool = False) -> Read:
         """Return the signal of a region, and V if vignetting is corrected."""
         statistics = method.extract(frame, polygon)
         if of_grid:

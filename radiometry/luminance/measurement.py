@@ -209,8 +209,8 @@ def measure(
     frame = _crop(whole, part)
     # one frame at a time: a region may be most of it
     for each in itertools.chain([frame], (_crop(each, part) for each in repeats)):
-        signals.append(camera.read_region(each, request.polygon))
-        of_cells.append([[camera.read_region(each, cell, of_grid=True) for cell in line] for line in cells])
+        signals.append(camera.read_signal(each, request.polygon))
+        of_cells.append([[camera.read_signal(each, cell, of_grid=True) for cell in line] for line in cells])
         summed = add_signal(summed, sum_signal(each, channel=coefficient.channel))
     corrections, raised = _find_corrections(frame, whole, request, camera, frames=len(signals))
     camera = replace(camera, corrections=corrections)
