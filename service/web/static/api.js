@@ -71,7 +71,8 @@ export async function all(path, { limit = 1000, atMost = Infinity } = {}) {
   return items;
 }
 
-function newOnce() {
+/** The key of a request that is done once, however often it is sent. */
+export function newOnce() {
   // randomUUID is only there on https and localhost
   return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }

@@ -2,11 +2,11 @@
 
 import { all, patch, post } from "../api.js";
 import { fill, h, may, table } from "../dom.js";
-import { ago, number, quantity, tag } from "../format.js";
+import { ago, counted, number, quantity, tag } from "../format.js";
 import { followJob } from "../live.js";
 import { coefficientLabel } from "../methods.js";
 import { act, empty, load } from "../states.js";
-import { sentence } from "./overview.js";
+import { capital, missingCauses } from "./missing.js";
 import { parametersFold, statedPart } from "./parameters.js";
 
 export function calibrateSection(state) {
@@ -24,8 +24,8 @@ function starter(state, show) {
   const lacking = h("div");
   const button = h("button", { class: "primary", type: "submit" }, "Calibrate");
   const draw = () => {
-    const { missing } = state.campaign;
-    fill(lacking, missing.length ? h("p", { class: "muted small" }, `Still missing: ${missing.slice(0, 3).map(sentence).join("; ")}${missing.length > 3 ? `; and ${missing.length - 3} more` : ""}.`) : h("p", { class: "muted small" }, "Nothing is missing."));
+    const count = missingCauses(state.campaign.missing).length;
+    fill(lacking, h("p", { class: "muted small" }, count ? h("a", { href: "#before" }, `${counted(count, "thing")} needed before the fit`) : "Nothing is missing."));
   };
   state.on("campaign", draw);
   draw();
@@ -61,7 +61,7 @@ function starter(state, show) {
 
 function withMissing(error) {
   const { missing } = error.body ?? {};
-  if (missing) error.message = `${missing.map(sentence).join(". ")}.`;
+  if (missing) error.message = `${missing.map(capital).join(". ")}.`;
   return error;
 }
 

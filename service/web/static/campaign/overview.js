@@ -1,14 +1,15 @@
 // How far a campaign is: what has come, what it still lacks, what would make it good.
 
 import { patch } from "../api.js";
-import { figure, fill, h, may, prose } from "../dom.js";
+import { figure, fill, h, may } from "../dom.js";
 import { counted, number } from "../format.js";
 import { act } from "../states.js";
 import { countOwn } from "./holding.js";
+import { beforeTheFit, missingCauses } from "./missing.js";
 
 export function overview(state) {
   const element = h("div", { class: "overview" });
-  const draw = () => fill(element, figures(state), offer(state), advice(state.campaign));
+  const draw = () => fill(element, figures(state), offer(state), beforeTheFit(state.campaign));
   state.on("campaign", draw);
   state.on("frames", draw);
   draw();
@@ -34,7 +35,7 @@ function figures(state) {
     figure("Frames", number(received), told),
     region(state),
     state.method.reference === "meter" ? figure("Readings", number(readings), state.scenes.length ? counted(state.scenes.length, "scene") : "") : null,
-    figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${state.campaign.missing.length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
+    figure("Fit", state.campaign.missing.length ? "Not yet" : "Ready", state.campaign.missing.length ? `${missingCauses(state.campaign.missing).length} missing` : "nothing is missing", marked(state.campaign.missing.length > 0)),
   );
 }
 
@@ -61,21 +62,3 @@ function offer(state) {
   button.addEventListener("click", () => act(button, take));
   return h("div", { class: "note warn" }, h("h2", {}, `The frames show panel ${panel.serial}`), h("p", {}, `It is not the campaign’s panel. ${known}`), may("calibrate") && (panel.registered || stated) ? h("p", { class: "actions" }, button) : null);
 }
-
-function advice({ missing, advice: better }) {
-  if (!missing.length && !better.length) return null;
-  return h(
-    "div",
-    { class: "columns advice" },
-    missing.length ? h("div", { class: "note warn" }, h("h2", {}, "Missing"), listOf(missing)) : null,
-    better.length ? h("div", { class: "note" }, h("h2", {}, "Suggestions"), listOf(better)) : null,
-  );
-}
-
-function listOf(sentences) {
-  const [shown, more] = [sentences.slice(0, 5), sentences.slice(5)];
-  const items = (some) => h("ul", { class: "plain" }, some.map((each) => h("li", {}, prose(sentence(each)))));
-  return [items(shown), more.length ? h("details", {}, h("summary", {}, `${more.length} more`), items(more)) : null];
-}
-
-export const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,4 +1,4 @@
-// The files that somebody gave the page: hashed, compared with what the service has, sent two at a time.
+// The files that the page was given: hashed, compared with what the service has, and sent two at a time meanwhile.
 
 import { post } from "../api.js";
 import { Journal } from "./journal.js";
@@ -7,10 +7,13 @@ import { sendFile } from "./sender.js";
 const AT_ONCE = 2;
 const LONGEST_PAUSE_MS = 30000;
 const ASK_AT_MOST = 1000;
+const ASK_TOGETHER = 50;
+export const OPEN = ["hashing", "asking", "waiting", "sending", "retrying"];
 
 /**
- * Items: {key, name, size, file, role, scene, sha256, state, sent, frameId, error}. States: hashing, asking, ready,
- * there (the service has it), waiting, sending, retrying, sent, failed, lost (its file must be chosen again).
+ * Items: {key, name, size, file, role, scene, sha256, state, armed, sent, frameId, error}. States: hashing, asking,
+ * ready, there (the service has it), waiting, sending, retrying, sent, failed, lost (its file must be chosen again).
+ * An armed item goes on by itself once it has been compared. `refusal`: {code, title, detail, item, left} stopped the rest.
  */
 export class UploadQueue extends EventTarget {
   constructor(state) {
@@ -18,22 +21,23 @@ export class UploadQueue extends EventTarget {
     this.path = state.path;
     this.items = [];
     this.journal = new Journal(state.id);
-    this.sending = false;
     this.moved = [];
+    this.refusal = null;
+    this.accepted = new Set(); // codes of refusals despite which the rest is sent
     addEventListener("online", () => this.retryNow());
   }
 
-  /** Files with their paths: [{file, name}]; `judge(name)` says what each is. Answers how many were new. */
+  /** Files with their paths: [{file, name, role?, scene?}]; `judge(name)` says what each is. Answers how many were new. */
   add(files, judge) {
     const before = this.items.length;
-    for (const { file, name } of files) {
+    for (const { file, name, ...said } of files) {
       const key = `${name} ${file.size} ${file.lastModified}`;
       const known = this.items.find((item) => item.key === key) ?? this.lost(file, name);
       if (known) {
         if (known.state === "lost") this.find(known, file);
         continue;
       }
-      const item = { key, name, file, size: file.size, modified: file.lastModified, state: "hashing", sent: 0, ...judge(name) };
+      const item = { key, name, file, size: file.size, modified: file.lastModified, state: "hashing", sent: 0, ...(said.role ? { ...said, edited: true } : judge(name)) };
       this.items.push(item);
       this.hash(item);
     }
@@ -46,31 +50,56 @@ export class UploadQueue extends EventTarget {
     await hold(`stilb-upload ${this.path}`);
     const rows = (await this.journal.read()).filter((row) => !this.items.some((item) => item.key === row.key));
     for (const row of rows) {
-      const item = { ...row, sent: 0, state: "lost" };
+      const item = { ...row, sent: 0, state: "lost", armed: true };
       this.items.push(item);
-      if (row.file && (await readable(row.file))) Object.assign(item, { state: "waiting" });
+      if (row.file && (await readable(row.file))) Object.assign(item, { state: row.sha256 ? "asking" : "hashing" });
       else delete item.file;
+      if (item.state === "hashing") this.hash(item);
     }
-    if (rows.length) {
-      await this.ask(this.items.filter((item) => item.state === "waiting"), "waiting");
-      this.sending = true;
-      this.pump();
-      this.changed();
-    }
+    if (rows.length) await this.ask(this.items.filter((item) => item.state === "asking"));
     return rows.length;
   }
 
-  /** Send everything that is ready. */
-  async send() {
-    for (const item of this.items.filter((each) => each.state === "failed" && !each.sha256)) this.hash(Object.assign(item, { state: "hashing", error: undefined }));
-    const ready = this.items.filter((item) => ["ready", "failed"].includes(item.state));
-    for (const item of ready) Object.assign(item, { state: "waiting", error: undefined });
-    this.sending = true;
-    this.changed();
+  /** Send everything that is listed: what has been compared at once, the rest as soon as it has been. */
+  async send({ again = true } = {}) {
+    this.refusal = null;
+    const open = this.items.filter((item) => !item.armed && ["hashing", "asking", "ready", again && "failed"].includes(item.state));
+    for (const item of open) {
+      if (item.state === "failed" && !item.sha256) this.hash(Object.assign(item, { state: "hashing" }));
+      Object.assign(item, { armed: true, error: undefined, state: ["ready", "failed"].includes(item.state) ? "waiting" : item.state });
+    }
     // begun before all is written down: the first bytes need not wait for the journal
     this.pump();
-    await this.journal.add(ready.filter((item) => ["waiting", "sending"].includes(item.state)));
-    await this.journal.clear(ready.filter((item) => item.state === "sent").map((item) => item.key));
+    await this.journal.add(open.filter((item) => item.armed));
+    // what was stopped or sent meanwhile is not to be sent after a reload
+    await this.journal.clear(open.filter((item) => !item.armed || ["sent", "there"].includes(item.state)).map((item) => item.key));
+  }
+
+  /** Send no more; what has not been sent stays listed. */
+  async stop() {
+    const held = this.items.filter((item) => item.armed && OPEN.includes(item.state));
+    for (const item of held) {
+      item.abort?.abort();
+      clearTimeout(item.timer);
+      Object.assign(item, { armed: false, sent: 0, state: ["hashing", "asking"].includes(item.state) ? item.state : "ready" });
+    }
+    this.changed();
+    await this.journal.clear(held.map((item) => item.key));
+  }
+
+  /** The first refusal of its kind stops the rest: what one file suffers may await all of them. */
+  refuse(item, { code, title, message }) {
+    if (this.accepted.has(code) || this.refusal) return;
+    const left = this.items.filter((each) => each !== item && each.armed && OPEN.includes(each.state)).length;
+    if (!left) return;
+    this.refusal = { code, title, detail: message, item, left, sent: this.items.filter((each) => each.state === "sent").length };
+    this.stop();
+  }
+
+  /** Send the rest in spite of a refusal; others of its kind then stop nothing. */
+  goOn() {
+    this.accepted.add(this.refusal.code);
+    return this.send({ again: false });
   }
 
   retryNow() {
@@ -87,12 +116,11 @@ export class UploadQueue extends EventTarget {
   }
 
   pump() {
-    while (this.sending && this.items.filter((item) => item.state === "sending").length < AT_ONCE) {
+    while (this.items.filter((item) => item.state === "sending").length < AT_ONCE) {
       const next = this.items.find((item) => item.state === "waiting");
       if (!next) break;
       this.sendOne(next);
     }
-    if (!this.items.some((item) => ["waiting", "sending", "retrying"].includes(item.state))) this.sending = false;
     this.changed();
   }
 
@@ -103,6 +131,7 @@ export class UploadQueue extends EventTarget {
       const frame = await sendFile(this.path, item, { signal: item.abort.signal, onProgress: (bytes) => this.progress(item, bytes) });
       this.progress(item, item.size);
       Object.assign(item, { state: "sent", frameId: frame.id, attempts: 0 });
+      this.lostSince = undefined;
       await this.journal.remove(item.key);
       this.dispatchEvent(new Event("sent"));
     } catch (error) {
@@ -116,10 +145,12 @@ export class UploadQueue extends EventTarget {
     item.sent = 0;
     item.error = error.message;
     if (!error.retryable) {
-      item.state = "failed";
+      Object.assign(item, { state: "failed", armed: false });
+      this.refuse(item, error);
       return;
     }
     item.state = "retrying";
+    this.lostSince ??= Date.now();
     item.attempts = (item.attempts ?? 0) + 1;
     const pause = Math.min(1000 * 2 ** (item.attempts - 1), LONGEST_PAUSE_MS);
     item.timer = setTimeout(() => (this.again(item), this.pump()), pause);
@@ -153,14 +184,17 @@ export class UploadQueue extends EventTarget {
     const item = this.items.find((each) => each.key === key);
     if (!item) return;
     Object.assign(item, error ? { state: "failed", error } : { state: "asking", sha256 });
-    const asking = this.items.filter((each) => each.state === "asking");
+    const asking = this.items.filter((each) => each.state === "asking" && !each.asked);
     const last = !this.items.some((each) => each.state === "hashing");
-    if (asking.length && (last || asking.length >= 50)) this.ask(asking, "ready");
+    // together, unless the line is idle and could carry the first of them
+    const idle = item.armed && !this.items.some((each) => ["waiting", "sending"].includes(each.state));
+    if (asking.length && (last || idle || asking.length >= ASK_TOGETHER)) this.ask(asking);
     this.changed();
   }
 
-  /** Which of them the service has already; the others become `then`. */
-  async ask(items, then) {
+  /** Which of them the service has already; the others are sent, or ready for it. */
+  async ask(items) {
+    for (const item of items) item.asked = true;
     for (let at = 0; at < items.length; at += ASK_AT_MOST) {
       const some = items.slice(at, at + ASK_AT_MOST);
       let known = new Map();
@@ -176,10 +210,11 @@ export class UploadQueue extends EventTarget {
         if (there && there.state !== "refused") {
           Object.assign(item, { state: "there", frameId: there.frame_id, sent: item.size });
           await this.journal.remove(item.key);
-        } else item.state = then;
+        } else item.state = item.armed ? "waiting" : "ready";
+        item.asked = false;
       }
     }
-    this.changed();
+    this.pump();
   }
 
   lost(file, name) {
@@ -188,9 +223,9 @@ export class UploadQueue extends EventTarget {
   }
 
   find(item, file) {
-    Object.assign(item, { file, state: "waiting" });
-    this.sending = true;
-    this.pump();
+    Object.assign(item, { file, state: item.sha256 ? "waiting" : "hashing", armed: true });
+    if (item.sha256) this.pump();
+    else this.hash(item);
   }
 
   changed() {

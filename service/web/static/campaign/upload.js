@@ -1,26 +1,42 @@
-// The upload area: role, progress and verdict of each file.
+// The upload area: what stands in the way, progress of all, and role, progress and verdict of each file.
 
+import { get } from "../api.js";
+import { readCard } from "../card/files.js";
+import { differs, nameOf, splitSkipped } from "../card/propose.js";
+import { small } from "../causes.js";
 import { fill, h, toast } from "../dom.js";
 import { bytes, counted, span, tag } from "../format.js";
+import { goOn, takeHanded } from "../handover.js";
+import { mark } from "../marks.js";
 import { roleLabel, roleOptions } from "../methods.js";
 import { act } from "../states.js";
 import { filesOf } from "./drop.js";
 import { select } from "./forms.js";
 import { patternsPart } from "./patterns.js";
-import { UploadQueue } from "./queue.js";
+import { titleOf } from "./named.js";
+import { OPEN, UploadQueue } from "./queue.js";
 import { judge } from "./rules.js";
 import { virtualTable } from "./virtual.js";
 
 const ROW_PX = 48;
-const OPEN = ["hashing", "asking", "ready", "failed", "lost"];
+const EDITABLE = ["hashing", "asking", "ready", "failed"];
 
 export function uploadSection(state) {
   const queue = new UploadQueue(state);
   const patterns = patternsPart(state, () => judgeAgain(queue, judgeName));
   const judgeName = (name) => judge(name, patterns.rules()) ?? { role: state.method.roles[0].name };
-  const take = (files) => {
-    const count = queue.add(files, judgeName);
-    if (!count && files.length) toast("These files are already in the list.");
+  const trouble = h("div");
+  const take = async (files) => {
+    const rows = await readCard(files, { centres: false });
+    const { twins, videos } = splitSkipped(rows);
+    const wanted = rows.filter((row) => !twins.includes(row) && !videos.includes(row));
+    for (const row of wanted) row.file ??= await row.open();
+    const camera = await get(`/v1/cameras/${state.campaign.camera_id}`);
+    const others = wanted.filter((row) => row.header && differs(row.header, camera));
+    fill(trouble, others.length ? otherCamera(state, camera, others, wanted.length) : null);
+    const count = queue.add(wanted.filter((row) => !others.includes(row)), judgeName);
+    if (!count && !others.length && wanted.length) toast("These files are already in the list.");
+    else if (twins.length + videos.length) toast(`Skipped: ${[twins.length && counted(twins.length, "JPEG twin"), videos.length && counted(videos.length, "video")].filter(Boolean).join(", ")}.`);
   };
   const list = itemTable(state, queue);
   const head = h("div", { class: "upload-head" });
@@ -33,7 +49,7 @@ export function uploadSection(state) {
     panel.hidden = queue.items.length === 0;
     if (panel.hidden) return;
     fillKept(head, summary(state, queue));
-    patterns.element.hidden = !queue.items.some((item) => OPEN.includes(item.state));
+    patterns.element.hidden = !queue.items.some((item) => !item.armed && !item.edited && EDITABLE.includes(item.state));
     list.show([...queue.items]);
   };
   const soon = () => {
@@ -42,12 +58,20 @@ export function uploadSection(state) {
   };
   queue.addEventListener("changed", soon);
   queue.addEventListener("sent", debounce(() => state.touch(), 800));
-  state.on("frames", soon);
+  state.on("frames", () => {
+    refuseLike(state, queue);
+    soon();
+  });
+  const handed = takeHanded();
+  if (handed) {
+    queue.add(handed, judgeName);
+    queue.send();
+  }
   queue.resume().then((count) => count && toast(`Resuming ${counted(count, "file")} of an earlier session.`));
   addEventListener("beforeunload", (event) => {
     if (queue.items.some((item) => item.state === "sending" && !queue.journal.kept)) event.preventDefault();
   });
-  return [dropZone(take), panel];
+  return [dropZone(take), trouble, panel];
 }
 
 function dropZone(take) {
@@ -77,67 +101,106 @@ function dropZone(take) {
   return zone;
 }
 
+/** What a worker refuses, it refuses after the frame was sent: the rest is stopped then too. */
+function refuseLike(state, queue) {
+  for (const item of queue.items) {
+    const refusal = item.state === "sent" ? state.byId.get(item.frameId)?.refusal : undefined;
+    if (refusal) queue.refuse(item, { ...refusal, message: refusal.detail });
+  }
+}
+
+/** Frames of another camera are seen here, before they are sent. */
+function otherCamera(state, camera, others, count) {
+  const said = [...new Set(others.map((row) => nameOf(row.header)))].slice(0, 3).join(", ");
+  return h(
+    "div",
+    { class: "verdict-words bad", role: "alert" },
+    mark("bad"),
+    h("h3", {}, "These frames are from another camera"),
+    h("p", {}, `${titleOf(state.campaign)} is for `, h("strong", {}, nameOf(camera)), `. ${others.length === count ? (count === 1 ? "The file says" : `All ${count} files say`) : `${others.length} of ${count} files say`} `, h("strong", {}, said), ". They have not been sent."),
+    h("p", { class: "actions" }, h("button", { type: "button", class: "primary small-button", onclick: () => goOn("/", others.map(({ file, name }) => ({ file, name }))) }, "New campaign"), small("Leave them out", (event) => event.target.closest(".verdict-words").remove())),
+  );
+}
+
 function summary(state, queue) {
   const of = (...states) => queue.items.filter((item) => states.includes(item.state));
-  const [ready, there, sent, lost, failed] = [of("ready"), of("there"), of("sent"), of("lost"), of("failed")];
-  const moving = of("waiting", "sending", "retrying");
+  const [there, sent, lost, failed, retrying] = [of("there"), of("sent"), of("lost"), of("failed"), of("retrying")];
+  const moving = queue.items.filter((item) => item.armed && OPEN.includes(item.state));
+  const open = queue.items.filter((item) => !item.armed && ["hashing", "asking", "ready"].includes(item.state));
   const all = [...moving, ...sent];
   const total = all.reduce((sum, item) => sum + item.size, 0);
   const done = all.reduce((sum, item) => sum + Math.min(item.sent, item.size), 0);
-  const title = moving.length
-    ? `${sent.length} of ${all.length} sent`
-    : ready.length ? `${ready.length} ready to send` : sent.length ? outcomeOf(state, sent) : of("hashing", "asking").length ? "Comparing with the service" : `${there.length} already there`;
-  const rest = moving.length ? [bytes(total - done), "to go", queue.rate > 0 ? `at ${bytes(queue.rate)}/s, ${span((total - done) / queue.rate)} left` : ""].join(" ") : "";
+  const title = moving.length ? `Sending ${sent.length} of ${all.length}` : open.length ? `${open.length} to send` : sent.length ? outcomeOf(state, sent) : `${there.length} already there`;
+  const rest = moving.length ? [`${bytes(done)} of ${bytes(total)}`, queue.rate > 0 ? `${bytes(queue.rate)}/s` : "", queue.rate > 0 ? `${span((total - done) / queue.rate)} left` : ""].filter(Boolean).join(" · ") : open.length ? bytes(open.reduce((sum, item) => sum + item.size, 0)) : "";
+  const comparing = of("hashing", "asking").length;
   const notes = [
-    of("hashing", "asking").length && `${of("hashing", "asking").length} being compared`,
+    comparing && `${comparing} being compared`,
     there.length && `${there.length} already there, not sent`,
-    of("retrying").length && `${of("retrying").length} waiting for the connection`,
+    retrying.length && `${retrying.length} waiting for the connection`,
     failed.length && `${failed.length} not accepted`,
     lost.length && `${lost.length} of an earlier session: select the files again to resume`,
   ].filter(Boolean);
+  const unmeasured = !moving.length && sent.length && waitsForRegion(state, sent);
+  const button = (text, keep, onclick, more = {}) => h("button", { type: "button", "data-keep": keep, onclick, ...more }, text);
   return [
     h("div", { class: "section-head" }, h("h3", { role: "status" }, title), h("p", {}, rest)),
     moving.length ? h("progress", { max: total || 1, value: done, "aria-label": "Sent" }) : null,
+    retrying.length && queue.lostSince ? h("p", { class: "note warn" }, h("strong", {}, `No connection since ${new Date(queue.lostSince).toTimeString().slice(0, 5)}. `), `${sent.length} of ${counted(all.length, "file")} are safe. Sending goes on by itself; you may close this page and come back.`) : null,
+    queue.refusal ? refusalOf(queue) : null,
     notes.length ? h("p", { class: "muted small" }, notes.join(" · ")) : null,
     h(
       "p",
       { class: "actions" },
-      ready.length || failed.length ? h("button", { type: "button", class: "primary", "data-keep": "send", onclick: (event) => act(event.target, () => queue.send()) }, ready.length ? `Send ${counted(ready.length, "file")}` : "Try again") : null,
-      of("retrying").length ? h("button", { type: "button", "data-keep": "now", onclick: () => queue.retryNow() }, "Try now") : null,
-      moving.length ? h("button", { type: "button", "data-keep": "stop", onclick: () => queue.drop(of("waiting", "sending", "retrying")) }, "Stop") : h("button", { type: "button", class: "quiet", "data-keep": "clear", onclick: () => queue.drop([...queue.items]) }, "Clear list"),
+      queue.refusal ? null : open.length || failed.length ? button(open.length ? `Send ${counted(open.length, "file")}` : "Try again", "send", (event) => act(event.target, () => queue.send()), { class: "primary" }) : null,
+      unmeasured ? h("a", { class: "button primary", href: "#region" }, "Draw region") : null,
+      retrying.length ? button("Try now", "now", () => queue.retryNow()) : null,
+      moving.length ? button("Stop", "stop", () => queue.stop()) : button("Remove all", "clear", () => queue.drop([...queue.items]), { class: "quiet" }),
     ),
   ];
 }
 
-/** "38 of 38 received, 36 pass, 2 warn" */
+/** The refusal that stopped the rest, said once for all. */
+function refusalOf(queue) {
+  const { refusal } = queue;
+  const title = refusal.sent ? `Sending stopped after ${counted(refusal.sent, "file")}` : "Sending stopped after the first file";
+  const go = h("button", { type: "button", class: "small-button", "data-keep": "go-on", onclick: (event) => act(event.target, () => queue.goOn()) }, `Send the other ${refusal.left}`);
+  return h("div", { class: "failed", role: "alert" }, h("p", { class: "failed-title" }, title), h("p", {}, `${refusal.item.name.split("/").at(-1)}: ${refusal.detail} ${refusal.left === 1 ? "The other file was" : `The other ${refusal.left} were`} not sent.`), h("p", { class: "actions" }, go));
+}
+
+const waitsForRegion = (state, sent) => sent.filter((item) => state.verdicts.get(item.frameId)?.reasons.some((reason) => reason.code === "no_region")).length;
+
+/** "38 of 38 received, 36 pass, 2 to check" */
 function outcomeOf(state, sent) {
   const counts = {};
+  const unmeasured = waitsForRegion(state, sent);
   for (const item of sent) {
     const outcome = state.verdicts.get(item.frameId)?.outcome ?? "pending";
     counts[outcome] = (counts[outcome] ?? 0) + 1;
   }
-  const words = { pass: "pass", warn: "warn", fail: "fail", pending: "being read" };
-  return [`${sent.length} of ${sent.length} received`, ...Object.keys(words).filter((name) => counts[name]).map((name) => `${counts[name]} ${words[name]}`)].join(", ");
+  if (counts.pending) counts.pending -= Math.min(unmeasured, counts.pending);
+  const words = { pass: "pass", warn: "to check", fail: "fail", pending: "being read" };
+  return [`${sent.length} of ${sent.length} received`, unmeasured && `${unmeasured === sent.length ? "" : `${unmeasured} `}waiting for a region`, ...Object.keys(words).filter((name) => counts[name]).map((name) => `${counts[name]} ${words[name]}`)].filter(Boolean).join(", ");
 }
 
 function itemTable(state, queue) {
-  const editable = (item) => ["hashing", "asking", "ready", "failed"].includes(item.state);
+  const editable = (item) => !item.armed && EDITABLE.includes(item.state);
   const edit = (item, values) => {
     Object.assign(item, values, { edited: true });
     queue.changed();
   };
   return virtualTable({
-    columns: [{ head: "File", class: "name" }, { head: "Progress", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }],
+    columns: [{ head: "File", class: "name" }, { head: "Progress", class: "how-far" }, { head: "Role", class: "role" }, { head: "Scene", class: "scene" }, { head: "Size", class: "number size" }, { head: h("span", { class: "hidden" }, "Remove"), class: "remove" }],
     rowHeight: ROW_PX,
     caption: "Upload list",
     keyOf: (item) => item.key,
-    markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : "", state.verdicts.get(item.frameId)?.outcome].join("|"),
+    markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), waitsForRegion(state, [item]), item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : "", state.verdicts.get(item.frameId)?.outcome].join("|"),
     draw: (item) => [
       h("span", { title: item.name }, item.name),
       progressOf(state, item),
       editable(item) ? select(roleOptions(state.method), { "aria-label": `Role of ${item.name}`, onchange: (event) => edit(item, { role: event.target.value }) }, item.role) : roleLabel(item.role),
       editable(item) ? h("input", { "aria-label": `Scene of ${item.name}`, value: item.scene ?? "", list: "scenes-known", onchange: (event) => edit(item, { scene: event.target.value.trim() || undefined }) }) : (item.scene ?? "–"),
       bytes(item.size),
+      h("button", { type: "button", class: "quiet", "aria-label": `Remove ${item.name} from the list`, onclick: () => queue.drop([item]) }, "×"),
     ],
   });
 }
@@ -159,7 +222,7 @@ function progressOf(state, item) {
     case "retrying":
       return [tag("waiting for connection", "warn")];
     case "sent":
-      return verdict ? tag(verdict.outcome) : tag("being read", "live");
+      return waitsForRegion(state, [item]) ? tag("waiting for region", "live") : verdict ? tag(verdict.outcome) : tag("being read", "live");
     case "lost":
       return tag("select again", "warn");
     default:
@@ -168,7 +231,7 @@ function progressOf(state, item) {
 }
 
 function judgeAgain(queue, judgeName) {
-  for (const item of queue.items) if (!item.edited && OPEN.includes(item.state) && item.state !== "lost") Object.assign(item, { scene: undefined }, judgeName(item.name));
+  for (const item of queue.items) if (!item.edited && !item.armed && EDITABLE.includes(item.state)) Object.assign(item, { scene: undefined }, judgeName(item.name));
   queue.changed();
 }
 

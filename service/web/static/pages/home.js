@@ -1,107 +1,126 @@
+// The first page: a card to start with, what needs somebody, campaigns in progress, and what is in force.
+
 import { all, get } from "../api.js";
-import { byId, figure, h } from "../dom.js";
-import { ago, counted, number, span, tag, words } from "../format.js";
+import { causeList, smallLink } from "../causes.js";
+import { byId, h, table } from "../dom.js";
+import { ago, counted, number, span, words } from "../format.js";
+import { missingCauses } from "../campaign/missing.js";
 import { nameOf, titleOf } from "../campaign/named.js";
+import { startCard } from "../card/card.js";
 import { inForce } from "../coefficients.js";
-import { labelOf } from "../methods.js";
+import { groupBy } from "../groups.js";
+import { mark } from "../marks.js";
+import { labelOf, METHODS } from "../methods.js";
 import { empty, load } from "../states.js";
 
 const DAY_S = 86400;
 const OLD_S = 365 * DAY_S;
 const SOON_S = 60 * DAY_S;
 const AT_MOST = 6;
+const MOST_JOBS = 200;
+const RANKS = ["bad", "warn", "wait"];
+
+if (byId("card-drop")) startCard(byId("card-drop"), byId("card"), byId("start"));
 
 const cameras = all("/v1/cameras");
 const campaigns = all("/v1/campaigns");
 const series = get("/v1/series/coefficients");
-const queue = get("/v1/jobs/summary");
+const latest = latestCampaigns();
 
-load(byId("figures"), () => Promise.all([cameras, campaigns, series, queue]), ([bodies, works, { rows }, jobs]) => {
-  const linked = (href, name, count, more) => figure(h("a", { href }, name), number(count), more);
-  const held = inForce(rows);
-  const flagged = held.filter((each) => each.flags.length).length;
-  return h(
-    "dl",
-    { class: "figures" },
-    linked("/cameras", "Cameras", bodies.length, `${counted(held.length, "version")} in force${flagged ? `, ${flagged} with flags` : ""}`),
-    linked("/campaigns", "Campaigns", works.length),
-    linked("/jobs", "Jobs waiting", jobs.queued + jobs.running, jobs.queued ? `the oldest for ${span(jobs.oldest_wait_s)}` : "none waiting"),
-    linked("/jobs", "Jobs failed", jobs.failed + jobs.quarantined),
+load(byId("needs"), () => Promise.all([failedJobs(), latest, cameras, series, all("/v1/meters"), campaigns]), ([jobs, works, bodies, { rows }, meters, every]) => {
+  const causes = [...jobCauses(jobs, every), ...works.flatMap(workCauses), ...meters.flatMap(meterCauses), ...bodies.flatMap((camera) => cameraCauses(camera, rows))].sort((a, b) => RANKS.indexOf(a.mark) - RANKS.indexOf(b.mark));
+  if (!causes.length) return empty("Nothing needs you", every.length ? "" : "Drop the camera’s card above to create the first campaign.");
+  const [shown, more] = [causes.slice(0, AT_MOST), causes.slice(AT_MOST)];
+  return [causeList(shown), more.length ? h("details", { class: "more" }, h("summary", {}, `${more.length} more`), causeList(more)) : null];
+});
+
+load(byId("campaigns"), () => Promise.all([latest, cameras]), ([works, bodies]) => {
+  const begun = works.filter(({ measured, versions }) => !measured && !versions.some((version) => version.state === "published"));
+  if (!begun.length) return empty("No campaigns in progress", "A campaign contains the frames and readings of one calibration.");
+  const camera = (campaign) => bodies.find((each) => each.id === campaign.camera_id);
+  return table(
+    [
+      { head: "Campaign", header: true, cell: ({ campaign }) => [h("a", { href: `/campaigns/${campaign.id}` }, titleOf(campaign)), h("span", { class: "sub" }, labelOf(campaign.method))] },
+      { head: "Camera", cell: ({ campaign }) => `${camera(campaign)?.model ?? "–"} ${camera(campaign)?.serial ?? ""}` },
+      { head: "Frames", class: "number", cell: ({ campaign: { frames } }) => number(frames.received, 6) },
+      { head: "Progress", cell: ({ campaign: { frames }, versions }) => (versions.length ? "Draft fitted" : frames.received ? `${frames.extracted} of ${frames.received} read` : "No frames yet") },
+      { head: "Missing", cell: ({ campaign }) => (campaign.missing.length ? counted(missingCauses(campaign.missing).length, "thing") : "Nothing") },
+      { head: "Created", class: "number", cell: ({ campaign }) => h("time", { datetime: campaign.created_at, title: campaign.created_at }, ago(campaign.created_at)) },
+    ],
+    begun.slice(0, AT_MOST),
+    { caption: "Campaigns in progress", stack: true },
   );
 });
 
-load(byId("failed-jobs"), () => Promise.all([get(`/v1/jobs?state=quarantined&limit=${AT_MOST}`), get(`/v1/jobs?state=failed&limit=${AT_MOST}`), campaigns]), ([lost, broken, works]) =>
-  list(
-    [...lost.items, ...broken.items].map((job) => ({
-      href: job.campaign_id ? `/campaigns/${job.campaign_id}` : "/jobs",
-      title: job.filename ?? (job.kind === "fit" ? `Fit of ${nameOf(works, job.campaign_id)}` : words(job.kind)),
-      said: job.error?.detail ?? "",
-      tag: tag(job.state),
-    })),
-    empty("No failed jobs"),
-  ),
-);
+load(byId("in-force"), () => Promise.all([cameras, series]), ([bodies, { rows }]) => {
+  if (!bodies.length) return empty("No cameras yet", "A camera is registered with its first campaign.");
+  const held = inForce(rows);
+  const methods = METHODS.filter((method) => held.some((row) => row.method === method.name));
+  const of = (camera, method) => held.find((row) => row.camera_id === camera.id && row.method === method.name);
+  const oldest = (camera) => held.filter((row) => row.camera_id === camera.id).map((row) => row.valid_from).sort()[0];
+  const columns = methods.map((method) => ({ head: method.label, cell: (camera) => version(of(camera, method)) }));
+  return table(
+    [{ head: "Camera", header: true, cell: (camera) => h("a", { href: `/cameras/${camera.id}` }, `${camera.model} ${camera.serial}`) }, ...columns, { head: "Oldest", class: "number", cell: (camera) => (oldest(camera) ? ago(oldest(camera)).replace(" ago", "") : h("span", { class: "muted" }, "none in force")) }],
+    bodies.slice(0, AT_MOST),
+    { caption: "Versions in force", stack: true },
+  );
+});
 
-load(byId("campaigns"), latestCampaigns, (works) =>
-  list(
-    works.map(({ campaign, camera }) => ({
-      href: `/campaigns/${campaign.id}`,
-      title: titleOf(campaign),
-      said: campaign.missing.length ? `Missing: ${campaign.missing.slice(0, 2).join("; ")}${campaign.missing.length > 2 ? ` and ${campaign.missing.length - 2} more` : ""}` : `Ready to fit: ${campaign.frames.extracted} frames of ${camera?.model ?? "its camera"}`,
-      tag: campaign.missing.length ? tag(`${campaign.missing.length} missing`, "warn") : tag("ready", "good"),
-    })),
-    empty("No campaigns in progress", "A campaign contains the frames and readings of one calibration."),
-  ),
-);
+const version = (row) => (row ? [mark(row.flags.length ? "warn" : "good"), ` version ${row.version}${row.flags.length ? ", with flags" : ""}`] : h("span", { class: "muted" }, "none"));
 
-load(byId("cameras"), () => Promise.all([cameras, series]), ([bodies, { rows }]) =>
-  list(bodies.flatMap((camera) => attention(camera, rows)), empty(bodies.length ? "No camera needs attention" : "No cameras yet", bodies.length ? "" : "Register a camera, or create a campaign, which asks for its camera.", bodies.length ? null : h("a", { class: "button", href: "/cameras" }, "Cameras"))),
-);
+async function failedJobs() {
+  const found = await Promise.all(["quarantined", "failed"].map((state) => get(`/v1/jobs?state=${state}&limit=${MOST_JOBS}`)));
+  return found.flatMap(({ items }) => items);
+}
 
-load(byId("meters"), () => all("/v1/meters"), (meters) =>
-  list(
-    meters.filter((meter) => !meter.certificate || left(meter) < SOON_S).map((meter) => ({
-      title: `${meter.make} ${meter.model} ${meter.serial}`,
-      said: meter.certificate ? `Certificate ${meter.certificate.number} ${left(meter) < 0 ? "expired" : "expires"} on ${meter.certificate.due_on}` : "No certificate: the readings have no traceable uncertainty.",
-      tag: !meter.certificate ? tag("no certificate", "warn") : left(meter) < 0 ? tag("overdue", "bad") : tag("due soon", "warn"),
-    })),
-    empty(meters.length ? "All certificates are valid" : "No meters yet", meters.length ? "" : "Register a meter with the readings of a campaign."),
-  ),
-);
-
-/** The newest campaigns of which nothing has come yet, neither a version nor a measurement, with what they lack. */
+/** The newest campaigns with what they lack, their versions, and whether anything was measured. */
 async function latestCampaigns() {
-  const [works, bodies] = await Promise.all([campaigns, cameras]);
-  const newest = works.slice(-AT_MOST - 2).reverse();
-  const found = await Promise.all(
+  const newest = (await campaigns).slice(-AT_MOST - 2).reverse();
+  return Promise.all(
     newest.map(async ({ id }) => {
       const [campaign, versions, measured] = await Promise.all([get(`/v1/campaigns/${id}`), get(`/v1/campaigns/${id}/calibrations?limit=1`), get(`/v1/measurements?campaign_id=${id}&limit=1`)]);
-      return { campaign, camera: bodies.find((each) => each.id === campaign.camera_id), made: versions.items.length + measured.items.length };
+      return { campaign, versions: versions.items, measured: measured.items.length };
     }),
   );
-  return found.filter(({ made }) => !made).slice(0, AT_MOST);
 }
 
-function attention(camera, rows) {
-  const named = { href: `/cameras/${camera.id}`, title: `${camera.make} ${camera.model} ${camera.serial}` };
+function jobCauses(jobs, works) {
+  return [...groupBy(jobs, (job) => JSON.stringify([job.kind, job.error?.code, job.campaign_id])).values()].map((some) => {
+    const [{ kind, error, campaign_id: id, filename }] = some;
+    const what = some.length > 1 ? `${some.length} jobs failed: ${words(kind)}` : `${filename ?? words(kind)} failed`;
+    return { mark: "bad", title: `${what}${error?.title ? `, ${error.title.toLowerCase()}` : ""}`.replace(/\.$/, ""), where: [id && nameOf(works, id), error?.detail].filter(Boolean).join(": "), actions: [smallLink("Show jobs", "/jobs")] };
+  });
+}
+
+function workCauses({ campaign, versions, measured }) {
+  const href = `/campaigns/${campaign.id}`;
+  const named = titleOf(campaign);
+  const { refused, received } = campaign.frames;
+  const found = refused ? [{ mark: "bad", title: `${counted(refused, "frame")} refused`, where: `${named}: each states its reason`, actions: [smallLink("Show frames", `${href}#frames`)] }] : [];
+  const [draft] = versions.filter((each) => each.state === "draft");
+  if (draft) return [...found, { mark: "wait", title: "A draft waits for publication", where: `${labelOf(campaign.method)}, ${named}, fitted ${ago(draft.created_at)}`, actions: [smallLink("Review", `/calibrations/${draft.id}`)] }];
+  if (versions.length || measured) return found;
+  // what a worker does by itself needs nobody
+  const lacking = missingCauses(campaign.missing).filter((cause) => cause.part);
+  if (!received) return [...found, { mark: "wait", title: "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
+  if (!campaign.missing.length) return [...found, { mark: "wait", title: "A campaign is ready to fit", where: named, actions: [smallLink("Fit", `${href}#calibrate`)] }];
+  return [...found, ...lacking.map((cause) => ({ mark: "warn", title: cause.title, where: named, actions: [smallLink(cause.button, `${href}#${cause.part}`)] }))];
+}
+
+function meterCauses(meter) {
+  const left = meter.certificate ? (new Date(meter.certificate.due_on) - Date.now()) / 1000 : NaN;
+  if (left >= SOON_S) return [];
+  const name = `${meter.make} ${meter.model} ${meter.serial}`;
+  if (!meter.certificate) return [{ mark: "warn", title: "A meter has no certificate", where: `${name}: its readings have no traceable uncertainty` }];
+  return [{ mark: left < 0 ? "bad" : "wait", title: left < 0 ? `Meter certificate expired ${span(-left)} ago` : `Meter certificate expires in ${span(left)}`, where: `${name}, certificate ${meter.certificate.number}, on ${meter.certificate.due_on}` }];
+}
+
+function cameraCauses(camera, rows) {
   const held = inForce(rows.filter((row) => row.camera_id === camera.id));
-  if (!held.length) return [{ ...named, said: "No version is in force.", tag: tag("not calibrated", "warn") }];
+  const cause = { mark: "wait", actions: [smallLink("Show camera", `/cameras/${camera.id}`)] };
+  const name = `${camera.make} ${camera.model} ${camera.serial}`;
+  if (!held.length) return [{ ...cause, title: "A camera is not calibrated", where: `${name}: no version is in force` }];
   return held
     .filter((each) => (Date.now() - new Date(each.valid_from)) / 1000 > OLD_S || each.flags.length)
-    .map((each) => ({
-      ...named,
-      said: `${labelOf(each.method)} version ${each.version}, in force for ${ago(each.valid_from).replace(" ago", "")}${each.flags.length ? `: ${each.flags.map(words).join(", ")}` : ""}`,
-      tag: each.flags.length ? tag("flags", "warn") : tag("old", "warn"),
-    }));
-}
-
-const left = (meter) => (new Date(meter.certificate.due_on) - Date.now()) / 1000;
-
-function list(items, none) {
-  if (!items.length) return none;
-  const shown = items.slice(0, AT_MOST).map(({ href, title, said, tag: word }) =>
-    h("li", {}, h("div", { class: "todo-head" }, href ? h("a", { href }, title) : h("strong", {}, title), word), said ? h("p", {}, said) : null),
-  );
-  const more = items.length - shown.length;
-  return [h("ul", { class: "todo" }, shown), more > 0 ? h("p", { class: "small muted" }, `and ${more} more`) : null];
+    .map((each) => ({ ...cause, title: `${labelOf(each.method)} version ${each.version} ${each.flags.length ? "has flags" : `is ${span((Date.now() - new Date(each.valid_from)) / 1000)} old`}`, where: `${name}${each.flags.length ? `: ${each.flags.map(words).join(", ")}` : ""}` }));
 }

@@ -1,0 +1,46 @@
+// What a fit still needs, and what would make it better: one line per cause, with the button that mends it.
+
+import { causeList, smallLink } from "../causes.js";
+import { h, may } from "../dom.js";
+import { groupBy } from "../groups.js";
+
+/** What a sentence of the service is about, and the part of the campaign's page that mends it; none for what a worker does. */
+const PARTS = [
+  [/not (been )?read yet|not extracted yet|no statistics yet|waits for/, null, null],
+  [/region/, "region", "Draw region"],
+  [/target|say what/, "target", "Describe target"],
+  [/reading/, "readings", "Enter readings"],
+  [/no scene/, "frames", "Choose scenes"],
+  [/./, "frames", "Add frames"],
+];
+
+/** Names and numbers aside, the same sentence is the same cause. */
+const causeOf = (sentence) => sentence.replace(/frames? .*? (?=has|have|waits|without)/g, "frame ").replace(/\b(has|have)\b/g, "have").replace(/scene \S+/g, "scene").replace(/\d+(\.\d+)?/g, "0");
+
+export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** [{title, where, part, button}] of sentences. */
+export function missingCauses(sentences) {
+  return [...groupBy(sentences, causeOf).values()].map((some) => {
+    const [first, ...more] = some;
+    const [, part, button] = PARTS.find(([pattern]) => pattern.test(first));
+    const [title, ...rest] = first.split(": ");
+    return { title: capital(title), where: [capital(rest.join(": ")), more.length && `${more.length} more: ${more.map(capital).join("; ")}`].filter(Boolean).join(". "), part, button };
+  });
+}
+
+/** The list before a fit; what is needed is marked, and what is said there is not said again. */
+export function beforeTheFit({ missing, advice }) {
+  if (!missing.length && !advice.length) return null;
+  const needed = new Set(missing.map(causeOf));
+  const line = (mark, tag) => ({ title, where, part, button }) => ({ mark: part ? mark : "wait", title, where, tag, actions: part && may(part === "frames" ? "upload" : "calibrate") ? [smallLink(button, `#${part}`)] : [] });
+  const lines = [...missingCauses(missing).map(line("warn", h("span", { class: "tag warn" }, "needed"))), ...missingCauses(advice.filter((each) => !needed.has(causeOf(each)))).map(line("gap"))];
+  const [shown, more] = [lines.slice(0, 6), lines.slice(6)];
+  return h(
+    "section",
+    { id: "before", class: "tight", "aria-labelledby": "before-head" },
+    h("div", { class: "section-head" }, h("h2", { id: "before-head" }, "Before the fit"), h("p", {}, missing.length ? "" : "Nothing is needed; these lines would improve it")),
+    causeList(shown),
+    more.length ? h("details", { class: "more" }, h("summary", {}, `${more.length} more`), causeList(more)) : null,
+  );
+}

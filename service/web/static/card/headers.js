@@ -1,0 +1,171 @@
+// Headers of raw frames (TIFF and DNG), read in the browser. Directories may lie anywhere in a file: pieces are read
+// where the pointers lead. Tags take precedence as in the service's own reader (worker/decode/metadata.py).
+
+const FIRST = 256 << 10;
+const MORE = 64 << 10;
+const MOST_DIRECTORIES = 16;
+const ROWS = 8; // of the centre, measured
+const SIZES = { 1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4 };
+const [SUB_IFDS, EXIF, XMP] = [330, 34665, 700];
+const ISO_TAGS = [34855, 34866, 34867, 34865];
+const ASK_ELSEWHERE = 65535; // EXIF 2.3: the ISO does not fit, another tag states it
+const CFA = 32803;
+
+/**
+ * {make, model, serial, band, taken (ms; a local time is read as UTC), zoned, exposure_time_s, f_number, iso, image,
+ * preview} of a TIFF or DNG; null for another file. What the file does not state is undefined.
+ */
+export async function readHeader(file) {
+  const bytes = new Bytes(file);
+  const order = await bytes.text(0, 2);
+  if (order !== "II" && order !== "MM") return null;
+  bytes.little = order === "II";
+  if ((await bytes.number(2, 3)) !== 42) return null;
+  const main = await readDirectory(bytes, await bytes.number(4, 4));
+  const [exif] = await Promise.all((await main.numbers(EXIF)).slice(0, 1).map((at) => readDirectory(bytes, at)));
+  const found = [exif, main].filter(Boolean);
+  const text = async (...tags) => {
+    for (const tag of tags) for (const directory of found) {
+      const stated = await directory.text(tag);
+      if (stated) return stated;
+    }
+    return undefined;
+  };
+  const numbers = async (tag) => {
+    for (const directory of found) {
+      const stated = await directory.numbers(tag);
+      if (stated.length) return stated;
+    }
+    return [];
+  };
+  const positive = async (...tags) => {
+    for (const tag of tags) for (const value of await numbers(tag)) if (value > 0 && Number.isFinite(value) && value !== ASK_ELSEWHERE) return value;
+    return undefined;
+  };
+  const apex = async (tag, factor) => {
+    const [value] = await numbers(tag);
+    return value && Math.abs(value) <= 64 ? 2 ** (factor * value) : undefined;
+  };
+  const xmp = (await main.text(XMP, 1 << 16)) ?? "";
+  return {
+    make: await text(271),
+    model: await text(272, 50708),
+    // DJI's multispectral cameras name the imager in XMP alone
+    serial: (await text(50735, 42033)) ?? packetText(xmp, "CameraSerialNumber"),
+    band: packetText(xmp, "BandName"),
+    ...timeOf(await text(36867), await text(37521), await text(36881)),
+    exposure_time_s: (await positive(33434)) ?? (await apex(37377, -1)),
+    f_number: (await positive(33437)) ?? (await apex(37378, 0.5)),
+    iso: await positive(...ISO_TAGS),
+    ...(await picturesOf(bytes, main)),
+  };
+}
+
+/** The numbers themselves, where a file has one strip of 16-bit words, and an embedded JPEG preview. */
+async function picturesOf(bytes, main) {
+  const parts = [main];
+  for (const at of (await main.numbers(SUB_IFDS)).slice(0, MOST_DIRECTORIES)) parts.push(await readDirectory(bytes, at));
+  const found = {};
+  for (const part of parts) {
+    const one = async (tag, usual) => (await part.numbers(tag))[0] ?? usual;
+    const [width, height, bits, compression, kind, strips, sizes] = [await one(256), await one(257), await one(258, 1), await one(259, 1), await one(262), await part.numbers(273), await part.numbers(279)];
+    if (compression === 1 && bits === 16 && (kind === CFA || kind === 1) && strips.length && (await one(277, 1)) === 1) {
+      const rows = await one(278, height);
+      found.image = { width, height, rows, strips, cfa: kind === CFA, black: await one(50714, 0), white: await one(50717, 65535), little: bytes.little };
+    } else if ([6, 7].includes(compression) && kind === 6 && strips.length === 1 && !(found.preview?.size < sizes[0])) found.preview = { at: strips[0], size: sizes[0] };
+  }
+  return found;
+}
+
+async function readDirectory(bytes, at) {
+  const count = await bytes.number(at, 3);
+  if (count > 1000) throw new Error("This is not a TIFF directory.");
+  const entries = new Map();
+  for (let index = 0; index < count; index += 1) {
+    const entry = at + 2 + 12 * index;
+    const [type, length] = [await bytes.number(entry + 2, 3), await bytes.number(entry + 4, 4)];
+    const size = (SIZES[type] ?? 0) * length;
+    if (size) entries.set(await bytes.number(entry, 3), { type, length, at: size <= 4 ? entry + 8 : await bytes.number(entry + 8, 4) });
+  }
+  return {
+    async numbers(tag) {
+      const { type, length, at: place } = entries.get(tag) ?? {};
+      if (!type || type === 2 || type === 7 || length > 1 << 16) return [];
+      const values = [];
+      for (let index = 0; index < length; index += 1) values.push(await bytes.number(place + index * SIZES[type], type));
+      return values;
+    },
+    async text(tag, most = 4096) {
+      const { type, length, at: place } = entries.get(tag) ?? {};
+      if (![1, 2, 7].includes(type)) return undefined;
+      const [said] = (await bytes.text(place, Math.min(length, most))).split("\0");
+      // eslint-disable-next-line no-control-regex
+      return said.replace(/[\u0000-\u001f\u007f]/g, " ").trim() || undefined;
+    },
+  };
+}
+
+class Bytes {
+  constructor(file) {
+    Object.assign(this, { file, pieces: [], little: true });
+  }
+
+  async view(at, size) {
+    if (at + size > this.file.size) throw new Error("The file ends before its header does.");
+    let piece = this.pieces.find((each) => at >= each.at && at + size <= each.at + each.view.byteLength);
+    if (!piece) {
+      const length = Math.max(size, this.pieces.length ? MORE : FIRST);
+      piece = { at, view: new DataView(await this.file.slice(at, at + length).arrayBuffer()) };
+      this.pieces.push(piece);
+    }
+    return [piece.view, at - piece.at];
+  }
+
+  async text(at, size) {
+    const [view, place] = await this.view(at, size);
+    return new TextDecoder().decode(new Uint8Array(view.buffer, place, size));
+  }
+
+  async number(at, type) {
+    const [view, place] = await this.view(at, SIZES[type]);
+    const le = this.little;
+    if (type === 5) return view.getUint32(place, le) / view.getUint32(place + 4, le);
+    if (type === 10) return view.getInt32(place, le) / view.getInt32(place + 4, le);
+    const name = { 1: "Uint8", 3: "Uint16", 4: "Uint32", 6: "Int8", 8: "Int16", 9: "Int32", 11: "Float32", 12: "Float64", 13: "Uint32" }[type];
+    return view[`get${name}`](place, le);
+  }
+}
+
+function timeOf(said, fraction, offset) {
+  const found = /^(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)/.exec(said ?? "");
+  if (!found) return {};
+  const [, year, month, date, clock] = found;
+  const zone = /^([+-]\d\d:\d\d|Z)$/.test(offset ?? "") ? offset : "Z";
+  const taken = Date.parse(`${year}-${month}-${date}T${clock}.${/^\d{1,9}$/.test(fraction ?? "") ? fraction.padEnd(3, "0").slice(0, 3) : "000"}${zone}`);
+  return Number.isNaN(taken) ? {} : { taken, zoned: zone === offset };
+}
+
+/** A text of the XMP packet, as an attribute, an element or the first item of a list, of any prefix. */
+const packetText = (xmp, name) => (new RegExp(`:${name}="([^"]+)"|:${name}>\\s*(?:<rdf:(?:Seq|Bag|Alt)>\\s*<rdf:li[^>]*>)?([^<]+)<`).exec(xmp) ?? []).slice(1).find(Boolean)?.trim() || undefined;
+
+/** Means over the centre (a ninth of the frame): {signal, clipped} as shares of the way from black to white; of a preview, undefined. */
+export async function measureCentre(file, { image }) {
+  if (!image) return undefined;
+  const { width, height, black, white } = image;
+  let [sum, clipped, count] = [0, 0, 0];
+  for (let step = 0; step < ROWS; step += 1) {
+    const row = Math.floor(height / 3 + (height / 3) * (step / ROWS));
+    for (const value of (await readRow(file, image, row)).subarray(Math.floor(width / 3), Math.ceil((2 * width) / 3))) {
+      sum += value;
+      clipped += value >= white;
+      count += 1;
+    }
+  }
+  return { signal: (sum / count - black) / (white - black), clipped: clipped / count };
+}
+
+export async function readRow(file, { width, rows, strips, little }, row) {
+  const at = strips[Math.floor(row / rows)] + (row % rows) * width * 2;
+  const view = new DataView(await file.slice(at, at + width * 2).arrayBuffer());
+  return Uint16Array.from({ length: view.byteLength >> 1 }, (_, index) => view.getUint16(index * 2, little));
+}

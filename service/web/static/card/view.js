@@ -1,0 +1,258 @@
+// What a card holds and what is proposed for it, with everything that can be changed before sending.
+
+import { causeList, small } from "../causes.js";
+import { field, select } from "../campaign/forms.js";
+import { titleOf } from "../campaign/named.js";
+import { fill, figure, h } from "../dom.js";
+import { bytes, counted, exposureTime, number, percent, span, tag } from "../format.js";
+import { mark } from "../marks.js";
+import { labelOf, roleLabel, roleOptions } from "../methods.js";
+import { LIMITS, nameOf } from "./propose.js";
+import { drawPicture } from "./picture.js";
+import { timeline } from "./timeline.js";
+
+const LINK_MBIT = 20;
+
+/** `card`: {rows, choice, seconds, project, found: the proposal}; `tell`: {changed(), send(), cancel()}. */
+export function cardView(card, tell) {
+  const { found } = card;
+  if (!found.camera) return [...nothingRaw(card, tell)];
+  return [
+    head(card),
+    figures(found),
+    h("div", { class: "side" }, h("div", {}, cameraTrouble(card, tell), checks(card, tell), scenes(card, tell)), h("aside", { class: "stack-gap", "aria-label": "Proposal" }, cameraCard(card), campaignCard(card, tell), afterwards(found))),
+    foot(card, tell),
+  ];
+}
+
+const list = (items) => items.filter(Boolean).join(", ");
+const shortName = (path) => path.split("/").at(-1).replace(/\.\w+$/, "");
+const scenesOf = (found) => found.scenes.filter((each) => each.scene !== undefined);
+const isosOf = (frames) => [...new Set(frames.map((frame) => frame.header.iso).filter(Boolean))].sort((a, b) => a - b);
+const clock = (instant) => new Date(instant).toISOString().slice(11, 16);
+const between = (from, to, say) => (from === to ? say(from) : `${say(from)} to ${say(to)}`);
+
+function head({ found, rows, seconds }) {
+  const inScenes = scenesOf(found).length;
+  const title = list([counted(found.frames.length, "frame"), inScenes && counted(inScenes, "scene"), found.cameras.length > 1 ? `${found.cameras.length} cameras` : `one ${found.camera.known ? "known" : "new"} camera`]);
+  return h(
+    "div",
+    { class: "head" },
+    h("nav", { class: "crumbs", "aria-label": "Breadcrumbs" }, h("a", { href: "/" }, "Start")),
+    h("div", { class: "head-row" }, h("h1", { tabindex: "-1" }, title)),
+    h("p", { class: "under" }, h("span", {}, `${counted(rows.length, "file")} read in ${number(seconds, 2)} s`), h("span", {}, "Nothing has been sent")),
+  );
+}
+
+function figures(found) {
+  const darks = found.frames.filter((frame) => frame.role === "dark");
+  const lit = found.frames.filter((frame) => frame.role !== "dark");
+  const role = [...new Set(lit.map((frame) => frame.role))];
+  const size = found.frames.reduce((sum, frame) => sum + frame.size, 0);
+  const { twins, pictures, videos, others } = found.skipped;
+  const skipped = [...twins, ...pictures, ...videos, ...others];
+  const kinds = new Set(found.frames.map((frame) => frame.name.split(".").at(-1).toUpperCase()));
+  const isos = isosOf(lit);
+  return h(
+    "dl",
+    { class: "figures" },
+    figure("Raw frames", number(found.frames.length, 6), list([bytes(size), kinds.size === 1 && `all ${[...kinds][0]}`])),
+    figure(role.length === 1 ? `${roleLabel(role[0])} frames` : "Other frames", number(lit.length, 6), list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), isos.length && counted(isos.length, "ISO value")])),
+    figure("Dark frames", number(darks.length, 6), darks.length ? list([counted(isosOf(darks).length, "ISO value"), exposuresOf(darks)]) : "none found"),
+    figure("Skipped", number(skipped.length, 6), skipped.length ? [list([twins.length && counted(twins.length, "JPEG twin"), pictures.length && counted(pictures.length, "picture"), videos.length && counted(videos.length, "video"), others.length && counted(others.length, "other")]), skippedList(skipped)] : "nothing"),
+  );
+}
+
+const skippedList = (rows) => h("details", {}, h("summary", {}, "list"), h("ul", { class: "plain" }, rows.slice(0, 500).map((row) => h("li", {}, row.name, row.fault ? `: ${row.fault}` : ""))));
+
+function exposuresOf(frames) {
+  const times = frames.map((frame) => frame.header.exposure_time_s).filter(Boolean).sort((a, b) => a - b);
+  return times.length ? between(times[0], times.at(-1), exposureTime) : "";
+}
+
+function nothingRaw({ rows, found }, tell) {
+  const { pictures, videos, others } = found.skipped;
+  const held = list([pictures.length && counted(pictures.length, "picture"), videos.length && counted(videos.length, "video"), others.length && counted(others.length, "other file")]);
+  const fault = rows.find((row) => row.fault)?.fault;
+  const advice = pictures.length ? "JPEG has lost the sensor values: set the camera to RAW or JPEG + RAW. Pictures of a test chart can be sent: start without files." : "DNG and TIFF files can be read.";
+  return [h("div", { class: "failed", role: "alert" }, h("p", { class: "failed-title" }, "No raw frames here"), h("p", {}, `The folder holds ${held || "no files"}. ${fault ? `${fault} ` : ""}${advice}`), h("p", { class: "actions" }, h("button", { type: "button", onclick: tell.cancel }, "Choose another folder"), h("a", { class: "button quiet", href: "/campaigns/new" }, "Start without files")))];
+}
+
+/** Two cameras on the card, a camera known under another name, or one that the campaign is not for. */
+function cameraTrouble({ found, choice }, tell) {
+  const { cameras, camera, campaign } = found;
+  const box = (kind, title, text, ...actions) => h("div", { class: `verdict-words ${kind}`, role: "alert" }, mark(kind), h("h2", {}, title), h("p", {}, text), actions.length ? h("p", { class: "actions" }, actions) : null);
+  const several = cameras.length > 1 && box(
+    "warn",
+    `${["Two", "Three", "Four", "Five"][cameras.length - 2] ?? cameras.length} cameras on this card`,
+    `${list(cameras.map((each) => `${counted(each.frames.length, "frame")} of ${nameOf(each)}`))}. A campaign has one camera: its frames are sent now, the others with the next.`,
+    ...cameras.map((each) => small(`Send only ${each.serial ?? each.model ?? "the unnamed"}`, () => ((choice.camera = each.key), tell.changed()), { "aria-pressed": String(each === camera), "data-keep": each.key })),
+  );
+  const renamed = camera.renamed && box(
+    "bad",
+    "This serial number belongs to a camera of another name",
+    `Registered is ${nameOf(camera.renamed)}. ${camera.frames.length === 1 ? "The file says" : `All ${camera.frames.length} files say`} ${nameOf(camera)}. The campaigns of ${nameOf(camera.renamed)} refuse these files; a new campaign registers the name that the files state. Nothing has been sent.`,
+  );
+  const incomplete = !camera.complete && box("bad", "These files do not name their camera", `They state ${nameOf(camera)}. Make, model and serial number are needed: choose the camera of these frames, or create the campaign without files.`, campaign ? cameraChooser(found, choice, tell) : null);
+  return [several, renamed, incomplete].filter(Boolean);
+}
+
+function cameraChooser({ camera }, choice, tell) {
+  const chosen = (event) => ((choice.registered = event.target.value), tell.changed());
+  const known = (choice.cameras ?? []).filter((each) => !camera.serial || !each.serial || each.serial === camera.serial);
+  return select([["", "Choose the camera…"], ...known.map((each) => [each.id, nameOf(each)])], { "aria-label": "Camera of these frames", "data-keep": "registered", onchange: chosen }, choice.registered);
+}
+
+const SAID = {
+  overexposed: ({ frames: [frame], share }) => [`${shortName(frame.name)} is overexposed`, `${percent(share)} of its centre is white (${list([frame.scene, frame.header.iso && `ISO ${frame.header.iso}`, exposureTime(frame.header.exposure_time_s)])}).`],
+  misplaced: ({ frames: [frame], ratio, scene }) => [scene ? `${shortName(frame.name)} may belong to ${scene}` : `${shortName(frame.name)} differs from its scene`, `It is ${ratio > 1 ? `${number(ratio, 2)} times as bright as` : `${number(1 / ratio, 2)} times darker than`} the rest of ${frame.scene}, at equal exposure.`],
+  no_exposure: ({ frames }) => [`${counted(frames.length, "frame")} without exposure`, `Exposure time, f-number or ISO is missing in ${shortName(frames[0].name)}${frames.length > 1 ? " and others" : ""}; it can be entered after sending.`],
+  no_darks: () => ["No dark frames", "Take some with the lens cap on, at the exposure times and ISO values of the other frames, and add them later."],
+  darks_lack_iso: ({ isos }) => [`No dark frames at ISO ${isos.join(", ")}`, "Take one or more per ISO value with the lens cap on, and add them later."],
+  darks_too_short: ({ dark_s: dark, light_s: light }) => [`Dark frames up to ${exposureTime(dark)} only`, `The other frames run to ${exposureTime(light)}. One more dark frame per ISO value at ${exposureTime(light)} would cover them.`],
+};
+
+function checks({ found, choice }, tell) {
+  if (!found.checks.length) return null;
+  const keep = (check) => small(check.code === "overexposed" ? "Send anyway" : "Keep", () => (choice.kept.add(check.key), tell.changed()), { quiet: true });
+  const mend = {
+    overexposed: (check) => small("Leave out", () => (check.frames.forEach((frame) => choice.leftOut.add(frame.key)), tell.changed())),
+    misplaced: (check) => (check.scene ? small(`Move to ${check.scene}`, () => (move(choice, check.frames, { scene: check.scene }), tell.changed())) : null),
+  };
+  const lines = found.checks.map((check) => {
+    const [title, where] = SAID[check.code](check);
+    return { mark: check.mark, title, where, actions: [mend[check.code]?.(check), keep(check)].filter(Boolean) };
+  });
+  return h("section", { class: "tight", "aria-labelledby": "check" }, h("div", { class: "section-head" }, h("h2", { id: "check" }, "Check before sending"), h("p", {}, "You can send now and fix these later")), causeList(lines));
+}
+
+export function move(choice, frames, said) {
+  for (const frame of frames) choice.said.set(frame.key, { ...choice.said.get(frame.key), ...said });
+}
+
+function scenes(card, tell) {
+  const { found } = card;
+  const checked = new Set(found.checks.filter((check) => check.mark === "warn").flatMap((check) => check.frames ?? []).map((frame) => frame.key));
+  const heads = ["Picture", "Scene", "Taken", "Frames", "ISO", "Exposure", "Role"];
+  return h(
+    "section",
+    { class: "tight", "aria-labelledby": "scenes" },
+    h("div", { class: "section-head" }, h("h2", { id: "scenes" }, "Scenes"), h("p", {}, "From folders, pauses and exposure. The same name twice joins two scenes.")),
+    timeline(found, checked),
+    h(
+      "div",
+      { class: "table scenes", role: "region", tabindex: "0", "aria-label": "Scenes" },
+      h(
+        "table",
+        { role: "table", class: "stack" },
+        h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, heads.map((text, at) => h("th", { role: "columnheader", scope: "col", class: text === "Frames" ? "number" : null }, at ? text : h("span", { class: "hidden" }, text))))),
+        h("tbody", { role: "rowgroup" }, found.scenes.map((scene, at) => sceneRow(card, scene, at, checked, tell))),
+      ),
+    ),
+  );
+}
+
+function sceneRow({ found, choice }, scene, at, checked, tell) {
+  const { frames } = scene;
+  const here = `${at + 1}`;
+  const cell = (name, ...content) => h("td", { role: "cell", "data-head": name, class: name === "Frames" ? "number" : null }, h("span", { class: "val" }, content));
+  const name = scene.scene === undefined ? (roleLabel(scene.role)) : h("input", { value: scene.scene, "aria-label": `Name of scene ${here}`, "data-keep": `scene ${here}`, onchange: (event) => (move(choice, frames, { scene: event.target.value.trim() || scene.scene }), tell.changed()) });
+  const role = select(roleOptions(found.method).filter(([each]) => found.method.roles.some((own) => own.name === each) || each === "field"), { "aria-label": `Role of scene ${here}`, "data-keep": `role ${here}`, onchange: (event) => (move(choice, frames, { role: event.target.value }), tell.changed()) }, scene.role);
+  const outs = frames.filter((frame) => choice.leftOut.has(frame.key)).length;
+  const warned = frames.some((frame) => checked.has(frame.key));
+  return h(
+    "tr",
+    { role: "row" },
+    h("td", { role: "cell", class: "pic" }, drawPicture(frames.find((frame) => !choice.leftOut.has(frame.key)) ?? frames[0])),
+    cell("Scene", name),
+    cell("Taken", h("span", { class: "num" }, scene.from ? between(scene.from, scene.to, clock).replace(" to ", "–") : "–"), h("span", { class: "sub" }, scene.folder ? `${scene.folder}/` : "")),
+    cell("Frames", h("button", { type: "button", class: "link", "aria-label": `${counted(frames.length, "frame")} of scene ${here}: show`, onclick: () => showFrames(found, scene, choice, tell) }, String(frames.length - outs)), outs ? ` of ${frames.length}` : "", warned ? [" ", mark("warn", "A frame to check")] : null),
+    cell("ISO", h("span", { class: "num small" }, scene.isos.join(", ") || "–")),
+    cell("Exposure", h("span", { class: "num small" }, scene.exposures.length ? between(scene.exposures[0], scene.exposures.at(-1), exposureTime) : "–")),
+    cell("Role", role),
+  );
+}
+
+/** The frames of a scene: each can be moved or left out, and a scene can be split at one. */
+function showFrames(found, scene, choice, tell) {
+  const names = scenesOf(found).map((each) => each.scene);
+  const fresh = (() => {
+    for (let count = names.length + 1; ; count += 1) if (!names.includes(`Scene ${count}`)) return `Scene ${count}`;
+  })();
+  const body = h("div", { class: "table" });
+  const dialog = h("dialog", { class: "frame-dialog", "aria-label": "Frames of the scene", onclose: () => (dialog.remove(), tell.changed()) }, h("div", { class: "section-head" }, h("h2", {}, `${scene.scene ?? roleLabel(scene.role)}: ${counted(scene.frames.length, "frame")}`), h("button", { type: "button", class: "quiet", onclick: () => dialog.close() }, "Close")), body);
+  const sceneOf = (frame) => choice.said.get(frame.key)?.scene ?? frame.scene;
+  const draw = () =>
+    fill(body, h("table", {}, h("thead", {}, h("tr", {}, ["Frame", "Taken", "Exposure", "Scene", "Send", ""].map((text) => h("th", { scope: "col" }, text || h("span", { class: "hidden" }, "Split"))))), h("tbody", {}, scene.frames.map((frame, at) =>
+      h(
+        "tr",
+        {},
+        h("th", { scope: "row" }, shortName(frame.name)),
+        h("td", { class: "num" }, frame.header.taken ? new Date(frame.header.taken).toISOString().slice(11, 19) : "–"),
+        h("td", { class: "num" }, list([exposureTime(frame.header.exposure_time_s), frame.header.f_number && `f/${number(frame.header.f_number, 3)}`, frame.header.iso && `ISO ${frame.header.iso}`])),
+        h("td", {}, scene.scene === undefined ? "–" : select([...new Set([...names, fresh])].map((name) => [name, name]), { "aria-label": `Scene of ${shortName(frame.name)}`, onchange: (event) => move(choice, [frame], { scene: event.target.value }) }, sceneOf(frame))),
+        h("td", {}, h("input", { type: "checkbox", checked: !choice.leftOut.has(frame.key), "aria-label": `Send ${shortName(frame.name)}`, onchange: (event) => (event.target.checked ? choice.leftOut.delete(frame.key) : choice.leftOut.add(frame.key)) })),
+        h("td", {}, scene.scene !== undefined && at > 0 ? small("Split here", () => (move(choice, scene.frames.slice(at), { scene: fresh }), draw()), { quiet: true, "aria-label": `Split here: ${shortName(frame.name)} starts ${fresh}` }) : null),
+      )))));
+  draw();
+  document.body.append(dialog);
+  dialog.showModal();
+}
+
+function cameraCard({ found: { camera, cameras, frames }, inForce }) {
+  const held = (inForce ?? []).filter((row) => row.camera_id === camera.known?.id).map((row) => `${labelOf(row.method)} version ${row.version}`);
+  return h(
+    "div",
+    { class: "card" },
+    h("p", { class: "panel-title" }, "Camera"),
+    h("p", { class: "spread" }, h("strong", {}, nameOf(camera)), camera.known ? tag("known", "good") : tag("new", "live")),
+    h("p", { class: "small muted" }, cameras.length === 1 ? `All ${counted(frames.length, "header")} agree. ` : "", camera.known ? (held.length ? `In force: ${held.join(", ")}.` : "No version is in force.") : "It is registered with the campaign."),
+  );
+}
+
+function campaignCard({ found, choice, project }, tell) {
+  const { offers, campaign } = found;
+  const text = {
+    new: () => [`New ${labelOf(campaignOf("new").method).toLowerCase()} calibration`, list([scenesOf(found).length && counted(scenesOf(found).length, "scene"), counted(isosOf(found.frames).length, "ISO value"), found.darks.length && "dark frames"])],
+    add: (offer) => [`Add to ${titleOf(offer.campaign)}`, `${labelOf(offer.method)}, same camera, within ${LIMITS.recentDays} days`],
+    night: (offer) => ["Measuring night", `Field frames for ${labelOf(offer.method).toLowerCase()}; never used to calibrate`],
+  };
+  const campaignOf = (key) => offers.find((offer) => offer.key === key);
+  const pick = (key) => ((choice.campaign = key), tell.changed());
+  const others = offers.filter((offer) => offer.kind === "other");
+  const pickers = offers.filter((offer) => offer.kind !== "other").map((offer) => {
+    const [title, sub] = text[offer.kind](offer);
+    return picker(title, sub, offer === campaign, offer.key, () => pick(offer.key));
+  });
+  return h(
+    "fieldset",
+    { class: "card" },
+    h("legend", { class: "hidden" }, "Campaign"),
+    h("p", { class: "panel-title", "aria-hidden": "true" }, "Campaign"),
+    h("div", { class: "pickers" }, pickers, picker("Something else", list(others.map((offer) => labelOf(offer.method))), campaign.kind === "other", "other", () => pick(others[0].key))),
+    campaign.kind === "other" ? field("Method", select(others.map((offer) => [offer.key, labelOf(offer.method)]), { "data-keep": "method", onchange: (event) => pick(event.target.value) }, campaign.key)) : null,
+    campaign.kind === "add" ? null : field("Project number", h("input", { value: project.number, autocomplete: "off", "data-keep": "project", oninput: (event) => (project.number = event.target.value) })),
+  );
+}
+
+const picker = (title, sub, checked, key, onchange) => h("label", { class: "picker" }, h("input", { type: "radio", name: "campaign", checked, "data-keep": `campaign ${key}`, onchange }), h("span", {}, title), h("span", { class: "sub" }, sub));
+
+function afterwards({ method, campaign, scenes: all }) {
+  const readings = all.filter((each) => each.scene !== undefined).length;
+  const steps = campaign.kind === "night" ? ["measure the frames"] : [!method.whole_frame && !method.finds_region && "draw the region once", method.reference === "meter" && readings && `type ${counted(readings, "meter reading")}`, method.needs_target && "describe the target", method.has_checklist && "sign the checklist", "fit"].filter(Boolean);
+  const text = steps.join(", ");
+  return h("div", { class: "card" }, h("p", { class: "panel-title" }, "After sending"), h("p", { class: "small" }, `${text.charAt(0).toUpperCase()}${text.slice(1)}.`));
+}
+
+function foot({ found, choice }, tell) {
+  const size = found.frames.reduce((sum, frame) => sum + frame.size, 0);
+  const seconds = (8 * size) / (LINK_MBIT * 1e6);
+  const adds = found.campaign.kind === "add";
+  const ready = found.frames.length > 0 && (found.camera.complete || adds || choice.registered);
+  return h(
+    "div",
+    { class: "foot-bar" },
+    h("p", {}, h("strong", {}, `${counted(found.frames.length, "frame")}, ${bytes(size)}`), h("span", { class: "muted" }, ` to ${adds ? titleOf(found.campaign.campaign) : "a new campaign"}${seconds > 5 ? ` · about ${span(seconds)} at ${LINK_MBIT} Mbit/s` : ""}`)),
+    h("p", { class: "actions" }, h("button", { type: "button", class: "quiet", onclick: tell.cancel }, "Cancel"), h("button", { type: "button", class: "primary", disabled: !ready, "data-keep": "send", onclick: (event) => tell.send(event.target) }, adds ? "Send" : "Create campaign and send")),
+  );
+}
