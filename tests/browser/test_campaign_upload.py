@@ -66,6 +66,31 @@ def test_a_button_that_is_pressed_while_the_list_changes_is_clicked(page, files)
     expect(page.get_by_text(re.compile(r"^\d of \d received"))).to_be_visible()
 
 
+def test_first_refusal_stops_the_rest_and_rows_can_be_removed(page, team, campaign, files):
+    refused = []
+
+    def refuse(route):
+        if route.request.method != "POST" or refused:
+            return route.continue_()
+        refused.append(route.request.url)
+        problem = {"title": "Full", "detail": "The disk is full.", "code": "storage_full", "status": 507}
+        return route.fulfill(status=400, json=problem, content_type="application/problem+json")
+
+    page.route(UPLOADS, refuse)
+    choose(page, files)
+    page.get_by_role("button", name=f"Remove {files[2].stem}").click()
+    page.get_by_role("button", name="Send 2 files").click()
+    alert = page.get_by_role("alert")
+    expect(alert).to_contain_text("Sending stopped after the first file")
+    expect(alert).to_contain_text("The disk is full. The other file was not sent.")
+    alert.get_by_role("button", name="Send the other 1").click()
+    expect(page.get_by_text("1 not accepted")).to_be_visible()
+    page.get_by_role("button", name="Try again").click()
+    expect(page.get_by_text("2 of 2 received")).to_be_visible()
+    assert names_of(team, campaign) == [path.name for path in files[:2]]
+    page.context.complaints.clear()  # the browser notes the refusal
+
+
 def test_a_lost_connection_is_waited_for(page, team, campaign, files):
     lost = []
 

@@ -8,13 +8,6 @@ from playwright.sync_api import Page, expect
 from tests.support.browser import check_access, drop, illustrate, look, settle
 from tests.support.taped import ISOS, LEVELS, REGION, ROAD, SPOILT, paste_readings, write_night, write_street
 
-CAMERA = {
-    "Make": "DJI",
-    "Model": "FC6520",
-    "Serial number": "0K1XE8",
-    "Lens make": "DJI",
-    "Lens model": "DJI MFT 15mm F1.7 ASPH",
-}
 METER = {
     "Make": "Konica Minolta",
     "Model": "LS-150",
@@ -32,8 +25,7 @@ PATIENCE_MS = 60_000
 
 
 def test_the_whole_procedure(page, tmp_path):
-    begin_a_campaign(page)
-    drop_the_files(page, write_night(tmp_path / "night"))
+    drop_the_card(page, write_night(tmp_path / "night"))
     draw_the_region(page)
     paste_the_readings(page)
     look_at_the_spoilt_frame(page)
@@ -45,34 +37,31 @@ def test_the_whole_procedure(page, tmp_path):
     download_the_certificate(page)
 
 
-def begin_a_campaign(page: Page) -> None:
-    expect(page.get_by_role("heading", level=1)).to_have_text("Overview")
+def drop_the_card(page: Page, folder: Path) -> None:
+    """With one look and one button; what is no raw frame stays here."""
+    expect(page.get_by_role("heading", level=1)).to_have_text("Start with a card")
     passed(page, "procedure-1-nothing-yet")
-    page.get_by_role("link", name="New campaign").click()
-    settle(page)
-    page.get_by_role("radio", name="Luminance").check()
-    camera = page.get_by_role("group", name="New camera")
-    for label, value in CAMERA.items():
-        camera.get_by_label(label, exact=True).fill(value)
+    for frame in [*folder.glob("level-1/*")]:
+        frame.with_suffix(".JPG").write_bytes(b"\xff\xd8\xff")
+    (folder / "flight.MP4").write_bytes(b"video")
+    drop(page, page.locator("#card-drop"), [folder])
+    expect(page.get_by_role("heading", level=1)).to_have_text(f"{FRAMES} frames, 5 scenes, one new camera")
+    skipped = page.locator(".figures > div").filter(has_text="Skipped")
+    expect(skipped).to_contain_text("4 JPEG twins, 1 video")
+    expect(page.get_by_role("radio", name="New luminance calibration")).to_be_checked()
+    expect(page.get_by_label("Role of scene 6")).to_have_value("dark")
     page.get_by_label("Project number").fill("P-2026-014")
-    page.get_by_label("Recorder").fill("A. Meier")
-    page.get_by_label("Started").fill("2026-05-01T20:00")
-    passed(page, "procedure-2-new-campaign")
-    page.get_by_role("button", name="Create campaign").click()
+    passed(page, "procedure-2-card")
+    page.get_by_role("button", name="Create campaign and send").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("P-2026-014")
-    settle(page)
-    expect(page.get_by_role("heading", name="Missing")).to_be_visible()
-    passed(page, "procedure-3-empty-campaign")
-
-
-def drop_the_files(page: Page, folder: Path) -> None:
-    drop(page, page.get_by_text(DROP_HERE), [*sorted(folder.iterdir())])
-    page.get_by_role("button", name=f"Send {FRAMES} files").click()
     told = page.get_by_role("status")
-    expect(told.filter(has_text=f"{FRAMES} of {FRAMES} received")).to_be_visible(timeout=PATIENCE_MS)
+    received = f"{FRAMES} of {FRAMES} received, waiting for a region"
+    expect(told.filter(has_text=received)).to_be_visible(timeout=PATIENCE_MS)
     # each has been read: what it still lacks is the region
     expect(page.locator("#region-tool image")).to_be_visible()
     expect(page.locator("#frame-list").get_by_role("row")).not_to_have_count(0)
+    lacking = page.locator("#before").get_by_role("listitem")
+    expect(lacking.filter(has_text="no region").get_by_role("link", name="Draw region")).to_be_visible()
     passed(page, "procedure-4-files")
 
 

@@ -1,4 +1,4 @@
-"""Overview: what needs attention."""
+"""The first page: a card to start with, and what needs attention."""
 
 from fastapi import APIRouter, Response
 
@@ -9,4 +9,4 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/")
 def show_home(page: SignedInPage) -> Response:
-    return page.render("home.html", title="Today")
+    return page.render("home.html", title="Start")

@@ -14,6 +14,8 @@ const PARTS = [
   [/./, "frames", "Add frames"],
 ];
 
+const MOST_NAMED = 6;
+
 /** Names and numbers aside, the same sentence is the same cause. */
 const causeOf = (sentence) => sentence.replace(/frames? .*? (?=has|have|waits|without)/g, "frame ").replace(/\b(has|have)\b/g, "have").replace(/scene \S+/g, "scene").replace(/\d+(\.\d+)?/g, "0");
 
@@ -25,7 +27,10 @@ export function missingCauses(sentences) {
     const [first, ...more] = some;
     const [, part, button] = PARTS.find(([pattern]) => pattern.test(first));
     const [title, ...rest] = first.split(": ");
-    return { title: capital(title), where: [capital(rest.join(": ")), more.length && `${more.length} more: ${more.map(capital).join("; ")}`].filter(Boolean).join(". "), part, button };
+    const said = more.length ? title.replace(/^(frame|scene) \S+ (has|waits)\b/, (_, noun, verb) => `${some.length} ${noun}s ${verb === "has" ? "have" : "wait"}`) : title;
+    const named = said === title ? more.map(capital) : some.map((each) => /^\w+ (\S+)/.exec(each)[1]);
+    const list = `${named.slice(0, MOST_NAMED).join(said === title ? "; " : ", ")}${named.length > MOST_NAMED ? ` and ${named.length - MOST_NAMED} more` : ""}`;
+    return { title: capital(said), where: [capital(rest.join(": ")), more.length && list].filter(Boolean).join(". "), part, button };
   });
 }
 

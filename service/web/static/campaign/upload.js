@@ -31,9 +31,11 @@ export function uploadSection(state) {
     const { twins, videos } = splitSkipped(rows);
     const wanted = rows.filter((row) => !twins.includes(row) && !videos.includes(row));
     for (const row of wanted) row.file ??= await row.open();
-    const camera = await get(`/v1/cameras/${state.campaign.camera_id}`);
-    const others = wanted.filter((row) => row.header && differs(row.header, camera));
-    fill(trouble, others.length ? otherCamera(state, camera, others, wanted.length) : null);
+    // without a connection the service alone compares
+    const campaign = state.campaign ?? (await get(state.path).catch(() => null));
+    const camera = campaign && (await get(`/v1/cameras/${campaign.camera_id}`).catch(() => null));
+    const others = camera ? wanted.filter((row) => row.header && differs(row.header, camera)) : [];
+    fill(trouble, others.length ? otherCamera(campaign, camera, others, wanted.length) : null);
     const count = queue.add(wanted.filter((row) => !others.includes(row)), judgeName);
     if (!count && !others.length && wanted.length) toast("These files are already in the list.");
     else if (twins.length + videos.length) toast(`Skipped: ${[twins.length && counted(twins.length, "JPEG twin"), videos.length && counted(videos.length, "video")].filter(Boolean).join(", ")}.`);
@@ -110,14 +112,14 @@ function refuseLike(state, queue) {
 }
 
 /** Frames of another camera are seen here, before they are sent. */
-function otherCamera(state, camera, others, count) {
+function otherCamera(campaign, camera, others, count) {
   const said = [...new Set(others.map((row) => nameOf(row.header)))].slice(0, 3).join(", ");
   return h(
     "div",
     { class: "verdict-words bad", role: "alert" },
     mark("bad"),
     h("h3", {}, "These frames are from another camera"),
-    h("p", {}, `${titleOf(state.campaign)} is for `, h("strong", {}, nameOf(camera)), `. ${others.length === count ? (count === 1 ? "The file says" : `All ${count} files say`) : `${others.length} of ${count} files say`} `, h("strong", {}, said), ". They have not been sent."),
+    h("p", {}, `${titleOf(campaign)} is for `, h("strong", {}, nameOf(camera)), `. ${others.length === count ? (count === 1 ? "The file says" : `All ${count} files say`) : `${others.length} of ${count} files say`} `, h("strong", {}, said), ". They have not been sent."),
     h("p", { class: "actions" }, h("button", { type: "button", class: "primary small-button", onclick: () => goOn("/", others.map(({ file, name }) => ({ file, name }))) }, "New campaign"), small("Leave them out", (event) => event.target.closest(".verdict-words").remove())),
   );
 }
@@ -200,7 +202,7 @@ function itemTable(state, queue) {
       editable(item) ? select(roleOptions(state.method), { "aria-label": `Role of ${item.name}`, onchange: (event) => edit(item, { role: event.target.value }) }, item.role) : roleLabel(item.role),
       editable(item) ? h("input", { "aria-label": `Scene of ${item.name}`, value: item.scene ?? "", list: "scenes-known", onchange: (event) => edit(item, { scene: event.target.value.trim() || undefined }) }) : (item.scene ?? "–"),
       bytes(item.size),
-      h("button", { type: "button", class: "quiet", "aria-label": `Remove ${item.name} from the list`, onclick: () => queue.drop([item]) }, "×"),
+      h("button", { type: "button", class: "quiet", "aria-label": `Remove ${item.name.split("/").at(-1).replace(/\.\w+$/, "")}`, onclick: () => queue.drop([item]) }, "×"),
     ],
   });
 }
@@ -222,7 +224,7 @@ function progressOf(state, item) {
     case "retrying":
       return [tag("waiting for connection", "warn")];
     case "sent":
-      return waitsForRegion(state, [item]) ? tag("waiting for region", "live") : verdict ? tag(verdict.outcome) : tag("being read", "live");
+      return waitsForRegion(state, [item]) ? tag("waiting for region", "live") : verdict && verdict.outcome !== "pending" ? tag(verdict.outcome) : tag("being read", "live");
     case "lost":
       return tag("select again", "warn");
     default:

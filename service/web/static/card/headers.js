@@ -12,7 +12,7 @@ const ASK_ELSEWHERE = 65535; // EXIF 2.3: the ISO does not fit, another tag stat
 const CFA = 32803;
 
 /**
- * {make, model, serial, band, taken (ms; a local time is read as UTC), zoned, exposure_time_s, f_number, iso, image,
+ * {make, model, serial, lens, band, taken (ms; a local time is read as UTC), zoned, exposure_time_s, f_number, iso, image,
  * preview} of a TIFF or DNG; null for another file. What the file does not state is undefined.
  */
 export async function readHeader(file) {
@@ -52,6 +52,7 @@ export async function readHeader(file) {
     model: await text(272, 50708),
     // DJI's multispectral cameras name the imager in XMP alone
     serial: (await text(50735, 42033)) ?? packetText(xmp, "CameraSerialNumber"),
+    lens: { make: await text(42035), model: await text(42036), serial: await text(42037) },
     band: packetText(xmp, "BandName"),
     ...timeOf(await text(36867), await text(37521), await text(36881)),
     exposure_time_s: (await positive(33434)) ?? (await apex(37377, -1)),

@@ -44,7 +44,8 @@ export function propose(rows, { methods, cameras = [], campaigns = [], inForce =
   const method = campaign && methods.find((each) => each.name === campaign.method);
   const frames = method ? assign(own, method, campaign, said) : [];
   const sent = frames.filter((frame) => !leftOut.has(frame.key));
-  const scenes = [...groupBy(frames, (frame) => JSON.stringify([frame.role, frame.scene ?? ""])).values()].map(describeScene).sort((a, b) => (a.scene === undefined) - (b.scene === undefined) || (a.from ?? 0) - (b.from ?? 0) || (a.scene ?? "").localeCompare(b.scene ?? "", undefined, { numeric: true }));
+  const rank = ({ role, scene }) => (scene === undefined ? 1 + (method.roles.findIndex((each) => each.name === role) + 1 || method.roles.length + 1) : 0);
+  const scenes = [...groupBy(frames, (frame) => JSON.stringify([frame.role, frame.scene ?? ""])).values()].map(describeScene).sort((a, b) => rank(a) - rank(b) || (a.from ?? 0) - (b.from ?? 0) || (a.scene ?? "").localeCompare(b.scene ?? "", undefined, { numeric: true }));
   const darks = sent.filter((frame) => frame.role === "dark");
   return {
     cameras: bodies,
@@ -62,10 +63,11 @@ export function propose(rows, { methods, cameras = [], campaigns = [], inForce =
 
 function describeCamera(frames, cameras) {
   const [{ header: { make, model, serial } }] = frames;
+  const lens = frames.find(({ header }) => header.lens.make && header.lens.model)?.header.lens;
   const known = cameras.find((each) => serial && make && model && !differs({ make, model, serial }, each));
   // one body under two names: the campaign of either refuses the other's files
   const renamed = known || !serial ? null : cameras.find((each) => plain(each.serial) === plain(serial));
-  return { key: [make, model, serial].map(plain).join("|"), make, model, serial, frames, known, renamed, complete: Boolean(make && model && serial) };
+  return { key: [make, model, serial].map(plain).join("|"), make, model, serial, lens, frames, known, renamed, complete: Boolean(make && model && serial) };
 }
 
 function listOffers(frames, camera, { methods, campaigns, inForce }) {

@@ -43,7 +43,7 @@ load(byId("campaigns"), () => Promise.all([latest, cameras]), ([works, bodies]) 
       { head: "Campaign", header: true, cell: ({ campaign }) => [h("a", { href: `/campaigns/${campaign.id}` }, titleOf(campaign)), h("span", { class: "sub" }, labelOf(campaign.method))] },
       { head: "Camera", cell: ({ campaign }) => `${camera(campaign)?.model ?? "–"} ${camera(campaign)?.serial ?? ""}` },
       { head: "Frames", class: "number", cell: ({ campaign: { frames } }) => number(frames.received, 6) },
-      { head: "Progress", cell: ({ campaign: { frames }, versions }) => (versions.length ? "Draft fitted" : frames.received ? `${frames.extracted} of ${frames.received} read` : "No frames yet") },
+      { head: "Progress", cell: ({ campaign: { frames }, versions }) => (versions.length ? "Draft fitted" : frames.received ? frames.being_read ? `${frames.received - frames.being_read} of ${frames.received} read` : `${frames.received} read` : "No frames yet") },
       { head: "Missing", cell: ({ campaign }) => (campaign.missing.length ? counted(missingCauses(campaign.missing).length, "thing") : "Nothing") },
       { head: "Created", class: "number", cell: ({ campaign }) => h("time", { datetime: campaign.created_at, title: campaign.created_at }, ago(campaign.created_at)) },
     ],
@@ -104,7 +104,7 @@ function workCauses({ campaign, versions, measured }) {
   const lacking = missingCauses(campaign.missing).filter((cause) => cause.part);
   if (!received) return [...found, { mark: "wait", title: "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
   if (!campaign.missing.length) return [...found, { mark: "wait", title: "A campaign is ready to fit", where: named, actions: [smallLink("Fit", `${href}#calibrate`)] }];
-  return [...found, ...lacking.map((cause) => ({ mark: "warn", title: cause.title, where: named, actions: [smallLink(cause.button, `${href}#${cause.part}`)] }))];
+  return [...found, ...lacking.map((cause) => ({ mark: "warn", title: cause.title, where: [named, cause.where].filter(Boolean).join(": "), actions: [smallLink(cause.button, `${href}#${cause.part}`)] }))];
 }
 
 function meterCauses(meter) {

@@ -1,0 +1,204 @@
+"""A card on the first page: what is proposed for it, and what is seen before anything is sent."""
+
+import zipfile
+
+from playwright.sync_api import expect
+
+from tests.support.browser import check_access, look, settle
+from tests.support.data import data_file
+from tests.support.frames import write_frame
+from worker.decode.metadata import read_metadata
+from worker.decode.tiff import read_directories
+
+PROPOSE = """async ([cases, names]) => {
+    const own = document.querySelector("script[type=module]").src;
+    const { propose } = await import(own.replace("pages/home.js", "card/propose.js"));
+    const { METHODS } = await import(own.replace("pages/home.js", "methods.js"));
+    return cases.map(([rows, context, choice]) => {
+        const found = propose(rows, { methods: METHODS, ...context }, choice);
+        return {
+            cameras: found.cameras.map(({ serial, frames, known, renamed }) =>
+                [serial, frames.length, Boolean(known), Boolean(renamed)]),
+            campaign: found.campaign && [found.campaign.kind, found.campaign.method],
+            scenes: found.scenes.map(each => [each.role, each.scene ?? null, each.frames.length]),
+            skipped: Object.values(found.skipped).map(each => each.length),
+            checks: found.checks.map(each => [each.code, each.scene ?? null]),
+        };
+    });
+}"""
+MINUTE = 60_000
+
+
+def row(name, at=0.0, *, serial="0K1XE8", signal=0.3, clipped=0.0, exposure_time_s=0.01, iso=100, **header):
+    """A raw frame as its header is read; ``at`` in minutes."""
+    said = {"make": "DJI", "model": "FC6520", "serial": serial, "lens": {}, "taken": 1e12 + at * MINUTE}
+    exposure = {"exposure_time_s": exposure_time_s, "f_number": 4, "iso": iso}
+    centre = {"signal": signal, "clipped": clipped}
+    return {
+        "key": name,
+        "name": name,
+        "size": 1,
+        "kind": "raw",
+        "header": said | exposure | header,
+        "centre": centre,
+    }
+
+
+def test_proposal_follows_folders_pauses_exposure_and_names(page):
+    known = {"id": "cam_1", "make": "dji ", "model": "FC6520", "serial": "0k1xe8"}
+    other = {"key": "x", "size": 1, "header": None}
+    card = [
+        *[row(f"DCIM/100MEDIA/DJI_{n:04}.DNG", n / 10 + 5 * (n // 4)) for n in range(12)],
+        *[row(f"DCIM/100MEDIA/DJI_{n:04}.DNG", n / 10 + 20, signal=0.0) for n in range(12, 14)],
+        {**other, "name": "DCIM/100MEDIA/DJI_0001.JPG", "kind": "picture"},
+        {**other, "name": "DCIM/100MEDIA/DJI_0099.JPG", "kind": "picture"},
+        {**other, "name": "DCIM/100MEDIA/DJI_0002.MP4", "kind": "video"},
+        {**other, "name": "notes.txt", "kind": "other"},
+    ]
+    folders = [row(f"night/level-{n % 2}/{n}.DNG", n, exposure_time_s=0.1) for n in range(8)]
+    folders.append(row("night/level-1/wrong.DNG", 9, exposure_time_s=0.02))
+    folders[4] |= {"centre": {"signal": 0.9, "clipped": 0.2}}
+    for each in folders[1:8:2]:
+        each["centre"] = {"signal": 0.06, "clipped": 0}
+    folders[8]["centre"] = {"signal": 0.06, "clipped": 0}
+    # two median pauses and four times the exposure
+    steps = [row(f"{n}.DNG", n / 6 + (n > 3) / 3, exposure_time_s=0.01 if n < 4 else 0.05) for n in range(8)]
+    flats = [row(f"flat/{n}.DNG") for n in range(3)] + [row("dark/1.DNG", signal=0.0)]
+    night = [row(f"100MEDIA/{n}.DNG") for n in range(5)]
+    bands = [row(f"{n}.TIF", band=name) for n, name in enumerate(("Green", "Red"))]
+    held = {"cameras": [known], "inForce": [{"camera_id": "cam_1", "method": "luminance"}]}
+    twice = [row("a.DNG"), row("b.DNG"), row("c.DNG", serial="0K1XF2")]
+    renamed = {"cameras": [known | {"model": "X5S"}]}
+    page.goto("/")
+    first, second, third, fourth, fifth, sixth, seventh = page.evaluate(
+        PROPOSE,
+        [
+            [
+                (card, {"cameras": [known]}, {}),
+                (folders, {}, {}),
+                (steps, {}, {}),
+                (flats, {}, {}),
+                (night, held, {}),
+                (bands, {}, {}),
+                (twice, renamed, {"campaign": "night"}),
+            ],
+            None,
+        ],
+    )
+    assert first == {
+        "cameras": [["0K1XE8", 14, True, False]],
+        "campaign": ["new", "luminance"],
+        "scenes": [
+            ["light", "Scene 1", 4],
+            ["light", "Scene 2", 4],
+            ["light", "Scene 3", 4],
+            ["dark", None, 2],
+        ],
+        "skipped": [1, 1, 1, 1],
+        "checks": [],
+    }
+    assert second["scenes"] == [["light", "level-0", 4], ["light", "level-1", 5]]
+    assert second["checks"] == [["overexposed", None], ["misplaced", "level-0"], ["no_darks", None]]
+    assert third["scenes"] == [["light", "Scene 1", 4], ["light", "Scene 2", 4]]
+    assert fourth["campaign"] == ["new", "vignetting"]
+    assert [scene[0] for scene in fourth["scenes"]] == ["flat", "dark"]
+    assert fifth["campaign"] == ["night", "luminance"]
+    assert fifth["scenes"] == [["field", None, 5]]
+    assert sixth["campaign"] == ["new", "reflectance"]
+    assert seventh["cameras"] == [["0K1XE8", 2, False, True], ["0K1XF2", 1, False, False]]
+    assert seventh["campaign"] == ["night", "luminance"]
+
+
+READ = """async () => {
+    const own = document.querySelector("script[type=module]").src;
+    const { readHeader } = await import(own.replace("pages/home.js", "card/headers.js"));
+    return Promise.all([...document.querySelector("#probe").files].map(async file => {
+        const { serial, taken, zoned, ...header } = await readHeader(file);
+        const stamp = taken && new Date(taken).toISOString();
+        return { ...header, serial, taken: zoned ? undefined : stamp?.slice(0, 19) };
+    }));
+}"""
+CARDS = [
+    *("sequoia/IMG_180413_080658_0000_GRE.TIF", "rededge/0000SET_000_IMG_0000_1.tif", "p4m/DJI_0011.TIF"),
+    *("dng/truncated_libraw_reads_zeros.dng", "dng/canon_14bit_packed_activearea_zero_exif.dng"),
+]
+
+
+def test_browser_reads_headers_as_the_worker_does(page):
+    paths = [data_file(name) for name in CARDS]
+    page.goto("/")
+    page.evaluate(
+        "document.body.append(Object.assign(document.createElement('input'), "
+        "{ type: 'file', multiple: true, id: 'probe' }))"
+    )
+    page.locator("#probe").set_input_files(paths)
+    for path, seen in zip(paths, page.evaluate(READ), strict=True):
+        stated = read_metadata(read_directories(path.read_bytes())[0])
+        for name in ("make", "model", "serial"):
+            assert seen.get(name) == getattr(stated, name), (path, name)
+        for name in ("exposure_time_s", "f_number", "iso"):
+            # a zero in a file means that nothing was written
+            assert seen.get(name) == (getattr(stated, name) or None), (path, name)
+        assert seen.get("taken") == (stated.taken_at and stated.taken_at[:19]), path
+    bands = [seen.get("band") for seen in page.evaluate(READ)]
+    assert bands == ["Green", "Blue", "Blue", None, None]
+
+
+def test_wrong_camera_is_seen_before_the_first_byte_with_keys_alone(page, team, tmp_path):
+    """A zip of two cameras, one of them registered under another name, with a video and a JPEG twin."""
+    camera = team.client.create_camera("DJI", "X5S", "0K1XE8")
+    campaign = team.client.create_campaign(camera.id)
+    frames = [write_frame(tmp_path / f"DJI_{n:04}.DNG", seed=n) for n in range(2)]
+    frames.append(write_frame(tmp_path / "DJI_0009.DNG", serial="0K1XF2"))
+    packed = tmp_path / "card.zip"
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as card:
+        for path in frames:
+            card.write(path, f"DCIM/100MEDIA/{path.name}")
+        card.writestr("DCIM/100MEDIA/DJI_0000.JPG", b"\xff\xd8\xff", zipfile.ZIP_STORED)
+        card.writestr("DCIM/100MEDIA/DJI_0003.MP4", b"video")
+    sent = []
+    page.on("request", lambda asked: asked.method != "GET" and sent.append(asked.url))
+
+    # on a campaign of another camera
+    page.goto(f"/campaigns/{campaign.id}")
+    page.get_by_label("Files to send").set_input_files(packed)
+    alert = page.get_by_role("alert")
+    expect(alert).to_contain_text("These frames are from another camera")
+    expect(alert).to_contain_text("is for DJI X5S 0K1XE8. All 3 files say DJI FC6520")
+    check_access(page)
+    look(page, "campaign-other-camera")
+    page.get_by_role("button", name="New campaign").press("Enter")
+
+    # where its files go on as a card
+    expect(page.get_by_role("heading", level=1)).to_have_text("2 frames, 1 scene, 2 cameras")
+    expect(page.get_by_text("Two cameras on this card")).to_be_visible()
+    expect(page.get_by_text("Registered is DJI X5S 0K1XE8")).to_be_visible()
+    page.get_by_role("button", name="Send only 0K1XF2").press("Enter")
+    expect(page.get_by_role("heading", level=1)).to_have_text("1 frame, 1 scene, 2 cameras")
+    check_access(page)
+    look(page, "card-two-cameras")
+    page.get_by_label("Name of scene 1").press("ControlOrMeta+a")
+    page.keyboard.type("dusk")
+    page.keyboard.press("Tab")
+    page.get_by_label("Project number").focus()
+    page.keyboard.type("P-9")
+    assert sent == []
+    page.get_by_role("button", name="Create campaign and send").press("Enter")
+    expect(page.get_by_role("heading", level=1)).to_have_text("P-9")
+    expect(page.get_by_text("1 of 1 received")).to_be_visible()
+    with team.http() as http:
+        (made,) = [each for each in http.get("/v1/campaigns").json()["items"] if each.get("project_number")]
+        (frame,) = http.get(f"/v1/campaigns/{made['id']}/frames").json()["items"]
+        assert http.get(f"/v1/cameras/{made['camera_id']}").json()["serial"] == "0K1XF2"
+    assert (frame["filename"], frame["role"], frame["scene"]) == ("DJI_0009.DNG", "light", "dusk")
+    page.go_back()
+    settle(page)
+
+
+def test_card_without_raw_frames_says_what_to_set(page):
+    page.get_by_label("Files to read").set_input_files(
+        {"name": "DJI_1.JPG", "mimeType": "image/jpeg", "buffer": b"\xff\xd8"}
+    )
+    expect(page.get_by_role("alert")).to_contain_text("set the camera to RAW or JPEG + RAW")
+    page.get_by_role("button", name="Choose another folder").click()
+    expect(page.get_by_role("heading", name="Start with a card")).to_be_visible()
