@@ -69,7 +69,7 @@ def test_the_first_page_says_what_needs_attention(page, service, team):
     page.goto("/")
     settle(page)
     needs = page.locator("#needs")
-    for text in ("failed, ", "Meter certificate expired", "A camera is not calibrated", "noise high"):
+    for text in ("failed", "Meter certificate expired", "A camera is not calibrated", "noise high"):
         expect(needs).to_contain_text(text)
     expect(page.locator("#in-force")).to_contain_text("version 3")
     check_access(page)

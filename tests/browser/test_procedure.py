@@ -45,7 +45,9 @@ def drop_the_card(page: Page, folder: Path) -> None:
         frame.with_suffix(".JPG").write_bytes(b"\xff\xd8\xff")
     (folder / "flight.MP4").write_bytes(b"video")
     drop(page, page.locator("#card-drop"), [folder])
-    expect(page.get_by_role("heading", level=1)).to_have_text(f"{FRAMES} frames, 5 scenes, one new camera")
+    expect(page.get_by_role("heading", level=1)).to_have_text(
+        f"{FRAMES} frames, 5 scenes, one new camera", timeout=PATIENCE_MS
+    )
     skipped = page.locator(".figures > div").filter(has_text="Skipped")
     expect(skipped).to_contain_text("4 JPEG twins, 1 video")
     expect(page.get_by_role("radio", name="New luminance calibration")).to_be_checked()

@@ -29,7 +29,7 @@ const latest = latestCampaigns();
 
 load(byId("needs"), () => Promise.all([failedJobs(), latest, cameras, series, all("/v1/meters"), campaigns]), ([jobs, works, bodies, { rows }, meters, every]) => {
   const causes = [...jobCauses(jobs, every), ...works.flatMap(workCauses), ...meters.flatMap(meterCauses), ...bodies.flatMap((camera) => cameraCauses(camera, rows))].sort((a, b) => RANKS.indexOf(a.mark) - RANKS.indexOf(b.mark));
-  if (!causes.length) return empty("Nothing needs you", every.length ? "" : "Drop the camera’s card above to create the first campaign.");
+  if (!causes.length) return every.length || bodies.length ? empty("Nothing needs you") : firstSteps();
   const [shown, more] = [causes.slice(0, AT_MOST), causes.slice(AT_MOST)];
   return [causeList(shown), more.length ? h("details", { class: "more" }, h("summary", {}, `${more.length} more`), causeList(more)) : null];
 });
@@ -66,6 +66,13 @@ load(byId("in-force"), () => Promise.all([cameras, series]), ([bodies, { rows }]
   );
 });
 
+/** Nothing is there yet: what comes, in place of three empty lists. */
+function firstSteps() {
+  for (const id of ["campaigns", "in-force"]) byId(id).closest("section").hidden = true;
+  const steps = [["Drop the card", "Camera, scenes and darks are found for you."], ["Outline and read", "One region, one meter reading per scene."], ["Publish K", "With its uncertainty and a certificate."]];
+  return h("ol", { class: "steps" }, steps.map(([title, text]) => h("li", {}, h("strong", {}, title), h("span", {}, text))));
+}
+
 const version = (row) => (row ? [mark(row.flags.length ? "warn" : "good"), ` version ${row.version}${row.flags.length ? ", with flags" : ""}`] : h("span", { class: "muted" }, "none"));
 
 async function failedJobs() {
@@ -87,24 +94,24 @@ async function latestCampaigns() {
 function jobCauses(jobs, works) {
   return [...groupBy(jobs, (job) => JSON.stringify([job.kind, job.error?.code, job.campaign_id])).values()].map((some) => {
     const [{ kind, error, campaign_id: id, filename }] = some;
-    const what = some.length > 1 ? `${some.length} jobs failed: ${words(kind)}` : `${filename ?? words(kind)} failed`;
-    return { mark: "bad", title: `${what}${error?.title ? `, ${error.title.toLowerCase()}` : ""}`.replace(/\.$/, ""), where: [id && nameOf(works, id), error?.detail].filter(Boolean).join(": "), actions: [smallLink("Show jobs", "/jobs")] };
+    const why = error?.title ? `: ${error.title.charAt(0).toLowerCase()}${error.title.slice(1)}`.replace(/\.$/, "") : "";
+    const what = kind === "fit" ? (some.length > 1 ? `${some.length} fits failed` : "A fit failed") : filename ? `${counted(some.length, "frame")} refused` : `${counted(some.length, "job")} failed, ${words(kind)}`;
+    return { mark: "bad", title: `${what}${why}`, where: [id && nameOf(works, id), error?.detail].filter(Boolean).join(": "), actions: [id ? smallLink(filename ? "Show frames" : "Show campaign", `/campaigns/${id}${filename ? "#frames" : ""}`) : smallLink("Show jobs", "/jobs")] };
   });
 }
 
 function workCauses({ campaign, versions, measured }) {
   const href = `/campaigns/${campaign.id}`;
   const named = titleOf(campaign);
-  const { refused, received } = campaign.frames;
-  const found = refused ? [{ mark: "bad", title: `${counted(refused, "frame")} refused`, where: `${named}: each states its reason`, actions: [smallLink("Show frames", `${href}#frames`)] }] : [];
+  const { received } = campaign.frames;
   const [draft] = versions.filter((each) => each.state === "draft");
-  if (draft) return [...found, { mark: "wait", title: "A draft waits for publication", where: `${labelOf(campaign.method)}, ${named}, fitted ${ago(draft.created_at)}`, actions: [smallLink("Review", `/calibrations/${draft.id}`)] }];
-  if (versions.length || measured) return found;
+  if (draft) return [{ mark: "wait", title: "A draft waits for publication", where: `${labelOf(campaign.method)}, ${named}, fitted ${ago(draft.created_at)}`, actions: [smallLink("Review", `/calibrations/${draft.id}`)] }];
+  if (versions.length || measured) return [];
   // what a worker does by itself needs nobody
   const lacking = missingCauses(campaign.missing).filter((cause) => cause.part);
-  if (!received) return [...found, { mark: "wait", title: "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
-  if (!campaign.missing.length) return [...found, { mark: "wait", title: "A campaign is ready to fit", where: named, actions: [smallLink("Fit", `${href}#calibrate`)] }];
-  return [...found, ...lacking.map((cause) => ({ mark: "warn", title: cause.title, where: [named, cause.where].filter(Boolean).join(": "), actions: [smallLink(cause.button, `${href}#${cause.part}`)] }))];
+  if (!received) return [{ mark: "wait", title: "A campaign without frames", where: named, actions: [smallLink("Add frames", `${href}#frames`)] }];
+  if (!campaign.missing.length) return [{ mark: "wait", title: "A campaign is ready to fit", where: named, actions: [smallLink("Fit", `${href}#calibrate`)] }];
+  return lacking.map((cause) => ({ mark: "warn", title: cause.title, where: [named, cause.where].filter(Boolean).join(": "), actions: [smallLink(cause.button, `${href}#${cause.part}`)] }));
 }
 
 function meterCauses(meter) {
