@@ -77,7 +77,7 @@ def draw_the_region(page: Page) -> None:
     illustrate(page, "region", page.locator("section#region"))
     page.get_by_role("button", name="Set for the campaign").click()
     # every frame has its numbers now; of the light ones it is said that their readings are missing
-    expect(page.get_by_role("button", name="warn 20", exact=True)).to_be_visible(timeout=PATIENCE_MS)
+    expect(page.get_by_role("button", name="pending 20", exact=True)).to_be_visible(timeout=PATIENCE_MS)
 
 
 def at(canvas, point) -> tuple[float, float]:

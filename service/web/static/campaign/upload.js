@@ -6,6 +6,7 @@ import { differs, nameOf, splitSkipped } from "../card/propose.js";
 import { small } from "../causes.js";
 import { fill, h, toast } from "../dom.js";
 import { bytes, counted, span, tag } from "../format.js";
+import { groupBy } from "../groups.js";
 import { goOn, takeHanded } from "../handover.js";
 import { mark } from "../marks.js";
 import { roleLabel, roleOptions } from "../methods.js";
@@ -169,19 +170,22 @@ function refusalOf(queue) {
   return h("div", { class: "failed", role: "alert" }, h("p", { class: "failed-title" }, title), h("p", {}, `${refusal.item.name.split("/").at(-1)}: ${refusal.detail} ${refusal.left === 1 ? "The other file was" : `The other ${refusal.left} were`} not sent.`), h("p", { class: "actions" }, go));
 }
 
-const waitsForRegion = (state, sent) => sent.filter((item) => state.verdicts.get(item.frameId)?.reasons.some((reason) => reason.code === "no_region")).length;
+/** What a frame waits for, by the code of its verdict; by none of these it is being read. */
+const WAITS = { no_region: "waiting for a region", reading_missing: "waiting for a reading" };
 
-/** "38 of 38 received, 36 pass, 2 to check" */
+/** "pass", or what a received frame waits for. */
+function standingOf(state, item) {
+  const verdict = state.verdicts.get(item.frameId);
+  if (verdict && verdict.outcome !== "pending") return { pass: "pass", warn: "to check", fail: "fail" }[verdict.outcome];
+  return WAITS[verdict?.reasons.find((reason) => WAITS[reason.code])?.code] ?? "being read";
+}
+
+const waitsForRegion = (state, sent) => sent.some((item) => standingOf(state, item) === WAITS.no_region);
+
+/** "38 of 38 received, 36 pass, 2 to check"; what all wait for, without its count. */
 function outcomeOf(state, sent) {
-  const counts = {};
-  const unmeasured = waitsForRegion(state, sent);
-  for (const item of sent) {
-    const outcome = state.verdicts.get(item.frameId)?.outcome ?? "pending";
-    counts[outcome] = (counts[outcome] ?? 0) + 1;
-  }
-  if (counts.pending) counts.pending -= Math.min(unmeasured, counts.pending);
-  const words = { pass: "pass", warn: "to check", fail: "fail", pending: "being read" };
-  return [`${sent.length} of ${sent.length} received`, unmeasured && `${unmeasured === sent.length ? "" : `${unmeasured} `}waiting for a region`, ...Object.keys(words).filter((name) => counts[name]).map((name) => `${counts[name]} ${words[name]}`)].filter(Boolean).join(", ");
+  const counts = groupBy(sent, (item) => standingOf(state, item));
+  return [`${sent.length} of ${sent.length} received`, ...[...counts].map(([standing, { length }]) => (counts.size === 1 && standing.startsWith("waiting") ? standing : `${length} ${standing}`))].join(", ");
 }
 
 function itemTable(state, queue) {
@@ -195,7 +199,7 @@ function itemTable(state, queue) {
     rowHeight: ROW_PX,
     caption: "Upload list",
     keyOf: (item) => item.key,
-    markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), waitsForRegion(state, [item]), item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : "", state.verdicts.get(item.frameId)?.outcome].join("|"),
+    markOf: (item) => [item.state, item.role, item.edited ? "" : item.scene, item.error, editable(item), item.state === "sent" ? standingOf(state, item) : "", item.state === "sending" ? Math.floor((100 * item.sent) / item.size) : ""].join("|"),
     draw: (item) => [
       h("span", { title: item.name }, item.name),
       progressOf(state, item),
@@ -207,8 +211,9 @@ function itemTable(state, queue) {
   });
 }
 
+const KINDS = { pass: "good", warn: "warn", fail: "bad" };
+
 function progressOf(state, item) {
-  const verdict = state.verdicts.get(item.frameId);
   switch (item.state) {
     case "hashing":
     case "asking":
@@ -224,7 +229,7 @@ function progressOf(state, item) {
     case "retrying":
       return [tag("waiting for connection", "warn")];
     case "sent":
-      return waitsForRegion(state, [item]) ? tag("waiting for region", "live") : verdict && verdict.outcome !== "pending" ? tag(verdict.outcome) : tag("being read", "live");
+      return tag(standingOf(state, item), KINDS[state.verdicts.get(item.frameId)?.outcome] ?? "live");
     case "lost":
       return tag("select again", "warn");
     default:
