@@ -9,7 +9,7 @@ import json
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, islice
 from typing import Annotated, Any, Final, Literal, get_args
 
 import numpy as np
@@ -28,7 +28,7 @@ from service.routes import UNCHANGED
 from service.schemas.base import Answer, Form, Instant, Method, Text
 from service.tabular import FORMULA_STARTS
 from store.database import Database
-from store.ready.series import Asked, Key, Page, Series
+from store.ready.series import PAGE, Asked, Key, Page, Series
 from store.software import read_version
 from store.tables import Camera
 
@@ -204,6 +204,9 @@ def _write_json(pages: Iterator[Page], columns: Sequence[Column], following: str
                 members.append(f'"{column.name}":{column.empty}')
             elif texts and found[0] == found[-1] and len(different := set(found)) == 1:
                 members.append(f'"{column.name}":{quote(*different).replace("%", "%%")}')
+            elif texts and _is_plain(found, '"\\') and (column.empty == '""' or "" not in found):
+                members.append(f'"{column.name}":"%s"')
+                cells.append(found)
             else:
                 members.append(f'"{column.name}":%s')
                 if texts:
@@ -229,11 +232,22 @@ def write_csv(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[byte
                 page[place] = [
                     f"'{text}" if text.startswith(FORMULA_STARTS) else text for text in page[place]
                 ]
-        writer.writerows(zip(*page, strict=True))
+        rows = zip(*page, strict=True)
+        texts = (cells for cells, column in zip(page, columns, strict=True) if column.kind == "text")
+        if all(_is_plain(cells, '",') for cells in texts):
+            out.writelines(",".join(row) + "\r\n" for row in rows)
+        else:
+            writer.writerows(rows)
         yield out.getvalue().encode()
         out.seek(0)
         out.truncate()
     yield out.getvalue().encode()
+
+
+def _is_plain(texts: Sequence[str], special: str) -> bool:
+    """Return whether texts are ASCII without control characters and these ones."""
+    joined = "".join(texts)
+    return joined.isascii() and joined.isprintable() and not any(each in joined for each in special)
 
 
 def _write_arrow(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[bytes]:
@@ -253,8 +267,9 @@ def _write_arrow(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[b
     out = io.BytesIO()
     with StreamWriter.from_writable(out) as writer:
         # without a batch, no schema is written
-        first = next(pages, nothing)
-        for page in chain([first], pages):
+        batches = _merge(pages)
+        first = next(batches, nothing)
+        for page in chain([first], batches):
             children = [
                 na.c_array_from_buffers(field, len(texts), _write_buffers(column.kind, texts))
                 for column, field, texts in zip(columns, fields, page, strict=True)
@@ -266,20 +281,34 @@ def _write_arrow(pages: Iterator[Page], columns: Sequence[Column]) -> Iterator[b
     yield out.getvalue()
 
 
+def _merge(pages: Iterator[Page]) -> Iterator[Page]:
+    """Join short pages: a record batch costs as much as some hundred rows of it."""
+    while some := list(islice(pages, 1)):
+        rows = len(some[0][0])
+        while rows < PAGE and (more := next(pages, None)) is not None:
+            some.append(more)
+            rows += len(more[0])
+        yield [list(chain.from_iterable(column)) for column in zip(*some, strict=True)]
+
+
 def _write_buffers(kind: Kind, texts: Sequence[str]) -> list[Any]:
     """Write the cells of a column as Arrow's buffers: where there is one, and what it is."""
-    present = np.array([bool(text) for text in texts], bool)
-    valid = None if present.all() else np.packbits(present, bitorder="little")
+    count = len(texts)
+    if not any(texts):
+        nothing, offsets = np.zeros((count + 7) // 8, np.uint8), np.zeros(count + 1, np.int32)
+        return [nothing, offsets, b""] if kind == "text" else [nothing, np.zeros(count, np.int64)]
+    present = np.array([bool(text) for text in texts], bool) if "" in texts else None
+    valid = None if present is None else np.packbits(present, bitorder="little")
     if kind == "text":
-        encoded = [text.encode() for text in texts]
-        offsets = np.zeros(len(texts) + 1, np.int32)
-        np.cumsum([len(each) for each in encoded], out=offsets[1:])
-        return [valid, offsets, b"".join(encoded)]
+        joined = "".join(texts)
+        encoded = texts if joined.isascii() else [text.encode() for text in texts]
+        offsets = np.zeros(count + 1, np.int32)
+        np.cumsum(np.fromiter(map(len, encoded), np.int32, count), out=offsets[1:])
+        return [valid, offsets, joined.encode()]
     values: NDArray[Any]
     if kind == "instant":
         values = np.array([text.removesuffix("Z") or "NaT" for text in texts], "M8[us]").view(np.int64)
-    elif kind == "number":
-        values = np.array([float(text) if text else 0.0 for text in texts], np.float64)
     else:
-        values = np.array([int(text) if text else 0 for text in texts], np.int64)
+        number, dtype = (float, np.float64) if kind == "number" else (int, np.int64)
+        values = np.fromiter((number(text or 0) for text in texts), dtype, count)
     return [valid, values]

@@ -27,11 +27,14 @@ from store.ready.series import (
     match_equal,
     read_decisions,
     read_instant,
+    read_plainly,
 )
 from store.tables import Camera, CoefficientRow, ReadyRow
 
 _MOST_PLACES = 1 << 31
 _VERSIONS = 200
+_ARRANGED = 25
+"""Versions that are written at once: their cells stay in the processor's cache."""
 
 
 class CoefficientSeries:
@@ -140,8 +143,8 @@ class CoefficientSeries:
                 rows = found.get(version.calibration_id, [])[begin:end]
                 if rows:
                     parts.append((version, rows))
-            if parts:
-                yield _arrange(parts)
+            for place in range(0, len(parts), _ARRANGED):
+                yield _arrange(parts[place : place + _ARRANGED])
 
 
 def _arrange(parts: list[tuple[Any, list[Any]]]) -> Page:
@@ -199,7 +202,7 @@ def _read_coefficients(
     first, last = 0, -math.inf
     while True:
         with database.reading() as session:
-            found = session.connection().execute(wanted.where(row.position > last) if first else wanted).all()
+            found = read_plainly(session, wanted.where(row.position > last) if first else wanted)
         yield {owner: list(rows) for owner, rows in groupby(found, itemgetter(0))}, first
         if len(calibration_ids) > 1 or len(found) < PAGE:
             return

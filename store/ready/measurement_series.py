@@ -1,7 +1,7 @@
 """The series of measurements: stored rows, with what has become of their versions."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
 from sqlalchemy import Select, and_, case, func, select, tuple_
@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
 from store.database import Database
-from store.ready.measurements import FLAGS, STATE
+from store.ready.measurements import COLUMNS, FLAGS, STATE
 from store.ready.publications import write_instant
 from store.ready.series import (
     PAGE,
@@ -23,9 +23,12 @@ from store.ready.series import (
     match_equal,
     read_decisions,
     read_instant,
+    read_plainly,
 )
 from store.tables import Calibration, MeasuredRow, Measurement, Publication, Revocation
 
+_ROWS = 250
+"""Rows that are split at once: their cells stay in the processor's cache."""
 STATE_FLAGS = {
     "draft": shared.CALIBRATION_NOT_PUBLISHED,
     "superseded": shared.CALIBRATION_SUPERSEDED,
@@ -64,22 +67,12 @@ class MeasurementSeries:
         states: dict[str, str] = {}
         while True:
             with self._database.reading() as session:
-                # rows of the table: an entity's columns would go through the ORM's loading, row by row
-                found = session.connection().execute(self._select(after, until).limit(PAGE)).all()
+                found = read_plainly(session, self._select(after, until).limit(PAGE))
                 ids = {each for row in found for each in row[1:3] if each} - states.keys()
                 states |= _read_states(session, ids)
                 last = session.get_one(MeasuredRow, found[-1][0]) if len(found) == PAGE else None
-            if found:
-                _, of, correctors, cells = zip(*found, strict=True)
-                page: Page = list(zip(*csv.reader(cells), strict=True))
-                page[STATE] = [states[each] for each in of]
-                raised = {pair: _raise_flags(states, *pair) for pair in set(zip(of, correctors, strict=True))}
-                if any(raised.values()):
-                    pairs = zip(page[FLAGS], zip(of, correctors, strict=True), strict=True)
-                    page[FLAGS] = [
-                        " ".join(dict.fromkeys([*flags.split(), *raised[pair]])) for flags, pair in pairs
-                    ]
-                yield page
+            for first in range(0, len(found), _ROWS):
+                yield _arrange(found[first : first + _ROWS], states)
             if last is None:
                 return
             after = [write_instant(last.taken_from), last.measurement_id]
@@ -107,6 +100,28 @@ class MeasurementSeries:
                 where.append(tuple_(*self._KEY) > place if is_after else tuple_(*self._KEY) <= place)
         columns: tuple[Any, ...] = (row.measurement_id, row.calibration_id, row.corrector_id, row.cells)
         return select(*columns).where(*where).order_by(*self._KEY)
+
+
+def _arrange(rows: list[Any], states: dict[str, str]) -> Page:
+    """Return columns with what has become of the versions."""
+    _, of, correctors, cells = zip(*rows, strict=True)
+    page = _split(cells)
+    page[STATE] = [states[each] for each in of]
+    raised = {pair: _raise_flags(states, *pair) for pair in set(zip(of, correctors, strict=True))}
+    if any(raised.values()):
+        pairs = zip(page[FLAGS], zip(of, correctors, strict=True), strict=True)
+        page[FLAGS] = [" ".join(dict.fromkeys([*flags.split(), *raised[pair]])) for flags, pair in pairs]
+    return page
+
+
+def _split(records: Sequence[str]) -> Page:
+    """Split CSV records into columns."""
+    joined = ",".join(records)
+    if '"' in joined:
+        return list(zip(*csv.reader(records), strict=True))
+    # one list of all cells: a list for each record would be collected as garbage time and again
+    cells, width = joined.split(","), len(COLUMNS)
+    return [cells[place::width] for place in range(width)]
 
 
 def _raise_flags(states: dict[str, str], calibration_id: str, corrector_id: str | None) -> list[str]:
