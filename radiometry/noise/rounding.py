@@ -26,6 +26,8 @@ _NORMAL_95 = 1.959964
 _BOUND_95 = 2.241403
 """Of 97.5 %: where the spread of the pixels is at its bound 0, the usual interval covers too little."""
 _LEAST_LOG_SPREAD = -6.0
+_FEW_CHANGES = 4.0
+"""Where so few pixels change their number, the limit is almost doubled: counts are no normal errors."""
 
 
 def count_changes(images: Image) -> Counts:
@@ -71,7 +73,8 @@ def estimate_rounded_noise(changes: Counts, *, u_rel: float, spread: float) -> t
     F((i - 1/2 - m) / s), F the normal distribution. Levels are normal about a mean that may differ between
     the two frames, so the pair (i, j) has the probability E[P_i(m) P_j(m + d)]. The likelihood is maximised
     over mean, d and spread of the levels for every s; the interval is where its logarithm has fallen by less
-    than 1.92 (Wilks [1]_), or than 2.51 where levels without spread are within 1.92. Where levels spread over
+    than 1.92 (Wilks [1]_), or than 2.51 where levels without spread are within 1.92; times 1 + 4 / (n + 1)
+    where n pixels change their number. Where levels spread over
     half a step and more, all places between two numbers are alike, and with D a normal difference of standard
     deviation s sqrt(2) and {} the fraction::
 
@@ -132,7 +135,9 @@ def _profile(changes: Counts, *, u_rel: float) -> tuple[float, float]:
         options={"maxiter": 200, "xatol": 1e-4, "fatol": 1e-3},
     )
     alike = float(even.fun) - least < (u_rel * _NORMAL_95) ** 2
-    limit = least + (u_rel * (_BOUND_95 if alike else _NORMAL_95)) ** 2
+    changed = int(total - np.trace(changes))
+    few = 1.0 + _FEW_CHANGES / (changed + 1.0)
+    limit = least + (u_rel * (_BOUND_95 if alike else _NORMAL_95)) ** 2 * few
 
     def cross(side: float, end: float) -> float:
         inner, step = float(best.x), 0.02 * side

@@ -145,6 +145,12 @@ PANEL_DRIFT = flag(
     "Check for haze, a tilted sensor or a dirty panel. K follows the line between the captures; a frame far "
     "from both is less certain.",
 )
+IMPLAUSIBLE_REFLECTANCE_K = flag(
+    "implausible_reflectance_k",
+    "K is more than 1.5 times off pi: radiance and irradiance in absolute units give R = pi L / E. The panel "
+    "was shaded, its reflectance is wrong, the sunshine sensor saw another light, or a unit is wrong.",
+    "Check the panel's values and its picture; take it again in the light that the sensor sees.",
+)
 PANEL_ONCE = flag(
     "panel_once",
     "The panel was taken at one time only: drift during the flight is not known. An assumed one is in the "

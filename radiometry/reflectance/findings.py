@@ -1,5 +1,6 @@
 """Flags of panel frames, of their sunshine readings and of a fitted band."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ LARGEST_DRIFT_REL = 0.03
 # Between the largest A of the older scale, 4e5, and the smallest of the newer, some 1e8.
 _NEWER_SCALE = 1e7
 _BLACK_TOLERANCE_REL = 0.01
+_PLAUSIBLE = 1.5
 
 
 def review_frame(header: FrameHeader, *, exposure: Exposure | None) -> list[Raised]:
@@ -158,6 +160,9 @@ def check_fit(fit: BandFit, used: Sequence[Candidate]) -> list[Raised]:
     if not any(panel.states_uncertainty for panel in panels):
         detail = "State it with the panel."
         raised.append(codes.PANEL_UNCERTAINTY_MISSING.at(where, detail))
+    k = fit.coefficient.reflectance_k
+    if fit.coefficient.reflectance_k_unit == "sr" and not 1.0 / _PLAUSIBLE < k / math.pi < _PLAUSIBLE:
+        raised.append(codes.IMPLAUSIBLE_REFLECTANCE_K.at(where, f"K is {k:.3g} sr, pi is expected."))
     if fit.drift_rel is None:
         raised.append(codes.PANEL_ONCE.at(where, _foresee(fit)))
     elif abs(fit.drift_rel) > LARGEST_DRIFT_REL:

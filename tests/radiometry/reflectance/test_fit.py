@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from pydantic import TypeAdapter
 from radiometry.findings import InputRejected
 from radiometry.frame.multispectral import Multispectral, RadianceModel
 from radiometry.reflectance import method as reflectance
+from radiometry.reflectance.findings import check_fit
 from radiometry.reflectance.fit import compute_k
 from simulation.camera import change
 from simulation.sequoia import BANDS, SEQUOIA, capture
@@ -218,3 +220,18 @@ def test_everything_survives_storage():
     for value in (params, fit, applied, rows[0], READINGS[0]):
         adapter = TypeAdapter(type(value))
         assert adapter.validate_json(adapter.dump_json(value)) == value
+
+
+@pytest.mark.parametrize(("k", "flagged"), [(math.pi, False), (2.5, False), (1.45, True), (6.8, True)])
+def test_k_in_absolute_units_is_near_pi(k, flagged):
+    """A wrong panel, 0.244 for 0.53, and one in the shadow of whoever holds it."""
+    fit = k_of(reflectance.fit(panel(), READINGS, PARAMS))
+    absolute = dataclasses.replace(fit.coefficient, reflectance_k=k, reflectance_k_unit="sr")
+    used = [
+        SimpleNamespace(
+            features=SimpleNamespace(gradient_rel=0.0),
+            panel=SimpleNamespace(from_file=False, age_days=0.0, states_uncertainty=True),
+        )
+    ]
+    found = check_fit(dataclasses.replace(fit, coefficient=absolute), used)
+    assert ("implausible_reflectance_k" in flags_of(found)) is flagged
