@@ -22,9 +22,9 @@ from radiometry.geometry.views import (
     Candidate,
     Settled,
     collect_candidates,
-    list_missing,
     make_view,
     measure_rms_px,
+    missing,
     settle,
 )
 
@@ -54,7 +54,7 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
     pixels_not_square, distortion_folds, rendered. Flags per frame: view_outlier, view_mirrored,
     mirror_not_excluded.
     """
-    lacking = list_missing(rows, params)
+    lacking = missing(rows, params)
     if lacking:
         raise InputRejected(shared.FIT_INCOMPLETE, f"The fit cannot start: {'; '.join(lacking)}.")
     candidates = collect_candidates(rows, params)

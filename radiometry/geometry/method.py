@@ -29,7 +29,7 @@ from radiometry.geometry.suggestions import plan_views as plan
 from radiometry.geometry.target import Target
 from radiometry.geometry.undistortion import Undistorted, require_size, undistort, undistort_frame
 from radiometry.geometry.verdicts import judge_frames
-from radiometry.geometry.views import list_missing as missing
+from radiometry.geometry.views import missing
 
 __all__ = [
     "CameraModel",
@@ -82,16 +82,5 @@ def judge(
     rows: Sequence[FrameRow],
     params: Params,  # noqa: ARG001  one picture is judged alike whatever the fit
 ) -> dict[str, Verdict]:
-    """Return the verdict on each frame of a campaign.
-
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        All frames of the campaign; for one without a region the region is the whole
-        frame.
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-    """
+    """Return the verdict on each frame of a campaign."""
     return judge_frames(frames, rows)

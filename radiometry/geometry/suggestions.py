@@ -12,7 +12,7 @@ from radiometry.geometry.coverage import CELLS, count_cells
 from radiometry.geometry.findings import GOOD_SHARE, GOOD_VIEWS
 from radiometry.geometry.fit import fit_geometry
 from radiometry.geometry.rows import FrameRow, Params
-from radiometry.geometry.views import Candidate, collect_candidates, list_missing, make_view
+from radiometry.geometry.views import Candidate, collect_candidates, make_view, missing
 from radiometry.specification.grid import Gap
 
 _ADVICE: Final[dict[str, str]] = {
@@ -74,7 +74,7 @@ def _ninths() -> list[NDArray[np.int64]]:
 
 
 def _plan_by_flags(rows: Sequence[FrameRow], params: Params) -> list[str]:
-    if list_missing(rows, params):
+    if missing(rows, params):
         return []
     try:
         fit = fit_geometry(rows, params)

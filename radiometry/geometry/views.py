@@ -52,23 +52,8 @@ class Settled:
     hidden: Hidden | None
 
 
-def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what keeps a fit from starting.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of the frames of which nothing is known yet.
-
-    Returns
-    -------
-    tuple of str
-        Fragments that can be joined by "; "; empty if the fit can start.
-    """
+def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     found = [
         f"frame {name} is to be left out, but the campaign has no such frame"

@@ -23,8 +23,7 @@ from radiometry.frame.statistics import CHANNELS
 from radiometry.noise.blocks import Features, FrameRow, extract_features
 from radiometry.noise.findings import check_fits, check_headers
 from radiometry.noise.fit import fit_channel
-from radiometry.noise.points import collect_stacks, describe_points
-from radiometry.noise.points import list_missing as missing
+from radiometry.noise.points import collect_stacks, describe_points, missing
 from radiometry.noise.results import TRANSFER_EQUATION, ChannelFit, Fit, LevelResult, Point
 from radiometry.noise.rows import Params
 from radiometry.noise.suggestions import plan

@@ -24,23 +24,8 @@ def collect_stacks(rows: Sequence[FrameRow], params: Params) -> dict[tuple[float
     return group_by_channel(make_stacks([row for row in rows if row.frame not in excluded]))
 
 
-def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what keeps a fit from starting.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of the frames of which nothing is known yet.
-
-    Returns
-    -------
-    tuple of str
-        Empty if the fit can start.
-    """
+def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     here = [row for row in rows if row.frame not in excluded]
     waiting = [row.frame for row in here if row.features is None]

@@ -16,16 +16,6 @@ from radiometry.noise.stacks import Stack
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
     """Return the verdict on each frame of a campaign.
 
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        All frames of the campaign; for one without a region the region is the whole
-        frame.
-    rows : sequence of FrameRow
-        Those of the frames that a fit would use.
-    params : Params
-        Parameters of the fit.
-
     Returns
     -------
     dict of str to Verdict

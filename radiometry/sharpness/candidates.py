@@ -139,23 +139,8 @@ def collect_candidates(rows: Sequence[FrameRow], params: Params) -> tuple[Candid
     return tuple(sorted(found, key=lambda each: (each.key, each.frame)))
 
 
-def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what keeps a fit from starting.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of the frames of which nothing is known yet.
-
-    Returns
-    -------
-    tuple of str
-        Empty if the fit can start.
-    """
+def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     wanted = [row for row in rows if row.role == "chart" and row.frame not in excluded]
     found = []

@@ -21,8 +21,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import CoefficientValue, Extracted, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
-from radiometry.sharpness.candidates import BLOOMING, Candidate, collect_candidates
-from radiometry.sharpness.candidates import list_missing as missing
+from radiometry.sharpness.candidates import BLOOMING, Candidate, collect_candidates, missing
 from radiometry.sharpness.colour import LATERAL_COLOUR, measure_colours
 from radiometry.sharpness.extraction import extract_features
 from radiometry.sharpness.falloff import compare_positions

@@ -20,16 +20,6 @@ _BLURRED_ERRORS = 3.0
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
     """Return the verdict on each frame of a campaign.
 
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        All frames of the campaign; for one without a region the region is the whole
-        frame.
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-
     Notes
     -----
     Reasons, each of them a warning: `chart_unusable` if some channel of some region has no response;

@@ -29,8 +29,13 @@ from radiometry.vignetting.findings import check_fits, check_frames, find_thresh
 from radiometry.vignetting.fit import FittedChannel, find_best, fit_channel
 from radiometry.vignetting.lens import Lens, LensShare, average_over_polygon
 from radiometry.vignetting.lensfun import LensfunNames, export_lensfun
-from radiometry.vignetting.points import Candidate, collect_candidates, describe_points, require_one_lens
-from radiometry.vignetting.points import list_missing as missing
+from radiometry.vignetting.points import (
+    Candidate,
+    collect_candidates,
+    describe_points,
+    missing,
+    require_one_lens,
+)
 from radiometry.vignetting.residuals import read_residuals
 from radiometry.vignetting.results import (
     EQUATION,

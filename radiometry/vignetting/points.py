@@ -46,23 +46,8 @@ class Candidate:
         return tuple(leave_out(each, self.quality.spots_mask) for each in self.light.channels)
 
 
-def list_missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
-    """List, by name, what keeps a fit from starting.
-
-    Parameters
-    ----------
-    rows : sequence of FrameRow
-        Evidence of the campaign's frames.
-    params : Params
-        Parameters of the fit.
-    unread : sequence of str, default: ()
-        Names of the frames of which nothing is known yet.
-
-    Returns
-    -------
-    tuple of str
-        Empty if the fit can start.
-    """
+def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
+    """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
     flats = [row for row in rows if row.role == FLAT and row.frame not in excluded]
     waiting = [row.frame for row in rows if row.features is None and row.frame not in excluded]

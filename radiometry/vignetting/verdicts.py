@@ -21,18 +21,7 @@ _FAILURES = {
 
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
-    """Return the verdict on each frame of a campaign.
-
-    Parameters
-    ----------
-    frames : sequence of ReviewedFrame
-        All frames of the campaign; for one without a region the region is the whole
-        frame.
-    rows : sequence of FrameRow
-        Those of the frames that a fit would use.
-    params : Params
-        Parameters of the fit.
-    """
+    """Return the verdict on each frame of a campaign."""
     reasons = inspect_frames([assume_whole_frame(frame) for frame in frames])
     for candidate in collect_candidates(rows, params):
         if candidate.quality is not None:

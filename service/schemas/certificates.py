@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from radiometry.fitting import evidence
 from radiometry.specification.application import FoundBy
 from radiometry.specification.method import Scope
 from service.schemas.base import Answer, Instant, Method
@@ -140,13 +141,9 @@ class CertifiedCoefficient(Answer):
     flags: list[str]
 
 
-class Budget(Answer):
+class Budget(Answer, restates=evidence.CoefficientValue, fields="iso f_number band channel"):
     """Budget of the coefficient at an ISO value or f-number, of a band or channel."""
 
-    iso: float | None = None
-    f_number: float | None = None
-    band: str | None = None
-    channel: str | None = None
     lines: list[dict[str, Any]]
 
 

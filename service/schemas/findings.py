@@ -4,19 +4,17 @@ from dataclasses import asdict
 
 from pydantic import Field
 
-from radiometry.findings import Place, Severity
+from radiometry.findings import Finding, Place, Severity
 from radiometry.methods.findings import FINDINGS
 from service.schemas.base import Answer
 
 
-class FindingAnswer(Answer):
+class FindingAnswer(Answer, restates=Finding):
     """A finding that can occur in a frame, a fit or a measurement."""
 
     code: str = Field(description="Stable: the `flag`, the `code` of a reason, or the `code` of a refusal.")
     severity: Severity = Field(description='The gravest that an occurrence can have; "error": no result.')
     where: list[Place] = Field(description="Where it can occur.")
-    sentence: str
-    remedy: str
     status: int | None = Field(default=None, description="HTTP status where a request is refused.")
     retryable: bool = Field(description="True if the same request may succeed later.")
 

@@ -1,46 +1,37 @@
 """The methods as clients see them, and the schemas of what their versions hold."""
 
 from dataclasses import asdict, fields
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field, TypeAdapter
 
 from radiometry.methods import METHODS
 from radiometry.specification.application import PictureApplication
 from radiometry.specification.grid import Grid
-from radiometry.specification.method import MethodSpec, Reference, ToleranceUnit
-from radiometry.specification.parameters import Kind, Parameter
+from radiometry.specification.method import CoefficientKind, MethodSpec
+from radiometry.specification.parameters import Choice, Kind, Parameter
+from radiometry.specification.roles import Role
 from service.schemas.base import Answer, FrameRole, Method
 from store.codec import drop_absent
 
 Node = dict[str, Any]
 
 
-class ChoiceAnswer(Answer):
+class ChoiceAnswer(Answer, restates=Choice):
     """One of the values that a parameter may have."""
 
-    value: str | int
-    label: str
 
-
-class ParameterAnswer(Answer):
+class ParameterAnswer(Answer, restates=Parameter, without="kind suggest"):
     """One parameter of a fit."""
 
     name: str = Field(description="Its name in the request of a fit.")
     field: str = Field(description="Its name in the `parameters` of a version.")
     type: Kind
-    label: str
-    description: str
     unit: str = Field(description="1 for a fraction.")
-    minimum: float | None = None
-    maximum: float | None = None
     above_minimum: bool = Field(description="Whether the value must lie above the minimum, not at it.")
-    below_maximum: bool
-    choices: list[ChoiceAnswer]
     default: Any = Field(default=None, description="Left out where there is none; see default_text.")
     default_text: str = Field(description="What the fit does without it, if it has no default.")
     example: Any = Field(default=None, description="A value that could be given, where there is no default.")
-    given_by: Literal["request", "campaign"]
     none_allowed: bool = Field(description='Whether "none" switches it off.')
     version_of: str = Field(description="Of a version: the method that it is a version of.")
     suggestions: list[str] = Field(description="Of a text: names that it may have.")
@@ -54,21 +45,16 @@ class ParameterAnswer(Answer):
         )
 
 
-class RoleAnswer(Answer):
+class RoleAnswer(Answer, restates=Role):
     """A role that frames of a campaign may have."""
 
     name: FrameRole
-    label: str
-    description: str
-    has_scene: bool = Field(description="Whether the frame belongs to a scene, one light level.")
     used_in_fit: bool
 
 
-class CoefficientKindAnswer(Answer):
+class CoefficientKindAnswer(Answer, restates=CoefficientKind, without="effect"):
     """A coefficient that the method reports."""
 
-    name: str
-    label: str
     units: list[str] = Field(description="Several if the unit depends on the camera or on a parameter.")
 
 
@@ -76,26 +62,19 @@ class GridAnswer(Answer, restates=Grid):
     """Axes of the grid in which a campaign's frames are shown."""
 
 
-class MethodAnswer(Answer):
+class MethodAnswer(
+    Answer,
+    restates=MethodSpec,
+    fields="label description reference has_checklist whole_frame finds_region several_regions "
+    "tolerance_unit",
+):
     """A calibration method."""
 
     name: Method
-    label: str
-    description: str
     roles: list[RoleAnswer] = Field(description="The first is the role of a frame for which none is given.")
-    reference: Reference | None = Field(
-        default=None, description="What a campaign is measured against: readings of a meter, or a panel."
-    )
     needs_target: bool = Field(description="Whether the campaign describes what is photographed.")
     target_example: dict[str, Any] | None = None
     target_fields: list[str] = Field(description="Names of the fields of the campaign's target.")
-    has_checklist: bool = Field(description="Whether the procedure has a checklist to tick and sign.")
-    whole_frame: bool = Field(description="Whether the whole frame is used where no region is drawn.")
-    finds_region: bool = Field(description="Whether the region is looked for where none is drawn.")
-    several_regions: bool = Field(description="Whether a frame usually has several named regions.")
-    tolerance_unit: ToleranceUnit = Field(
-        description="Unit of one tolerance for all coefficients; % is sent as a fraction."
-    )
     measured_quantity: str | None = Field(
         default=None, description="What a version measures in a region of a later frame."
     )
@@ -111,26 +90,17 @@ class MethodAnswer(Answer):
     def of(cls, spec: MethodSpec) -> "MethodAnswer":
         roles = [(role, True) for role in spec.roles] + [(role, False) for role in spec.applied_roles]
         measured = None if isinstance(spec.application, PictureApplication) else spec.application
-        return cls(
-            name=spec.name,
-            label=spec.label,
-            description=spec.description,
+        return cls.restate(
+            spec,
             roles=[RoleAnswer(**asdict(role), used_in_fit=used) for role, used in roles],
-            reference=spec.reference,
             needs_target=spec.target is not None,
             target_example=dict(spec.target_example) if spec.target_example else None,
             target_fields=[each.name for each in fields(spec.target)] if spec.target else [],
-            has_checklist=spec.has_checklist,
-            whole_frame=spec.whole_frame,
-            finds_region=spec.finds_region,
-            several_regions=spec.several_regions,
-            tolerance_unit=spec.tolerance_unit,
             measured_quantity=measured.quantity if measured else None,
             measurement_options=list(spec.measurement_options) if measured else [],
             conditions=[ParameterAnswer.of(each) for each in spec.conditions],
             grid=GridAnswer.restate(spec.grid),
             parameters=[ParameterAnswer.of(each) for each in spec.parameters],
-            coefficients=[CoefficientKindAnswer.model_validate(each) for each in spec.coefficients],
         )
 
 
