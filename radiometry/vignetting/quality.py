@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radiometry.findings import Raised
+from radiometry.findings import Finding, Raised, shared
 from radiometry.vignetting import codes
 from radiometry.vignetting.grid import Plane
 from radiometry.vignetting.least_squares import solve_falloff
@@ -48,8 +48,8 @@ class Quality:
     ----------
     left_out : str
         "" for one that can be used, else what to do.
-    problem : str
-        "", "clipped", "too_dark", "uneven", "dust" or "small".
+    problem : Finding or None
+        Why it was left out: None if it was not.
     saturated_share : float
         Fraction of clipped pixels of the most clipped channel.
     signal_share : float
@@ -70,7 +70,7 @@ class Quality:
     """
 
     left_out: str
-    problem: str
+    problem: Finding | None
     saturated_share: float
     signal_share: float
     strongest: str
@@ -114,41 +114,41 @@ def inspect_flat(light: FlatLight) -> Quality:
     )
 
 
-def _refuse_exposure(clipped: ChannelLight, weakest: ChannelLight) -> tuple[str, str]:
+def _refuse_exposure(clipped: ChannelLight, weakest: ChannelLight) -> tuple[Finding | None, str]:
     if clipped.clipped_share > MOST_CLIPPED_SHARE:
-        return "clipped", (
+        return shared.CLIPPED, (
             f"{clipped.clipped_share:.2%} of channel {clipped.channel} is clipped, more than "
             f"{MOST_CLIPPED_SHARE:.1%}: expose less, so that the brightest part reaches 60 to 80 %"
         )
     if weakest.median_share < LEAST_SIGNAL_SHARE:
-        return "too_dark", (
+        return shared.TOO_DARK, (
             f"the light of channel {weakest.channel} is {weakest.median_share:.1%} of the span from black to "
             f"white, less than {LEAST_SIGNAL_SHARE:.0%}: expose longer or light the target better"
         )
     counted = min(int(np.isfinite(each.blocks.standard_error).sum()) for each in (clipped, weakest))
     if counted < FEWEST_BLOCKS:
-        return "small", (
+        return shared.ROI_UNFIT, (
             f"only {counted} blocks can be used, {FEWEST_BLOCKS} are needed: leave the region out, so that "
             "the whole frame counts"
         )
-    return "", ""
+    return None, ""
 
 
 def _refuse_shape(
     channel: str, solution: Solution, gradient: float | None, spots: NDArray[np.bool_]
-) -> tuple[str, str]:
+) -> tuple[Finding | None, str]:
     if gradient is not None:
-        return "uneven", (
+        return shared.UNEVEN, (
             f"the light of channel {channel} changes by {gradient:.1%} across the frame, brighter "
             f"towards {name_direction(solution.gradient)}, more than {MOST_GRADIENT_REL:.0%}: even "
             "out the light, or use opal glass before the lens"
         )
     if spots.mean() > MOST_SPOTS_SHARE:
-        return "dust", (
+        return codes.DUST, (
             f"{spots.mean():.0%} of its blocks are spots, more than {MOST_SPOTS_SHARE:.0%}: something stands "
             "in the picture, or the target has a pattern"
         )
-    return "", ""
+    return None, ""
 
 
 def measure_gradient(solution: Solution, blocks: Blocks) -> tuple[float, float]:

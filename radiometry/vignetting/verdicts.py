@@ -11,14 +11,6 @@ from radiometry.vignetting.points import collect_candidates
 from radiometry.vignetting.quality import WEAK_SIGNAL_SHARE, Quality, describe_spots
 from radiometry.vignetting.rows import DARK, Params
 
-_FAILURES = {
-    "clipped": shared.CLIPPED,
-    "too_dark": shared.TOO_DARK,
-    "uneven": shared.UNEVEN,
-    "dust": codes.DUST,
-    "small": shared.ROI_UNFIT,
-}
-
 
 def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Params) -> dict[str, Verdict]:
     """Return the verdict on each frame of a campaign."""
@@ -33,9 +25,9 @@ def judge(frames: Sequence[ReviewedFrame], rows: Sequence[FrameRow], params: Par
 
 
 def _inspect_flat(quality: Quality) -> list[Reason]:
-    if quality.left_out:
+    if quality.problem:
         detail = f"{quality.left_out[0].upper()}{quality.left_out[1:]}."
-        return [_FAILURES[quality.problem].reason(detail)]
+        return [quality.problem.reason(detail)]
     found = []
     if quality.is_uneven:
         detail = (
