@@ -72,7 +72,7 @@ findings: $(VENV)/dev  ## write what flags, reasons and errors mean into docs/er
 architecture: $(VENV)/dev  ## draw the rooms and their table in docs/architecture.md from the imports
 	@python docs/architecture.py
 
-pictures: $(VENV)/dev chromium  ## take the pictures of the README anew, from the test that drives the whole procedure
+pictures: $(VENV)/dev chromium  ## take the pictures of the README again, from the test that drives the whole procedure
 	@STILB_ILLUSTRATIONS=docs/pictures pytest -q tests/browser/test_procedure.py
 
 examples: $(VENV)/dev  ## record the examples of the OpenAPI document from the demos
@@ -81,7 +81,7 @@ examples: $(VENV)/dev  ## record the examples of the OpenAPI document from the d
 release: $(VENV)/dev  ## check version, change log, tree and wheel for a release, and build into dist/
 	@python .ci/release.py
 
-lock: $(VENV)/uv  ## resolve the dependencies anew, with hashes
+lock: $(VENV)/uv  ## resolve the dependencies again, with hashes
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra server pyproject.toml -o requirements.lock
 	uv pip compile -q -U --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11 --extra dev -c requirements.lock pyproject.toml -o requirements-dev.lock
 

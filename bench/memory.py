@@ -43,7 +43,7 @@ def _work_and_look(open_way: Callable[[], Opened]) -> Growth:
 
 
 def read_memory_mb(pid: int, name: str) -> float:
-    """`VmRSS`: now; `VmHWM`: at most since it was last asked to start anew."""
+    """`VmRSS`: now; `VmHWM`: at most since it was last reset."""
     status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
     found = re.search(rf"^{name}:\s+(\d+) kB", status, re.MULTILINE)
     return int(found[1]) * 1024 / 1e6 if found else float("nan")

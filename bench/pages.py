@@ -30,7 +30,7 @@ _ANSWERED = """() => new Promise((done) => {
 
 
 def run(scale: Scale, service: Service, worker: Context, folder: Path) -> list[bool]:
-    """Open the page in a new browser profile each round: scripts and styles are loaded and compiled anew."""
+    """Open the page in a new browser profile each round: scripts and styles are loaded and compiled again."""
     say(f"\nopening a campaign of {scale.frames:,} frames in a browser")
     chromium = find_chromium()
     if chromium is None:

@@ -30,7 +30,7 @@ class Service:
     process: subprocess.Popen[str]
 
     def wait_for_end(self) -> None:
-        """Return when the service has ended by itself; nobody asked it to."""
+        """Return when the service has ended without being asked."""
         self.process.wait()
 
 
@@ -56,7 +56,7 @@ def serving(data: Path, *, command: Sequence[str] = COMMAND) -> Iterator[Service
 
 
 def _await_ready(process: subprocess.Popen[str]) -> Service:
-    """Read on until the service says where it is; it gives up by itself when it cannot start."""
+    """Read on until the service says where it is; it gives up when it cannot start."""
     for line in process.stdout or ():
         match line.split():
             case ["ready", url, "key", key]:

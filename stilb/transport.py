@@ -41,7 +41,7 @@ def address(*parts: str) -> str:
 class Call:
     """One request as meant by the caller, however often it has to be sent.
 
-    ``stream`` opens the body anew for each attempt. A POST or PATCH keeps one idempotency key over all
+    ``stream`` opens the body again for each attempt. A POST or PATCH keeps one idempotency key over all
     attempts, by which the service knows a repetition.
     """
 
@@ -106,7 +106,7 @@ class Transport:
         return self._repeat(call, self._once)
 
     def download(self, call: Call, path: Path, *, sha256: str | None = None) -> None:
-        """Write an answer to a file in flat memory; an answer that broke off is begun anew.
+        """Write an answer to a file in flat memory; an answer that broke off is begun again.
 
         Until it is complete it lies beside the file, which keeps what it held: so it does if this fails.
         """

@@ -48,7 +48,7 @@ class Upload:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a ``push`` is. Bytes go back when a lost connection makes a file start anew."""
+    """How far a ``push`` is. Bytes go back when a lost connection makes a file start again."""
 
     filename: str
     files_done: int

@@ -1,6 +1,6 @@
 """Every change of an audited row leaves an entry, written in the same transaction by the session itself.
 
-No route and no task can forget it: it hangs on the flush, not on the caller. The entries of a transaction are
+No route and no task can forget it: the flush writes it, not the caller. The entries of a transaction are
 chained at its end, when it holds every other lock that it needs: the chain's head is always locked last.
 """
 

@@ -1,7 +1,7 @@
 """Is the audit trail whole, and do the rows stand as it says? ``python -m store.audit_check [seq:hash]``.
 
 An entry that was edited, deleted, inserted or moved breaks the chain, a cut-off end does not match the head.
-Whoever can rewrite the database can compute every hash anew: only a head that was noted elsewhere tells that.
+Whoever can rewrite the database can recompute every hash: only a head that was noted elsewhere tells that.
 """
 
 import argparse

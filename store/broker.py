@@ -50,7 +50,7 @@ def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -
 
 
 class Hints:
-    """Sends hints, and never fails: what is not hinted is found when a worker looks by itself.
+    """Sends hints, and never fails: what is not hinted is found when a worker looks without one.
 
     After a failure it stays silent for two seconds: a broker that is down or hangs delays one request by a
     second, not each. Where MOST_HINTS wait already, none is added: whoever takes them finds every job.

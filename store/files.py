@@ -144,7 +144,7 @@ def describe_damage(damage: BlobDamaged) -> str:
     """Return the sentence for whoever asked for the file."""
     return (
         f"The stored file {damage.sha256} is {damage.damage}: the service's disk lost what was uploaded, and "
-        "nothing of it is handed out. Upload the same file again: what waits for it then goes on by itself."
+        "nothing of it is handed out. Upload the same file again: jobs that wait for it then go on."
     )
 
 

@@ -52,7 +52,7 @@ class CoefficientChange:
 class Impact:
     """A version against the one in force.
 
-    ``meter_calibration`` : whether the error of what both hang on, meters or panel, is the same in both
+    ``meter_calibration`` : whether the error of what both depend on, meters or panel, is the same in both
     ``flags_gained``, ``flags_lost`` : (flag, where)
     """
 

@@ -27,7 +27,7 @@ FINAL_STATES = ("succeeded", "failed", "quarantined")
 GIVEN_UP = ("failed", "quarantined")
 
 _CLAIM_ATTEMPTS = 8
-"""How often a claim chooses anew where other workers took what it had just seen."""
+"""How often a claim chooses again where other workers took what it had just seen."""
 
 
 class Dependency(StrEnum):
@@ -232,7 +232,7 @@ def retry_later(session: Session, held: Claim, *, waits_for: Dependency) -> None
         detail = f"{waits_for.label} did not serve for a day. Nothing is lost: try the job again later."
         fail(session, held, error | {"detail": detail})
         return
-    detail = f"{waits_for.label} did not serve. The job is tried again by itself, for a day at most."
+    detail = f"{waits_for.label} did not serve. The job is retried automatically, for a day at most."
     pause = min(max((now - since) / 2, SHORTEST_PAUSE), LONGEST_PAUSE) * random.uniform(0.5, 1.0)  # noqa: S311
     _held(
         session,

@@ -120,7 +120,7 @@ class Presence:
                 "started_at": self._started_at,
             }
             session.execute(insert(PartRow).values(me | values))
-        # Those that ended without a word; one that still runs after all writes its own row anew.
+        # Those that ended without a word; one that still runs after all writes its own row again.
         gone = or_(PartRow.seen_at < now - _FORGET_AFTER, PartRow.seen_at > now + _FORGET_AFTER)
         session.execute(delete(PartRow).where(gone))
 

@@ -38,10 +38,10 @@ def publish(
     valid_to: datetime | None,
     reason: str,
 ) -> Publication:
-    """Put a version in force in [valid_from, valid_to); what held there before gives way.
+    """Put a version in force in [valid_from, valid_to); it replaces what held there before.
 
     An older version keeps what lies outside. The slot's row is locked, so publishers take turns; that no two
-    versions overlap is held by the database besides.
+    versions overlap is held by the database too.
     """
     slot = _lock_slot(session, calibration)
     # under the lock only: whoever held it before may have revoked this version
@@ -72,7 +72,7 @@ def publish(
 
 
 def revoke(session: Session, calibration: Calibration, *, reason: str, by: str) -> None:
-    """End a version for good. Nothing takes its place: the time it held has no version in force."""
+    """End a version permanently. Nothing takes its place: the time it held has no version in force."""
     slot = _lock_slot(session, calibration)
     if session.get(Revocation, calibration.id):
         return

@@ -34,7 +34,7 @@ def touch_band(
 ) -> MeasuredChange:
     """The change of what was measured, or why there is no figure."""
     if "index" in measurement.parameters:
-        return MeasuredChange.untold("An index changes with both of its bands: measure it anew.")
+        return MeasuredChange.untold("An index changes with both of its bands: measure it again.")
     band = str(measurement.result.get("band", ""))
     try:
         change = application.change(

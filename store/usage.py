@@ -1,7 +1,7 @@
 """Usage of each organisation: counted where it grows, so that no upload has to add it all up.
 
 The counts of an organisation lie in one row, which whoever adds to them locks until the commit: two that come
-at once are counted one after the other. Before anybody is refused they are counted anew. Of jobs an upper
+at once are counted one after the other. Before anybody is refused they are counted again. Of jobs an upper
 bound is kept, which a job that ends does not lower: where it reaches the quota, the jobs are counted.
 """
 
@@ -113,14 +113,14 @@ def add_jobs(session: Session, count: int, *, organisation_id: str | None = None
 
 
 def recount_if_old(session: Session, organisation_id: str) -> None:
-    """Count anew what an organisation stores, unless that was just done: before it is refused for it."""
+    """Recount what an organisation stores, unless that was just done: before it is refused for it."""
     row, _ = _lock(session, organisation_id)
     if utc_now() - row.counted_at >= _RECOUNT_AFTER:
         _recount(session, row)
 
 
 def recount_all(session: Session) -> None:
-    """Count anew what every organisation stores, whatever was done to the counts."""
+    """Recount what every organisation stores, whatever was done to the counts."""
     for organisation_id in session.scalars(select(Organisation.id).order_by(Organisation.id)):
         row, counted = _lock(session, organisation_id)
         if not counted:

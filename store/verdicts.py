@@ -64,7 +64,7 @@ def _judge(
 
 
 def judge_alone(session: Session, frame: FrameRow, campaign: Campaign) -> Verdict:
-    """The verdict on a frame that is about to be read: nothing of it can be held against others yet."""
+    """The verdict on a frame that is about to be read: nothing of it can be compared with others yet."""
     roi = current_roi(session, frame, campaign)
     region = Polygon.from_points(roi.points) if roi else None
     return conclude(inspect_frame(_take(FrameColumns.of(frame), campaign, frame.id, region)))

@@ -1,4 +1,4 @@
-"""The verifier: computes a certificate anew from the frames and readings, and says what does not agree."""
+"""The verifier: recomputes a certificate from the frames and readings, and says what does not agree."""
 
 import os
 

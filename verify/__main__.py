@@ -70,7 +70,7 @@ def _report(certificate: Node, rows: list[Row], console: Console) -> int:
 
 
 def _read_arguments(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m verify", description="Compute a certificate anew.")
+    parser = argparse.ArgumentParser(prog="python -m verify", description="Recompute a certificate.")
     parser.add_argument("certificate", help="certificate.json or record.json, or an address on a server")
     parser.add_argument("--data", default="", help="an export's folder, or a server's address")
     parser.add_argument("--key", default=os.environ.get("STILB_KEY", ""), help="for a server; or STILB_KEY")

@@ -70,7 +70,7 @@ def _sweep(settings: Settings, database: Database) -> int:
     while True:
         try:
             if jumped_s := clock.jumped_s():
-                log.warning("the clock has jumped by %+.0f s: every lease begins anew", jumped_s)
+                log.warning("the clock has jumped by %+.0f s: every lease begins again", jumped_s)
             # while the database was away nobody could renew a lease
             sweep_jobs(database, lease_s=settings.lease_s, renew=bool(jumped_s) or was_away)
             was_away = False

@@ -1,4 +1,4 @@
-"""Liveness by work done: a worker that no longer looks for jobs while jobs wait ends, and is started anew.
+"""Liveness by work done: a worker that no longer looks for jobs while jobs wait ends, and is restarted.
 
 What shows that work goes on is noted by the threads that do it; the thread here only looks, and writes it
 down.
@@ -54,7 +54,7 @@ class Watchdog:
                 beaten_s = self._worked_s
             self._presence.beat(worked_s_ago=now_s - self._worked_s)
             if now_s - self._worked_s > self._stall_s and self._somebody_waits():
-                log.error("jobs wait and no thread has looked for one for %g s: starting anew", self._stall_s)
+                log.error("jobs wait and no thread has looked for one for %g s: restarting", self._stall_s)
                 os._exit(STALLED_EXIT)
 
     def _somebody_waits(self) -> bool:

@@ -245,7 +245,7 @@ def _inspect_region(frame: ReviewedFrame, width_px: int, height_px: int) -> list
     try:
         bounding_window(frame.region, height_px=height_px, width_px=width_px)
     except InputRejected as refusal:
-        detail = f"{refusal.message} Draw the region anew, or give this frame one of its own."
+        detail = f"{refusal.message} Redraw the region, or give this frame one of its own."
         return [shared.ROI_UNFIT.reason(detail)]
     if shared.ROI_EMPTY in frame.flags:
         detail = "Its region is too small for what is measured in it. Draw it larger."

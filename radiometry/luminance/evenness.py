@@ -113,7 +113,7 @@ def _uneven(unevenness: float, skew: float) -> Reason:
     text = ", and ".join(said)
     detail = (
         f"{text[0].upper()}{text[1:]}. Look at the preview: does the region still lie on the measured "
-        "surface, without tape, edge or shadow? Draw it anew, give this frame a region of its own, or even "
+        "surface, without tape, edge or shadow? Redraw it, give this frame a region of its own, or even "
         "out the light."
     )
     return shared.UNEVEN.reason(detail, "warn")

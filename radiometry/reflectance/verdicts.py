@@ -27,7 +27,7 @@ def judge(
     Returns
     -------
     dict of str to Verdict
-        Verdict by name of the frame. Reasons besides those of any frame: `clipped`,
+        Verdict by name of the frame. Reasons beyond those of any frame: `clipped`,
         `panel_uneven`, `panel_weak`, `panel_unknown`, `panel_differs` of a panel frame;
         `sunshine_unusable` of any.
     """

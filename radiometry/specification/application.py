@@ -16,7 +16,7 @@ FoundBy = Literal["code", "reflect_area", "other_band"]
 
 
 class FoundRegion(Protocol):
-    """Region or serial number, or both, that a method found in a frame by itself."""
+    """Region or serial number, or both, that a method found in a frame automatically."""
 
     @property
     def region(self) -> Polygon | None:

@@ -161,7 +161,7 @@ def _text(text: str) -> str:
     if not text.isprintable():
         raise InputRejected(
             shared.VIGNETTING_NOT_CALIBRATED,
-            f"{text!r} holds characters that XML cannot: type the name anew.",
+            f"{text!r} holds characters that XML cannot: type the name again.",
         )
     return escape(text)
 

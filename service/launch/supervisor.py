@@ -78,7 +78,7 @@ class _Child:
 
 
 class Supervisor:
-    """Call every method from the main thread: the children's lives hang on the thread that starts them."""
+    """Call every method from the main thread: the children's lives depend on the thread that starts them."""
 
     def __init__(
         self,

@@ -176,7 +176,7 @@ def get_plot_svg(calibration_id: Id, request: Request, caller: Reader, context: 
 def publish_calibration(
     calibration_id: Id, body: NewPublication, caller: Publisher, context: UsesContext, writing: Writes
 ) -> Response:
-    """Put a version in force in [valid_from, valid_to). What was in force there gives way to it.
+    """Put a version in force in [valid_from, valid_to). It replaces what was in force there.
 
     `warnings` name what its certificate lacks of what ISO/IEC 17025 asks for.
     """
@@ -207,7 +207,7 @@ def publish_calibration(
 def revoke_calibration(
     calibration_id: Id, body: NewRevocation, caller: Publisher, writing: Writes
 ) -> Response:
-    """Take a version back for good. It stays readable; nothing takes its place by itself.
+    """Revoke a version permanently. It stays readable; nothing takes its place automatically.
 
     `measurements` are those made with it: they stay, flagged, with what another version would make of each.
     """

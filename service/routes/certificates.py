@@ -25,7 +25,7 @@ router = APIRouter(prefix="/v1/calibrations/{calibration_id}", tags=["certificat
 
 @router.get("/certificate.json", response_model=CertificateAnswer, responses={**UNCHANGED, **problems(404)})
 def get_certificate(calibration_id: Id, request: Request, caller: Reader, context: UsesContext) -> Response:
-    """Everything that a laboratory hands out with a calibration, and what is needed to compute it anew.
+    """Everything that a laboratory hands out with a calibration, and what is needed to recompute it.
 
     Its figures never change; who published or revoked it and what was ticked may: the ETag follows all of it.
     """

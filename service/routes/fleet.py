@@ -74,7 +74,7 @@ def _refuse_other_models(cameras: Sequence[Camera]) -> None:
         raise _wrong(
             "body.camera_ids",
             f"these are cameras of different models ({', '.join(models)}), whose coefficients cannot be "
-            "compared; ask for each model by itself",
+            "compared; ask for each model separately",
         )
 
 

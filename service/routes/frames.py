@@ -355,7 +355,7 @@ def _answer_write(
     *,
     stored: StoredBlob | None = None,
 ) -> FrameAnswer:
-    # nobody else may write meanwhile: the frame is not held against a whole campaign here
+    # nobody else may write meanwhile: the frame is not compared with a whole campaign here
     verdict = judge_alone(session, frame, campaign) if jobs else None
     if stored is not None:
         # the frame is new: nothing else is known of it

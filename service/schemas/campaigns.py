@@ -51,7 +51,7 @@ class CampaignDetails(create_model("Stated", __base__=Form, **make_fields(STATED
         Field(
             description="What is photographed, where the method must know: of geometry the board, of "
             "sharpness the edge or the star. Its fields stand on the method's page. A board may be described "
-            "later. When it is changed, the campaign's frames are read anew.",
+            "later. When it is changed, the campaign's frames are read again.",
             examples=[{"kind": "checkerboard", "columns": 9, "rows": 6, "square_size_mm": 25.0}],
         ),
     ] = None
@@ -88,7 +88,7 @@ class CampaignAnswer(
 
 
 class NamedRegion(Form):
-    """One of several parts that are looked at each by itself: an edge, a star."""
+    """One of several parts that are measured separately: an edge, a star."""
 
     name: Text
     polygon: Annotated[list[Point], Field(min_length=3, max_length=1000)]

@@ -160,7 +160,7 @@ class CheckedItem(Answer):
     text: str
     done_by: str | None = None
     done_at: Instant | None = None
-    evidence: str | None = Field(default=None, description="What of the record ticks it by itself.")
+    evidence: str | None = Field(default=None, description="What of the record ticks it automatically.")
     note: str | None = None
 
 
@@ -190,7 +190,7 @@ class Validity(Answer, restates=VersionStatus, fields="state valid_from valid_to
 
 
 class CertificateAnswer(Answer):
-    """``result``: the fit as stored; frames, readings, regions and parameters give it anew."""
+    """``result``: the fit as stored; frames, readings, regions and parameters reproduce it."""
 
     schema_version: int
     title: str

@@ -98,7 +98,7 @@ class ImpactAnswer(Answer):
     )
     meter_calibration: Literal["common", "separate", "unknown"] | None = Field(
         default=None,
-        description="`common`: both versions hang on the same meter certificates, whose error cancels in the "
+        description="`common`: both versions use the same meter certificates, whose error cancels in the "
         "comparison and is left out of its uncertainty; `separate`: they do not, and it counts in both; "
         "`unknown`: a reading has no certificate, and nothing is left out. Of reflectance the same of the "
         "panel: one panel of one day, another, or one that is not registered.",

@@ -30,7 +30,7 @@ class Campaigns(Connection):
         return Campaign.of(self._transport.json(call))
 
     def change_campaign(self, campaign_id: str, **details: Unpack[CampaignDetails]) -> Campaign:
-        """Correct what is written on a campaign. With another ``target`` its frames are read anew."""
+        """Correct what is written on a campaign. With another ``target`` its frames are read again."""
         call = Call(method="PATCH", path=address("campaigns", campaign_id), json=_written(details))
         return Campaign.of(self._transport.json(call))
 
@@ -88,7 +88,7 @@ class Campaigns(Connection):
     ) -> dict[str, Any]:
         """Set the region of every frame without one of its own.
 
-        Corners [px], ImageJ's macro call, or several by their names, each of which is looked at by itself.
+        Corners [px], ImageJ's macro call, or several by their names, each of which is measured separately.
         """
         body: dict[str, Any] = {"imagej": imagej}
         if polygon is not None:

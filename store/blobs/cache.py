@@ -24,7 +24,7 @@ class Cache:
             yield None
             return
         try:
-            # A lock, unlike a counter, goes away by itself with a killed process.
+            # A lock, unlike a counter, goes away with a killed process.
             fcntl.flock(fd, fcntl.LOCK_SH)
             evicted = os.fstat(fd).st_nlink == 0
             if not evicted:

@@ -128,7 +128,7 @@ class ObjectBlobs:
 
     @contextmanager
     def _copy_doubted(self, path: Path, sha256: str) -> Iterator[None]:
-        """Remove a copy that its reader found damaged: of the bucket it says nothing, and is fetched anew."""
+        """Remove a copy that a reader found damaged: of the bucket it says nothing, and is fetched again."""
         try:
             yield
         except BlobDamaged as damage:
@@ -136,7 +136,7 @@ class ObjectBlobs:
                 raise
             path.unlink(missing_ok=True)
             raise StorageUnavailable(
-                f"the local copy of {sha256} was damaged and is fetched anew"
+                f"the local copy of {sha256} was damaged and is fetched again"
             ) from damage
 
     @contextmanager

@@ -147,7 +147,7 @@ def _refuse_outside(session: Session, campaign: Campaign, roi: Roi) -> None:
 
 
 def renew_extractions(session: Session, campaign: Campaign, *, by: str, own_region: bool = True) -> list[Job]:
-    """Jobs that compute a campaign's frames anew; ``own_region``: also those with a region of their own."""
+    """Jobs that recompute a campaign's frames; ``own_region``: also those with a region of their own."""
     wanted = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.state != "refused")
     wanted = wanted.where(FrameRow.withdrawn_at.is_(None))
     if not own_region:

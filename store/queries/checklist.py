@@ -1,4 +1,4 @@
-"""The procedure's checklist of a campaign: what the record ticks by itself, and what people tick and sign."""
+"""The procedure's checklist of a campaign: what the record ticks, and what people tick and sign."""
 
 from collections import defaultdict
 from collections.abc import Mapping
@@ -114,7 +114,7 @@ def set_tick(
 
 
 def sign(session: Session, campaign: Campaign, *, name: str, by: str) -> None:
-    """Sign the checklist as it stands; a signature anew takes the place of the one before."""
+    """Sign the checklist as it stands; a new signature replaces the one before."""
     signature = read_signature(session, campaign)
     if signature is None:
         session.add(ChecklistSignature(campaign_id=campaign.id, name=name, signed_by=by))

@@ -42,7 +42,7 @@ class Decision:
 def list_publishings(session: Session, slot_ids: Select[int]) -> list[Act]:
     """List what was published in these slots, oldest first.
 
-    When a newer version takes a part of an older one's time, the older one's rest is written anew in the same
+    When a newer version takes a part of an older one's time, its rest is written again in the same
     instant: of a slot's rows of one instant only the last one written is what somebody published.
     """
     rows = session.execute(

@@ -63,7 +63,7 @@ class Totals:
     """How long ago the stored file was last proven that has waited longest for it; 0 without one."""
     stored_bytes: int
     largest_organisation: dict[str, int]
-    """The most that any one organisation uses, to be held against the quotas; not which."""
+    """The most that any one organisation uses, to be compared with the quotas; not which."""
 
 
 def count_queue(session: Session) -> QueueCounts:

@@ -154,7 +154,7 @@ class FrameRow(Audited, Base):
     roi_id: Mapped[str | None] = mapped_column(ForeignKey("roi.id"))
     """Its own region, where the camera has moved; else the campaign's."""
     found: Mapped[Json | None] = mapped_column(default=None)
-    """What was found in it by itself: ``roi_id`` of a panel, and its ``serial`` as its code says."""
+    """Found in it automatically: ``roi_id`` of a panel, and its ``serial`` as its code says."""
     supplied: Mapped[Json] = mapped_column(default=dict)
     """Exposure values typed in with the frame, for what the file does not say."""
     state: Mapped[str] = mapped_column(default="received")

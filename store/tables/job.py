@@ -1,4 +1,4 @@
-"""The truth about work: the row; a message is only a hint that there is one."""
+"""The authority on work: the row; a message is only a hint that there is one."""
 
 from datetime import datetime
 

@@ -1,4 +1,4 @@
-"""Signatures and decisions besides publishing: the procedure's checklist, and recalls by cause."""
+"""Signatures and decisions other than publishing: the procedure's checklist, and recalls by cause."""
 
 from datetime import datetime
 from typing import Any

@@ -48,7 +48,7 @@ def postpone(database, key: str) -> None:
     with database.writing("test") as session:
         job = session.get_one(Job, job_id)
         job.state, job.lost, job.due_at = "queued", 0, utc_now() + timedelta(seconds=60)
-        detail = "The store of the files did not serve. The job is tried again by itself, for a day at most."
+        detail = "The store of the files did not serve. The job is retried automatically, for a day at most."
         job.error = {"code": "temporarily_unavailable", "detail": detail, "retryable": True}
 
 

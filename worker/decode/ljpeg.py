@@ -1,6 +1,6 @@
 """Lossless JPEG (SOF3) as DNG uses it, with the C decoders kept away from hostile headers.
 
-Both decoders of imagecodecs crash on damaged headers, and the quicker one fills what is missing in silence.
+Both decoders of imagecodecs crash on damaged headers, and the quicker one fills what is missing silently.
 So the header is parsed and checked here, the decoder is given a new one with the same meaning, and afterwards
 the samples are counted back into bits: a scan that ended early, or went astray, does not add up. The scan
 must run unbroken up to the end marker. What a damaged scan decodes to when it still adds up cannot be told

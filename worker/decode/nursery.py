@@ -98,7 +98,7 @@ def _poll(line: socket.socket, seconds: float) -> bool:
 
 
 class Nursery:
-    """Thread-safe. Starts the zygote when it is first needed, and anew whenever it has died.
+    """Thread-safe. Starts the zygote when it is first needed, and again whenever it has died.
 
     One cell is ordered ahead: it is forked, shut in and warmed up while the one before it computes.
     """

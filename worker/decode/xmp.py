@@ -2,7 +2,7 @@
 
 The one XML of this house, so no library for it: expat without its one dangerous part, the document type. No
 DOCTYPE means no entity can be declared, so nothing can be expanded or fetched; size, depth and number of
-elements are bounded besides. What cannot be read is no packet, never an error.
+elements are bounded too. What cannot be read is no packet, never an error.
 """
 
 from collections.abc import Mapping

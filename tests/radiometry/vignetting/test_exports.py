@@ -112,7 +112,7 @@ def test_names_that_the_schema_would_refuse():
         dataclasses.replace(NAMES, focal_length_mm=0.0)
     with pytest.raises(ValueError, match="names"):
         dataclasses.replace(NAMES, mount="")
-    with pytest.raises(InputRejected, match="type the name anew"):
+    with pytest.raises(InputRejected, match="type the name again"):
         export(LENS, dataclasses.replace(NAMES, camera_model="A\x00B"))
 
 

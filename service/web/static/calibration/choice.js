@@ -8,7 +8,7 @@ export class Choice extends EventTarget {
   frames = new Map();
   calibration = null;
 
-  /** From now on there is something to fit anew. */
+  /** From now on there is something to refit. */
   offer(calibration) {
     this.calibration = calibration;
     this.draw();

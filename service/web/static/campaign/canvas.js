@@ -230,7 +230,7 @@ function place(circle, x, y, r) {
   circle.setAttribute("r", r);
 }
 
-/** As many children as there are, each drawn anew; those that stay keep their focus. */
+/** As many children as there are, each redrawn; those that stay keep their focus. */
 function keep(group, count, make, draw) {
   while (group.children.length > count) group.lastChild.remove();
   while (group.children.length < count) group.append(make());

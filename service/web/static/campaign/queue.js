@@ -202,7 +202,7 @@ export class UploadQueue extends EventTarget {
         const answer = await post(`${this.path}/frames/known`, { sha256: some.map((item) => item.sha256) });
         known = new Map(answer.known.map((each) => [each.sha256, each]));
       } catch (error) {
-        // without an answer they are sent, and the service finds out by itself
+        // without an answer they are sent, and the service finds out
         if (!error.code) throw error;
       }
       for (const item of some) {

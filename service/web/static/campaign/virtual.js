@@ -6,7 +6,7 @@ const MARGIN = 6;
 
 /**
  * columns: [{head, class?}]; draw(item) gives the cells' contents; keyOf(item) names it; markOf(item) changes when
- * the row must be drawn anew. Answers {element, show(items)}.
+ * the row must be redrawn. Answers {element, show(items)}.
  */
 export function virtualTable({ columns, rowHeight, caption, draw, keyOf, markOf, classOf = () => null }) {
   const above = h("tr", { "aria-hidden": "true" }, h("td", { class: "gap" }));

@@ -92,7 +92,7 @@ function box(row) {
   return h("input", { type: "checkbox", checked: chosen.has(row.id), "data-id": row.id, "aria-label": `Compare ${row.filename}`, onchange: (event) => {
     if (event.target.checked) chosen.set(row.id, row);
     else chosen.delete(row.id);
-    // the first of three gives way
+    // the first of three is replaced
     if (chosen.size > 2) chosen.delete(chosen.keys().next().value);
     for (const each of document.querySelectorAll("input[data-id]")) each.checked = chosen.has(each.dataset.id);
     drawPair();

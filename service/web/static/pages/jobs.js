@@ -23,7 +23,7 @@ const followed = follow(
         all("/v1/jobs?state=failed", { limit: 100, atMost: 100 }),
       ]);
       drawQueue(queue, health);
-      // a table that is drawn anew loses the place of who reads it: only when something changed
+      // a table that is redrawn loses the place of who reads it: only when something changed
       const seen = JSON.stringify([recent.items, lost, broken]);
       if (seen !== known) {
         known = seen;
