@@ -158,11 +158,23 @@ class Server(uvicorn.Server):
         self._watch = watch
         self._grace_s = grace_s
         self._notice_s = notice_s
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._asked_to_stop = asyncio.Event()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:  # noqa: ARG002  uvicorn calls it
         # Uvicorn would keep the signal and die of it in the end; an end in order is none.
         self.force_exit = self.should_exit and sig == signal.SIGINT
         self.should_exit = True
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._asked_to_stop.set)
+
+    async def main_loop(self) -> None:
+        """Turn once a second, for the date of the answers; Uvicorn's own loop turns ten times."""
+        self._loop = asyncio.get_running_loop()
+        while not await self.on_tick(0):
+            with suppress(TimeoutError):
+                async with asyncio.timeout(1.0):
+                    await self._asked_to_stop.wait()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._watch.release()

@@ -35,8 +35,9 @@ def make_celery(broker_url: str, *, answer_within_s: float = _ANSWER_WITHIN_S) -
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
         broker_transport_options={
-            # without these two a message of a killed worker comes back after 90 s
-            "unacked_restore_interval": 1,
+            # these would turn every second; a message that comes back late is no loss
+            "polling_interval": 10,
+            "unacked_restore_interval": 30,
             "unacked_restore_throttle": 1,
             "socket_connect_timeout": 1.0,
             "socket_timeout": answer_within_s,

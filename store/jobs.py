@@ -291,6 +291,12 @@ def sweep(session: Session) -> int:
     return _update(session, expired, state="queued", lost=Job.lost + 1, lease_until=None, due_at=now)
 
 
+def is_any_due(session: Session) -> bool:
+    """Return True if a job could be claimed."""
+    due = select(Job.id).where(Job.state == "queued", _is_due(utc_now())).limit(1)
+    return session.scalar(due) is not None
+
+
 def oldest_wait_s(session: Session, organisation_id: str | None = None) -> float:
     """How long the job that has waited longest has been due [s], of all or of one; 0 when none waits."""
     waiting = select(Job.due_at).where(Job.state == "queued", Job.due_at <= utc_now())

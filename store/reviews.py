@@ -16,7 +16,7 @@ from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
 
-from sqlalchemy import CursorResult, delete, insert, or_, select, update
+from sqlalchemy import ColumnElement, CursorResult, delete, insert, or_, select, update
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
@@ -60,18 +60,19 @@ class Reviews:
         with self._computing[campaign_id], self._database.reading() as own:
             return _find_kept(own, campaign_id, verdicts_of) or self._compute(own, campaign_id)
 
+    def find_stale(self, session: Session) -> str | None:
+        """Return a campaign whose review is stale and computed by no worker."""
+        return session.scalar(select(CampaignReview.campaign_id).where(_is_stale(utc_now())).limit(1))
+
     def renew_next(self) -> bool:
         """Compute one review that is stale and that no other worker computes; whether there was one."""
         now = utc_now()
-        free = or_(CampaignReview.not_before.is_(None), CampaignReview.not_before < now)
-        stale = CampaignReview.kept_revision < CampaignReview.revision
-        wanted = select(CampaignReview.campaign_id).where(stale, free).limit(1)
         with self._database.reading() as session:
-            campaign_id = session.scalar(wanted)
+            campaign_id = self.find_stale(session)
         if campaign_id is None:
             return False
         with self._database.writing("review") as session:
-            mine = (CampaignReview.campaign_id == campaign_id) & stale & free
+            mine = (CampaignReview.campaign_id == campaign_id) & _is_stale(now)
             if not _update(session, mine, not_before=now + _CLAIM):
                 return True
         with self._computing[campaign_id], self._database.reading() as session:
@@ -98,6 +99,11 @@ class Reviews:
             # what was asked for is known, and the next who asks computes it again
             log.warning("the review of %s is not kept: %s", campaign_id, summarise(error))
         return found
+
+
+def _is_stale(now: datetime) -> ColumnElement[bool]:
+    free = or_(CampaignReview.not_before.is_(None), CampaignReview.not_before < now)
+    return (CampaignReview.kept_revision < CampaignReview.revision) & free
 
 
 def _find_kept(session: Session, campaign_id: str, verdicts_of: Collection[str] | None) -> Assessment | None:

@@ -119,7 +119,10 @@ def main() -> int:
     threads.start()
     try:
         build_listener(settings, threads).worker_main(
-            ["worker", "--pool=solo", "--without-gossip", "--without-mingle", "--loglevel=WARNING"]
+            [
+                *("worker", "--pool=solo", "--loglevel=WARNING"),
+                *("--without-gossip", "--without-mingle", "--without-heartbeat"),
+            ]
         )
     finally:
         stop.run()

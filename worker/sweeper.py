@@ -8,6 +8,7 @@ import logging
 import sys
 import time
 
+from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
 
 from store import jobs
@@ -19,8 +20,9 @@ from store.logs import configure_logging
 from store.partials import Partials
 from store.parts import Presence
 from store.pulse import Pulse
-from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
+from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from store.settings import Settings, read_settings
+from store.tables import Job
 from worker.scrub import Scrub
 
 gc.enable()
@@ -33,6 +35,10 @@ _ABANDONED_AFTER_S = 24 * 3600.0
 
 def sweep_jobs(database: Database, *, lease_s: float, renew: bool = False) -> None:
     """Queue the jobs again whose leases have run out; ``renew`` : first renew every lease."""
+    with database.reading() as session:
+        require_own_schema(session)
+        if session.scalar(select(Job.id).where(Job.state.in_(("queued", "running"))).limit(1)) is None:
+            return
     with database.writing("sweeper") as session:
         mend_times(session, lease_s=lease_s, jumped=renew)
         jobs.sweep(session)

@@ -7,8 +7,10 @@ import time
 from collections.abc import Callable, Mapping
 from datetime import datetime
 
-from store.jobs import Claim, Dependency, Turn
-from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
+from sqlalchemy.exc import SQLAlchemyError
+
+from store.jobs import Claim, Dependency, Turn, is_any_due
+from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers, require_own_schema
 from worker.context import Context
 from worker.needs import DATABASE_AWAY
 from worker.runner import claim_next, first_line, run
@@ -114,10 +116,22 @@ class JobThreads:
                 self._away_since = None
             return claim
 
+    def _is_idle(self) -> bool:
+        """Return True if a thread would find nothing; a reading transaction costs a fraction of its claim."""
+        try:
+            with self._context.database.reading() as session:
+                require_own_schema(session)
+                return not (is_any_due(session) or self._context.reviews.find_stale(session))
+        except SQLAlchemyError:
+            return False
+
     def _wake_every(self, seconds: float) -> None:
         pause, away = threading.Event(), self._context.needs.list_away()
         while not pause.wait(seconds):
-            self.wake()
+            if self._is_idle():
+                self._looked()
+            else:
+                self.wake()
             before, away = away, self._context.needs.list_away()
             if away != before:
                 self._noted(away)

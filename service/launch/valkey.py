@@ -47,8 +47,8 @@ def valkey_command(binary: Path, data: Path, sock: Path) -> list[str]:
         "maxmemory-policy": "noeviction",
         "daemonize": "no",
         "loglevel": "notice",
-        # It wakes so often each second when nothing happens; the default is ten times.
-        "hz": "2",
+        # It wakes once a second when nothing happens; the default is ten times.
+        "hz": "1",
         # It would overwrite its own environment, by which a process can be told from others.
         "set-proc-title": "no",
     }
