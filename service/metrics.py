@@ -26,6 +26,8 @@ from store.queries.resource_counts import QueueCounts, Totals, count_queue, coun
 from store.software import read_version
 
 _REQUEST_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
+_TOTALS_TAKE_S = 0.06
+"""Totals that take longer are counted less often, so that they take at most a thousandth of the time."""
 
 
 class Metrics:
@@ -40,16 +42,20 @@ class Metrics:
             buckets=_REQUEST_BOUNDS_S,
         )
         self.totals_every_s = 60.0
-        """Every row of a table is counted once in this time, however often the metrics are asked for."""
-        self._totals: tuple[float, Totals] | None = None
+        """Totals are counted once in this time at most, however often the metrics are asked for."""
+        self._totals: Totals | None = None
+        self._counted_s, self._rests = 0.0, 1.0
         self._counting = Lock()
 
     def render(self, session: Session, *, data: Path) -> bytes:
         queue = count_queue(session)
         with self._counting:
-            if self._totals is None or monotonic() - self._totals[0] >= self.totals_every_s:
-                self._totals = (monotonic(), count_totals(session))
-            totals = self._totals[1]
+            began_s = monotonic()
+            if self._totals is None or began_s >= self._counted_s + self._rests * self.totals_every_s:
+                self._totals = count_totals(session)
+                self._counted_s = monotonic()
+                self._rests = max(1.0, (self._counted_s - began_s) / _TOTALS_TAKE_S)
+            totals = self._totals
         free_bytes = shutil.disk_usage(data).free
         return generate_latest(_Collected([*_collect(queue, totals, free_bytes), *self._collect_requests()]))
 

@@ -2,7 +2,7 @@
 
 from datetime import datetime
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint
+from sqlalchemy import CheckConstraint, ForeignKey, Index, String, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from store.columns import UtcDateTime, new_id, utc_now
@@ -87,6 +87,12 @@ class Publication(Audited, Base):
         CheckConstraint("known_to IS NULL OR known_from <= known_to", "knowledge_ordered"),
         Index("ix_publication_slot_id", "slot_id"),
         Index("ix_publication_calibration_id", "calibration_id"),
+        Index(
+            "ix_publication_in_force",
+            "calibration_id",
+            sqlite_where=text("known_to IS NULL AND superseded_by IS NULL"),
+            postgresql_where=text("known_to IS NULL AND superseded_by IS NULL"),
+        ),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("pub"))

@@ -143,6 +143,13 @@ class FrameRow(Audited, Base):
         Index("ix_frame_sha256", "sha256"),
         Index("ix_frame_campaign_id_id", "campaign_id", "id"),
         Index("ix_frame_campaign_id_state", "campaign_id", "state"),
+        Index(
+            "ix_frame_not_extracted",
+            "state",
+            "refusal_code",
+            sqlite_where=text("state <> 'extracted'"),
+            postgresql_where=text("state <> 'extracted'"),
+        ),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True, default=lambda: new_id("frm"))
