@@ -1,22 +1,24 @@
 """Every change of an audited row leaves an entry, written in the same transaction by the session itself.
 
 No route and no task can forget it: the flush writes it, not the caller. The entries of a transaction are
-chained at its end, when it holds every other lock that it needs: the chain's head is always locked last.
+chained at its end, when it holds every other lock that it needs: a chain's head is always locked last. Each
+organisation has a chain of its own, so that none waits for another's commit.
 """
 
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import Column, Float, insert, inspect, select
+from sqlalchemy import Column, Float, func, insert, inspect, literal, select, text, update
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
-from store.tables.audit import AuditEntry, AuditHead
+from store.tables.audit import AuditChain, AuditEntry, AuditHead
 from store.tables.base import Audited, AuditedTogether, Base
+from store.tables.identity import Organisation
 
 _COVERED = (
     *("seq", "organisation_id", "actor", "action", "subject_type", "subject_id", "before", "after"),
@@ -31,6 +33,8 @@ def record_changes(session: Session, _context: object) -> None:
     entries += [_entry(session, row, "delete") for row in session.deleted if isinstance(row, Audited)]
     entries += _entries_together(session, [row for row in session.new if isinstance(row, AuditedTogether)])
     session.info.setdefault("audit_entries", []).extend(entries)
+    for founded in [row.id for row in session.new if isinstance(row, Organisation)]:
+        _begin_chain(session, founded)
 
 
 def record_act(
@@ -46,12 +50,37 @@ def append_entries(session: Session) -> None:
     entries = session.info.pop("audit_entries", [])
     if not entries:
         return
-    head = session.scalars(select(AuditHead).with_for_update()).one()
-    for entry in entries:
-        head.seq += 1
-        entry |= {"seq": head.seq, "previous_sha256": head.sha256}
-        head.sha256 = entry["sha256"] = digest(entry)
+    mine = AuditChain.name == name_chain(session.info["organisation_id"])
+    sha256 = session.scalars(select(AuditChain.sha256).where(mine).with_for_update()).one()
+    for entry, seq in zip(entries, _draw_numbers(session, len(entries)), strict=True):
+        entry |= {"seq": seq, "previous_sha256": sha256}
+        sha256 = entry["sha256"] = digest(entry)
     session.execute(insert(AuditEntry), entries)
+    session.execute(update(AuditChain).where(mine).values(seq=entries[-1]["seq"], sha256=sha256))
+
+
+def name_chain(organisation_id: str | None) -> str:
+    """Return the name of the chain that an organisation's entries belong to."""
+    return organisation_id or ""
+
+
+def _begin_chain(session: Session, organisation_id: str) -> None:
+    start = select(literal(organisation_id), AuditHead.seq, AuditHead.sha256)
+    session.execute(insert(AuditChain).from_select(["name", "seq", "sha256"], start))
+
+
+def _draw_numbers(session: Session, count: int) -> Sequence[int]:
+    """Return the next numbers, drawn behind the chain's lock: they rise within each chain.
+
+    Two transactions that change the same row come one after the other, and so do their numbers.
+    """
+    if session.get_bind().dialect.name == "sqlite":
+        # its one writer
+        last = session.scalar(select(func.max(AuditEntry.seq)))
+        first = (session.scalars(select(AuditHead.seq)).one() if last is None else last) + 1
+        return range(first, first + count)
+    drawn = text("SELECT nextval('audit_entry_number') FROM generate_series(1, :count)")
+    return session.scalars(drawn, {"count": count}).all()
 
 
 def forget_entries(session: Session) -> None:

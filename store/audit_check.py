@@ -5,23 +5,25 @@ Whoever can rewrite the database can recompute every hash: only a head that was 
 """
 
 import argparse
+import hashlib
+import json
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import func, select, text
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from store.audit import digest
+from store.audit import digest, name_chain
 from store.audit_rows import RowsReport, check_rows
 from store.database import Database
 from store.files import count_damaged
 from store.settings import read_settings
-from store.tables import AuditEntry, AuditHead
+from store.tables import AuditChain, AuditEntry, AuditHead, Organisation
 
 _PAGE = 1000
 _FIRST = "0" * 64
@@ -31,10 +33,11 @@ _COLUMNS = tuple(AuditEntry.__table__.columns)
 
 @dataclass(frozen=True, kw_only=True)
 class Head:
-    """The chain's last link, as it is noted down: ``seq:sha256``."""
+    """The last links of all chains, as they are noted down: ``seq:sha256``, a number and a hash."""
 
     seq: int
     sha256: str
+    entries: int = field(default=0, compare=False)
 
     def __str__(self) -> str:
         return f"{self.seq}:{self.sha256}"
@@ -55,34 +58,104 @@ class _Broken(Exception):  # noqa: N818  it says what was found
 
 
 def check_audit(database: Database, noted: Head | None = None) -> tuple[Head, Fault | None]:
-    """Walk the chain: its last link that holds, and the first fault; ``noted`` is a head of an earlier day.
+    """Walk the chains: the last links that hold, and the first fault; ``noted`` is a head of an earlier day.
 
     It reads one snapshot: entries that are appended meanwhile neither disturb nor count.
     """
-    last = Head(seq=0, sha256=_FIRST)
+    settled = _find_settled(database)
     with database.reading(snapshot=True) as session:
+        trail = _Trail(session.scalars(select(AuditHead)).one_or_none())
+        head = None
         try:
-            _compare(last, noted)
             for entry in _walk(session):
-                last = _follow(last, entry)
-                _compare(last, noted)
-            _end(session, last, noted)
+                if noted is not None and trail.last <= noted.seq < entry["seq"]:
+                    _compare(trail.head, noted)
+                if trail.last <= settled < entry["seq"]:
+                    head = trail.head
+                trail.follow(entry)
+            trail.end(session)
+            if noted is not None and noted.seq >= trail.last:
+                _compare(trail.head, noted)
         except _Broken as broken:
-            return last, broken.fault
-    return last, None
+            return trail.head, broken.fault
+        return head or trail.head, None
+
+
+def _find_settled(database: Database) -> int:
+    """Return the number up to which all entries are there: numbers are drawn before the commit.
+
+    Whoever appends is waited for, and nobody begins meanwhile; that is over before the chains are walked.
+    """
+    with database.reading(snapshot=True) as session:
+        if not database.is_sqlite:
+            session.execute(text("LOCK TABLE audit_chain IN EXCLUSIVE MODE"))
+        return session.scalar(select(func.max(AuditEntry.seq))) or 0
+
+
+class _Trail:
+    """How far the walk has come: in the common chain, and in that of each organisation."""
+
+    def __init__(self, closed: AuditHead | None) -> None:
+        if closed is None:
+            self._closed = Head(seq=0, sha256=_FIRST)
+        else:
+            self._closed = Head(seq=closed.seq, sha256=closed.sha256)
+        self._has_head = closed is not None
+        self._common = Head(seq=0, sha256=_FIRST)
+        self._chains: dict[str, Head] = {}
+        self._entries = self.last = 0
+
+    @property
+    def head(self) -> Head:
+        """Return one hash of all last links; while there is only the common chain, its own."""
+        sha256 = self._common.sha256
+        if self._chains:
+            links = [[name, each.seq, each.sha256] for name, each in sorted(self._chains.items())]
+            sha256 = hashlib.sha256(json.dumps([sha256, *links]).encode()).hexdigest()
+        return Head(seq=self.last, sha256=sha256, entries=self._entries)
+
+    def follow(self, entry: Mapping[str, Any]) -> None:
+        """Go on to the next entry, or raise what is wrong with it."""
+        seq = entry["seq"]
+        if seq <= self._closed.seq:
+            if seq != self._common.seq + 1:
+                missing = _name(self._common.seq + 1, seq - 1)
+                raise _Broken(self._common.seq + 1, f"{missing} missing: deleted, or moved elsewhere")
+            self._common = _follow(self._common, entry)
+        else:
+            self._end_common()
+            name = name_chain(entry["organisation_id"])
+            self._chains[name] = _follow(self._chains.get(name, self._closed), entry)
+        self.last, self._entries = seq, self._entries + 1
+
+    def end(self, session: Session) -> None:
+        """Compare the ends with the chains' own rows; every organisation must have one."""
+        self._end_common()
+        names = {"", *session.scalars(select(Organisation.id)), *self._chains}
+        rows = {row.name: row for row in session.scalars(select(AuditChain))}
+        for name in sorted(names | rows.keys()):
+            last = self._chains.get(name, self._closed)
+            _compare_end(last, rows.get(name), f" of {name}" if name else "")
+
+    def _end_common(self) -> None:
+        last = self._common
+        if not self._has_head:
+            raise _Broken(
+                last.seq + 1, "the head's row is missing: whether entries are missing cannot be told"
+            )
+        _compare_end(last, self._closed, "")
 
 
 def _follow(last: Head, entry: Mapping[str, Any]) -> Head:
     seq = entry["seq"]
-    if seq != last.seq + 1:
-        raise _Broken(last.seq + 1, f"{_name(last.seq + 1, seq - 1)} missing: deleted, or moved elsewhere")
+    if digest(entry) != entry["sha256"]:
+        raise _Broken(seq, f"entry {seq} does not have its hash: its content was edited, or it was moved")
     if entry["previous_sha256"] != last.sha256:
         raise _Broken(
             seq,
-            f"entry {seq} does not continue entry {last.seq}: one of them was rewritten, inserted or moved",
+            f"entry {seq} does not continue entry {last.seq}: one of them was rewritten, inserted or moved, "
+            "or one between them was deleted",
         )
-    if digest(entry) != entry["sha256"]:
-        raise _Broken(seq, f"entry {seq} does not have its hash: its content was edited, or it was moved")
     return Head(seq=seq, sha256=entry["sha256"])
 
 
@@ -90,28 +163,36 @@ def _name(first: int, last: int) -> str:
     return f"entry {first} is" if first == last else f"entries {first} to {last} are"
 
 
-def _compare(last: Head, noted: Head | None) -> None:
-    if noted is not None and noted.seq == last.seq and noted.sha256 != last.sha256:
+def _compare(last: Head, noted: Head) -> None:
+    if noted.seq > last.seq:
+        raise _Broken(
+            last.seq + 1, f"the trail ends at entry {last.seq}, the noted head was entry {noted.seq}: cut off"
+        )
+    if noted != last:
         raise _Broken(
             noted.seq,
             f"entry {noted.seq} has another hash than the noted head: the trail up to it was rewritten",
         )
 
 
-def _end(session: Session, last: Head, noted: Head | None) -> None:
-    """Compare the end with the head's own row and with the noted head."""
-    head = session.scalars(select(AuditHead)).one_or_none()
+def _compare_end(last: Head, head: Head | AuditChain | None, whose: str) -> None:
+    """Compare the end of a chain with what its head says."""
     if head is None:
-        raise _Broken(last.seq + 1, "the head's row is missing: whether entries are missing cannot be told")
-    if head.seq > last.seq:
-        raise _Broken(last.seq + 1, f"{_name(last.seq + 1, head.seq)} missing: deleted at the end")
-    if head.seq < last.seq:
-        raise _Broken(head.seq + 1, f"entry {head.seq + 1} lies beyond the head: inserted at the end")
-    if head.sha256 != last.sha256:
-        raise _Broken(last.seq, f"entry {last.seq} does not match the head: one of the two was rewritten")
-    if noted is not None and noted.seq > last.seq:
         raise _Broken(
-            last.seq + 1, f"the trail ends at entry {last.seq}, the noted head was entry {noted.seq}: cut off"
+            last.seq + 1, f"the head's row{whose} is missing: whether entries are missing cannot be told"
+        )
+    if head.seq > last.seq:
+        missing = (
+            f"entries{whose} from {last.seq + 1} to {head.seq} are"
+            if whose
+            else _name(last.seq + 1, head.seq)
+        )
+        raise _Broken(last.seq + 1, f"{missing} missing: deleted at the end")
+    if head.seq < last.seq:
+        raise _Broken(last.seq, f"entry {last.seq}{whose} lies beyond the head: inserted at the end")
+    if head.sha256 != last.sha256:
+        raise _Broken(
+            last.seq, f"entry {last.seq}{whose} does not match the head: one of the two was rewritten"
         )
 
 
@@ -164,7 +245,7 @@ def main(arguments: list[str] | None = None) -> int:
         _fail(f"stored files that are {damage}: {count}; the same upload heals each")
     if damaged:
         return 1
-    print(f"the audit trail is whole: {last.seq} entries")  # noqa: T201
+    print(f"the audit trail is whole: {last.entries} entries")  # noqa: T201
     print(f"the rows are as it left them: {rows.compared} compared")  # noqa: T201
     if rows.unrecorded:
         print(f"not covered: {rows.unrecorded} of them, or a part of each, are older than their record")  # noqa: T201

@@ -1,6 +1,6 @@
 """Every table, under its name."""
 
-from store.tables.audit import AuditEntry, AuditHead
+from store.tables.audit import AuditChain, AuditEntry, AuditHead
 from store.tables.base import Audited, Base
 from store.tables.calibration import Calibration, CoefficientRow, Publication, Revocation, Slot
 from store.tables.campaign import Blob, Campaign, ChannelRow, Extraction, FrameRow, Reading, Roi
@@ -15,6 +15,7 @@ from store.tables.review import ChecklistSignature, ChecklistTick, Recall
 
 __all__ = [
     "ApiKey",
+    "AuditChain",
     "AuditEntry",
     "AuditHead",
     "Audited",

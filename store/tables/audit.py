@@ -15,7 +15,7 @@ class AuditEntry(Base):
     Attributes
     ----------
     seq : int
-        Counts over all organisations: what lies between belongs to another one.
+        Rises over all organisations: what lies between belongs to another one, or to nobody.
     actor : str
         A key's id, or the process that acted automatically: worker, sweeper, service.
     """
@@ -40,8 +40,22 @@ class AuditEntry(Base):
     """Over everything above: a chain that breaks where an entry is edited, deleted, inserted or moved."""
 
 
+class AuditChain(Base):
+    """The last link of an organisation's chain, which does not match a cut-off end; whoever appends locks it.
+
+    Every organisation has one from its foundation on, and the name "" is of what belongs to none. The first
+    entry of each continues the common chain of an older stilb, which ends in `AuditHead`.
+    """
+
+    __tablename__ = "audit_chain"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    seq: Mapped[int] = mapped_column(BigInteger)
+    sha256: Mapped[str] = mapped_column(String(64))
+
+
 class AuditHead(Base):
-    """The chain's last link, in one row: whoever appends locks it, and a cut-off end does not match it."""
+    """The last link of the chain that all organisations had in common, in one row; it grows no more."""
 
     __tablename__ = "audit_head"
     __table_args__ = (CheckConstraint("id = 1", "one_row"),)

@@ -316,7 +316,7 @@ def _lock_tables(connection: psycopg.Connection) -> None:
     """Lock what every write needs: one table after the other, so a deadlock may choose this as its victim."""
     for _ in range(10):
         try:
-            connection.execute("LOCK TABLE job, frame, audit_head IN ACCESS EXCLUSIVE MODE")
+            connection.execute("LOCK TABLE job, frame, audit_chain IN ACCESS EXCLUSIVE MODE")
         except psycopg.errors.DeadlockDetected:
             connection.rollback()
         else:

@@ -3,12 +3,14 @@
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from sqlalchemy import text
+from alembic import command
+from sqlalchemy import select, text
 
 from store import audit_check
 from store.audit import digest
 from store.audit_check import Head, check_audit, main
-from store.tables import AuditEntry, AuditHead, Organisation
+from store.migrate import alembic_config, migrate
+from store.tables import AuditChain, AuditEntry, Organisation
 
 
 @pytest.fixture
@@ -54,14 +56,15 @@ def rehash(database, first):
                 row["sha256"] = digest(row)
                 connection.execute(columns.update().where(columns.c.seq == row["seq"]).values(**row))
             previous = row["sha256"]
-        connection.execute(AuditHead.__table__.update().values(sha256=previous))
+        chain = AuditChain.__table__
+        connection.execute(chain.update().where(chain.c.name == "").values(sha256=previous))
 
 
 def test_an_untouched_trail_is_whole(trail):
     head, fault = check_audit(trail)
     assert (head.seq, fault) == (6, None)
     with trail.reading() as session:
-        assert session.get_one(AuditHead, 1).sha256 == head.sha256
+        assert session.get_one(AuditChain, "").seq == head.seq == head.entries
 
 
 def test_an_empty_trail_is_whole(database):
@@ -89,15 +92,14 @@ def test_an_edited_entry_is_named(trail, seq, change):
     )
 
 
-@pytest.mark.parametrize("seq", [1, 2, 3, 5])
-def test_a_deleted_entry_is_named(trail, seq):
-    tamper(trail, f"DELETE FROM audit_entry WHERE seq = {seq}")
-    assert fault_of(trail) == (seq, f"entry {seq} is missing: deleted, or moved elsewhere")
-
-
-def test_several_deleted_entries_are_named(trail):
-    tamper(trail, "DELETE FROM audit_entry WHERE seq IN (2, 3, 4)")
-    assert fault_of(trail) == (2, "entries 2 to 4 are missing: deleted, or moved elsewhere")
+@pytest.mark.parametrize("first", [1, 2, 3, 5])
+def test_deleted_entries_are_named(trail, first):
+    tamper(trail, f"DELETE FROM audit_entry WHERE seq BETWEEN {first} AND 4 OR seq = {first}")
+    after = max(first, 4) + 1
+    seq, what = fault_of(trail)
+    assert seq == after
+    assert f"entry {after} does not continue entry {first - 1}" in what
+    assert "deleted" in what
 
 
 @pytest.mark.parametrize("first", [1, 5, 6])
@@ -114,7 +116,8 @@ def test_a_deleted_end_with_the_head_set_back_is_seen_by_the_noted_head(trail):
     tamper(
         trail,
         "DELETE FROM audit_entry WHERE seq = 6",
-        "UPDATE audit_head SET seq = 5, sha256 = (SELECT sha256 FROM audit_entry WHERE seq = 5)",
+        "UPDATE audit_chain SET (seq, sha256) = (SELECT seq, sha256 FROM audit_entry WHERE seq = 5) "
+        "WHERE name = ''",
     )
     assert fault_of(trail) is None
     assert fault_of(trail, noted) == (6, "the trail ends at entry 5, the noted head was entry 6: cut off")
@@ -128,7 +131,7 @@ def test_a_deleted_entry_whose_gap_was_closed_is_named(trail):
     )
     seq, what = fault_of(trail)
     assert seq == 3
-    assert "does not continue entry 2" in what
+    assert "it was moved" in what
 
 
 def test_an_inserted_entry_is_named(trail):
@@ -137,10 +140,10 @@ def test_an_inserted_entry_is_named(trail):
         "INSERT INTO audit_entry SELECT 4, organisation_id, at, actor, action, subject_type, subject_id, "
         "before, after, previous_sha256, sha256 FROM audit_entry WHERE seq = 3"
     )
-    tamper(trail, *shift, copy, "UPDATE audit_head SET seq = 7")
+    tamper(trail, *shift, copy, "UPDATE audit_chain SET seq = 7 WHERE name = ''")
     seq, what = fault_of(trail)
     assert seq == 4
-    assert "does not continue entry 3" in what
+    assert "it was moved" in what
 
 
 def test_an_entry_inserted_at_the_end_is_named(trail):
@@ -151,7 +154,10 @@ def test_an_entry_inserted_at_the_end_is_named(trail):
     )
     assert fault_of(trail)[0] == 7
     rehash(trail, 7)
-    tamper(trail, "UPDATE audit_head SET sha256 = (SELECT sha256 FROM audit_entry WHERE seq = 6)")
+    tamper(
+        trail,
+        "UPDATE audit_chain SET sha256 = (SELECT sha256 FROM audit_entry WHERE seq = 6) WHERE name = ''",
+    )
     assert fault_of(trail) == (7, "entry 7 lies beyond the head: inserted at the end")
 
 
@@ -162,7 +168,7 @@ def test_two_entries_that_changed_places_are_named(trail):
     )
     seq, what = fault_of(trail)
     assert seq == 3
-    assert "inserted or moved" in what
+    assert "it was moved" in what
 
 
 def test_an_entry_that_was_hashed_anew_breaks_the_next(trail):
@@ -190,10 +196,91 @@ def test_only_a_noted_head_catches_who_hashes_everything_anew(trail):
 
 
 def test_a_head_that_is_missing_or_other_is_named(trail):
-    tamper(trail, "UPDATE audit_head SET sha256 = '" + "1" * 64 + "'")
-    assert "does not match the head" in fault_of(trail)[1]
-    tamper(trail, "DELETE FROM audit_head")
-    assert "head's row is missing" in fault_of(trail)[1]
+    for table in ("audit_chain", "audit_head"):
+        tamper(trail, f"UPDATE {table} SET sha256 = '" + "1" * 64 + "'")
+        assert "does not match the head" in fault_of(trail)[1]
+        tamper(trail, f"DELETE FROM {table}")
+        assert "head's row is missing" in fault_of(trail)[1]
+
+
+@pytest.fixture
+def two(trail):
+    """Two organisations that took turns after the six: entries 7, 9, 11 of one and 8, 10, 12 of the other."""
+    with trail.reading() as session:
+        one, other = session.scalars(select(Organisation.id).order_by(Organisation.id).limit(2))
+    for number in range(3):
+        for organisation_id in (one, other):
+            with trail.writing("test", organisation_id) as session:
+                session.get_one(Organisation, organisation_id).name = f"{organisation_id} {number}"
+    assert fault_of(trail) is None
+    return trail, one, other
+
+
+def rehash_alone(database, seq):
+    columns = AuditEntry.__table__
+    with database.engine.begin() as connection:
+        entry = connection.execute(columns.select().where(columns.c.seq == seq)).mappings().one()
+        connection.execute(columns.update().where(columns.c.seq == seq).values(sha256=digest(entry)))
+
+
+@pytest.mark.parametrize(
+    ("statement", "rehashed", "found_at"),
+    [
+        ("UPDATE audit_entry SET actor = 'x' WHERE seq = 9", None, 9),
+        ("UPDATE audit_entry SET actor = 'x' WHERE seq = 9", 9, 11),
+        ("UPDATE audit_entry SET actor = 'x' WHERE seq = 11", 11, 11),
+        ("UPDATE audit_entry SET organisation_id = :other WHERE seq = 9", 9, 9),
+        ("UPDATE audit_entry SET organisation_id = :other WHERE seq = 11", 11, 11),
+        ("UPDATE audit_entry SET organisation_id = NULL WHERE seq = 7", 7, 7),
+        ("DELETE FROM audit_entry WHERE seq = 9", None, 11),
+        ("DELETE FROM audit_entry WHERE seq = 11", None, 10),
+        ("DELETE FROM audit_entry WHERE organisation_id = :one", None, 1),
+        ("DELETE FROM audit_chain WHERE name = :one", None, 12),
+        ("UPDATE audit_chain SET seq = 9 WHERE name = :one", None, 11),
+        ("UPDATE audit_entry SET seq = 13 WHERE seq = 9", 13, 11),
+    ],
+)
+def test_the_chain_of_each_organisation_tells(two, statement, rehashed, found_at):
+    trail, one, other = two
+    given = {name: value for name, value in (("one", one), ("other", other)) if f":{name}" in statement}
+    with trail.engine.begin() as connection:
+        connection.execute(text(statement), given)
+    if rehashed:
+        rehash_alone(trail, rehashed)
+    seq, what = fault_of(trail)
+    assert seq == found_at, what
+
+
+def test_a_chain_that_vanished_with_its_head_is_missed(two):
+    trail, one, _ = two
+    tamper(
+        trail,
+        f"DELETE FROM audit_entry WHERE organisation_id = '{one}'",
+        f"DELETE FROM audit_chain WHERE name = '{one}'",
+    )
+    assert f"head's row of {one} is missing" in fault_of(trail)[1]
+
+
+def test_a_common_chain_goes_on_in_one_of_each_organisation(trail):
+    config = alembic_config()
+    with trail.engine.connect() as connection, connection.begin():
+        config.attributes["connection"] = connection
+        command.downgrade(config, "0018")
+        last = "(SELECT sha256 FROM audit_entry WHERE seq = 6)"
+        connection.execute(text(f"UPDATE audit_head SET seq = 6, sha256 = {last}"))
+        noted = Head(seq=6, sha256=connection.scalar(text(f"SELECT {last}")))
+    migrate(trail)
+    assert check_audit(trail, noted) == (noted, None)
+    with trail.reading() as session:
+        organisation_id = session.scalars(select(Organisation.id).limit(1)).one()
+    for owner in (organisation_id, None, organisation_id):
+        with trail.writing("test", owner) as session:
+            session.get_one(Organisation, organisation_id).name += "x"
+    head, fault = check_audit(trail, noted)
+    assert (head.seq, head.entries, fault) == (9, 9, None)
+    assert check_audit(trail, head) == (head, None)
+    tamper(trail, "DELETE FROM audit_entry WHERE seq = 3")
+    assert fault_of(trail) == (3, "entry 3 is missing: deleted, or moved elsewhere")
 
 
 def test_content_that_cannot_even_be_read_is_named(trail):
@@ -233,7 +320,7 @@ def test_the_command_says_the_head_and_compares_it(run, trail):
     assert (code, "broken at entry 6" in said) == (1, True)
     tamper(trail, "DELETE FROM audit_entry WHERE seq = 2")
     code, said = run(head)
-    assert (code, "broken at entry 2" in said) == (1, True)
+    assert (code, "broken at entry 3" in said) == (1, True)
 
 
 def test_a_head_that_is_none_is_refused(run):
