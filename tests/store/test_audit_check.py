@@ -265,7 +265,7 @@ def test_a_common_chain_goes_on_in_one_of_each_organisation(trail):
     config = alembic_config()
     with trail.engine.connect() as connection, connection.begin():
         config.attributes["connection"] = connection
-        command.downgrade(config, "0018")
+        command.downgrade(config, "0019")
         last = "(SELECT sha256 FROM audit_entry WHERE seq = 6)"
         connection.execute(text(f"UPDATE audit_head SET seq = 6, sha256 = {last}"))
         noted = Head(seq=6, sha256=connection.scalar(text(f"SELECT {last}")))
