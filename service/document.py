@@ -38,6 +38,8 @@ _EXAMPLES_OF = {
     )
 }
 _PROBLEM = "application/problem+json"
+ALSO_ACCEPTS = "x-also-accepts"
+"""Media types of a request's body beside those of `content`, and as they are stated there."""
 
 Node = dict[str, Any]
 
@@ -52,7 +54,9 @@ def build_document(app: FastAPI) -> Node:
             _summarise(operation)
             _add_body_problems(operation)
             _show_problems(operation)
+            _register_forms(document, operation.get("requestBody", {}))
             _show_examples(document, operation, recorded)
+            _set_tables_apart(operation)
         for name in ("HTTPValidationError", "ValidationError"):
             document["components"]["schemas"].pop(name, None)
         for name, schema in document["components"]["schemas"].items():
@@ -117,6 +121,27 @@ def _show_examples(document: Node, operation: Node, recorded: Node) -> None:
             media["example"] = example
             if "requestBody" in operation and "text/csv" in content:
                 content["text/csv"]["example"] = write_csv(example.get("rows", [example]))
+
+
+def _register_forms(document: Node, node: Any) -> Any:  # noqa: ANN401
+    """Move each form that a body writes out to the components: a generator names a class once."""
+    if isinstance(node, list):
+        return [_register_forms(document, member) for member in node]
+    if not isinstance(node, dict):
+        return node
+    for key, member in node.items():
+        node[key] = _register_forms(document, member)
+    if node.get("type") != "object" or "title" not in node:
+        return node
+    document["components"]["schemas"].setdefault(node["title"], node)
+    return {"$ref": f"#/components/schemas/{node['title']}"}
+
+
+def _set_tables_apart(operation: Node) -> None:
+    """Keep a CSV form of a body in an extension: openapi-python-client drops operations that state one."""
+    body = operation.get("requestBody", {})
+    if "application/json" in body.get("content", {}) and "text/csv" in body["content"]:
+        body[ALSO_ACCEPTS] = {"text/csv": body["content"].pop("text/csv")}
 
 
 def _find_example(document: Node, schema: Node, recorded: Node) -> Any:  # noqa: ANN401

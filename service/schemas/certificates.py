@@ -56,7 +56,7 @@ class UsedMeter(Answer):
     last_day: date | None = None
 
 
-class PanelBand(Answer):
+class UsedPanelBand(Answer):
     band: str
     reflectance: float
     standard_uncertainty: float | None = None
@@ -68,7 +68,7 @@ class UsedPanel(Answer):
 
     serial: str
     measured_on: date
-    bands: list[PanelBand]
+    bands: list[UsedPanelBand]
 
 
 class UsedReading(Answer):

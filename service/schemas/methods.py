@@ -58,7 +58,7 @@ class CoefficientKindAnswer(Answer, restates=CoefficientKind, without="effect"):
     units: list[str] = Field(description="Several if the unit depends on the camera or on a parameter.")
 
 
-class GridAnswer(Answer, restates=Grid):
+class MethodGridAnswer(Answer, restates=Grid):
     """Axes of the grid in which a campaign's frames are shown."""
 
 
@@ -82,7 +82,7 @@ class MethodAnswer(
     conditions: list[ParameterAnswer] = Field(
         description="Of these options the light and surroundings of a measurement."
     )
-    grid: GridAnswer
+    grid: MethodGridAnswer
     parameters: list[ParameterAnswer]
     coefficients: list[CoefficientKindAnswer]
 
@@ -99,7 +99,7 @@ class MethodAnswer(
             measured_quantity=measured.quantity if measured else None,
             measurement_options=list(spec.measurement_options) if measured else [],
             conditions=[ParameterAnswer.of(each) for each in spec.conditions],
-            grid=GridAnswer.restate(spec.grid),
+            grid=MethodGridAnswer.restate(spec.grid),
             parameters=[ParameterAnswer.of(each) for each in spec.parameters],
         )
 

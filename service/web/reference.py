@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from html import escape
 from typing import Any
 
+from service.document import ALSO_ACCEPTS
+
 Node = dict[str, Any]
 
 
@@ -36,7 +38,8 @@ def _operation(method: str, path: str, operation: Node) -> Iterator[str]:
     yield f'<details id="{name}"><summary><code>{method} {escape(path)}</code> '
     yield f"{escape(operation['summary'])}</summary><p>{escape(operation['description'])}</p>"
     yield from _parameters(operation.get("parameters", []))
-    for kind, media in operation.get("requestBody", {}).get("content", {}).items():
+    body = operation.get("requestBody", {})
+    for kind, media in {**body.get("content", {}), **body.get(ALSO_ACCEPTS, {})}.items():
         yield f"<h4>Send {escape(kind)}</h4>{_sample(media)}"
     for status, answer in operation["responses"].items():
         yield f"<h4>{status} {escape(answer['description'])}</h4>"

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -64,7 +65,8 @@ def test_document_states_the_version_of_the_product(document):
 
 def media_of(operation):
     """Every body that is sent or answered: (status or None, content type, media object)."""
-    for kind, media in operation.get("requestBody", {}).get("content", {}).items():
+    body = operation.get("requestBody", {})
+    for kind, media in {**body.get("content", {}), **body.get("x-also-accepts", {})}.items():
         yield None, kind, media
     for status, answer in operation["responses"].items():
         for kind, media in answer.get("content", {}).items():
@@ -92,6 +94,14 @@ def test_every_route_has_an_id_of_its_own_and_a_summary(operations):
     assert all(6 < len(each) < 120 and not each.endswith(".") for each in summaries)
     # a title made of the function's name says nothing new
     assert not [s for s, i in zip(summaries, ids, strict=True) if s.lower() == i.replace("_", " ")]
+
+
+def test_a_client_generator_keeps_every_schema_and_operation(document, operations):
+    """openapi-python-client drops schemas of one title, all that uses them, and operations that take CSV."""
+    titles = Counter(each.get("title") for each in document["components"]["schemas"].values())
+    assert {title for title, count in titles.items() if title and count > 1} == set()
+    kinds = {name: {*operation.get("requestBody", {}).get("content", {})} for name, operation in operations}
+    assert [name for name, each in kinds.items() if JSON in each and len(each) > 1] == []
 
 
 def test_every_json_body_has_an_example_that_validates(document, operations):
