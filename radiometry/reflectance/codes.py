@@ -203,6 +203,13 @@ SUNSHINE_UNUSABLE = reason(
     "Such a frame can only be used with `normalisation: panel_only`.",
 )
 # of a measurement
+LIGHT_CHANGED = flag(
+    "light_changed",
+    "The sunshine sensor shows less than 0.7 or more than 1.4 times the light of the panel's captures: a "
+    "cloud, or another hour. Where the diffuse fraction was assumed for the tilt, the sky may have had any.",
+    "Take the panel in the light of the flight; measure again with a visit in that light.",
+    "measurement",
+)
 OUTSIDE_PANEL_TIMES = flag(
     "outside_panel_times",
     "The frame was not taken between two panel captures, or a time is not known: K of the nearest, or the "

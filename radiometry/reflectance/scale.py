@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from radiometry.findings import Finding, InputRejected, Raised, shared
 from radiometry.frame import FrameHeader
@@ -20,8 +20,7 @@ from radiometry.reflectance.results import Coefficient
 from radiometry.reflectance.sunshine import SINGLE_READING_U_REL, Sunshine
 
 _SAME_SCALE_REL = 0.01
-
-
+_CHANGED = 0.7
 _SAME_ANGLE_DEG = 0.05
 
 
@@ -82,7 +81,7 @@ def find_scale_of_frame(
     Scale
         Factor with its uncertainty. Flags: those of `measure_light`, and
         `panel_only`, `incidence_angle_differs`, `outside_panel_times`, `sensor_model_differs`,
-        `serial_unknown`, `sunshine_serial_unknown`.
+        `serial_unknown`, `sunshine_serial_unknown`, `light_changed`.
 
     Raises
     ------
@@ -117,6 +116,11 @@ def find_scale_of_frame(
             ratio=None if value is None else Gain(value=value, u_rel=u_rel),
         )
         flags += sunshine.flags
+        low, high = coefficient.i_ss_range or (sunshine.i_ss, sunshine.i_ss)
+        if not _CHANGED * low <= sunshine.i_ss <= high / _CHANGED:
+            detail = f"{sunshine.i_ss:.4g} {sunshine.unit}; of the panel {low:.4g} to {high:.4g}."
+            flags.append(codes.LIGHT_CHANGED.at("", detail))
+            sunshine = _doubt_sky(sunshine, band)
     else:
         detail = "Its light was not compared with this frame's."
         flags.append(codes.PANEL_ONLY.at("", detail))
@@ -137,6 +141,15 @@ def find_scale_of_frame(
         i_ss_oriented=sunshine.oriented if sunshine else None,
         i_ss_basis=sunshine.basis if sunshine else None,
     )
+
+
+def _doubt_sky(sunshine: Sunshine, band: Multispectral) -> Sunshine:
+    """Return a levelled reading less certain by the whole correction: under a cloud none is due."""
+    stated = band.irradiance
+    if sunshine.basis != "levelled" or (stated is not None and stated.scattered_w_m2_nm is not None):
+        return sunshine
+    sky = abs(1.0 - sunshine.oriented / sunshine.i_ss) / math.sqrt(3.0)
+    return replace(sunshine, level_u_rel=math.hypot(sunshine.level_u_rel, sky))
 
 
 def choose_angle(coefficients: Sequence[Coefficient], *, band: str, stated: float | None) -> float:

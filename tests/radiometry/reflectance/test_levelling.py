@@ -102,6 +102,40 @@ def test_the_answer_names_the_surface_of_its_irradiance(stated, basis, ratio):
     assert details == ([f"{stated['distrust']}."] if "distrust" in stated else [])
 
 
+def test_a_cloud_over_the_flight_is_flagged_and_covered():
+    """No direct light is left to level, and the sensor leans 8 degrees towards where the sun was."""
+    place = {name: PLACE[name] for name in ("latitude_deg", "longitude_deg")}
+    panel, field = (
+        [
+            dataclasses.replace(
+                each,
+                header=dataclasses.replace(each.header, **place),
+            )
+            for each in take(
+                seeded(seed), {"green": PANEL_R["green"]}, i_ss=light, role=role, minutes=minutes
+            )
+        ]
+        for seed, light, role, minutes in ((1, 4300.0, "panel", 0.0), (2, 1500.0, "field", 5.0))
+    )
+    (leaning,) = change_band(
+        field,
+        counts=dataclasses.replace(
+            field[0].header.multispectral.counts,
+            records=tuple(
+                dataclasses.replace(each, **LEANING) for each in field[0].header.multispectral.counts.records
+            ),
+        ),
+    )
+    coefficients = [each.coefficient for each in reflectance.fit(panel, READINGS, STEADY).band_fits]
+    found = reflectance.apply(leaning.features, header=leaning.header, coefficients=coefficients)
+    assert "light_changed" in flags_of(found.flags)
+    error = found.reflectance.value / PANEL_R["green"] - 1.0
+    assert 0.03 < abs(error) < 2 * found.reflectance.standard_uncertainty / found.reflectance.value
+    level = measure_light(leaning.header, params=coefficients[0].tilt)
+    correction = abs(level.oriented / level.i_ss - 1.0)
+    assert found.reflectance.standard_uncertainty > found.reflectance.value * correction / math.sqrt(3)
+
+
 def test_a_panel_under_a_low_sun_is_less_certain():
     """Sun 50 degrees from the zenith, 2 degrees off level: 4.2 %, not 0.06 %."""
     header = dataclasses.replace(ROW.header, latitude_deg=50.0, **EQUINOX)
