@@ -87,7 +87,7 @@ def _empty(_: Any) -> Mapping[Any, Any]:  # noqa: ANN401  any fit
     return {}
 
 
-def _none(_: Any, **__: Any) -> tuple[Any, ...]:  # noqa: ANN401  any fit, or any header
+def _none(*_: Any, **__: Any) -> tuple[Any, ...]:  # noqa: ANN401  any fit, or any header
     return ()
 
 

@@ -44,6 +44,16 @@ def test_every_setting_exists_and_none_stays_embedded(name):
     assert {"data", "database_url", "broker_url", "blobs_url"} <= ours
 
 
+def test_one_service_builds_the_image_and_each_is_limited():
+    services = compose()["services"]
+    assert [name for name, service in services.items() if "build" in service] == ["migrate"]
+    for service in services.values():
+        assert service["cap_drop"] == ["ALL"]
+        assert {"mem_limit", "pids_limit"} <= service.keys()
+        assert {"max-size", "max-file"} <= service["logging"]["options"].keys()
+        assert all("size=" in each for each in service.get("tmpfs", []))
+
+
 def test_only_the_service_knows_the_key():
     assert [name for name in OURS if "STILB_KEY" in environment_of(name, GIVEN)] == ["service"]
 
@@ -84,7 +94,7 @@ def test_ours_can_write_nowhere_but_to_their_data_and_run_as_nobody_special():
         assert service["read_only"] is True
         assert service["cap_drop"] == ["ALL"]
         assert service["volumes"] == ["data:/data"]
-        assert service["tmpfs"] == ["/tmp"]
+        assert [each.partition(":")[0] for each in service["tmpfs"]] == ["/tmp"]
     assert re.search(r"^USER stilb$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
 
 
