@@ -54,6 +54,7 @@ def drop_the_card(page: Page, folder: Path) -> None:
     expect(page.get_by_label("Role of scene 6")).to_have_value("dark")
     page.get_by_label("Project number").fill("P-2026-014")
     passed(page, "procedure-2-card")
+    illustrate(page, "card")
     page.get_by_role("button", name="Create campaign and send").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("P-2026-014")
     told = page.get_by_role("status")

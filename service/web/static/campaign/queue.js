@@ -150,7 +150,7 @@ export class UploadQueue extends EventTarget {
       return;
     }
     item.state = "retrying";
-    this.lostSince ??= Date.now();
+    if (error.code === "offline") this.lostSince ??= Date.now();
     item.attempts = (item.attempts ?? 0) + 1;
     const pause = Math.min(1000 * 2 ** (item.attempts - 1), LONGEST_PAUSE_MS);
     item.timer = setTimeout(() => (this.again(item), this.pump()), pause);

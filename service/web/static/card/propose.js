@@ -5,7 +5,7 @@ import { groupBy } from "../groups.js";
 /** Thresholds, as docs/pages.md states them. */
 export const LIMITS = {
   pause_s: 60, // a pause this long starts a scene,
-  pauses: 4, // if it is also this many times the median pause
+  pauses: 2.5, // if it is also this many times the median pause
   exposureRatio: 4, // a change of t * ISO / f^2 by this factor starts one after two median pauses
   darkSignal: 0.002, // a centre below this share of the range from black to white is dark
   clipped: 0.01, // share of white pixels in the centre of an overexposed frame
@@ -168,7 +168,8 @@ function listChecks(frames, darks, method, campaign) {
   const found = [];
   const lacking = frames.filter(({ header }) => !(header.exposure_time_s && header.f_number && header.iso));
   if (lacking.length && lacking.some((frame) => frame.role !== "chart")) found.push({ key: "exposure", code: "no_exposure", mark: "warn", frames: lacking });
-  for (const frame of frames) if (frame.role !== "dark" && frame.centre?.clipped > LIMITS.clipped) found.push({ key: `clipped ${frame.key}`, code: "overexposed", mark: "warn", frames: [frame], share: frame.centre.clipped });
+  const white = frames.filter((frame) => frame.role !== "dark" && frame.centre?.clipped > LIMITS.clipped);
+  if (white.length) found.push({ key: `clipped ${white.map((frame) => frame.key)}`, code: "overexposed", mark: "warn", frames: white });
   found.push(...findMisplaced(frames, method));
   if (campaign.kind === "night" || !method.roles.some((role) => role.name === "dark")) return found;
   const lit = frames.filter((frame) => frame.role !== "dark" && frame.header.exposure_time_s);
@@ -187,15 +188,17 @@ function findMisplaced(frames, method) {
   const measured = frames.filter((frame) => frame.role === role && frame.centre && !isDark(frame) && frame.centre.clipped <= LIMITS.clipped && Number.isFinite(level(frame)));
   const levels = [...groupBy(measured, (frame) => frame.scene)].filter(([, some]) => some.length >= 3).map(([scene, some]) => [scene, median(some.map(level))]);
   const found = [];
+  const strange = new Map();
   for (const frame of measured) {
     const own = levels.find(([scene]) => scene === frame.scene)?.[1];
     const ratio = level(frame) / own;
     if (!own || (ratio < LIMITS.misplacedRatio && ratio > 1 / LIMITS.misplacedRatio)) continue;
     const apart = ([, other]) => Math.abs(Math.log(level(frame) / other));
     const [closest] = levels.filter(([scene, other]) => scene !== frame.scene && apart([scene, other]) < Math.log(LIMITS.sameBrightness)).sort((a, b) => apart(a) - apart(b));
-    found.push({ key: `level ${frame.key}`, code: "misplaced", mark: "warn", frames: [frame], ratio, scene: closest?.[0] });
+    if (closest) found.push({ key: `level ${frame.key}`, code: "misplaced", mark: "warn", frames: [frame], ratio, scene: closest[0] });
+    else strange.set(frame.scene, [...(strange.get(frame.scene) ?? []), frame]);
   }
-  return found;
+  return [...found, ...[...strange].map(([scene, some]) => ({ key: `levels ${scene} ${some.length}`, code: "uneven", mark: "warn", frames: some }))];
 }
 
 function median(values) {

@@ -16,7 +16,7 @@ const LINK_MBIT = 20;
 /** `card`: {rows, choice, seconds, project, found: the proposal}; `tell`: {changed(), send(), cancel()}. */
 export function cardView(card, tell) {
   const { found } = card;
-  if (!found.camera) return [...nothingRaw(card, tell)];
+  if (!found.camera) return nothingRaw(card, tell);
   return [
     head(card),
     figures(found),
@@ -28,6 +28,7 @@ export function cardView(card, tell) {
 const list = (items) => items.filter(Boolean).join(", ");
 const shortName = (path) => path.split("/").at(-1).replace(/\.\w+$/, "");
 const scenesOf = (found) => found.scenes.filter((each) => each.scene !== undefined);
+const names = (frames) => `${frames.slice(0, 5).map((frame) => shortName(frame.name)).join(", ")}${frames.length > 5 ? ` and ${frames.length - 5} more` : ""}`;
 const isosOf = (frames) => [...new Set(frames.map((frame) => frame.header.iso).filter(Boolean))].sort((a, b) => a - b);
 const clock = (instant) => new Date(instant).toISOString().slice(11, 16);
 const between = (from, to, say) => (from === to ? say(from) : `${say(from)} to ${say(to)}`);
@@ -104,8 +105,12 @@ function cameraChooser({ camera }, choice, tell) {
 }
 
 const SAID = {
-  overexposed: ({ frames: [frame], share }) => [`${shortName(frame.name)} is overexposed`, `${percent(share)} of its centre is white (${list([frame.scene, frame.header.iso && `ISO ${frame.header.iso}`, exposureTime(frame.header.exposure_time_s)])}).`],
-  misplaced: ({ frames: [frame], ratio, scene }) => [scene ? `${shortName(frame.name)} may belong to ${scene}` : `${shortName(frame.name)} differs from its scene`, `It is ${ratio > 1 ? `${number(ratio, 2)} times as bright as` : `${number(1 / ratio, 2)} times darker than`} the rest of ${frame.scene}, at equal exposure.`],
+  overexposed: ({ frames }) =>
+    frames.length === 1
+      ? [`${shortName(frames[0].name)} is overexposed`, `${percent(frames[0].centre.clipped)} of its centre is white (${list([frames[0].scene, frames[0].header.iso && `ISO ${frames[0].header.iso}`, exposureTime(frames[0].header.exposure_time_s)])}).`]
+      : [`${frames.length} frames are overexposed`, `More than ${percent(LIMITS.clipped)} of the centre is white: ${names(frames)}.`],
+  misplaced: ({ frames: [frame], ratio, scene }) => [`${shortName(frame.name)} may belong to ${scene}`, `It is ${number(ratio > 1 ? ratio : 1 / ratio, 2)} times as ${ratio > 1 ? "bright" : "dark"} as the rest of ${frame.scene}, at equal exposure.`],
+  uneven: ({ frames }) => [`${counted(frames.length, "frame")} of ${frames[0].scene} ${frames.length === 1 ? "differs" : "differ"} in brightness`, `At equal exposure, by more than a factor of ${LIMITS.misplacedRatio} from the rest: ${names(frames)}.`],
   no_exposure: ({ frames }) => [`${counted(frames.length, "frame")} without exposure`, `Exposure time, f-number or ISO is missing in ${shortName(frames[0].name)}${frames.length > 1 ? " and others" : ""}; it can be entered after sending.`],
   no_darks: () => ["No dark frames", "Take some with the lens cap on, at the exposure times and ISO values of the other frames, and add them later."],
   darks_lack_iso: ({ isos }) => [`No dark frames at ISO ${isos.join(", ")}`, "Take one or more per ISO value with the lens cap on, and add them later."],
@@ -117,7 +122,7 @@ function checks({ found, choice }, tell) {
   const keep = (check) => small(check.code === "overexposed" ? "Send anyway" : "Keep", () => (choice.kept.add(check.key), tell.changed()), { quiet: true });
   const mend = {
     overexposed: (check) => small("Leave out", () => (check.frames.forEach((frame) => choice.leftOut.add(frame.key)), tell.changed())),
-    misplaced: (check) => (check.scene ? small(`Move to ${check.scene}`, () => (move(choice, check.frames, { scene: check.scene }), tell.changed())) : null),
+    misplaced: (check) => small(`Move to ${check.scene}`, () => (move(choice, check.frames, { scene: check.scene }), tell.changed())),
   };
   const lines = found.checks.map((check) => {
     const [title, where] = SAID[check.code](check);
@@ -126,7 +131,7 @@ function checks({ found, choice }, tell) {
   return h("section", { class: "tight", "aria-labelledby": "check" }, h("div", { class: "section-head" }, h("h2", { id: "check" }, "Check before sending"), h("p", {}, "You can send now and fix these later")), causeList(lines));
 }
 
-export function move(choice, frames, said) {
+function move(choice, frames, said) {
   for (const frame of frames) choice.said.set(frame.key, { ...choice.said.get(frame.key), ...said });
 }
 

@@ -18,6 +18,7 @@ const OLD_S = 365 * DAY_S;
 const SOON_S = 60 * DAY_S;
 const AT_MOST = 6;
 const MOST_JOBS = 200;
+const MOST_VERSIONS = 20;
 const RANKS = ["bad", "warn", "wait"];
 
 if (byId("card-drop")) startCard(byId("card-drop"), byId("card"), byId("start"));
@@ -35,7 +36,7 @@ load(byId("needs"), () => Promise.all([failedJobs(), latest, cameras, series, al
 });
 
 load(byId("campaigns"), () => Promise.all([latest, cameras]), ([works, bodies]) => {
-  const begun = works.filter(({ measured, versions }) => !measured && !versions.some((version) => version.state === "published"));
+  const begun = works.filter(({ measured, versions }) => !measured && versions.every((version) => version.state === "draft"));
   if (!begun.length) return empty("No campaigns in progress", "A campaign contains the frames and readings of one calibration.");
   const camera = (campaign) => bodies.find((each) => each.id === campaign.camera_id);
   return table(
@@ -44,7 +45,7 @@ load(byId("campaigns"), () => Promise.all([latest, cameras]), ([works, bodies]) 
       { head: "Camera", cell: ({ campaign }) => `${camera(campaign)?.model ?? "–"} ${camera(campaign)?.serial ?? ""}` },
       { head: "Frames", class: "number", cell: ({ campaign: { frames } }) => number(frames.received, 6) },
       { head: "Progress", cell: ({ campaign: { frames }, versions }) => (versions.length ? "Draft fitted" : frames.received ? frames.being_read ? `${frames.received - frames.being_read} of ${frames.received} read` : `${frames.received} read` : "No frames yet") },
-      { head: "Missing", cell: ({ campaign }) => (campaign.missing.length ? counted(missingCauses(campaign.missing).length, "thing") : "Nothing") },
+      { head: "Missing", cell: ({ campaign }) => lackOf(missingCauses(campaign.missing)) },
       { head: "Created", class: "number", cell: ({ campaign }) => h("time", { datetime: campaign.created_at, title: campaign.created_at }, ago(campaign.created_at)) },
     ],
     begun.slice(0, AT_MOST),
@@ -73,6 +74,8 @@ function firstSteps() {
   return h("ol", { class: "steps" }, steps.map(([title, text]) => h("li", {}, h("strong", {}, title), h("span", {}, text))));
 }
 
+const lackOf = ([first, ...more]) => (first ? `${first.title}${more.length ? ` and ${more.length} more` : ""}` : "Nothing");
+
 const version = (row) => (row ? [mark(row.flags.length ? "warn" : "good"), ` version ${row.version}${row.flags.length ? ", with flags" : ""}`] : h("span", { class: "muted" }, "none"));
 
 async function failedJobs() {
@@ -85,7 +88,7 @@ async function latestCampaigns() {
   const newest = (await campaigns).slice(-AT_MOST - 2).reverse();
   return Promise.all(
     newest.map(async ({ id }) => {
-      const [campaign, versions, measured] = await Promise.all([get(`/v1/campaigns/${id}`), get(`/v1/campaigns/${id}/calibrations?limit=1`), get(`/v1/measurements?campaign_id=${id}&limit=1`)]);
+      const [campaign, versions, measured] = await Promise.all([get(`/v1/campaigns/${id}`), get(`/v1/campaigns/${id}/calibrations?limit=${MOST_VERSIONS}`), get(`/v1/measurements?campaign_id=${id}&limit=1`)]);
       return { campaign, versions: versions.items, measured: measured.items.length };
     }),
   );
