@@ -76,6 +76,7 @@ def _add_methods(document: Node) -> None:
     for answer in schemas.values():
         if {"diagnostics", "points"} <= answer.get("properties", {}).keys():
             answer["properties"] |= properties
+    schemas["CertificateAnswer"]["properties"]["parameters"] = properties["parameters"]
 
 
 def operations(document: Node) -> Iterator[Node]:

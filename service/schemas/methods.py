@@ -1,5 +1,6 @@
 """The methods as clients see them, and the schemas of what their versions hold."""
 
+from collections.abc import Iterable
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -12,6 +13,7 @@ from radiometry.specification.method import CoefficientKind, MethodSpec
 from radiometry.specification.parameters import Choice, Kind, Parameter
 from radiometry.specification.roles import Role
 from service.schemas.base import Answer, FrameRole, Method
+from service.schemas.fits import FitRequest
 from store.codec import drop_absent
 
 Node = dict[str, Any]
@@ -139,11 +141,21 @@ def describe_versions() -> tuple[dict[str, Node], dict[str, Node]]:
                 point = schemas[points["items"]["$ref"].rpartition("/")[2]]
                 point["properties"]["frame_id"] = {"type": "string"}
             properties[name].append({"$ref": f"#/components/schemas/{schema}"})
-        for parameter in spec.parameters:
-            field = schemas[f"{stem}{spec.params.__name__}"]["properties"][parameter.field]
-            field["description"] = parameter.description
+        held = schemas[f"{stem}{spec.params.__name__}"]["properties"]
+        held["exclude"]["description"] = FitRequest.model_fields["exclude"].description
+        _add_sentences(schemas, held, spec.parameters)
     any_of: dict[str, Node] = {name: {"anyOf": each} for name, each in properties.items()}
     return schemas, any_of | {"points": {"type": "array", "items": any_of["points"]}}
+
+
+def _add_sentences(schemas: dict[str, Node], held: Node, parameters: Iterable[Parameter]) -> None:
+    for parameter in parameters:
+        field = held[parameter.field]
+        field["description"] = parameter.description
+        for each in (field, *field.get("anyOf", ())):
+            if parameter.members and "$ref" in each:
+                members = schemas[each["$ref"].rpartition("/")[2]]["properties"]
+                _add_sentences(schemas, members, parameter.members)
 
 
 def _describe(kind: type[Any], stem: str, schemas: dict[str, Node]) -> str:
