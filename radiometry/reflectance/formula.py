@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import MOST_LETTERS, NAMED_INDICES
+from radiometry.frame.bands import MOST_LETTERS, NAMED_INDICES
 from radiometry.reflectance import codes
 
 Values = NDArray[np.floating]

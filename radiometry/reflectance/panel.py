@@ -7,7 +7,8 @@ from datetime import date, datetime
 from typing import Final
 
 from radiometry.findings import interface
-from radiometry.frame.multispectral import Multispectral, name_panel
+from radiometry.frame.bands import name_panel
+from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance.clock import has_set_clock
 from radiometry.reflectance.rows import FrameRow, Params, Reading
 

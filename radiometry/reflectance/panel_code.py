@@ -9,7 +9,7 @@ import numpy as np
 import zxingcpp
 from numpy.typing import NDArray
 
-from radiometry.frame.multispectral import PANEL_SERIAL, name_panel
+from radiometry.frame.bands import PANEL_SERIAL, name_panel
 from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Polygon
 from radiometry.specification.application import FoundBy

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from radiometry import methods
 from radiometry.findings import interface
 from radiometry.fitting.evidence import Region
-from radiometry.frame.multispectral import name_panel
+from radiometry.frame.bands import name_panel
 from radiometry.frame.roi import Polygon, parse_imagej
 from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes

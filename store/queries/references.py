@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from radiometry.frame.multispectral import name_panel
+from radiometry.frame.bands import name_panel
 from radiometry.methods import get_method
 from radiometry.specification.method import MethodSpec
 from store.columns import utc_now

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from radiometry.findings import InputRejected
-from radiometry.frame.multispectral import RigGeometry, VignettingPolynomial, classify_band, name_band
+from radiometry.frame.bands import classify_band, name_band
+from radiometry.frame.multispectral import RigGeometry, VignettingPolynomial
 from worker.decode import tags
 from worker.decode.tiff import Directory
 from worker.decode.xmp import Xmp, read_xmp
