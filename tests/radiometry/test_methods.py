@@ -31,6 +31,7 @@ def test_a_specification_is_complete(spec):
         assert each.default is not None or (each.default_text and (each.members or each.example is not None))
         assert not each.choices or each.default in {None, *(choice.value for choice in each.choices)}
     assert len({each.name for each in spec.coefficients}) == len(spec.coefficients)
+    assert isinstance(spec.find_gaps((), (), spec.params()), tuple)
 
 
 def test_extraction_is_forwarded():
