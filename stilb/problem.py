@@ -13,6 +13,8 @@ from stilb.records import Job
 # What a gateway answers in the service's place while the service is away or busy.
 _PASSING = frozenset({429, 502, 503, 504})
 
+UNREACHABLE = "unreachable"
+
 
 class Problem(Exception):  # noqa: N818  the name of the media type
     """The service refused a request, or could not be reached.
@@ -86,7 +88,7 @@ def from_transport(error: httpx.TransportError) -> Problem:
     passing = isinstance(error, httpx.NetworkError | httpx.TimeoutException | httpx.RemoteProtocolError)
     return Problem(
         status=0,
-        code="unreachable" if passing else "not_sent",
+        code=UNREACHABLE if passing else "not_sent",
         detail=f"{_asked(error)}{_format_error(error)}",
         retryable=passing,
     )

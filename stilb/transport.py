@@ -53,6 +53,7 @@ class Call:
     stream: Callable[[], Iterator[bytes]] | None = None
     headers: Mapping[str, str] = field(default_factory=dict)
     answer_within_s: float | None = None
+    repeated_if_cut: bool = True
 
     def sent_headers(self) -> dict[str, str]:
         headers = dict(self.headers)
@@ -80,7 +81,7 @@ class Transport:
             headers={"Authorization": f"Bearer {key}", "User-Agent": f"stilb/{read_version()}"},
         )
         self._timeout_s = timeout_s
-        self._retries = retries
+        self.retries = retries
         self._backoff_s = backoff_s
         self._on_retry = on_retry
         self._halted = threading.Event()
@@ -104,6 +105,18 @@ class Transport:
     def send(self, call: Call) -> httpx.Response:
         """Send until it is answered; only what is safe to send twice is sent twice."""
         return self._repeat(call, self._once)
+
+    def once(self, call: Call) -> httpx.Response:
+        """Send a single time."""
+        return self._once(call, call.sent_headers())
+
+    def pause(self, attempt: int, found: problem.Problem) -> None:
+        """Wait before the next attempt, unless somebody wants to stop."""
+        pause_s = self._pause_s(attempt, found.retry_after_s)
+        if self._on_retry is not None:
+            self._on_retry(found, pause_s)
+        if self._halted.wait(pause_s):
+            raise found
 
     def download(self, call: Call, path: Path, *, sha256: str | None = None) -> None:
         """Write an answer to a file in flat memory; an answer that broke off is begun again.
@@ -136,13 +149,14 @@ class Transport:
             try:
                 return once(call, headers)
             except problem.Problem as found:
-                if not (self._retries and repeatable and found.retryable):
+                given_up = found.code == problem.UNREACHABLE and not call.repeated_if_cut
+                if given_up or not (self.retries and repeatable and found.retryable):
                     raise
                 pause_s = self._pause_s(attempt, found.retry_after_s)
                 # Who is told to wait has not failed: it is one of the tries only when the time is up.
                 told_to_wait = found.status in _FULL and found.retry_after_s is not None
                 waited_s += pause_s if told_to_wait else 0.0
-                if attempt >= self._retries or waited_s > _PATIENCE_S:
+                if attempt >= self.retries or waited_s > _PATIENCE_S:
                     raise
                 if self._on_retry is not None:
                     self._on_retry(found, pause_s)

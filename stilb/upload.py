@@ -1,5 +1,6 @@
 """Frames on their way from the disk to the service: hashed first, then streamed, never held in memory."""
 
+import base64
 import hashlib
 import json
 import os
@@ -7,14 +8,19 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TypedDict, TypeVar
+from typing import Any, TypedDict, TypeVar
+from urllib.parse import urlsplit
 
-from stilb.problem import Problem
+from stilb.problem import UNREACHABLE, Problem
 from stilb.records import Frame, Polygon
 from stilb.transport import Call, Transport, address
 
 _CHUNK_BYTES = 1 << 20
+_WHOLE_BYTES = 1 << 20
+"""A smaller file goes in one request; only if that is cut it is sent as what can go on."""
+_TUS = {"Tus-Resumable": "1.0.0"}
 _OF_ONE_FILE = frozenset({400, 413, 422})
 
 Sent = TypeVar("Sent")
@@ -48,7 +54,7 @@ class Upload:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a ``push`` is. Bytes go back when a lost connection makes a file start again."""
+    """How far a ``push`` is. Bytes go back to what has arrived when a connection is lost."""
 
     filename: str
     files_done: int
@@ -119,7 +125,12 @@ def _side_by_side(
 def _send(transport: Transport, upload: Upload, count: "_FileCount") -> Frame:
     path = Path(upload.path)
     try:
-        frame = transport.json(_call(upload, path, count))
+        with path.open("rb") as file:
+            size_bytes = os.fstat(file.fileno()).st_size
+            sha256 = upload.sha256 or hashlib.file_digest(file, "sha256").hexdigest()
+        frame = _send_whole(transport, _call(upload, path, sha256, size_bytes, count), size_bytes)
+        if frame is None:
+            frame = _send_resumably(transport, upload, path, sha256, size_bytes, count)
     except Exception as error:
         error.add_note(f"while sending {path}")
         raise
@@ -127,23 +138,67 @@ def _send(transport: Transport, upload: Upload, count: "_FileCount") -> Frame:
     return Frame.of(frame)
 
 
-def _call(upload: Upload, path: Path, count: "_FileCount") -> Call:
+def _send_whole(transport: Transport, call: Call, size_bytes: int) -> dict[str, Any] | None:
+    """Send a small file in one request; None for a large one, and where the connection was cut."""
+    if size_bytes >= _WHOLE_BYTES:
+        return None
+    try:
+        return transport.json(call)
+    except Problem as problem:
+        if problem.code != UNREACHABLE:
+            raise
+    return None
+
+
+def _send_resumably(
+    transport: Transport, upload: Upload, path: Path, sha256: str, size_bytes: int, count: "_FileCount"
+) -> dict[str, Any]:
+    """Send a file from where the last connection was cut, as long as each brings it forward."""
+    said = {"campaign_id": upload.campaign_id, "sha256": sha256} | _query(upload, path)
+    pairs = {name: str(value).encode() for name, value in said.items() if value is not None}
+    metadata = ",".join(f"{name} {base64.b64encode(value).decode()}" for name, value in pairs.items())
+    begin = _TUS | {"Upload-Length": str(size_bytes), "Upload-Metadata": metadata}
+    told = transport.send(Call(method="POST", path=address("uploads"), headers=begin)).headers
+    place = urlsplit(told["Location"]).path
+    tried = 0
+    while "Content-Location" not in told:
+        offset = int(told["Upload-Offset"])
+        piece = {
+            **_TUS,
+            "Content-Type": "application/offset+octet-stream",
+            "Content-Length": str(size_bytes - offset),
+            "Upload-Offset": str(offset),
+        }
+        try:
+            stream = partial(_stream, path, count, offset)
+            told = transport.once(Call(method="PATCH", path=place, stream=stream, headers=piece)).headers
+        except Problem as problem:
+            if not problem.retryable:
+                raise
+            told = transport.send(Call(method="HEAD", path=place, headers=_TUS)).headers
+            tried = 0 if int(told["Upload-Offset"]) > offset else tried + 1
+            if tried > transport.retries:
+                raise
+            transport.pause(tried, problem)
+    return transport.json(Call(method="GET", path=told["Content-Location"]))
+
+
+def _stream(path: Path, count: "_FileCount", offset: int) -> Iterator[bytes]:
+    count.restart(offset)
     with path.open("rb") as file:
-        size_bytes = os.fstat(file.fileno()).st_size
-        sha256 = upload.sha256 or hashlib.file_digest(file, "sha256").hexdigest()
+        file.seek(offset)
+        while chunk := file.read(_CHUNK_BYTES):
+            yield chunk
+            count.advance(len(chunk))
 
-    def stream() -> Iterator[bytes]:
-        count.restart()
-        with path.open("rb") as file:
-            while chunk := file.read(_CHUNK_BYTES):
-                yield chunk
-                count.advance(len(chunk))
 
+def _call(upload: Upload, path: Path, sha256: str, size_bytes: int, count: "_FileCount") -> Call:
     return Call(
         method="POST",
         path=address("campaigns", upload.campaign_id, "frames"),
         query=_query(upload, path),
-        stream=stream,
+        stream=partial(_stream, path, count, 0),
+        repeated_if_cut=False,
         headers={
             "Content-Type": "application/octet-stream",
             "Content-Length": str(size_bytes),  # without it the body would go out in HTTP chunks
@@ -213,8 +268,8 @@ class _FileCount:
         self._index = index
         self._sent = 0
 
-    def restart(self) -> None:
-        self._sent = 0
+    def restart(self, offset: int) -> None:
+        self._sent = offset
 
     def advance(self, count: int) -> None:
         self._sent += count

@@ -4,15 +4,19 @@ import hashlib
 import os
 import socket
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from sqlalchemy import func, select
+from tusclient.client import TusClient
 
+import stilb
 from store.tables import Blob, FrameRow
 from tests.support.blobs import files
 from tests.support.fieldwork import Team
+from tests.support.proxy import Proxy
 
 MEGABYTE = 1 << 20
 
@@ -111,26 +115,68 @@ def test_a_service_killed_in_the_middle_of_an_upload(embedded, team, campaign, s
     check_the_next_works(embedded, team, campaign, shots)
 
 
-def test_the_clients_retry_finishes_what_a_killed_service_began(embedded, team, campaign, tmp_path):
+def test_the_client_goes_on_where_a_killed_service_was(embedded, team, campaign, tmp_path):
     path = tmp_path / "frame.DNG"
     path.write_bytes(campaign.id.encode() * 400_000)
-    attempts = []
+    sent = []
 
     def progress(progress):
-        if progress.bytes_sent == MEGABYTE:
-            attempts.append(progress)
-            if len(attempts) == 1:
-                embedded.kill("service")
+        sent.append(progress.bytes_sent)
+        if len(sent) == 8:
+            # what is not made durable within that time is sent again
+            time.sleep(1)
+            embedded.kill("service")
 
     before = files(embedded.blobs)
     frame = team.client.push(campaign.id, path, role="light", on_progress=progress)
-    for path_left in half_written(embedded, before):
-        path_left.unlink()
-    assert len(attempts) > 1
+    assert sent == sorted(sent) or min(sent[8:]) > MEGABYTE
     assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert known(embedded, campaign, frame.sha256) == (1, True)
+    assert not half_written(embedded, before)
     (job,) = embedded.wait_for_jobs([frame.id])
     assert (job.state, job.error["code"]) == ("failed", "not_a_raw_file")
+
+
+def test_what_has_arrived_before_a_cut_is_not_sent_again(team, campaign, tmp_path):
+    path = tmp_path / "frame.DNG"
+    path.write_bytes(campaign.id.encode() * 400_000)
+    cuts, pieces = 0, 0
+    host, port = team.url.removeprefix("http://").split(":")
+    with (
+        Proxy((host, int(port))) as proxy,
+        stilb.Client(f"http://{proxy.address}", team.key, retries=10, backoff_s=0.05) as client,
+    ):
+
+        def progress(progress):
+            nonlocal cuts, pieces
+            pieces += 1
+            if cuts < 5 and progress.bytes_sent > 2 * MEGABYTE * (cuts + 1):
+                cuts += 1
+                time.sleep(0.3)
+                proxy.become("failing")
+                proxy.become("open")
+
+        frame = client.push(campaign.id, path, role="light", on_progress=progress)
+    assert cuts == 5
+    # of one MiB each, where begun anew each time they would be three times as many
+    assert pieces <= path.stat().st_size // MEGABYTE + 2 * cuts
+    assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+# it leaves the closing of its connections to the collector
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_client_of_others_uploads_in_pieces(embedded, team, campaign, tmp_path):
+    path = tmp_path / "frame.DNG"
+    path.write_bytes(campaign.id.encode() * 100_000)
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    others = TusClient(f"{team.url}/v1/uploads", headers={"Authorization": f"Bearer {team.key}"})
+    said = {"campaign_id": campaign.id, "sha256": sha256, "role": "light", "filename": path.name}
+    begun = others.uploader(str(path), chunk_size=MEGABYTE, metadata=said, upload_checksum=False)
+    begun.upload_chunk()
+    assert begun.offset == MEGABYTE
+    # another run of the program, which knows the address alone
+    others.uploader(str(path), chunk_size=MEGABYTE, url=begun.url).upload()
+    assert known(embedded, campaign, sha256) == (1, True)
 
 
 def test_the_same_file_from_many_clients_at_once(embedded, team, campaign, shots):

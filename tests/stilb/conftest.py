@@ -101,6 +101,7 @@ def _handler(stand_in: StandIn) -> type[BaseHTTPRequestHandler]:
 
         def _answer(self, answer: Answer) -> None:
             data = answer.body if isinstance(answer.body, bytes) else json.dumps(answer.body).encode()
+            data *= self.command != "HEAD" and answer.status != 204
             # `send_response` has a date of its own
             (self.send_response_only if "Date" in answer.headers else self.send_response)(answer.status)
             for name, value in {"Content-Type": "application/json", **answer.headers}.items():
@@ -119,7 +120,7 @@ def _handler(stand_in: StandIn) -> type[BaseHTTPRequestHandler]:
         def log_message(self, *_: object) -> None:
             pass
 
-        do_GET = do_POST = do_PUT = do_PATCH = _serve  # noqa: N815  the base class's names
+        do_GET = do_HEAD = do_POST = do_PUT = do_PATCH = _serve  # noqa: N815  the base class's names
 
     return Handler
 

@@ -1,5 +1,6 @@
 """Frames go from the disk in flat memory, whole, and once more after a lost connection."""
 
+import base64
 import hashlib
 import tracemalloc
 
@@ -21,7 +22,7 @@ MEGABYTE = 1 << 20
 @pytest.fixture
 def dng(tmp_path):
     path = tmp_path / "DJI 0001+ü&.DNG"
-    path.write_bytes(bytes(range(256)) * 4096 * 3)
+    path.write_bytes(bytes(range(256)) * 3072)
     return path
 
 
@@ -50,18 +51,47 @@ def test_a_frame_brings_its_own_region_and_exposure(service, client, dng):
     assert "scene" not in query
 
 
-def test_a_connection_lost_in_mid_upload_is_taken_up_again(service, client, dng):
-    service.will_answer(cut_after=MEGABYTE)
-    service.will_answer(FRAME, status=201)
+def place(offset, **more):
+    return {"headers": {"Location": "/v1/uploads/u-1", "Upload-Offset": str(offset), **more}}
+
+
+DONE = {"Content-Location": "/v1/frames/f-1"}
+
+
+def test_a_connection_lost_in_mid_upload_goes_on_from_what_has_arrived(service, client, dng):
+    service.will_answer(cut_after=1000)
+    service.will_answer(status=201, **place(0))
+    service.will_answer(cut_after=5000)
+    service.will_answer(**place(5000))
+    service.will_answer(status=204, **place(dng.stat().st_size, **DONE))
+    service.will_answer(FRAME)
     reports = []
-    client.push("c-1", dng, role="light", on_progress=reports.append)
-    lost, whole = service.asked
-    assert len(lost.body) == MEGABYTE
-    assert whole.body == dng.read_bytes()
-    assert lost.headers["idempotency-key"] == whole.headers["idempotency-key"]
-    assert lost.headers["x-content-sha256"] == whole.headers["x-content-sha256"]
+    frame = client.push("c-1", dng, role="light", scene="level-1", on_progress=reports.append)
+    _, begun, lost, asked, rest, _ = service.asked
+    said = {
+        name: base64.b64decode(value).decode()
+        for name, value in (pair.split() for pair in begun.headers["upload-metadata"].split(","))
+    }
+    sha256 = hashlib.sha256(dng.read_bytes()).hexdigest()
+    named = {"role": "light", "scene": "level-1", "filename": dng.name}
+    assert said == {"campaign_id": "c-1", "sha256": sha256} | named
+    assert begun.headers["upload-length"] == str(dng.stat().st_size)
+    assert (asked.method, asked.path) == ("HEAD", "/v1/uploads/u-1")
+    assert lost.body + rest.body == dng.read_bytes()
+    assert rest.headers["upload-offset"] == "5000"
+    assert frame.id == "f-1"
     last = reports[-1]
     assert (last.files_done, last.bytes_sent, last.bytes_total) == (1, dng.stat().st_size, dng.stat().st_size)
+
+
+def test_an_upload_that_comes_no_further_ends(service, client, dng):
+    service.will_answer(cut_after=1000)
+    service.will_answer(status=201, **place(0))
+    for _ in range(10):
+        service.will_answer(cut_after=10)
+        service.will_answer(**place(10))
+    with pytest.raises(stilb.Problem, match="does not answer"):
+        client.push("c-1", dng, role="light")
 
 
 def test_a_refusal_in_mid_upload_is_heard(service, client, dng):
@@ -124,7 +154,9 @@ def test_a_large_file_is_never_in_memory(service, client, tmp_path):
     path = tmp_path / "large.dng"
     with path.open("wb") as file:
         file.truncate(48 * MEGABYTE)
-    service.will_answer(FRAME, status=201, forget_body=True)
+    service.will_answer(status=201, **place(0))
+    service.will_answer(status=204, forget_body=True, **place(path.stat().st_size, **DONE))
+    service.will_answer(FRAME)
     tracemalloc.start()
     try:
         client.push("c-1", path, role="light")
