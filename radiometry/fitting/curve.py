@@ -186,7 +186,8 @@ def fit_curve(curve: Curve, *, model: str) -> CurveFit | None:
     stated = _converge(curve, model, start, scattered=False)
     if stated is not None and (model == "semilog" or stated.solution.chi_squared <= stated.dof):
         return _judge(curve, model, stated, stated.solution.chi_squared)
-    # noise alone can weigh points that disagree so unlike that nothing settles: with their scatter it does
+    # where points disagree, weights from noise alone can be so unequal that the iteration does not converge;
+    # with the scatter term it does
     scattered = _add_scatter(curve, model, start if stated is None else stated.solution.parameters)
     if scattered is not None:
         return _judge(curve, model, scattered, _by_stated(scattered))

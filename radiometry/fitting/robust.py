@@ -9,8 +9,8 @@ from radiometry.fitting.curve import fit_curve
 from radiometry.fitting.sources import TAIL_DOF, Curve
 
 _SMALLEST_SCATTER_REL = 1e-3
-_MOST_ROUNDS = 50
-_SETTLED = 1e-3
+_MOST_ITERATIONS = 50
+_TOLERANCE = 1e-3
 
 
 def weigh_points(curve: Curve, *, model: str) -> Curve:
@@ -47,14 +47,14 @@ def weigh_points(curve: Curve, *, model: str) -> Curve:
     """
     if len(set(curve.scenes)) == len(curve.scenes) and curve.repeatability_u_rel is None:
         curve = replace(curve, repeatability_u_rel=0.0)
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(_MOST_ITERATIONS):
         fit = fit_curve(curve, model=model)
         if fit is None:
             break
         spread: Vector = fit.scatter_errors_rel / max(fit.scatter_u_rel, _SMALLEST_SCATTER_REL)
         weights = (TAIL_DOF + 1.0) / (TAIL_DOF + spread**2)
-        settled = np.max(np.abs(weights - curve.scatter_weights)) < _SETTLED
+        converged = np.max(np.abs(weights - curve.scatter_weights)) < _TOLERANCE
         curve = replace(curve, scatter_weights=weights)
-        if settled:
+        if converged:
             break
     return curve

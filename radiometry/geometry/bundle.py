@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from radiometry.findings import InputRejected, shared
 from radiometry.frame.opencv import cv2
 from radiometry.geometry.camera import PARAMETERS, CameraModel
-from radiometry.geometry.descent import SETTLED_REL, Linear, Minimum, minimise, reduce
+from radiometry.geometry.descent import TOLERANCE_REL, Linear, Minimum, minimise, reduce
 
 # Beyond it a parameter is not found by these views, whatever the arithmetic still returns.
 _WORST_CONDITION: Final = 1e14
@@ -127,7 +127,7 @@ def solve(
     height_px: int,
     width_px: int,
     start: tuple[CameraModel, Sequence[NDArray[np.float64]]] | None = None,
-    settled_rel: float = SETTLED_REL,
+    tolerance_rel: float = TOLERANCE_REL,
 ) -> Solution:
     """Find the camera and the poses by least squares over all corners.
 
@@ -141,7 +141,7 @@ def solve(
         Size of the picture [px].
     start : tuple of (CameraModel, sequence of ndarray), optional
         Camera and pose of each board, (6,), to start from.
-    settled_rel : float
+    tolerance_rel : float
         Relative change at which the descent ends.
 
     Returns
@@ -178,7 +178,7 @@ def solve(
     try:
         camera, poses = start or _start(views, free, **size)
         values = free.directions.T @ camera.parameters / free.directions.sum(axis=0)
-        found = minimise(linearise, values, np.array(poses), settled_rel=settled_rel)
+        found = minimise(linearise, values, np.array(poses), tolerance_rel=tolerance_rel)
         return _conclude(found, views, free, **size)
     except (cv2.error, np.linalg.LinAlgError, FloatingPointError) as error:
         raise InputRejected(shared.FIT_FAILED, _ADVICE) from error

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 Matrix = NDArray[np.float64]
 
 _MOST_STEPS: Final = 200
-SETTLED_REL: Final = 1e-12
-_SETTLED_STEPS: Final = 6
+TOLERANCE_REL: Final = 1e-12
+_CONVERGED_STEPS: Final = 6
 _ROUNDING_REL: Final = 1e-13
 _MOST_DAMPING: Final = 1e12
 
@@ -49,7 +49,7 @@ class Minimum:
 
 
 def minimise(
-    linearise: Linearise, shared: Matrix, poses: Matrix, *, settled_rel: float = SETTLED_REL
+    linearise: Linearise, shared: Matrix, poses: Matrix, *, tolerance_rel: float = TOLERANCE_REL
 ) -> Minimum:
     """Minimise the sum of squared residuals by Levenberg's and Marquardt's steps from a start.
 
@@ -59,7 +59,7 @@ def minimise(
         Residuals and derivatives of a block.
     shared, poses : ndarray of float64
         Start: shared parameters, and the pose of each block, (block, 6).
-    settled_rel : float
+    tolerance_rel : float
         Relative change of sum and parameters at which the descent ends.
 
     Raises
@@ -70,7 +70,7 @@ def minimise(
         A step leads to parameters that are not finite.
     """
     best = _evaluate(linearise, shared, poses)
-    damping, settled = 1e-3, 0
+    damping, converged = 1e-3, 0
     for _ in range(_MOST_STEPS):
         step, turns = _find_step(best.linear, damping)
         tried = best.shared + step
@@ -82,10 +82,10 @@ def minimise(
         if np.isfinite(then.cost) and then.cost <= (1.0 + _ROUNDING_REL) * best.cost:
             gain, best = best.cost - then.cost, then
             damping = max(damping / 10.0, 1e-12)
-            settled = settled + 1 if gain <= settled_rel * best.cost else 0
-            if settled and (change <= settled_rel or settled == _SETTLED_STEPS):
+            converged = converged + 1 if gain <= tolerance_rel * best.cost else 0
+            if converged and (change <= tolerance_rel or converged == _CONVERGED_STEPS):
                 break
-        elif damping >= _MOST_DAMPING or change <= settled_rel:
+        elif damping >= _MOST_DAMPING or change <= tolerance_rel:
             break
         else:
             damping *= 10.0

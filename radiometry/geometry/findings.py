@@ -14,7 +14,7 @@ from radiometry.geometry.curve import find_farthest_radius_px, find_turning_radi
 from radiometry.geometry.detection import FIXED_WINDOW_PX
 from radiometry.geometry.results import Coverage, Point
 from radiometry.geometry.rows import Params
-from radiometry.geometry.views import Settled
+from radiometry.geometry.views import FittedViews
 
 GOOD_VIEWS: Final = 10
 OUTLIER_RATIO: Final = 3.0
@@ -28,19 +28,19 @@ LARGEST_ASPECT_DIFFERENCE: Final = 0.01
 _OUTLIER_FLOOR_PX: Final = 0.3
 
 
-def check_views(settled: Settled, points: Sequence[Point], params: Params) -> list[Raised]:
+def check_views(fitted: FittedViews, points: Sequence[Point], params: Params) -> list[Raised]:
     """Check the pictures, one by one and together.
 
     Parameters
     ----------
-    settled : Settled
+    fitted : FittedViews
         Pictures that were used, and those that were rejected.
     points : sequence of Point
         Points of the fit.
     params : Params
         Parameters of the fit.
     """
-    used = settled.used
+    used = fitted.used
     errors = {point.frame: point.rms_px for point in points if point.used and point.rms_px is not None}
     usual = statistics.median(errors.values())
     flags = [
@@ -53,7 +53,7 @@ def check_views(settled: Settled, points: Sequence[Point], params: Params) -> li
     ]
     flags += [
         each.finding.at(f"frame {each.candidate.row.frame}", f"It was left out: {each.why}.")
-        for each in settled.rejected
+        for each in fitted.rejected
         if each.finding
     ]
     wide = [
@@ -70,14 +70,14 @@ def check_views(settled: Settled, points: Sequence[Point], params: Params) -> li
     rendered = sum(each.row.header.rendered for each in used)
     if rendered:
         flags.append(shared.RENDERED.at("", f"Rendered frames: {rendered} of {len(used)}."))
-    flags += _check_mirror(settled)
+    flags += _check_mirror(fitted)
     if len(used) < GOOD_VIEWS:
         flags.append(codes.FEW_VIEWS.at("", f"Views: {len(used)}."))
     return flags
 
 
-def _check_mirror(settled: Settled) -> list[Raised]:
-    hidden = settled.hidden
+def _check_mirror(fitted: FittedViews) -> list[Raised]:
+    hidden = fitted.hidden
     if hidden is None or hidden.ratio <= 1.0:
         return []
     row, col = hidden.shift_px
@@ -85,7 +85,7 @@ def _check_mirror(settled: Settled) -> list[Raised]:
         f"If it were {hidden.words}, the principal point would be wrong by {row:+.2f} px in row and "
         f"{col:+.2f} px in col, {hidden.ratio:.1f} standard uncertainties, and the corners would not show it."
     )
-    return [codes.MIRROR_NOT_EXCLUDED.at(f"frame {settled.used[hidden.number].row.frame}", detail)]
+    return [codes.MIRROR_NOT_EXCLUDED.at(f"frame {fitted.used[hidden.number].row.frame}", detail)]
 
 
 def check_solution(solution: Solution, coverage: Coverage) -> list[Raised]:

@@ -20,12 +20,12 @@ from radiometry.geometry.rows import FrameRow, Params
 from radiometry.geometry.target import Target
 from radiometry.geometry.views import (
     Candidate,
-    Settled,
+    FittedViews,
     collect_candidates,
+    fit_views,
     make_view,
     measure_rms_px,
     missing,
-    settle,
 )
 
 _FIGURES = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "k3", "p1", "p2")
@@ -63,10 +63,10 @@ def fit_geometry(rows: Sequence[FrameRow], params: Params) -> Fit:
         radial_terms=params.radial_terms,
         tangential=params.tangential,
     )
-    settled = settle(candidates, params, free)
-    require_determined(settled.solution)
-    points = _describe_points(candidates, settled, params)
-    return _build(settled, points, params)
+    fitted = fit_views(candidates, params, free)
+    require_determined(fitted.solution)
+    points = _describe_points(candidates, fitted, params)
+    return _build(fitted, points, params)
 
 
 def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
@@ -92,13 +92,13 @@ def list_coefficients(fit: Fit) -> tuple[CoefficientValue, ...]:
     )
 
 
-def _build(settled: Settled, points: tuple[Point, ...], params: Params) -> Fit:
-    solution, camera = settled.solution, settled.solution.camera
-    seen = [make_view(_features(each), params).seen_px for each in settled.used]
+def _build(fitted: FittedViews, points: tuple[Point, ...], params: Params) -> Fit:
+    solution, camera = fitted.solution, fitted.solution.camera
+    seen = [make_view(_features(each), params).seen_px for each in fitted.used]
     coverage = measure_coverage(camera, seen)
     errors = dict(zip(PARAMETERS, np.sqrt(np.diag(solution.covariance)).tolist(), strict=True))
     middle_row, middle_col = camera.centre_px
-    colours = _fit_colours(settled)
+    colours = _fit_colours(fitted)
     offset_row = Quantity(
         value=camera.cy_px - middle_row, standard_uncertainty=errors["cy_px"], unit=UNITS["cy_px"]
     )
@@ -107,14 +107,14 @@ def _build(settled: Settled, points: tuple[Point, ...], params: Params) -> Fit:
     )
     return Fit(
         model=MODEL,
-        target=_board(settled),
+        target=_board(fitted),
         corner_window=params.corner_window,
         pixel_pitch_um=params.pixel_pitch_um,
         camera=camera,
         coefficients=_list_coefficients(solution, errors),
         covariance=tuple(tuple(float(value) for value in row) for row in solution.covariance),
         rms_px=solution.rms_px,
-        views=len(settled.used),
+        views=len(fitted.used),
         corners=sum(len(places) for places in seen),
         degrees_of_freedom=solution.degrees_of_freedom,
         principal_distance_mm=_measure_distance(solution, params),
@@ -131,7 +131,7 @@ def _build(settled: Settled, points: tuple[Point, ...], params: Params) -> Fit:
         coverage=coverage,
         points=points,
         flags=(
-            *check_views(settled, points, params),
+            *check_views(fitted, points, params),
             *check_solution(solution, coverage),
             *check_colours(colours),
         ),
@@ -139,19 +139,19 @@ def _build(settled: Settled, points: tuple[Point, ...], params: Params) -> Fit:
     )
 
 
-def _fit_colours(settled: Settled) -> tuple[LateralColour, ...]:
+def _fit_colours(fitted: FittedViews) -> tuple[LateralColour, ...]:
     views: dict[str, list[ColourView]] = {}
-    for each in settled.used:
+    for each in fitted.used:
         features = _features(each)
         for colour in features.colours or ():
             view = ColourView(np.array(features.fitted_px), np.array(colour.moved_px))
             views.setdefault(colour.channel, []).append(view)
-    fits = (fit_colour(mine, settled.solution.camera, channel=name) for name, mine in sorted(views.items()))
+    fits = (fit_colour(mine, fitted.solution.camera, channel=name) for name, mine in sorted(views.items()))
     return tuple(each for each in fits if each)
 
 
-def _board(settled: Settled) -> Target:
-    return _features(settled.used[0]).target
+def _board(fitted: FittedViews) -> Target:
+    return _features(fitted.used[0]).target
 
 
 def _features(candidate: Candidate) -> Features:
@@ -203,13 +203,15 @@ def _scale(offset: Quantity, pixel_pitch_um: float | None) -> Quantity | None:
     )
 
 
-def _describe_points(candidates: Sequence[Candidate], settled: Settled, params: Params) -> tuple[Point, ...]:
-    solution = settled.solution
+def _describe_points(
+    candidates: Sequence[Candidate], fitted: FittedViews, params: Params
+) -> tuple[Point, ...]:
+    solution = fitted.solution
     used = {
         candidate.row.frame: (pose, residual)
-        for candidate, pose, residual in zip(settled.used, solution.poses, solution.residuals_px, strict=True)
+        for candidate, pose, residual in zip(fitted.used, solution.poses, solution.residuals_px, strict=True)
     }
-    rejected = {each.candidate.row.frame: each.why for each in settled.rejected}
+    rejected = {each.candidate.row.frame: each.why for each in fitted.rejected}
     points = []
     for each in candidates:
         name, features = each.row.frame, each.features

@@ -37,7 +37,7 @@ _ALONE: Final = 2.0
 # a turned view that is the right way round fits like the others
 _USUAL_RATIO: Final = 1.5
 _MOST_TRIED: Final = 4
-_SETTLED_REL: Final = 1e-6
+_TOLERANCE_REL: Final = 1e-6
 # of the scaled information of one view on the camera: a direction that it does not show
 _KNOWN_REL: Final = 1e-8
 _FREE: Final = choose_free_parameters(fix_aspect_ratio=False, radial_terms=3, tangential=True)
@@ -76,7 +76,7 @@ def find_turned(views: Sequence[View], solution: Solution, turns: Sequence[str])
     size = {"height_px": solution.camera.height_px, "width_px": solution.camera.width_px}
     try:
         start = solution.camera, [pose.vector for pose in solution.poses]
-        plain = solve(views, _FREE, **size, start=start, settled_rel=_SETTLED_REL)
+        plain = solve(views, _FREE, **size, start=start, tolerance_rel=_TOLERANCE_REL)
     except InputRejected:
         return None
     blocks = [_reduce(plain.camera, view, pose) for view, pose in zip(views, plain.poses, strict=True)]
@@ -96,7 +96,7 @@ def find_turned(views: Sequence[View], solution: Solution, turns: Sequence[str])
         poses = [vector if place == number else pose.vector for place, pose in enumerate(plain.poses)]
         changed = [turned if place == number else view for place, view in enumerate(views)]
         try:
-            other = solve(changed, _FREE, **size, start=(plain.camera, poses), settled_rel=_SETTLED_REL)
+            other = solve(changed, _FREE, **size, start=(plain.camera, poses), tolerance_rel=_TOLERANCE_REL)
         except InputRejected:
             continue
         squares = [float((residual**2).mean()) for residual in other.residuals_px]

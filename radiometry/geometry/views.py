@@ -40,7 +40,7 @@ class Rejected:
 
 
 @dataclass(frozen=True)
-class Settled:
+class FittedViews:
     """Views that were used, with their solution, and those that were rejected.
 
     ``hidden`` : what a rendered picture that is turned, and is not found, would do
@@ -158,7 +158,7 @@ def _find_hand(features: Features) -> int:
     return int(np.sign(turn)) * (1 if features.first_square == "white" else -1)
 
 
-def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters) -> Settled:
+def fit_views(candidates: Sequence[Candidate], params: Params, free: FreeParameters) -> FittedViews:
     """Fit, and leave out views that are turned or fit worse than the limit, one by one.
 
     Parameters
@@ -172,7 +172,7 @@ def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters
 
     Returns
     -------
-    Settled
+    FittedViews
         Views that were used, and their solution.
 
     Notes
@@ -201,7 +201,7 @@ def settle(candidates: Sequence[Candidate], params: Params, free: FreeParameters
             # a viewer turns rendered pictures and no raw file
             numbers = [number for number, each in enumerate(kept) if each.row.header.rendered]
             hidden = measure_hidden(views, solution, free, numbers=numbers, turns=turns)
-            return Settled(tuple(kept), solution, tuple(rejected), hidden)
+            return FittedViews(tuple(kept), solution, tuple(rejected), hidden)
 
 
 def measure_rms_px(residual_px: NDArray[np.float64]) -> float:

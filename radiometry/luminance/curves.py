@@ -22,7 +22,7 @@ from radiometry.luminance.report import list_budget, report_coefficient, report_
 from radiometry.luminance.results import IsoFit, Point
 from radiometry.luminance.rows import Model, Params
 
-_MOST_ROUNDS, _SETTLED = 30, 0.01
+_MOST_ITERATIONS, _TOLERANCE = 30, 0.01
 _NO_LENS = Quantity(value=1.0, standard_uncertainty=0.0, unit="1")
 
 
@@ -131,7 +131,7 @@ def fit_coefficient(
     if fit is None:
         raise InputRejected(
             shared.FIT_FAILED,
-            f"The {params.model} model does not settle on the points of ISO {series.iso:g}: "
+            f"The fit of the {params.model} model to the points of ISO {series.iso:g} did not converge: "
             "look at them for a reading or a unit that is wrong, or choose the proportional model.",
         )
     return report_coefficient(series, params, fit, calibration_u_rel), fit
@@ -163,7 +163,7 @@ def learn_dark_rate(series: IsoSeries, params: Params) -> tuple[IsoSeries, Curve
     prior, curve = series.dark, _curve(series, params)
     if prior.rate_measured or not (prior.rate_u_dn_per_s and np.any(curve.dark_lever_s)):
         return series, curve
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(_MOST_ITERATIONS):
         fit = fit_curve(curve, model="proportional")
         if fit is None:
             break
@@ -176,14 +176,14 @@ def learn_dark_rate(series: IsoSeries, params: Params) -> tuple[IsoSeries, Curve
         )
         if any(c.above_dark_dn <= 0.0 for c in found.used):
             break
-        settled = abs(rate - curve.dark_rate_shift_dn_per_s) < _SETTLED * u_rate
+        converged = abs(rate - curve.dark_rate_shift_dn_per_s) < _TOLERANCE * u_rate
         series = found
         curve = replace(
             _curve(series, params),
             dark_rate_u_dn_per_s=max(prior.rate_u_dn_per_s, math.hypot(rate, u_rate)),
             dark_rate_shift_dn_per_s=rate,
         )
-        if settled:
+        if converged:
             break
     return series, curve
 

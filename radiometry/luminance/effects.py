@@ -43,13 +43,13 @@ def list_source_effects(
     # semilog has no K that scales with the meter
     meter_u_rel = coefficient.meter_calibration_u_rel if coefficient.model != "semilog" else 0.0
     dark_u_dn = coefficient.dark_signal_standard_uncertainty_dn
-    settled = _settle(coefficient, by_parameters * scale, conversion)
+    known = _split_known(coefficient, by_parameters * scale, conversion)
     shared = [
-        *(("fit of K", effect) for effect in settled[0]),
+        *(("fit of K", effect) for effect in known[0]),
         ("meter calibration", luminance * meter_u_rel),
         ("dark signal", -by_signal * dark_u_dn / through * scale),
-        *(("exposure time", effect) for effect in settled[1]),
-        *(("f-number", effect) for effect in settled[2]),
+        *(("exposure time", effect) for effect in known[1]),
+        *(("f-number", effect) for effect in known[2]),
         ("ISO setting", 0.0),  # K was fitted at the same setting
         *(("vignetting", effect * scale) for effect in by_lens),
     ]
@@ -59,7 +59,7 @@ def list_source_effects(
     return (*(Effect(source=name, shared=True, effect_cd_m2=effect) for name, effect in shared), noise)
 
 
-def _settle(
+def _split_known(
     coefficient: Coefficient, by_parameters: NDArray[np.float64], conversion: Conversion
 ) -> tuple[list[float], list[float], list[float]]:
     """Return the effects of the fit, of the exposure times and of the f-numbers [cd/m2].

@@ -41,7 +41,7 @@ from radiometry.reflectance.scale import Scale, find_scale_of_frame
 from radiometry.reflectance.sunshine import Sunshine, measure_sunshine
 from radiometry.reflectance.tilt import TiltParams
 from radiometry.reflectance.verdicts import judge, plan
-from radiometry.reflectance.visits import settle_times
+from radiometry.reflectance.visits import check_times
 
 __all__ = [
     "AppliedReflectance",
@@ -198,7 +198,7 @@ def fit(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -
         raise _explain(candidates)
     _require_one_pair(used, params)
     require_one_panel((each.row for each in used), readings)
-    used, doubts = settle_times(used)
+    used, doubts = check_times(used)
     fits = fit_bands(used, params)
     flags: list[Raised] = [*check_candidates(candidates), *doubts]
     for band, band_fit in fits.items():

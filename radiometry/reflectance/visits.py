@@ -60,7 +60,7 @@ class Visit:
     restless: float
 
 
-def settle_times(used: Sequence[Candidate]) -> tuple[list[Candidate], list[Raised]]:
+def check_times(used: Sequence[Candidate]) -> tuple[list[Candidate], list[Raised]]:
     """Check the times of the panel frames, and drop those that contradict each other.
 
     Parameters
