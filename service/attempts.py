@@ -1,4 +1,4 @@
-"""How often somebody may try to sign in: a wait that doubles with each failure, for the one who fails.
+"""Limit of sign-in attempts: a wait that doubles with each failure, for the one who fails.
 
 It is kept in memory, and the processes of a service tell each other every second. What it bounds is noise: a
 key has 256 random bits, which nobody finds by trying.
@@ -28,7 +28,7 @@ class _Failures:
 
     @property
     def wait_s(self) -> float:
-        """How long nobody may try after the last failure."""
+        """Return how long all attempts are refused after the last failure."""
         over = self.count - FREE
         return min(2.0**over, LONGEST_WAIT_S) if over >= 0 else 0.0
 

@@ -22,7 +22,7 @@ _LINGER_S = 1.0
 
 
 def stopping() -> Problem:
-    """The problem of whoever comes while the service stops."""
+    """Return the problem of requests that arrive while the service stops."""
     return Problem(
         interface.SERVICE_STOPPING,
         "The service is being stopped or restarted. Try again.",

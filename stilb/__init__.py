@@ -1,4 +1,4 @@
-"""The client of the calibration service: ``stilb.Client``. Speaks HTTP and knows nobody.
+"""The client of the calibration service: ``stilb.Client``. Speaks HTTP and imports no other room.
 
 with stilb.Client("http://127.0.0.1:8000", key) as client:
     frame = client.push(campaign_id, "DJI_0001.DNG", role="light", scene="level-1")

@@ -23,5 +23,5 @@ class Refusal(Exception):  # noqa: N818 (it says what was found)
 
 
 def report(line: str) -> None:
-    """Print one line for whoever looks at the terminal, or at the log of a container."""
+    """Print one line for the terminal, or for the log of a container."""
     print(f"stilb: {line}", file=sys.stderr, flush=True)  # noqa: T201 (speaks to the terminal)

@@ -69,7 +69,7 @@ def socket_path(data: Path) -> Iterator[Path]:
         folder.mkdir(mode=0o700)
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
-        raise Refusal(f"{folder}, where Valkey's socket should be, belongs to somebody else; remove it")
+        raise Refusal(f"{folder}, where Valkey's socket should be, belongs to another user; remove it")
     try:
         yield folder / SOCKET
     finally:

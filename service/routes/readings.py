@@ -137,7 +137,7 @@ def _columns(form: NewReading) -> dict[str, Any]:
 
 
 def _by_quantity(meters: list[Meter]) -> dict[str, str]:
-    """A meter's kind is the quantity that it reads; which of two was read, nobody could tell."""
+    """A meter's kind is the quantity that it reads; which of two was read could not be known."""
     usual = {meter.kind: meter.id for meter in meters}
     if len(usual) < len(meters):
         message = "names two meters of one kind; name the meter in each reading"

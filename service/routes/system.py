@@ -55,7 +55,7 @@ async def get_livez() -> Response:
 
 @router.get("/readyz", response_model=Readiness, responses={503: problems()[503]})
 async def get_readyz(context: UsesContext) -> Response:
-    """Requests can be served: database and file store answer, the schema is ours, nobody stops us.
+    """Requests can be served: database and file store answer, the schema is ours, and no stop was requested.
 
     Answers within two seconds. `degraded`, and 200, without a worker or a sweeper: what is sent is kept, and
     waits.

@@ -126,7 +126,7 @@ class FrameMotionRow(Answer):
         default=None, description="Of rotation alone, at which the theoretical blur reaches limit_px."
     )
     within_limit: bool | None = Field(
-        default=None, description="Whether the theoretical blur is at most limit_px; absent: nobody can tell."
+        default=None, description="Whether the theoretical blur is at most limit_px; absent: unknown."
     )
     missing_code: str | None = None
     missing: str | None = Field(default=None, description="Why there is no rate, and what to do.")

@@ -12,7 +12,7 @@ from service.schemas.frames import VerdictAnswer
 
 
 class NewLook(Form):
-    """The corners of a region that nobody has set yet."""
+    """Corners of a region that is not set yet."""
 
     polygon: Annotated[
         list[Point],

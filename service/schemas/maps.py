@@ -1,4 +1,4 @@
-"""A map's numbers, for whoever draws it or points at it."""
+"""Numbers of a map, for drawing it and pointing at it."""
 
 import json
 import math

@@ -61,7 +61,7 @@ def render(
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """A page for whoever is signed in."""
+    """A page for signed-in users."""
 
     request: Request
     caller: Caller

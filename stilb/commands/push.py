@@ -96,7 +96,7 @@ def follow(
     every_s: float,
     wait: bool,
 ) -> None:
-    """Send what comes, until somebody stops it; then tell the sum."""
+    """Send files as they arrive, until it is stopped; then print the sum."""
     watch, sent = Watch(list_files), dict[Path, FieldFile]()
     total = 0
     try:
