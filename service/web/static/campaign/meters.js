@@ -6,15 +6,15 @@ import { readNumber, wrong } from "./numbers.js";
 
 export const nameOfMeter = (meter) => meter && `${meter.make} ${meter.model} ${meter.serial}`;
 
-/** Ask for a meter; answers it as it was registered, or undefined. */
-export const askForMeter = () =>
+/** Ask for a meter, or for the next certificate of one; answers it as it was registered, or undefined. */
+export const askForMeter = (meter = {}) =>
   ask({
-    title: "Register a meter",
+    title: meter.id ? "Add a certificate" : "Register a meter",
     fields: [
-      { name: "kind", label: "Kind", options: [["luminance", "Luminance meter"], ["illuminance", "Illuminance meter"], ["sunshine", "Sunshine sensor"]] },
-      { name: "make", label: "Make" },
-      { name: "model", label: "Model" },
-      { name: "serial", label: "Serial number" },
+      { name: "kind", label: "Kind", options: [["luminance", "Luminance meter"], ["illuminance", "Illuminance meter"], ["sunshine", "Sunshine sensor"]], value: meter.kind },
+      { name: "make", label: "Make", value: meter.make },
+      { name: "model", label: "Model", value: meter.model },
+      { name: "serial", label: "Serial number", value: meter.serial },
       { name: "number", label: "Certificate number", required: false, hint: "Without a certificate, u(K) does not include the meter’s calibration, and K is flagged." },
       { name: "laboratory", label: "Laboratory", required: false },
       { name: "issued_on", label: "Issued on", type: "date", required: false },
@@ -22,7 +22,7 @@ export const askForMeter = () =>
       { name: "uncertainty", label: "Expanded uncertainty [%]", required: false },
       { name: "coverage", label: "Coverage factor", value: "2", required: false },
     ],
-    submit: "Register",
+    submit: meter.id ? "Add" : "Register",
     action: ({ kind, make, model, serial, ...rest }) => post("/v1/meters", { kind, make, model, serial, ...certificateOf(rest) }),
   });
 

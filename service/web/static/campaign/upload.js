@@ -72,7 +72,7 @@ export function uploadSection(state) {
   }
   queue.resume().then((count) => count && toast(`Resuming ${counted(count, "file")} of an earlier session.`));
   addEventListener("beforeunload", (event) => {
-    if (queue.items.some((item) => item.state === "sending" && !queue.journal.kept)) event.preventDefault();
+    if (queue.items.some((item) => item.armed && OPEN.includes(item.state)) && !queue.journal.kept) event.preventDefault();
   });
   return [dropZone(take), trouble, panel];
 }

@@ -15,6 +15,7 @@ export const LIMITS = {
 };
 export const FIELD = "field";
 const DAY_MS = 864e5;
+const natural = new Intl.Collator(undefined, { numeric: true }).compare;
 const RAW = /\.(dng|tiff?)$/i;
 const PICTURE = /\.(jpe?g|png|heic)$/i;
 const VIDEO = /\.(mp4|mov|lrv|lrf|srt|thm|m4v)$/i;
@@ -45,7 +46,7 @@ export function propose(rows, { methods, cameras = [], campaigns = [], inForce =
   const frames = method ? assign(own, method, campaign, said) : [];
   const sent = frames.filter((frame) => !leftOut.has(frame.key));
   const rank = ({ role, scene }) => (scene === undefined ? 1 + (method.roles.findIndex((each) => each.name === role) + 1 || method.roles.length + 1) : 0);
-  const scenes = [...groupBy(frames, (frame) => JSON.stringify([frame.role, frame.scene ?? ""])).values()].map(describeScene).sort((a, b) => rank(a) - rank(b) || (a.from ?? 0) - (b.from ?? 0) || (a.scene ?? "").localeCompare(b.scene ?? "", undefined, { numeric: true }));
+  const scenes = [...groupBy(frames, (frame) => JSON.stringify([frame.role, frame.scene ?? ""])).values()].map(describeScene).sort((a, b) => rank(a) - rank(b) || (a.from ?? 0) - (b.from ?? 0) || natural(a.scene ?? "", b.scene ?? ""));
   const darks = sent.filter((frame) => frame.role === "dark");
   return {
     cameras: bodies,
@@ -141,7 +142,7 @@ export function splitScenes(frames) {
   return scenes;
 }
 
-const byTime = (a, b) => (a.header.taken ?? 0) - (b.header.taken ?? 0) || a.name.localeCompare(b.name, undefined, { numeric: true });
+const byTime = (a, b) => (a.header.taken ?? 0) - (b.header.taken ?? 0) || natural(a.name, b.name);
 const exposureOf = ({ header: { exposure_time_s: t, iso, f_number: f } }) => (t * (iso ?? 100)) / (f ?? 1) ** 2;
 
 function describeScene(frames) {

@@ -1,9 +1,10 @@
 // The first page: a card to start with, what needs somebody, campaigns in progress, and what is in force.
 
 import { all, get } from "../api.js";
-import { causeList, smallLink } from "../causes.js";
-import { byId, h, table } from "../dom.js";
+import { causeList, small, smallLink } from "../causes.js";
+import { byId, h, may, table } from "../dom.js";
 import { ago, counted, number, span, words } from "../format.js";
+import { askForMeter } from "../campaign/meters.js";
 import { missingCauses } from "../campaign/missing.js";
 import { nameOf, titleOf } from "../campaign/named.js";
 import { startCard } from "../card/card.js";
@@ -121,8 +122,9 @@ function meterCauses(meter) {
   const left = meter.certificate ? (new Date(meter.certificate.due_on) - Date.now()) / 1000 : NaN;
   if (left >= SOON_S) return [];
   const name = `${meter.make} ${meter.model} ${meter.serial}`;
-  if (!meter.certificate) return [{ mark: "warn", title: "A meter has no certificate", where: `${name}: its readings have no traceable uncertainty` }];
-  return [{ mark: left < 0 ? "bad" : "wait", title: left < 0 ? `Meter certificate expired ${span(-left)} ago` : `Meter certificate expires in ${span(left)}`, where: `${name}, certificate ${meter.certificate.number}, on ${meter.certificate.due_on}` }];
+  const actions = may("calibrate") ? [small("Add certificate", async () => (await askForMeter(meter)) && location.reload())] : [];
+  if (!meter.certificate) return [{ mark: "warn", title: "A meter has no certificate", where: `${name}: its readings have no traceable uncertainty`, actions }];
+  return [{ mark: left < 0 ? "bad" : "wait", title: left < 0 ? `Meter certificate expired ${span(-left)} ago` : `Meter certificate expires in ${span(left)}`, where: `${name}, certificate ${meter.certificate.number}, on ${meter.certificate.due_on}`, actions }];
 }
 
 function cameraCauses(camera, rows) {
