@@ -1,8 +1,9 @@
 """Points of a luminance fit: the frames that count, those left out with the reason, and what is missing."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 from radiometry.fitting.evidence import Quantity
 from radiometry.frame.exposure import Settings, compute_rhs
@@ -132,6 +133,17 @@ def collect_series(
     Frames are in the order scene, f-number, time, name: the order of the input
     changes nothing.
     """
+    # gaps, suggestions and verdicts of one review ask for the same series
+    kept = rows[0].kept_series if rows else {}
+    given = (tuple(readings), params, tuple(map(id, rows)))
+    if given not in kept:
+        kept.clear()
+        kept[given] = (tuple(rows), _collect(rows, readings, params))
+    found: tuple[IsoSeries, ...] = kept[given][1]
+    return found
+
+
+def _collect(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[IsoSeries, ...]:
     scenes = {s.scene: s for s in summarise_scenes(readings, panel_rho=params.panel_rho)}
     excluded = {exclusion.frame: exclusion for exclusion in params.exclude}
     lamp = follow_lamp(rows, readings, params)
@@ -166,8 +178,9 @@ def _one_iso(
         times_s=times,
         plausible_rate_dn_per_s=params.dark_rate_u_rel * span_dn * iso / _BASE_ISO,
     )
+    dark_at = cache(dark.at)
     found = [
-        _candidate(row, signals[row.frame], dark, scenes.get(row.scene or ""), lamp[row.frame], params)
+        _candidate(row, signals[row.frame], dark_at, scenes.get(row.scene or ""), lamp[row.frame], params)
         for row in light
     ]
     found.sort(key=lambda c: (c.scene, c.settings.f_number, c.settings.exposure_time_s, c.frame))
@@ -175,10 +188,15 @@ def _one_iso(
 
 
 def _candidate(
-    row: FrameRow, signal: Signal, dark: Dark, scene: SceneSummary | None, lamp: Change, params: Params
+    row: FrameRow,
+    signal: Signal,
+    dark_at: Callable[[float], Dark],
+    scene: SceneSummary | None,
+    lamp: Change,
+    params: Params,
 ) -> Candidate:
     settings = row.exposure.on_basis(params.exposure_basis)
-    dark = dark.at(settings.exposure_time_s)
+    dark = dark_at(settings.exposure_time_s)
     luminance = scene.luminance_cd_m2 * lamp.ratio if scene else None
     return Candidate(
         frame=row.frame,

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 from radiometry.fitting.evidence import Exclusion, Quantity
 from radiometry.frame.exposure import Exposure
@@ -262,6 +262,11 @@ class FrameRow:
 
     @cached_property
     def _signals(self) -> dict[str, MeasuredSignal]:
+        return {}
+
+    @cached_property
+    def kept_series(self) -> dict[Any, Any]:
+        """Series of frames of which this one is the first: `collect_series` keeps the last ones."""
         return {}
 
     def measure(self, channel: str) -> MeasuredSignal:

@@ -15,6 +15,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.frame.proof import Proof
 from radiometry.frame.statistics import ChannelStatistics
 from store.codec import decode, read_text
+from store.database import read_plainly
 from store.queries.frames import extractor_of, statistics_of
 from store.tables import Campaign, Extraction, FrameRow
 
@@ -83,11 +84,12 @@ def read_frames(
     session: Session, campaign: Campaign, roles: Collection[str] | None = None
 ) -> list[FrameColumns]:
     """Read all frames of a campaign, or those of some roles, in the order in which they came."""
-    rows = session.execute(
+    rows = read_plainly(
+        session,
         select(*(cast(column, Text) for column in _JSON), *_PLAIN)
         .where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
         .where(FrameRow.role.in_(roles) if roles else true())
-        .order_by(FrameRow.id)
+        .order_by(FrameRow.id),
     )
     return [
         FrameColumns(
@@ -130,6 +132,6 @@ def read_extractions(
             features=read_text(features, text) if features else None,
             statistics=tuple(statistics[extraction_id]),
         )
-        for extraction_id, frame_id, roi_id, text in session.execute(mine)
+        for extraction_id, frame_id, roi_id, text in read_plainly(session, mine)
         if regions.get(frame_id) == roi_id
     }

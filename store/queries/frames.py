@@ -19,6 +19,7 @@ from radiometry.frame.statistics import ChannelStatistics
 from store import jobs
 from store.blobs import StoredBlob
 from store.columns import new_id
+from store.database import read_plainly
 from store.files import keep_blobs
 from store.software import EXTRACTOR
 from store.tables import Campaign, ChannelRow, Extraction, FrameRow, Roi
@@ -211,11 +212,12 @@ def statistics_of(
 ) -> dict[str, list[ChannelStatistics]]:
     """The statistics of each extraction, channels in alphabetical order."""
     found: dict[str, list[ChannelStatistics]] = defaultdict(list)
-    # columns, not entities: a campaign of a thousand frames has thousands of rows
-    rows = session.execute(
+    # rows as the driver has them: a campaign of ten thousand frames has four times as many
+    rows = read_plainly(
+        session,
         select(ChannelRow.extraction_id, *(getattr(ChannelRow, name) for name in _STATISTICS))
         .where(ChannelRow.extraction_id.in_(extraction_ids))
-        .order_by(ChannelRow.extraction_id, ChannelRow.channel)
+        .order_by(ChannelRow.extraction_id, ChannelRow.channel),
     )
     for extraction_id, *values in rows:
         found[extraction_id].append(ChannelStatistics(**dict(zip(_STATISTICS, values, strict=True))))

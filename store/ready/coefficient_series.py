@@ -13,7 +13,7 @@ from sqlalchemy import Select, Text, cast, func, select, tuple_
 from sqlalchemy.orm import Session
 
 from store.columns import utc_now
-from store.database import Database
+from store.database import Database, read_plainly
 from store.ready.publications import write_instant
 from store.ready.series import (
     PAGE,
@@ -27,7 +27,6 @@ from store.ready.series import (
     match_equal,
     read_decisions,
     read_instant,
-    read_plainly,
 )
 from store.tables import Camera, CoefficientRow, ReadyRow
 

@@ -8,7 +8,7 @@ from sqlalchemy import Select, and_, case, func, select, tuple_
 from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
-from store.database import Database
+from store.database import Database, read_plainly
 from store.ready.measurements import COLUMNS, FLAGS, STATE
 from store.ready.publications import write_instant
 from store.ready.series import (
@@ -23,7 +23,6 @@ from store.ready.series import (
     match_equal,
     read_decisions,
     read_instant,
-    read_plainly,
 )
 from store.tables import Calibration, MeasuredRow, Measurement, Publication, Revocation
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Protocol
 
-from sqlalchemy import ColumnElement, Select, func, literal, select, tuple_
+from sqlalchemy import ColumnElement, func, literal, select, tuple_
 from sqlalchemy.orm import Session
 
 from store.tables import Calibration, ReadyRow, Revocation
@@ -92,13 +92,6 @@ def is_instant(text: str) -> bool:
 def read_instant(text: str) -> datetime:
     """Read an instant of a cursor."""
     return datetime.fromisoformat(text).astimezone(UTC)
-
-
-def read_plainly(session: Session, wanted: Select[Any]) -> list[Any]:
-    """Return rows as the driver has them: SQLAlchemy's own cost more than reading text and numbers."""
-    cursor = session.connection().execute(wanted).cursor
-    assert cursor is not None  # noqa: S101  a SELECT has rows
-    return list(cursor.fetchall())
 
 
 def read_decisions(session: Session, organisation_id: str) -> str:
