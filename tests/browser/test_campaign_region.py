@@ -69,7 +69,7 @@ def test_a_region_that_was_found_says_so_and_gives_way_to_a_drawn_one(page, team
     page.goto(f"/campaigns/{campaign.id}")
     settle(page)
     expect(page.locator("#overview")).to_contain_text("1 frame found on the panel")
-    page.get_by_role("button", name=sent.filename).click()
+    page.locator(f'[data-id="{sent.id}"]').click()
     dialog = page.get_by_role("dialog")
     expect(dialog).to_contain_text("found by the code of panel RP02-1603036-SC")
     dialog.get_by_role("button", name="Draw another region").click()

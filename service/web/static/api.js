@@ -30,7 +30,7 @@ export async function send(method, path, { json, body, headers = {}, signal } = 
     if (error.name === "AbortError") throw error;
     throw new Problem(OFFLINE);
   }
-  if (answer.ok) return answer;
+  if (answer.ok || answer.status === 304) return answer;
   const problem = await problemOf(answer);
   if (problem.status === 401) location.assign(`/sign-in?ended=true&next=${encodeURIComponent(location.pathname + location.search)}`);
   throw problem;
@@ -42,6 +42,12 @@ export const post = async (path, json, { once = newOnce(), headers = {}, ...opti
   (await send("POST", path, { json, headers: { "Idempotency-Key": once, ...headers }, ...options })).json();
 export const put = async (path, json, options) => (await send("PUT", path, { json, ...options })).json();
 export const patch = async (path, json, options) => (await send("PATCH", path, { json, ...options })).json();
+
+/** {tag, body}: what is there, or no body where it is as it was under this tag. */
+export async function getChanged(path, tag) {
+  const answer = await send("GET", path, tag ? { headers: { "If-None-Match": tag } } : {});
+  return { tag: answer.headers.get("etag"), body: answer.status === 304 ? null : await answer.json() };
+}
 
 /** What is there, or `instead` where there is none (404). */
 export async function getOr(path, instead) {

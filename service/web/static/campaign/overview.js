@@ -16,9 +16,9 @@ export function overview(state) {
   return element;
 }
 
-export function countOutcomes(state) {
+function countOutcomes(state) {
   const counts = { pass: 0, warn: 0, fail: 0, pending: 0 };
-  for (const verdict of state.verdicts.values()) counts[verdict.outcome] += 1;
+  for (const frame of state.frames) counts[frame.outcome] += 1;
   return counts;
 }
 
@@ -26,7 +26,7 @@ function figures(state) {
   const { frames, readings } = state.campaign;
   const counts = countOutcomes(state);
   const received = Math.max(frames.received, state.frames.length);
-  const told = state.verdicts.size
+  const told = state.frames.length
     ? [`${counts.pass} pass`, counts.warn && `${counts.warn} warn`, counts.fail && `${counts.fail} fail`, counts.pending && `${counts.pending} waiting`].filter(Boolean).join(" · ")
     : "";
   return h(

@@ -5,7 +5,7 @@ import { methodOf } from "../methods.js";
 import { failed } from "../states.js";
 import { calibrateSection } from "./calibrate.js";
 import { checklistSection } from "./checklist.js";
-import { framesSection } from "./frames.js";
+import { gridSection } from "./grid.js";
 import { overview } from "./overview.js";
 import { readingsSection } from "./readings.js";
 import { regionSection } from "./region.js";
@@ -29,7 +29,7 @@ start();
 
 async function start() {
   // the frames are there first, and are drawn before anything else is asked
-  const known = (await drawn("frame-list", () => state.open(), framesSection)) && (await drawn("overview", () => state.know(), overview));
+  const known = (await drawn("frame-list", () => state.open(), gridSection)) && (await drawn("overview", () => state.know(), overview));
   if (!known) {
     for (const place of document.querySelectorAll("main .region[aria-busy]")) fill(place).removeAttribute("aria-busy");
     return;

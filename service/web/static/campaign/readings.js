@@ -1,62 +1,35 @@
-// The meter's readings: typed or pasted from a spreadsheet, listed by scene, withdrawn when mistyped.
+// The meter's readings, pasted from a spreadsheet; single ones are typed in the grid.
 
-import { all, post, send } from "../api.js";
-import { byId, fill, h, may, table, toast } from "../dom.js";
-import { counted, number, time } from "../format.js";
-import { shorten } from "../shorten.js";
-import { act, empty, load } from "../states.js";
+import { all, post } from "../api.js";
+import { byId, fill, h, may, toast } from "../dom.js";
+import { counted, number } from "../format.js";
+import { act } from "../states.js";
 import { field, select } from "./forms.js";
 import { askForMeter, nameOfMeter } from "./meters.js";
 import { wrong } from "./numbers.js";
 import { UNITS, readSheet } from "./sheet.js";
 
+/** What is pasted goes into the grid, where each reading stands in the row of its scene. */
 export function readingsSection(state) {
-  const list = h("div");
-  const meters = { all: [] };
-  const refresh = async () => {
-    const [readings, known] = await Promise.all([state.readings(), all("/v1/meters")]);
-    meters.all = known;
-    return readings;
+  const { book } = state;
+  const note = () => {
+    const standing = book.readings.filter((each) => !each.withdrawn_at);
+    byId("readings-note").textContent = standing.length ? `${counted(standing.length, "reading")} of ${counted(new Set(standing.map((each) => each.scene)).size, "scene")}` : "";
   };
-  const draw = (readings) => {
-    const standing = readings.filter((each) => !each.withdrawn_at).length;
-    byId("readings-note").textContent = readings.length ? `${counted(standing, "reading")} of ${counted(new Set(readings.map((each) => each.scene)).size, "scene")}` : "";
-    entry.offer(meters.all);
-    return readings.length ? rows(readings, meters, again) : empty("No readings yet", "Luminance meter readings of each scene. Several readings of a scene are averaged.");
-  };
-  let shown = "";
-  const again = () => load(list, refresh, draw);
-  const entry = may("calibrate") ? entryPart(state, meters, async () => (await again(), state.touch())) : { element: null, offer() {} };
-  // somebody else's readings: the campaign says how many there are
-  state.on("campaign", () => {
-    if (shown !== String(state.campaign.readings)) again();
-    shown = String(state.campaign.readings);
-  });
-  again();
-  shown = String(state.campaign.readings);
-  return h("div", { class: "columns readings" }, list, entry.element);
+  book.addEventListener("change", note);
+  note();
+  if (!may("calibrate")) return h("p", { class: "muted" }, "Readings stand in the rows of the grid.");
+  const entry = entryPart(state, book);
+  book.addEventListener("change", () => entry.offer(book.meters));
+  entry.offer(book.meters);
+  return entry.element;
 }
 
-function rows(readings, meters, again) {
-  const collator = new Intl.Collator(undefined, { numeric: true });
-  const sorted = [...readings].sort((a, b) => collator.compare(a.scene, b.scene) || a.quantity.localeCompare(b.quantity) * -1 || a.created_at.localeCompare(b.created_at));
-  const meterOf = (each) => nameOfMeter(meters.all.find((meter) => meter.id === each.meter_id)) ?? "–";
-  const entered = (each) => `${number(each.entered_value, 6)} ${each.entered_unit.replace("m2", "m²")}`;
-  const columns = [
-    { head: "Scene", header: true, class: "nowrap", cell: (each) => each.scene },
-    { head: "Reading", class: "number", cell: (each) => [`${number(each.value, 5)} ${each.unit.replace("m2", "m²")}`, each.entered_unit === each.unit ? null : h("span", { class: "sub" }, entered(each)), each.meter_id ? h("span", { class: "sub narrow-only" }, meterOf(each)) : null] },
-    { head: "Meter", class: "wide-only", cell: (each) => meterOf(each) },
-    { head: "Taken", class: "wide-only", cell: (each) => (each.taken_at ? time(each.taken_at) : "–") },
-    ...(may("calibrate") ? [{ head: h("span", { class: "hidden" }, "Withdraw"), cell: (each) => (each.withdrawn_at ? h("span", { class: "tag" }, "withdrawn") : h("button", { type: "button", class: "quiet", "aria-label": `Withdraw ${entered(each)} of ${each.scene}`, onclick: (event) => act(event.target, async () => (await send("DELETE", `/v1/readings/${each.id}`), await again())) }, "Withdraw")) }] : []),
-  ];
-  return shorten(sorted, (some) => table(columns, some, { caption: "Readings", row: (each) => ({ class: each.withdrawn_at ? "withdrawn" : "" }) }));
-}
-
-function entryPart(state, meters, after) {
+function entryPart(state, book) {
   const text = h("textarea", { rows: "7", class: "mono", spellcheck: "false", placeholder: "level-1\t54.4\nlevel-1\t54.6\nlevel-2\t2.94" });
   const unit = select(Object.keys(UNITS).map((name) => [name, name.replace("m2", "m²")]));
   const meter = select([]);
-  const told = h("div", { class: "sheet" });
+  const told = h("div", { class: "preview-lines" });
   let byHand = false;
   meter.addEventListener("change", () => (byHand = true));
   const offer = (known) => {
@@ -70,9 +43,9 @@ function entryPart(state, meters, after) {
   const draw = () => fill(told, text.value.trim() ? preview(read()) : null);
   text.addEventListener("input", draw);
   unit.addEventListener("change", () => {
-    byHand &&= meters.all.find((each) => each.id === meter.value)?.kind === UNITS[unit.value];
+    byHand &&= book.meters.find((each) => each.id === meter.value)?.kind === UNITS[unit.value];
     draw();
-    offer(meters.all);
+    offer(book.meters);
   });
   const add = async () => {
     const { rows: lines, faults } = read();
@@ -85,7 +58,8 @@ function entryPart(state, meters, after) {
     toast(`${counted(lines.length, "reading")} recorded.`);
     text.value = "";
     draw();
-    await after();
+    await book.refresh();
+    await state.touch();
   };
   const element = h(
     "form",
@@ -97,9 +71,9 @@ function entryPart(state, meters, after) {
     h("p", { class: "actions" }, h("button", { class: "primary", type: "submit" }, "Add"), h("button", { type: "button", class: "quiet", onclick: async () => {
       const made = await askForMeter();
       if (!made) return;
-      meters.all = await all("/v1/meters");
+      await book.refresh(await all("/v1/meters"));
       byHand = true;
-      offer(meters.all);
+      offer(book.meters);
       meter.value = made.id;
     } }, "Register a meter…")),
   );

@@ -1,6 +1,6 @@
 // The region: drawn on a frame's preview or imported from ImageJ, set for the campaign or for one frame.
 
-import { put } from "../api.js";
+import { get, put } from "../api.js";
 import { byId, fill, h, may, toast } from "../dom.js";
 import { act, empty } from "../states.js";
 import { RegionCanvas } from "./canvas.js";
@@ -12,6 +12,8 @@ import { lookPart } from "./look.js";
 import { wrong } from "./numbers.js";
 import { faultOf } from "./polygon.js";
 import { isRead } from "./state.js";
+
+const MOST_LISTED = 200;
 
 export function regionSection(state) {
   const element = h("div");
@@ -49,8 +51,11 @@ function build(state, drawable) {
   const take = (id) => ((chosenByHand = true), choose(id));
   const step = (by) => take(frames.options[Math.min(Math.max(frames.selectedIndex + by, 0), frames.options.length - 1)].value);
   function offer(some) {
-    if (frames.options.length !== some.length) {
-      fill(frames, some.map((each) => h("option", { value: each.id }, [each.filename, each.scene].filter(Boolean).join(" · "))));
+    // a list of thousands is of use to nobody: any frame is opened in the grid, and drawn on from there
+    const listed = some.slice(0, MOST_LISTED);
+    if (frame && !listed.some((each) => each.id === frame.id) && state.byId.has(frame.id)) listed.push(state.byId.get(frame.id));
+    if (frames.options.length !== listed.length) {
+      fill(frames, listed.map((each) => h("option", { value: each.id }, [each.filename, each.scene].filter(Boolean).join(" · "))));
       if (frame) frames.value = frame.id;
       const lit = some.find((each) => each.role !== "dark");
       if (frame?.role === "dark" && lit && !chosenByHand && !editor.dirty) choose(lit.id);
@@ -62,6 +67,7 @@ function build(state, drawable) {
   }
   function choose(id) {
     frame = state.byId.get(id) ?? frame;
+    if (![...frames.options].some((each) => each.value === frame.id)) frames.append(h("option", { value: frame.id }, frame.filename));
     frames.value = frame.id;
     canvas.show({ url: `/v1/frames/${frame.id}/preview.png`, width: frame.width_px, height: frame.height_px });
     settled();
@@ -98,10 +104,12 @@ function build(state, drawable) {
   /** What holds for the frame that is shown, unless somebody is drawing. */
   async function load() {
     const shown = frame;
-    own.textContent = adviceOn(shown);
+    // how a region was found is said with the frame alone
+    own.textContent = adviceOn(shown.roi_origin === "found" ? await get(`/v1/frames/${shown.id}`) : shown);
+    if (shown.id !== frame.id) return;
     if (editor.dirty) return;
     const roi = startsEmpty(shown) ? null : await holdingFor(state, shown);
-    if (shown === frame && !editor.dirty) editor.load(regionsOf(roi));
+    if (shown.id === frame.id && !editor.dirty) editor.load(regionsOf(roi));
   }
 
   editor.addEventListener("settled", settled);

@@ -1,0 +1,175 @@
+// One frame over the grid: large picture with its region, verdict with its repair, histogram, exposure, and what can be changed.
+
+import { get, patch } from "../api.js";
+import { fill, h, may, svg } from "../dom.js";
+import { bytes, exposureTime, fixed, number, percent, sayTimes, time, words } from "../format.js";
+import { OUTCOMES, mark } from "../marks.js";
+import { act, failed } from "../states.js";
+import { frameCell, kindOf, sayState } from "./cells.js";
+import { decimal, field, select } from "./forms.js";
+import { holdingFor, originOf } from "./holding.js";
+import { lettersOn } from "./keys.js";
+import { lookPart } from "./look.js";
+import { askWhere, changeFrames, leaveOut, withdraw } from "./moves.js";
+import { numberOf } from "./numbers.js";
+import { isRead } from "./state.js";
+
+const MOST_BESIDE = 24;
+
+/** Open a frame; `order` is that of the grid, `back` puts the focus on the cell of the frame that was seen last. */
+export function openFrame(state, first, { order, back }) {
+  let id = first;
+  let again = 0;
+  const [title, count, look, tell] = [h("h2", { id: "frame-name" }), h("span", { class: "muted small" }), h("div", { class: "look-at" }), h("div", { class: "tell" })];
+  const at = () => order.findIndex((frame) => frame.id === id);
+  const go = (by) => {
+    const next = order[at() + by];
+    if (next) show(next.id);
+  };
+  const toCheck = () => {
+    const rest = [...order.slice(at() + 1), ...order.slice(0, at())];
+    const next = rest.find((frame) => ["warn", "bad"].includes(kindOf(state.byId.get(frame.id) ?? frame)));
+    if (next) show(next.id);
+  };
+  const histogram = lookPart(() => {});
+  const button = (text, onclick, attributes = {}) => h("button", { type: "button", class: "small-button", onclick, ...attributes }, text);
+  const [before, after, check] = [button("← Previous", () => go(-1)), button("Next →", () => go(1)), button("Next to check →", toCheck)];
+  const dialog = h(
+    "dialog",
+    { class: "frame-sheet", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), dialog.remove(), back(id)) },
+    h("div", { class: "sheet-head" }, h("div", { class: "title-line" }, title, count), h("p", { class: "actions" }, before, after, button(["Close ", h("kbd", {}, "Esc")], () => dialog.close(), { class: "quiet small-button" }))),
+    h("div", { class: "sheet-body" }, look, tell),
+    h("div", { class: "sheet-foot" }, h("span", { class: "small muted" }, h("kbd", {}, "←"), " ", h("kbd", {}, "→"), " walk  ", h("kbd", {}, "M"), " move  ", h("kbd", {}, "X"), " leave out  ", h("kbd", {}, "Z"), " undo"), check),
+  );
+  const renew = () => show(id);
+  state.on("frames", renew);
+  dialog.addEventListener("keydown", (event) => {
+    if (event.target.closest("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey || event.target.closest("dialog") !== dialog) return;
+    const letter = lettersOn() ? event.key.toLowerCase() : "";
+    if (event.key === "ArrowLeft") go(-1);
+    else if (event.key === "ArrowRight") go(1);
+    else if (letter === "n") toCheck();
+    else if (letter === "m" && may("calibrate")) askWhere(state, [id]);
+    else if (letter === "x" && may("calibrate")) act(check, () => leaveOut(state, [id]));
+    else return;
+    event.preventDefault();
+  });
+
+  async function show(wanted) {
+    id = wanted;
+    const turn = (again += 1);
+    const known = state.byId.get(id);
+    title.textContent = known.filename;
+    count.textContent = [known.scene, `${at() + 1} of ${order.length}`].filter(Boolean).join(" · ");
+    before.disabled = at() <= 0;
+    after.disabled = at() >= order.length - 1;
+    check.disabled = !order.some((frame) => frame.id !== id && ["warn", "bad"].includes(kindOf(state.byId.get(frame.id) ?? frame)));
+    tell.setAttribute("aria-busy", "true");
+    try {
+      const [frame, roi] = await Promise.all([get(`/v1/frames/${id}`), holdingFor(state, known)]);
+      if (turn !== again) return;
+      fill(look, picture(frame, roi), beside(state, known, show));
+      fill(tell, verdict(known, frame), exposure(frame), h("div", {}, h("h3", { class: "panel-title" }, "Raw values in the region [DN]"), histogram.element), may("calibrate") ? change(state, known, frame, dialog) : null, file(frame));
+      if (isRead(frame) && may("calibrate")) histogram.look(frame, { points: roi?.polygon ?? wholeOf(frame), closed: true });
+    } catch (error) {
+      if (turn === again) fill(tell, failed(error, () => show(id)));
+    } finally {
+      if (turn === again) tell.removeAttribute("aria-busy");
+    }
+  }
+
+  document.body.append(dialog);
+  dialog.showModal();
+  show(first);
+}
+
+const wholeOf = ({ width_px: width, height_px: height }) => [[0, 0], [width, 0], [width, height], [0, height]];
+
+function picture(frame, roi) {
+  if (!isRead(frame)) return h("p", { class: "empty" }, "No preview: the frame has not been read, or it was refused.");
+  const outlines = roi ? (roi.regions?.map((each) => each.polygon) ?? [roi.polygon]) : [];
+  const draw = (kind) => outlines.map((points) => svg("polygon", { class: kind, points: points.map((point) => point.join(",")).join(" ") }));
+  const drawing = svg("svg", { viewBox: `0 0 ${frame.width_px} ${frame.height_px}`, "aria-hidden": "true" }, ...draw("under"), ...draw("outline"));
+  return h("div", { class: "large" }, h("img", { src: `/v1/frames/${frame.id}/preview.png`, alt: `Preview of ${frame.filename}`, width: frame.width_px, height: frame.height_px }), drawing);
+}
+
+/** The other frames of its row. */
+function beside(state, known, show) {
+  const same = state.frames.filter((frame) => frame.role === known.role && frame.scene === known.scene);
+  const from = Math.max(0, Math.min(same.indexOf(known) - MOST_BESIDE / 2, same.length - MOST_BESIDE));
+  const strip = same.slice(from, from + MOST_BESIDE).map((frame) => {
+    const cell = frameCell(frame, { place: "", compact: false });
+    cell.tabIndex = 0;
+    cell.draggable = false;
+    cell.addEventListener("click", () => show(frame.id));
+    if (frame.id === known.id) cell.setAttribute("aria-current", "true");
+    return cell;
+  });
+  return same.length > 1 ? [h("h3", { class: "panel-title" }, known.scene ? "Same scene" : "Same role"), h("div", { class: "strip", tabindex: "-1" }, strip)] : null;
+}
+
+function verdict(known, frame) {
+  const kind = kindOf(known);
+  const reasons = frame.verdict?.reasons ?? [];
+  const said = frame.left_out ? [`Left out by ${frame.left_out.by}: ${frame.left_out.reason}`] : [];
+  return h("div", { class: `verdict-words ${kind}` }, mark(kind), h("h3", {}, sayState(known)), [...said, ...reasons.map((each) => sayTimes(each.detail))].map((text) => h("p", {}, text)), said.length + reasons.length ? null : h("p", {}, "No problems found."));
+}
+
+function exposure(frame) {
+  const facts = [["Exposure", exposureTime(frame.exposure_time_s)], ["Aperture", frame.f_number ? `f/${number(frame.f_number, 3)}` : "–"], ["Sensitivity", frame.iso ? `ISO ${frame.iso}` : "–"]];
+  return h("dl", { class: "shots" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
+}
+
+function change(state, known, frame, dialog) {
+  const button = (text, work, attributes = {}) => h("button", { type: "button", class: "small-button", ...attributes, onclick: (event) => act(event.target, () => work(state, [frame.id])) }, text);
+  const scene = state.method.grid.rows === "scene" && state.method.roles.some((role) => role.name === known.role && role.has_scene)
+    ? select([...(known.scene ? [] : [["", "No scene: choose one"]]), ...[...new Set([...state.scenes, ...(state.book?.readings ?? []).map((each) => each.scene)])].map((name) => [name, name])], { onchange: (event) => act(event.target, () => changeFrames(state, [frame.id], { scene: event.target.value }, (named) => `${named} moved to ${event.target.value}.`)) }, known.scene ?? "")
+    : null;
+  return h(
+    "div",
+    {},
+    h("h3", { class: "panel-title" }, "Change"),
+    scene ? field("Scene", scene) : null,
+    frame.exposure_time_s === undefined ? typedExposure(state, frame) : null,
+    h(
+      "p",
+      { class: "actions" },
+      button("Move…", askWhere),
+      button(known.left_out === null ? "Leave out" : "Use again", leaveOut),
+      button(known.withdrawn ? "Restore" : "Withdraw", withdraw, { class: "small-button danger" }),
+      isRead(frame) ? button(frame.roi_origin === "found" ? "Draw another region" : "Draw a region on it", () => {
+        dialog.close();
+        state.dispatchEvent(new CustomEvent("draw-on", { detail: frame.id }));
+      }) : null,
+      h("a", { class: "button quiet small-button", href: `/v1/frames/${frame.id}/content` }, "Download"),
+    ),
+    h("p", { class: "hint" }, "Left out: kept, not fitted. Withdrawn: hidden from the campaign. Both can be undone."),
+  );
+}
+
+/** What the file does not say is typed in, and the frame is read again. */
+function typedExposure(state, frame) {
+  const inputs = [["exposure_time_s", "Exposure time [s]"], ["f_number", "f-number"], ["iso", "ISO"]].map(([name, label]) => [name, label, decimal({ value: frame.supplied?.[name] ?? "" })]);
+  const save = async () => {
+    const typed = Object.fromEntries(inputs.filter(([, , input]) => input.value.trim()).map(([name, , input]) => [name, numberOf(input)]));
+    await patch(`/v1/frames/${frame.id}`, typed);
+    await state.touch();
+  };
+  return h("form", { onsubmit: (event) => (event.preventDefault(), act(event.submitter, save)) }, h("div", { class: "fields" }, inputs.map(([, label, input]) => field(label, input, "Not in the file."))), h("p", { class: "actions" }, h("button", { type: "submit" }, "Read again")));
+}
+
+function file(frame) {
+  const facts = [
+    ["Camera", frame.camera && [frame.camera.make, frame.camera.model, frame.camera.serial].filter(Boolean).join(" ")],
+    ["Size", frame.width_px && `${frame.width_px} × ${frame.height_px} px, ${frame.cfa}`],
+    ["Black, white", frame.white_level_dn && `${number(frame.black_level_dn, 6)}, ${number(frame.white_level_dn, 6)} DN`],
+    ["Region", originOf(frame)],
+    ["Band", frame.band && words(frame.band)],
+    ["Clipped, zeros", frame.statistics.length && `${percent(Math.max(...frame.statistics.map((row) => row.saturated_share)))}, ${percent(Math.max(...frame.statistics.map((row) => row.zero_share)))}`],
+    ["Pixel scatter", frame.statistics.length && `${fixed(Math.max(...frame.statistics.map((row) => row.std_dn)), 1)} DN`],
+    ["Warnings", frame.warnings.length && frame.warnings.map(words).join(", ")],
+    ["Received", time(frame.created_at)],
+    ["SHA-256", h("code", { class: "small" }, frame.sha256)],
+  ].filter(([, value]) => value);
+  return h("details", { class: "fold" }, h("summary", {}, "File ", h("span", { class: "muted" }, [frame.taken_at && sayTimes(frame.taken_at).replace("T", " ").slice(0, 19), frame.size_bytes && bytes(frame.size_bytes)].filter(Boolean).join(" · "))), h("dl", { class: "facts" }, facts.map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])));
+}

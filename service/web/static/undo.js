@@ -1,0 +1,27 @@
+// What was done last can be undone: by the button that passes by, or with Z.
+
+import { toast } from "./dom.js";
+import { failed } from "./states.js";
+
+const steps = [];
+
+/** Say that something was done, with the way back. */
+export function done(text, undo) {
+  steps.push(undo);
+  toast(text, { label: "Undo", key: "Z", action: () => take(undo) });
+}
+
+/** Undo what was done last. */
+export const undoLast = () => steps.length && take(steps.at(-1));
+
+async function take(undo) {
+  const at = steps.indexOf(undo);
+  if (at < 0) return;
+  steps.splice(at, 1);
+  try {
+    await undo();
+    toast("Undone.");
+  } catch (error) {
+    toast(failed(error).textContent);
+  }
+}
