@@ -6,7 +6,7 @@ from typing import Annotated, Any, Generic, TypeVar
 from fastapi import Depends, Query, Request
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
-from sqlalchemy import Select, inspect, select
+from sqlalchemy import ColumnElement, Select, inspect, select
 from sqlalchemy.orm import Session
 
 from service.auth import Caller
@@ -78,10 +78,13 @@ def page_own(
     table: Any,  # noqa: ANN401  a mapped class with an organisation
     listing: Listing,
     shape: Callable[[Any], Answer],
+    *,
+    where: ColumnElement[bool] | None = None,
 ) -> JSONResponse:
     """Return a page of the organisation's rows that have the values asked for, oldest first."""
     asked = listing.model_dump(exclude={"limit", "cursor"}, exclude_none=True)
     rows = select(table).where(table.organisation_id == caller.organisation_id).filter_by(**asked)
+    rows = rows if where is None else rows.where(where)
     with context.database.reading() as session:
         return Paging(request, listing.limit, listing.cursor).send(
             session, rows, lambda found: [shape(row) for row in found]

@@ -256,6 +256,12 @@ CHECKLIST_SIGNED = _refusal(
     "The campaign's checklist has been signed.",
     "Send a new signature with the change; it then holds for the list as changed.",
 )
+STEP_NOT_DONE = _refusal(
+    409,
+    "step_not_done",
+    "The record shows that a step of the checklist is not done.",
+    "Do what it lacks: the step is then ticked from the record.",
+)
 NO_CHECKLIST = _refusal(
     409,
     "no_checklist",

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import ValidationError
+from sqlalchemy import true
 from sqlalchemy.orm import Session
 
 from radiometry import methods
@@ -30,7 +31,8 @@ from service.schemas.campaigns import (
 )
 from service.schemas.panels import PanelOffered
 from store.codec import decode, read_strictly
-from store.queries.campaigns import Drawing, count, find_or_add_roi, renew_extractions, set_roi
+from store.columns import utc_now
+from store.queries.campaigns import Drawing, check_again, count, find_or_add_roi, renew_extractions, set_roi
 from store.queries.equipment import find_or_add_panel
 from store.queries.references import Offer, find_by_serial, find_offer
 from store.tables import Camera, Campaign, Panel, Roi
@@ -60,6 +62,7 @@ def create_campaign(body: NewCampaign, caller: Calibrator, writing: Writes) -> R
 
 
 class CampaignListing(Listing):
+    archived: Annotated[bool | None, Query(description="Only those put away, or only the others.")] = None
     project_number: Text | None = None
     camera_id: Text | None = None
     method: Text | None = None
@@ -70,7 +73,10 @@ def list_campaigns(
     request: Request, caller: Reader, context: UsesContext, listing: Annotated[CampaignListing, Query()]
 ) -> Response:
     """The campaigns of your organisation, oldest first."""
-    return page_own(request, context, caller, Campaign, listing, CampaignAnswer.restate)
+    away = Campaign.archived_at.is_not(None)
+    where = true() if listing.archived is None else away if listing.archived else ~away
+    rest = listing.model_copy(update={"archived": None})
+    return page_own(request, context, caller, Campaign, rest, CampaignAnswer.restate, where=where)
 
 
 @router.get("/{campaign_id}", response_model=CampaignAnswer, responses=problems(404))
@@ -90,8 +96,14 @@ def change_campaign(campaign_id: Id, body: CampaignChange, caller: Calibrator, w
         if body.panel_id is not None:
             owned(session, Panel, body.panel_id, caller)
         _check_stated(campaign.method, body)
-        values = body.model_dump(exclude_unset=True, exclude={"panel_serial"})
+        values = body.model_dump(exclude_unset=True, exclude={"panel_serial", "archived"})
+        values = {name: None if value == "" else value for name, value in values.items()}
         jobs = []
+        if body.archived is not None:
+            campaign.archived_at = (campaign.archived_at or utc_now()) if body.archived else None
+        if body.camera_id is not None and body.camera_id != campaign.camera_id:
+            owned(session, Camera, body.camera_id, caller)
+            jobs = check_again(session, campaign, by=caller.key_id)
         if body.target is not None:
             values["target"] = _read_target(campaign.method, body.target)
             jobs = renew_extractions(session, campaign, by=caller.key_id)

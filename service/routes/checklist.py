@@ -10,11 +10,12 @@ from service.context import UsesContext
 from service.lookup import Id, owned
 from service.problems import Problem, invalid
 from service.routes import problems
-from service.schemas.checklist import ChecklistAnswer, ChecklistChange, explain_missing_checklist
+from service.schemas.checklist import ChecklistAnswer, ChecklistChange, ItemChange, explain_missing_checklist
 from store.queries.checklist import (
     KEYS,
     RecordState,
     has_checklist,
+    hash_state,
     read_checklist,
     read_signature,
     set_tick,
@@ -54,6 +55,7 @@ def change_checklist(
                 "it then stands for the list as changed.",
             )
         for item in body.items or []:
+            _refuse_undone(record, item)
             set_tick(session, campaign, item.key, done=item.done, note=item.note, by=caller.key_id)
         if body.signature is not None:
             sign(session, campaign, name=body.signature.name, by=caller.key_id)
@@ -65,6 +67,12 @@ def change_checklist(
         owned(reading, Campaign, campaign_id, caller)
         record = context.reviews.find(reading, campaign_id).record
     return writing.run(caller, change)
+
+
+def _refuse_undone(record: RecordState | None, item: ItemChange) -> None:
+    finding = record.findings.get(item.key) if record else None
+    if item.done and finding is not None and not finding.done:
+        raise Problem(interface.STEP_NOT_DONE, f"{item.key}: {finding.sentence}")
 
 
 def _refuse_unknown(body: ChecklistChange) -> None:
@@ -83,7 +91,9 @@ def _refuse_unknown(body: ChecklistChange) -> None:
 
 def _answer(session: Session, campaign: Campaign, record: RecordState | None) -> ChecklistAnswer:
     items = read_checklist(session, campaign, record)
-    answer = ChecklistAnswer.of(campaign.id, items, read_signature(session, campaign))
+    signature = read_signature(session, campaign)
+    state = hash_state(session, campaign) if signature else ""
+    answer = ChecklistAnswer.of(campaign.id, items, signature, state)
     if has_checklist(campaign):
         return answer
     return answer.model_copy(update={"said": explain_missing_checklist(campaign.method)})

@@ -38,6 +38,11 @@ CurveText = Annotated[
     str, StringConstraints(min_length=1, max_length=50_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]+$")
 ]
 """A name, or a table of several lines, each ending in a line feed."""
+Clearable = Annotated[str, StringConstraints(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+ClearableLong = Annotated[
+    str, StringConstraints(max_length=10_000, pattern=r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]*$")
+]
+"""A correction: "" takes away what was written."""
 # as a camera, a data sheet or a person writes it
 BandName = Annotated[Text, AfterValidator(name_band)]
 Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]
@@ -45,6 +50,7 @@ Sha256 = Annotated[str, StringConstraints(pattern=SHA256)]
 
 # in a body a number is a number: neither true nor "5"
 Number = Annotated[float, Strict()]
+Flag = Annotated[bool, Strict()]
 Positive = Annotated[Number, Field(gt=0, lt=1e9)]
 PositiveText = Annotated[float, Field(gt=0, lt=1e9)]
 """The same in an address, where everything is text."""

@@ -5,7 +5,19 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, create_model, model_validator
 
 from radiometry.methods import METHODS
-from service.schemas.base import Answer, Form, FrameRole, Instant, LongText, Method, Number, Text
+from service.schemas.base import (
+    Answer,
+    Clearable,
+    ClearableLong,
+    Flag,
+    Form,
+    FrameRole,
+    Instant,
+    LongText,
+    Method,
+    Number,
+    Text,
+)
 from service.schemas.fits import make_fields
 from service.schemas.panels import PanelOffered
 from store.queries.campaigns import Counts
@@ -63,7 +75,19 @@ class NewCampaign(CampaignDetails):
 
 
 class CampaignChange(CampaignDetails):
-    """Corrections; what is left out stays."""
+    """Corrections; what is left out stays, and a text of "" is taken away."""
+
+    project_number: Clearable | None = None
+    recorder: Clearable | None = None
+    customer: Clearable | None = None
+    place: Clearable | None = None
+    conditions: ClearableLong | None = None
+    comments: ClearableLong | None = None
+    camera_id: Annotated[
+        Text | None,
+        Field(description="Another camera: every frame is checked against it again."),
+    ] = None
+    archived: Annotated[Flag | None, Field(description="Put away, or taken out again.")] = None
 
 
 class FrameCounts(Answer, restates=Counts, fields="received being_read extracted refused"):
@@ -74,7 +98,7 @@ class CampaignAnswer(
     Answer,
     restates=Campaign,
     fields="id camera_id method project_number recorder customer place conditions started_at comments "
-    f"{' '.join(STATED)} panel_id target roi_id created_at",
+    f"{' '.join(STATED)} archived_at panel_id target roi_id created_at",
 ):
     method: Method
     frames: FrameCounts | None = None

@@ -40,8 +40,10 @@ class ItemAnswer(Answer, restates=ChecklistItem):
     pass
 
 
-class SignatureAnswer(Answer, restates=ChecklistSignature, fields="name signed_by signed_at"):
-    pass
+class SignatureAnswer(Answer, restates=ChecklistSignature, fields="name signed_by signed_at state_sha256"):
+    changed: bool = Field(
+        description="Whether details, frames, readings, region or ticks are other than when it was signed."
+    )
 
 
 class ChecklistAnswer(Answer):
@@ -54,15 +56,18 @@ class ChecklistAnswer(Answer):
 
     @classmethod
     def of(
-        cls, campaign_id: str, items: list[ChecklistItem], signature: ChecklistSignature | None
+        cls, campaign_id: str, items: list[ChecklistItem], signature: ChecklistSignature | None, state: str
     ) -> "ChecklistAnswer":
+        """Return the list; ``state`` is the hash of what a signature would sign now."""
         done = sum(item.done_by is not None for item in items)
         return cls.restate(
             campaign_id=campaign_id,
             done=done,
             open=len(items) - done,
             items=items,
-            signature=signature,
+            signature=SignatureAnswer.restate(signature, changed=signature.state_sha256 not in {None, state})
+            if signature
+            else None,
         )
 
 

@@ -4,7 +4,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from service.schemas.base import Answer, Day, Form, LongText, Number, PixelPitch, Positive, Text
+from service.schemas.base import (
+    Answer,
+    ClearableLong,
+    Day,
+    Form,
+    LongText,
+    Number,
+    PixelPitch,
+    Positive,
+    Text,
+)
 from store.tables import Camera, Meter
 
 
@@ -22,6 +32,18 @@ class NewCamera(Form):
     pixel_pitch_um: PixelPitch | None = None
     sensor_width_mm: Positive | None = None
     note: LongText | None = None
+
+
+class CameraChange(Form):
+    """What is corrected; what is left out stays."""
+
+    make: Text | None = None
+    model: Text | None = None
+    serial: Text | None = None
+    lens: Lens | None = None
+    pixel_pitch_um: PixelPitch | None = None
+    sensor_width_mm: Positive | None = None
+    note: ClearableLong | None = None
 
 
 class CameraAnswer(

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Strict, WithJsonSchema
+from pydantic import Field, WithJsonSchema
 from typing_extensions import TypeAliasType
 
 from radiometry.findings import InputRejected, Reason
@@ -11,7 +11,17 @@ from radiometry.frame.verdicts import Verdict
 from radiometry.methods import METHODS
 from radiometry.methods.findings import FINDINGS
 from radiometry.specification.application import FoundBy
-from service.schemas.base import Answer, Form, Instant, LongText, Positive, PositiveText, Text
+from service.schemas.base import (
+    Answer,
+    Clearable,
+    Flag,
+    Form,
+    Instant,
+    LongText,
+    Positive,
+    PositiveText,
+    Text,
+)
 from service.schemas.campaigns import Role
 from store.blobs import Damage
 from store.codec import decode_header
@@ -22,7 +32,6 @@ from store.tables import Blob, Extraction, FrameRow
 _measure_light = next(spec.measure_light for spec in METHODS if spec.measure_light)
 _REASONS = [each.code for each in FINDINGS.values() if "verdict" in each.where]
 ReasonCode = TypeAliasType("ReasonCode", Annotated[str, WithJsonSchema({"type": "string", "enum": _REASONS})])
-Flag = Annotated[bool, Strict()]
 MOST_FRAMES = 1000
 State = Literal["received", "read", "extracted", "refused"]
 
@@ -53,10 +62,7 @@ class FrameChange(Form):
     """A correction of what was said of a frame; it is then read again, except for scene and left_out."""
 
     role: Role | None = None
-    scene: Annotated[
-        str | None,
-        Field(max_length=200, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$", description='"" for a frame without one.'),
-    ] = None
+    scene: Annotated[Clearable | None, Field(description='"" for a frame without one.')] = None
     left_out: Annotated[
         Flag | None, Field(description="Keep the frame, and leave it out of every fit from now on.")
     ] = None

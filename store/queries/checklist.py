@@ -1,12 +1,14 @@
 """The procedure's checklist of a campaign: what the record ticks, and what people tick and sign."""
 
+import hashlib
+import json
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import func, select
+from sqlalchemy import Text, cast, func, select
 from sqlalchemy.orm import Session
 
 from radiometry.checklist import ITEMS, Facts, Finding, FrameFacts, IsoFacts, Item, VersionFacts, find
@@ -117,9 +119,42 @@ def sign(session: Session, campaign: Campaign, *, name: str, by: str) -> None:
     """Sign the checklist as it stands; a new signature replaces the one before."""
     signature = read_signature(session, campaign)
     if signature is None:
-        session.add(ChecklistSignature(campaign_id=campaign.id, name=name, signed_by=by))
-        return
+        signature = ChecklistSignature(campaign_id=campaign.id)
+        session.add(signature)
     signature.name, signature.signed_by, signature.signed_at = name, by, utc_now()
+    session.flush()
+    signature.state_sha256 = hash_state(session, campaign)
+
+
+def hash_state(session: Session, campaign: Campaign) -> str:
+    """Return the hash of what a signature signs: details, frames, readings, region and ticks as they are."""
+    details = [getattr(campaign, name) for name in _SIGNED_DETAILS]
+    started = campaign.started_at.isoformat() if campaign.started_at else None
+    frames = select(
+        FrameRow.sha256, FrameRow.role, FrameRow.scene, FrameRow.roi_id, cast(FrameRow.left_out, Text)
+    )
+    readings = select(Reading.scene, Reading.quantity, Reading.value, Reading.meter_id).where(
+        Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None)
+    )
+    ticks = select(ChecklistTick.key, ChecklistTick.done_by.is_not(None), ChecklistTick.note)
+    parts = (
+        frames.where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None)).order_by(
+            FrameRow.sha256
+        ),
+        readings.where(Reading.campaign_id == campaign.id, Reading.withdrawn_at.is_(None)).order_by(
+            Reading.id
+        ),
+        ticks.where(ChecklistTick.campaign_id == campaign.id).order_by(ChecklistTick.key),
+    )
+    # a column of JSON knows two kinds of nothing
+    rows = [[[None if v == "null" else v for v in row] for row in session.execute(part)] for part in parts]
+    return hashlib.sha256(json.dumps([details, started, *rows]).encode()).hexdigest()
+
+
+_SIGNED_DETAILS = (
+    *("camera_id", "method", "project_number", "recorder", "customer", "place", "conditions", "comments"),
+    *("roi_id", "panel_id", "target"),
+)
 
 
 def _stand(

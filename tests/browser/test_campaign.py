@@ -88,6 +88,7 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     expect(page.locator(f'[data-id="{first}"].out')).to_be_visible()
     check_access(page)
     look(page, "campaign-grid")
+    page.locator(f'[data-id="{first}"]').focus()
     page.keyboard.press("m")
     page.get_by_role("dialog").get_by_label("Scene").fill("dusk")
     page.keyboard.press("Enter")

@@ -28,7 +28,24 @@ def test_the_service_ticks_people_tick_and_one_signs(house, staged):
     assert lamp["note"] == "40 W halogen"
     assert lamp["done_by"].startswith("key_")
     assert answer.json()["done"] == 23
-    assert answer.json()["signature"]["name"] == "A. Meier"
+    signature = answer.json()["signature"]
+    assert (signature["name"], signature["changed"], len(signature["state_sha256"])) == (
+        "A. Meier",
+        False,
+        64,
+    )
+    readings = f"/v1/campaigns/{campaign['id']}/readings"
+    house.http.delete(f"/v1/readings/{house.get(readings)['items'][0]['id']}")
+    assert house.get(path)["signature"] == signature | {"changed": True}
+
+
+def test_a_step_that_the_record_shows_undone_is_not_ticked(house):
+    campaign = house.campaign()
+    path = f"/v1/campaigns/{campaign['id']}"
+    open_steps = [each for each in house.get(f"{path}/checklist")["items"] if "missing" in each]
+    answer = patch(house.http, campaign, {"items": [{"key": open_steps[0]["key"], "done": True}]})
+    assert (answer.status_code, answer.json()["code"]) == (409, "step_not_done")
+    assert open_steps[0]["missing"] in answer.json()["detail"]
 
 
 def test_a_signed_list_changes_only_with_a_new_signature(house):

@@ -103,3 +103,35 @@ def test_a_withdrawn_reading_is_restored(house, campaign):
     assert "withdrawn_at" in house.http.delete(path).json()
     assert "withdrawn_at" not in house.http.post(f"{path}/restore").json()
     assert house.get(f"/v1/campaigns/{campaign['id']}")["readings"] == 1
+
+
+def test_a_campaign_takes_another_camera_without_sending_again(house):
+    wrong = house.camera(serial="another")
+    campaign = house.campaign(camera_id=wrong["id"], place="attic")
+    frame = house.upload(campaign, house.frame_bytes(), role="dark")
+    house.work()
+    assert house.get(f"/v1/frames/{frame['id']}")["state"] == "refused"
+    path = f"/v1/campaigns/{campaign['id']}"
+    said = house.http.patch(
+        path, json={"camera_id": house.camera()["id"], "place": "", "archived": True}
+    ).json()
+    assert ("place" in said, "archived_at" in said) == (False, True)
+    house.work()
+    assert house.get(f"/v1/frames/{frame['id']}")["state"] == "read"
+    assert [len(house.get("/v1/campaigns", archived=each)["items"]) for each in (True, False)] == [1, 0]
+
+
+def test_a_camera_is_renamed_and_its_frames_are_checked_again(house):
+    camera = house.camera(serial="mistyped")
+    campaign = house.post("/v1/campaigns", {"camera_id": camera["id"], "method": "luminance"})
+    frame = house.upload(campaign, house.frame_bytes(), role="dark")
+    house.work()
+    path = f"/v1/cameras/{camera['id']}"
+    lens = {"make": "DJI", "model": "MFT 15 mm"}
+    changed = house.http.patch(path, json={"serial": "0K1XE8", "lens": lens, "pixel_pitch_um": 3.4}).json()
+    assert (changed["lens"], changed["pixel_pitch_um"]) == (lens, 3.4)
+    house.work()
+    assert house.get(f"/v1/frames/{frame['id']}")["state"] == "read"
+    other = house.camera(serial="other")
+    refused = house.http.patch(f"/v1/cameras/{other['id']}", json={"serial": "0K1XE8"})
+    assert (refused.status_code, refused.json()["errors"][0]["field"]) == (422, "body.serial")

@@ -77,13 +77,21 @@ export function figure(name, value, note, attributes = {}) {
 /** The name of a file or a coefficient, which may be broken where its parts meet: most do not fit a phone. */
 export const filename = (name) => name.split(/(?<=[_.-])/).flatMap((part) => [part, h("wbr")]);
 
+let toasts;
+
+/** A modal dialog covers all else, and nothing outside it can be reached: what passes by stands in it. */
+function place() {
+  const dialog = [...document.querySelectorAll("dialog[open]")].at(-1);
+  (dialog ?? document.body).append(toasts);
+  dialog?.addEventListener("close", place, { once: true });
+}
+
 /** Say something in passing, also to a screen reader; `offer` is a button {label, key, action} beside it. */
 export function toast(text, offer) {
   const shown = h("div", { class: "toast" }, text, offer ? h("button", { type: "button", onclick: () => (shown.remove(), offer.action()) }, offer.label, " ", h("kbd", {}, offer.key)) : null);
-  // a modal dialog covers all else, and nothing outside it can be reached
-  const place = byId("toasts");
-  ([...document.querySelectorAll("dialog[open]")].at(-1) ?? document.body).append(place);
-  place.append(shown);
+  toasts ??= byId("toasts");
+  place();
+  toasts.append(shown);
   setTimeout(() => shown.remove(), offer ? 12000 : 6000);
 }
 

@@ -260,7 +260,7 @@ export function gridSection(state) {
     else if (event.key === "Home" || event.key === "End") toEnd(event.key === "End");
     else if (event.key === " " && id && can) choose([id]);
     else if (letter === "m" && id && can) askWhere(state, pick(id));
-    else if (letter === "x" && id && can) act(event.target, () => leaveOut(state, pick(id)));
+    else if (letter === "x" && id && can) act(scroller, () => leaveOut(state, pick(id)));
     else if (letter === "r" && reads) toReading();
     else return null;
     event.preventDefault();
