@@ -209,6 +209,7 @@ def _survey(stage: Stage, http: httpx.Client, version: stilb.Calibration) -> Non
     _post(http, f"frames/{frames[0].id}/region", {"polygon": corners})
     own = str(version.raw["campaign_id"])
     _send(http, "PATCH", f"campaigns/{own}", {"recorder": "A. Meier"})
+    _send(http, "PATCH", f"cameras/{camera}", {"pixel_pitch_um": 3.28})
     item = {"key": "equipment_lamp", "done": True, "note": "40 W halogen, 3.2 m away"}
     _send(http, "PATCH", f"campaigns/{own}/checklist", {"items": [item], "signature": {"name": "A. Meier"}})
     reading = {"scene": "level-1", "quantity": "luminance", "value": 54.4, "unit": "cd/m2"}

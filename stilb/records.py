@@ -59,6 +59,13 @@ class CampaignDetails(TypedDict, total=False):
     target: dict[str, Any]  # what is photographed, as its method's page says
 
 
+class CampaignChange(CampaignDetails, total=False):
+    """What is corrected; a text of "" is taken away."""
+
+    camera_id: str  # every frame is checked against another camera; none is sent again
+    archived: bool
+
+
 class PanelBand(TypedDict):
     """Reflectance of a panel in a band, 0..1; the uncertainty absolute, k = 1."""
 

@@ -7,7 +7,7 @@ from typing import Any, Unpack, overload
 from stilb.connection import Connection
 from stilb.method import DEFAULT_METHOD
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Campaign, CampaignDetails, Polygon, Reading, as_text
+from stilb.records import Campaign, CampaignChange, CampaignDetails, Polygon, Reading, as_text
 from stilb.transport import Call, Query, address
 
 _POLL_S = 0.5
@@ -29,7 +29,7 @@ class Campaigns(Connection):
         call = Call(method="POST", path=address("campaigns"), json=body, headers=_idempotent(idempotency_key))
         return Campaign.of(self._transport.json(call))
 
-    def change_campaign(self, campaign_id: str, **details: Unpack[CampaignDetails]) -> Campaign:
+    def change_campaign(self, campaign_id: str, **details: Unpack[CampaignChange]) -> Campaign:
         """Correct what is written on a campaign. With another ``target`` its frames are read again."""
         call = Call(method="PATCH", path=address("campaigns", campaign_id), json=_written(details))
         return Campaign.of(self._transport.json(call))
@@ -152,6 +152,30 @@ class Campaigns(Connection):
     def readings(self, campaign_id: str) -> Iterator[dict[str, Any]]:
         return self._transport.items(address("campaigns", campaign_id, "readings"))
 
+    def change_frames(
+        self,
+        campaign_id: str,
+        frame_ids: Sequence[str],
+        *,
+        role: str | None = None,
+        scene: str | None = None,
+        left_out: bool | None = None,
+        reason: str | None = None,
+        withdrawn: bool | None = None,
+    ) -> dict[str, Any]:
+        """Move frames to a role or scene, leave them out of every fit, withdraw or restore them."""
+        said = {"role": role, "scene": scene, "left_out": left_out, "reason": reason, "withdrawn": withdrawn}
+        body = {"frame_ids": [*frame_ids]} | {
+            name: value for name, value in said.items() if value is not None
+        }
+        return self._transport.json(
+            Call(method="PATCH", path=address("campaigns", campaign_id, "frames"), json=body)
+        )
+
+    def restore_reading(self, reading_id: str) -> dict[str, Any]:
+        """Undo the withdrawal of a reading."""
+        return self._transport.json(Call(method="POST", path=address("readings", reading_id, "restore")))
+
     def withdraw_reading(self, reading_id: str) -> dict[str, Any]:
         """Withdraw a mistyped reading: no fit uses it any more, the record keeps it."""
         return self._transport.json(Call(method="DELETE", path=address("readings", reading_id)))
@@ -162,7 +186,7 @@ def region(polygon: Polygon) -> dict[str, Any]:
     return {"polygon": [[x, y] for x, y in polygon]}
 
 
-def _written(details: CampaignDetails) -> dict[str, Any]:
+def _written(details: CampaignDetails | CampaignChange) -> dict[str, Any]:
     body = dict[str, Any](details)
     if "started_at" in details:
         body["started_at"] = as_text(details["started_at"])

@@ -15,12 +15,12 @@ export function ask({ title, body, fields = [], submit, danger = false, action }
     const form = h(
       "form",
       { method: "dialog" },
-      h("h2", { id: "ask-title" }, title),
+      h("h2", {}, title),
       body,
       fields.map(field),
       h("div", { class: "actions" }, h("button", { type: "button", onclick: () => dialog.close() }, "Cancel"), button),
     );
-    const dialog = h("dialog", { "aria-labelledby": "ask-title", onclose: () => (dialog.remove(), done(result)) }, form);
+    const dialog = h("dialog", { "aria-label": title, onclose: () => (dialog.remove(), done(result)) }, form);
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
       // what is left empty is left out: the API knows no null

@@ -2,10 +2,15 @@
 
 import { all, get, post } from "../api.js";
 import { ask } from "../ask.js";
+import { editDetails } from "../campaign/details.js";
 import { fill, h, may, toast } from "../dom.js";
+import { editCamera } from "../pages/camera-edit.js";
 import { act, load } from "../states.js";
 import { fitAnew } from "./refit.js";
 import { drawImpact, drawTouched } from "./impact.js";
+
+/** The field of the campaign that fills a gap of its certificate. */
+const FIELD_OF_GAP = { customer_missing: "customer", place_missing: "place", conditions_missing: "conditions", date_missing: "started_at", recorder_missing: "recorder" };
 
 /** Buttons for what this key may decide; `decided(said)` hears of it. */
 export function offerDecisions(place, calibration, decided) {
@@ -23,13 +28,16 @@ async function publish(button, calibration, decided) {
   const from = await act(button, () => startOf(calibration));
   if (!from) return;
   const impact = h("div", { class: "impact", "aria-live": "polite" });
+  const gaps = h("div");
+  const showGaps = () => load(gaps, () => get(`/v1/calibrations/${calibration.id}/certificate.json`), (certificate) => drawGaps(certificate, calibration, showGaps));
+  showGaps();
   const show = () => {
     const at = instant(document.getElementById("ask-valid_from").value);
     if (at) load(impact, () => get(`/v1/calibrations/${calibration.id}/impact?at=${encodeURIComponent(at)}`), (found) => drawImpact(found, calibration.method));
   };
   const asked = ask({
     title: `Publish version ${calibration.version}`,
-    body: impact,
+    body: [gaps, impact],
     fields: [
       { name: "valid_from", label: "In force from (UTC)", type: "datetime-local", value: from, hint: "Frames taken from then on are measured with this version." },
       { name: "valid_to", label: "Until (UTC)", type: "datetime-local", required: false, hint: "If empty: until another version replaces it." },
@@ -45,6 +53,29 @@ async function publish(button, calibration, decided) {
   if (!answer) return;
   toast(`Version ${answer.version} is published.`);
   decided(answer.warnings?.length ? h("div", { class: "note warn" }, h("p", {}, h("strong", {}, "Published. Items of ISO/IEC 17025, 7.8, that the certificate lacks:")), h("ul", {}, answer.warnings.map((gap) => h("li", {}, gap.message)))) : null);
+}
+
+/** What the certificate would lack, with the fields that are filled in at once. */
+function drawGaps({ gaps = [] }, calibration, again) {
+  if (!gaps.length) return h("p", { class: "note good" }, "The certificate lacks nothing that ISO/IEC 17025, 7.8, asks for.");
+  const only = gaps.map(({ code }) => FIELD_OF_GAP[code]).filter(Boolean);
+  const fillIn = async (event) => act(event.target, async () => (await editDetails(await get(`/v1/campaigns/${calibration.campaign_id}`), { only })) && again());
+  const lens = gaps.some(({ code }) => code === "lens_missing");
+  return h(
+    "div",
+    { class: "note warn" },
+    h("p", {}, h("strong", {}, "Before you publish: the certificate would lack")),
+    h("ul", {}, gaps.map((gap) => h("li", {}, gap.message))),
+    may("calibrate")
+      ? h(
+          "p",
+          { class: "actions" },
+          only.length ? h("button", { type: "button", onclick: fillIn }, "Fill in") : null,
+          lens ? h("button", { type: "button", onclick: async (event) => act(event.target, async () => (await editCamera(calibration.camera_id)) && again()) }, "Register the lens") : null,
+          h("a", { class: "button quiet", href: `/campaigns/${calibration.campaign_id}#checklist` }, "Open the campaign"),
+        )
+      : null,
+  );
 }
 
 async function revoke(calibration, decided) {

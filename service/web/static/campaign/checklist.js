@@ -116,8 +116,9 @@ function line(item, change) {
 }
 
 function signature(list, change) {
-  if (list.signature) return h("p", { class: "note good" }, "Signed by ", h("strong", {}, list.signature.name), ", ", time(list.signature.signed_at));
-  if (!may("calibrate")) return null;
+  const { signature: signed } = list;
+  const said = signed ? h("p", { class: `note ${signed.changed ? "warn" : "good"}` }, "Signed by ", h("strong", {}, signed.name), ", ", time(signed.signed_at), signed.state_sha256 ? [", for the state ", h("code", { title: signed.state_sha256 }, signed.state_sha256.slice(0, 12))] : null, signed.changed ? ". Details, frames, readings, region or ticks have changed since: check them, and sign again." : ".") : null;
+  if (!may("calibrate") || (signed && !signed.changed)) return said;
   const sign = () => ask({ title: "Sign the checklist", body: list.open ? h("p", {}, `${list.open} items are open. The signature applies to the list as it is.`) : null, fields: [{ name: "name", label: "Operator", hint: "As signed below the printed checklist." }], submit: "Sign", action: ({ name }) => change({ signature: { name } }) });
-  return h("p", { class: "actions" }, h("button", { type: "button", onclick: sign }, "Sign the checklist"));
+  return [said, h("p", { class: "actions" }, h("button", { type: "button", onclick: sign }, signed ? "Sign again" : "Sign the checklist"))];
 }

@@ -22,15 +22,17 @@ function nothing() {
 
 function list(campaigns, cameras) {
   const shown = h("div", { "aria-live": "polite" });
+  const away = h("input", { type: "checkbox", onchange: () => draw() });
+  const archived = campaigns.filter((each) => each.archived_at).length;
   const search = h("input", { type: "search", "aria-label": "Find a campaign", placeholder: "Project, camera, person, place" });
   const draw = () => {
     const wanted = search.value.trim().toLowerCase();
-    const found = campaigns.filter((each) => textOf(each, cameras).includes(wanted));
-    fill(shown, found.length ? rows(found, cameras) : empty("No results", `No campaign matches “${search.value}”.`));
+    const found = campaigns.filter((each) => Boolean(each.archived_at) === away.checked && textOf(each, cameras).includes(wanted));
+    fill(shown, !wanted && !found.length ? h("p", { class: "muted" }, "All campaigns are archived.") : found.length ? rows(found, cameras) : empty("No results", `No campaign matches “${search.value}”.`));
   };
   search.addEventListener("input", draw);
   draw();
-  return [campaigns.length > 8 ? h("p", { class: "search" }, search) : null, shown];
+  return [archived ? h("label", { class: "check" }, away, `Archived (${archived})`) : null, campaigns.length > 8 ? h("p", { class: "search" }, search) : null, shown];
 }
 
 function rows(campaigns, cameras) {

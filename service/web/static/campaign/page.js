@@ -5,6 +5,7 @@ import { methodOf } from "../methods.js";
 import { failed } from "../states.js";
 import { calibrateSection } from "./calibrate.js";
 import { checklistSection } from "./checklist.js";
+import { detailsPart } from "./details.js";
 import { gridSection } from "./grid.js";
 import { overview } from "./overview.js";
 import { readingsSection } from "./readings.js";
@@ -17,6 +18,7 @@ const { campaignId, method } = document.querySelector("main").dataset;
 const state = new CampaignState(campaignId, methodOf(method));
 
 const parts = [
+  ["details-buttons", detailsPart],
   ["target-form", targetSection],
   ["region-tool", regionSection],
   ["reading-list", readingsSection],

@@ -1,17 +1,20 @@
 import { all, get } from "../api.js";
-import { byId, fill, h, table } from "../dom.js";
+import { byId, fill, h, may, table } from "../dom.js";
 import { ago, day, quantity, relative, tag, time } from "../format.js";
 import { holdsFor, inForce, named } from "../coefficients.js";
 import { coefficientLabel, headlineOf, labelOf, methodOf, readTolerance } from "../methods.js";
 import { empty, load } from "../states.js";
 import { plot } from "../plots.js";
 import { shorten } from "../shorten.js";
+import { editCamera } from "./camera-edit.js";
 
 const id = document.querySelector("main").dataset.cameraId;
 const choice = byId("drift-of");
 const tolerance = byId("drift-tolerance");
 
 const STABILITY = { stable: "good", drifts: "bad", cannot_tell: "" };
+
+if (may("calibrate")) fill(byId("edit-camera"), h("button", { type: "button", onclick: async () => (await editCamera(id)) && location.reload() }, "Edit camera"));
 
 const series = get(`/v1/series/coefficients?camera_id=${id}`);
 
