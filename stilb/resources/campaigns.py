@@ -165,12 +165,9 @@ class Campaigns(Connection):
     ) -> dict[str, Any]:
         """Move frames to a role or scene, leave them out of every fit, withdraw or restore them."""
         said = {"role": role, "scene": scene, "left_out": left_out, "reason": reason, "withdrawn": withdrawn}
-        body = {"frame_ids": [*frame_ids]} | {
-            name: value for name, value in said.items() if value is not None
-        }
-        return self._transport.json(
-            Call(method="PATCH", path=address("campaigns", campaign_id, "frames"), json=body)
-        )
+        body = {"frame_ids": [*frame_ids], **{name: each for name, each in said.items() if each is not None}}
+        path = address("campaigns", campaign_id, "frames")
+        return self._transport.json(Call(method="PATCH", path=path, json=body))
 
     def restore_reading(self, reading_id: str) -> dict[str, Any]:
         """Undo the withdrawal of a reading."""

@@ -160,7 +160,7 @@ def check_again(session: Session, campaign: Campaign, *, by: str) -> list[Job]:
     """Jobs that hold every frame against the campaign's camera, refused ones too; what was computed stays."""
     frames = select(FrameRow).where(FrameRow.campaign_id == campaign.id, FrameRow.withdrawn_at.is_(None))
     found = session.scalars(frames.order_by(FrameRow.id))
-    return [enqueue_extraction(session, frame, campaign.organisation_id, by=by) for frame in found]
+    return [jobs.enqueue_extraction(session, frame, campaign.organisation_id, by=by) for frame in found]
 
 
 def renew_extraction(session: Session, frame: FrameRow, organisation_id: str, *, by: str) -> Job:

@@ -106,7 +106,7 @@ def paste_the_readings(page: Page) -> None:
     expect(readings.get_by_text(f"{2 * len(LEVELS)} understood")).to_be_visible()
     readings.get_by_role("button", name="Add", exact=True).click()
     expect(page.locator("#readings-note")).to_have_text(f"{2 * len(LEVELS)} readings of {len(LEVELS)} scenes")
-    expect(page.get_by_role("button", name=f"Passes {FRAMES}", exact=True)).to_be_visible()
+    expect(page.get_by_role("button", name=f"Passes {FRAMES}", exact=True)).to_be_visible(timeout=PATIENCE_MS)
     passed(page, "procedure-5-readings")
 
 

@@ -36,7 +36,7 @@ export function openFrame(state, first, { order, back }) {
   const [before, after, check] = [button("← Previous", () => go(-1)), button("Next →", () => go(1)), button("Next to check →", toCheck)];
   const dialog = h(
     "dialog",
-    { class: "frame-sheet", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), dialog.remove(), back(id)) },
+    { class: "frame-sheet", tabindex: "-1", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), dialog.remove(), back(id)) },
     h("div", { class: "sheet-head" }, h("div", { class: "title-line" }, title, count), h("p", { class: "actions" }, before, after, button(["Close ", h("kbd", {}, "Esc")], () => dialog.close(), { class: "quiet small-button" }))),
     h("div", { class: "sheet-body" }, look, tell),
     h("div", { class: "sheet-foot" }, h("span", { class: "small muted" }, h("kbd", {}, "←"), " ", h("kbd", {}, "→"), " walk  ", h("kbd", {}, "M"), " move  ", h("kbd", {}, "X"), " leave out  ", h("kbd", {}, "Z"), " undo"), check),
@@ -64,6 +64,8 @@ export function openFrame(state, first, { order, back }) {
     before.disabled = at() <= 0;
     after.disabled = at() >= order.length - 1;
     check.disabled = !order.some((frame) => frame.id !== id && ["warn", "bad"].includes(kindOf(state.byId.get(frame.id) ?? frame)));
+    // a button that has just been disabled keeps no focus
+    if (dialog.open && (document.activeElement === document.body || document.activeElement.disabled)) dialog.focus();
     tell.setAttribute("aria-busy", "true");
     try {
       const [frame, roi] = await Promise.all([get(`/v1/frames/${id}`), holdingFor(state, known)]);
@@ -79,8 +81,8 @@ export function openFrame(state, first, { order, back }) {
   }
 
   document.body.append(dialog);
-  dialog.showModal();
   show(first);
+  dialog.showModal();
 }
 
 const wholeOf = ({ width_px: width, height_px: height }) => [[0, 0], [width, 0], [width, height], [0, height]];
@@ -171,5 +173,5 @@ function file(frame) {
     ["Received", time(frame.created_at)],
     ["SHA-256", h("code", { class: "small" }, frame.sha256)],
   ].filter(([, value]) => value);
-  return h("details", { class: "fold" }, h("summary", {}, "File ", h("span", { class: "muted" }, [frame.taken_at && sayTimes(frame.taken_at).replace("T", " ").slice(0, 19), frame.size_bytes && bytes(frame.size_bytes)].filter(Boolean).join(" · "))), h("dl", { class: "facts" }, facts.map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])));
+  return h("details", { class: "fold" }, h("summary", {}, "File ", h("span", { class: "muted" }, [frame.taken_at?.replace("T", " ").slice(0, 19), frame.size_bytes && bytes(frame.size_bytes)].filter(Boolean).join(" · "))), h("dl", { class: "facts" }, facts.map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])));
 }

@@ -7,7 +7,7 @@ import { OUTCOMES, mark } from "../marks.js";
 import { roleOptions } from "../methods.js";
 import { act, empty } from "../states.js";
 import { undoLast } from "../undo.js";
-import { frameCell, gapCell, lookOf } from "./cells.js";
+import { frameCell, gapCell, loadPictures, lookOf } from "./cells.js";
 import { select } from "./forms.js";
 import { openFrame } from "./frame.js";
 import { lettersOn, showKeys } from "./keys.js";
@@ -21,6 +21,8 @@ const MARGIN = 3;
 const [READ_PX, LINE_PX, COMPACT_PX] = [112, 76, 56];
 const PHONE = { read: 104, head: 44, cells: 140, between: 16, cards: 12 };
 const MOST_WIDE = 8;
+/** Thumbnails are asked for when scrolling has come to rest for so long. */
+const REST_MS = 120;
 /** A grid that is higher scrolls by itself, so that the sections below it stay near. */
 const TALL_PX = 2000;
 const phone = matchMedia("(max-width: 40rem)");
@@ -36,6 +38,8 @@ export function gridSection(state) {
   let drawn = new Map();
   let active = null;
   let waiting = false;
+  let resting;
+  let scrolled = -Infinity;
 
   const body = h("tbody", { role: "rowgroup" });
   const head = h("thead", { role: "rowgroup" });
@@ -134,6 +138,9 @@ export function gridSection(state) {
     above.hidden = from === 0;
     below.hidden = to === model.lines.length;
     setStop();
+    clearTimeout(resting);
+    if (performance.now() - scrolled > REST_MS) loadPictures(body);
+    else resting = setTimeout(() => loadPictures(body), REST_MS);
   }
 
   function rowOf(line, index) {
@@ -163,7 +170,7 @@ export function gridSection(state) {
       td.dataset.head = heads.join(" · ");
       if (cell?.frame) td.setAttribute("aria-selected", String(chosen.has(cell.frame.id)));
       else td.removeAttribute("aria-selected");
-      fill(td, cell?.frame ? frameCell(cell.frame, { place, chosen: chosen.has(cell.frame.id), compact: isCompact() }) : cell?.gap ? gapCell(cell.gap, { place, compact: isCompact() }) : line.row.kind === "role" && heads.length ? h("span", { class: "cell-none" }, h("span", { class: "hidden" }, "not needed"), h("span", { "aria-hidden": "true" }, line.first ? "–" : "")) : null);
+      fill(td, cell?.frame ? frameCell(cell.frame, { place, chosen: chosen.has(cell.frame.id), compact: isCompact(), later: true }) : cell?.gap ? gapCell(cell.gap, { place, compact: isCompact() }) : line.row.kind === "role" && heads.length ? h("span", { class: "cell-none" }, h("span", { class: "hidden" }, "not needed"), h("span", { "aria-hidden": "true" }, line.first ? "–" : "")) : null);
       if (focused) td.firstChild?.focus();
     }
     return row;
@@ -365,8 +372,12 @@ export function gridSection(state) {
     waiting = true;
     requestAnimationFrame(update);
   };
-  scroller.addEventListener("scroll", soon, { passive: true });
-  addEventListener("scroll", soon, { passive: true });
+  const flies = () => {
+    scrolled = performance.now();
+    soon();
+  };
+  scroller.addEventListener("scroll", flies, { passive: true });
+  addEventListener("scroll", flies, { passive: true });
   new ResizeObserver(soon).observe(scroller);
   phone.addEventListener("change", draw);
   body.addEventListener("focusout", soon);
