@@ -309,6 +309,34 @@ def test_the_checklist_is_ticked_noted_and_signed(page, team):
     expect(page.get_by_text("Signed by A. Meier")).to_be_visible()
 
 
+def test_a_campaign_and_its_camera_are_edited_and_the_campaign_archived(page, team):
+    camera = team.client.create_camera("DJI", "FC6520", "mistyped")
+    campaign = team.client.create_campaign(camera.id, place="attic")
+    page.goto(f"/campaigns/{campaign.id}")
+    page.get_by_role("button", name="Edit details").click()
+    dialog = page.get_by_role("dialog")
+    for label, text in {"Customer": "City of Lansing", "Place": ""}.items():
+        dialog.get_by_label(label).fill(text)
+    check_access(page)
+    dialog.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("City of Lansing")).to_be_visible()
+    expect(page.get_by_text("attic")).to_have_count(0)
+    page.get_by_role("button", name="Archive", exact=True).click()
+    expect(page.get_by_role("button", name="Take out of the archive")).to_be_visible()
+    page.goto("/campaigns")
+    expect(page.get_by_text("All campaigns are archived.")).to_be_visible()
+    page.get_by_label("Archived (1)").check()
+    expect(page.get_by_role("row")).to_have_count(2)
+    page.goto(f"/cameras/{camera.id}")
+    page.get_by_role("button", name="Edit camera").click()
+    page.get_by_label("Serial number", exact=True).fill("0K1XE8")
+    page.get_by_label("Lens make").fill("DJI")
+    page.get_by_label("Lens model").fill("MFT 15 mm")
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("DJI MFT 15 mm")).to_be_visible()
+    assert team.client.camera(camera.id).serial == "0K1XE8"
+
+
 def test_a_board_and_a_panel_are_described_where_the_method_wants_them(page, team):
     team.client.create_camera("DJI", "FC6520", "0K1XE8")
     page.goto("/campaigns/new")

@@ -154,8 +154,14 @@ def leave_the_spoilt_frame_out(page: Page) -> None:
 
 def publish(page: Page) -> None:
     page.get_by_role("button", name="Publish…").click()
-    dialog = page.get_by_role("dialog")
+    dialog = page.get_by_role("dialog", name="Publish version")
     expect(dialog).to_contain_text("Nothing is in force then")
+    expect(dialog).to_contain_text("Describe them on the campaign")
+    dialog.get_by_role("button", name="Fill in").click()
+    lacking = page.get_by_role("dialog", name="Add what the certificate lacks")
+    lacking.get_by_label("Conditions").fill("22 °C, lamp warm")
+    lacking.get_by_role("button", name="Save").click()
+    expect(dialog).not_to_contain_text("Describe them on the campaign")
     dialog.get_by_label("Reason").fill("spring calibration, reviewed by B. Keller")
     passed(page, "procedure-8-publish")
     dialog.get_by_role("button", name="Publish", exact=True).click()
