@@ -4,6 +4,7 @@ Exit code 0 only if version, change log, tree and every distribution that exists
 """
 
 import email
+import hashlib
 import re
 import subprocess
 import sys
@@ -70,6 +71,24 @@ def check_tree(root: Path) -> Check:
     return Check(name="tree", right=not changed, detail=detail)
 
 
+def check_migrations(root: Path, *, at_release: bool = True) -> Check:
+    """Check that no released migration has changed, and at a release that each has its hash in the list."""
+    folder = root / "migrations"
+    lines = (folder / "released.sha256").read_text(encoding="ascii").splitlines()
+    released = {name: sha256 for sha256, name in map(str.split, lines)}
+    found = {
+        f"versions/{path.name}": hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted((folder / "versions").glob("[0-9]*.py"))
+    }
+    changed = [name for name, sha256 in released.items() if found.get(name) != sha256]
+    if changed:
+        detail = f"{', '.join(changed)} changed after the release: restore it, and add another migration"
+        return Check(name="migrations", right=False, detail=detail)
+    new = " ".join(found.keys() - released.keys() if at_release else ())
+    detail = f"cd migrations && sha256sum {new} >> released.sha256" if new else f"{len(released)} as released"
+    return Check(name="migrations", right=not new, detail=detail)
+
+
 def check_wheel(root: Path) -> Check:
     """Build the client's wheel into `dist/`, and check its name, its version and what it contains."""
     version = read_version(root)
@@ -119,6 +138,7 @@ CHECKS: tuple[Callable[[Path], Check], ...] = (
     check_version,
     check_change_log,
     check_tree,
+    check_migrations,
     check_wheel,
     check_server,
 )

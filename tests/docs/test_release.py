@@ -1,5 +1,6 @@
 """What `make release` accepts and refuses."""
 
+import hashlib
 import importlib.util
 import subprocess
 import zipfile
@@ -101,6 +102,18 @@ def test_one_failed_check_fails_the_release(release, capsys):
     assert release.report(iter(checks)) == 0
     assert release.report(iter([*checks, release.Check(name="tree", right=False, detail="d")])) == 1
     assert "FAILED" in capsys.readouterr().out
+
+
+def test_released_migrations_are_unchanged_and_others_are_listed_at_a_release(release, tmp_path):
+    assert release.check_migrations(ROOT, at_release=False).right
+    versions = tmp_path / "migrations" / "versions"
+    versions.mkdir(parents=True)
+    (versions / "0001_first.py").write_text("a")
+    listed = tmp_path / "migrations" / "released.sha256"
+    listed.write_text("")
+    assert "sha256sum versions/0001_first.py" in release.check_migrations(tmp_path).detail
+    listed.write_text(f"{hashlib.sha256(b'b').hexdigest()}  versions/0001_first.py\n")
+    assert release.check_migrations(tmp_path, at_release=False).right is False
 
 
 def test_change_log_of_this_repository_has_its_version(release):
