@@ -24,7 +24,7 @@ PAGES = [
 ]
 # Codes that are written where they are raised, and not in the registry: those of the client.
 WRITTEN = {
-    "stilb": re.compile(r'\bcode="(\w+)"(?: if \w+ else "(\w+)")?'),
+    "stilb": re.compile(r'\bcode="(\w+)"(?: if \w+ else "(\w+)")?|^UNREACHABLE = "(\w+)"', re.MULTILINE),
 }
 
 
