@@ -16,6 +16,7 @@ from radiometry.frame.exposure import Exposure
 from radiometry.luminance.applying import APPLICATION
 from radiometry.luminance.maps import MapScale
 from simulation.dng import Compression
+from worker.decode.malloc import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool
 from worker.maps.making import write_map
 from worker.maps.tiff import ROUNDING_REL, MapFacts
@@ -28,7 +29,9 @@ _EXPOSURE = Exposure(exposure_time_s=0.01, f_number=4.0, iso=3200.0)
 
 
 def run(scale: Scale) -> list[bool]:
-    """Measure both kinds of file."""
+    """Measure both kinds of file, in a process that keeps memory as the worker's does."""
+    share_one_arena()
+    keep_memory()
     return measure_kinds(scale, partial(_measure, scale))
 
 

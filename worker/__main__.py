@@ -17,6 +17,7 @@ from store.pulse import Pulse
 from store.schema import OTHER_SCHEMA_EXIT, SchemaDiffers
 from store.settings import Settings, read_settings
 from worker.context import Context
+from worker.decode.malloc import keep_memory, share_one_arena
 from worker.decode.pool import DecoderPool, DecoderUnavailable
 from worker.leases import Leases
 from worker.needs import Needs
@@ -93,6 +94,9 @@ def build_listener(settings: Settings, threads: JobThreads) -> "Celery":
 
 def main() -> int:
     gc.freeze()
+    # maps and regions take the same large blocks again and again
+    share_one_arena()
+    keep_memory()
     configure_logging()
     settings = read_settings()
     context = build_context(settings)

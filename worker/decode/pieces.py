@@ -9,19 +9,18 @@ import ctypes
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Final, TypeVar
+from typing import TypeVar
+
+from worker.decode.malloc import share_one_arena
 
 _T = TypeVar("_T")
-_M_ARENA_MAX: Final = -8  # of glibc's mallopt: a second arena reserves more address space than a header has
 
 
 class _SecondThread:
     def __init__(self) -> None:
         """Start it, and wait until it runs."""
-        libc = ctypes.CDLL(None)
-        if hasattr(libc, "mallopt"):
-            libc.mallopt(_M_ARENA_MAX, 1)
-        self._find_own_cpu = libc.sched_getcpu
+        share_one_arena()
+        self._find_own_cpu = ctypes.CDLL(None).sched_getcpu
         self._cpus = os.sched_getaffinity(0)
         self._executor = ThreadPoolExecutor(max_workers=1)
         self._executor.submit(int).result()

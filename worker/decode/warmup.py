@@ -4,7 +4,6 @@ A forked process owns a page of memory only once it has written to it, and Pytho
 a cell's first file is slow, and this one, which lies in no folder and shows nothing, is it.
 """
 
-import ctypes
 import struct
 from dataclasses import asdict
 from typing import Final
@@ -14,6 +13,7 @@ import numpy as np
 
 from worker.decode import ljpeg, messages
 from worker.decode.budget import allow_all
+from worker.decode.malloc import keep_memory
 from worker.decode.reader import Reader, Window
 from worker.decode.source import Source
 
@@ -23,7 +23,6 @@ _SIDE_PX: Final = 16
 # ones do.
 _OWNED_BYTES: Final = 6 << 20
 _PAGE_BYTES: Final = 4096
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # of glibc's mallopt
 _SHORT, _LONG, _BYTE = 3, 4, 1
 _HEAD: Final = 8
 _TAGS: Final = (
@@ -55,10 +54,7 @@ def make_smallest_stream() -> bytes:
 
 def own_memory() -> None:
     """Write to as much memory as a region needs, and let the C library keep it for that."""
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        mallopt(_M_MMAP_THRESHOLD, 2 * _OWNED_BYTES)
-        mallopt(_M_TRIM_THRESHOLD, 4 * _OWNED_BYTES)
+    keep_memory(2 * _OWNED_BYTES)
     np.empty(_OWNED_BYTES, np.uint8)[::_PAGE_BYTES] = 0
 
 
