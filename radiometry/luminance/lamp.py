@@ -60,8 +60,8 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
     `meter_repeatability_rel`, else to 1 %, and to no more than readings of one scene
     differ. Where the times of readings are not known, those of the frames still show r:
     a reading may lie one interval between frames before the first or after the last, and
-    half of T at least from their middle. T is then at least 10 minutes, since the reading
-    may lie apart from a burst.
+    half of T at least from the middle of those of an ISO value. T is then at least 10
+    minutes, since the reading may lie apart from a burst.
 
     Cameras write local time. Where the file states no offset, it is the number of
     half hours that brings the frames closest to the readings of their scenes. Times
@@ -73,6 +73,7 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
     .. [1] JCGM 100:2008, H.3, doi:10.59161/JCGM100-2008E
     """
     light = [row for row in rows if row.role == "light" and row.scene]
+    isos = {row.frame: row.exposure.iso for row in light}
     stated = {row.frame: datetime.fromisoformat(row.taken_at) for row in light if row.taken_at}
     times = _find_times(stated, light, readings)
     spreads = {name: _find_repeatability(name, readings, params) for name in ("luminance", "illuminance")}
@@ -87,13 +88,14 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
         clocks = [moment for name in frames[scene] if (moment := stated.get(name))]
         if len(clocks) < len(frames[scene]) or len({moment.tzinfo is None for moment in clocks}) > 1:
             clocks = []
-        found |= _follow_scene(frames[scene], clocks, read[scene], spreads, params)
+        found |= _follow_scene(frames[scene], clocks, isos, read[scene], spreads, params)
     return found
 
 
 def _follow_scene(
     frames: Mapping[str, float | None],
     clocks: Sequence[datetime],
+    isos: Mapping[str, float],
     readings: Sequence[Reading],
     spreads: Mapping[str, float],
     params: Params,
@@ -102,13 +104,17 @@ def _follow_scene(
     read = sorted(_to_seconds(r.taken_at) for r in readings if r.quantity == "luminance" and r.taken_at)
     if len(shown) < len(frames) or not read or len(read) < sum(r.quantity == "luminance" for r in readings):
         after_s = [(moment - clocks[0]).total_seconds() for moment in clocks] or [0.0] * len(frames)
-        middle_s, drift = (min(after_s) + max(after_s)) / 2.0, params.lamp_drift_u_rel
+        drift = params.lamp_drift_u_rel
+        groups: dict[float, list[float]] = defaultdict(list)
+        for name, time_s in zip(frames, after_s, strict=True):
+            groups[isos[name]].append(time_s)
+        middles_s = {iso: (min(each) + max(each)) / 2.0 for iso, each in groups.items()}
         span_s = max(after_s) - min(after_s)
         gap_s = span_s / max(len(after_s) - 1, 1)
         rate = drift / max(span_s + gap_s, _UNTIMED_S)
         level = max(drift / 2.0, rate * (span_s / 2.0 + gap_s))
         return {
-            name: Change(u_rel=rate * (time_s - middle_s), level_u_rel=level)
+            name: Change(u_rel=rate * (time_s - middles_s[isos[name]]), level_u_rel=level)
             for name, time_s in zip(frames, after_s, strict=True)
         }
     timed = [(_to_seconds(each.taken_at), each) for each in readings if each.taken_at]
