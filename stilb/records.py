@@ -60,7 +60,7 @@ class CampaignDetails(TypedDict, total=False):
 
 
 class CampaignChange(CampaignDetails, total=False):
-    """What is corrected; a text of "" is taken away."""
+    """Corrections; a text of "" is taken away."""
 
     camera_id: str  # every frame is checked against another camera; none is sent again
     archived: bool

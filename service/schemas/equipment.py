@@ -35,7 +35,7 @@ class NewCamera(Form):
 
 
 class CameraChange(Form):
-    """What is corrected; what is left out stays."""
+    """Corrections; what is left out stays."""
 
     make: Text | None = None
     model: Text | None = None

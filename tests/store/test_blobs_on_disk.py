@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from store.blobs import LocalBlobs, ObjectBlobs, StorageFull, StorageUnavailable, StoredBlob, prove_file
+from store.blobs import LocalBlobs, StorageFull, StorageUnavailable, StoredBlob, prove_file
+from store.blobs.objects import ObjectBlobs
 from tests.support.blobs import files, put
 from tests.support.s3 import s3_bucket, s3_endpoint  # noqa: F401 (fixtures)
 

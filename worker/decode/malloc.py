@@ -11,7 +11,7 @@ _LARGEST_KEPT: Final = 32 << 20
 
 
 def share_one_arena() -> None:
-    """Let all threads have memory from one place; a second one reserves address space, and keeps its own."""
+    """Serve all threads with memory of one place; a second one reserves address space, and keeps its own."""
     _set(_ARENA_MAX, 1)
 
 
