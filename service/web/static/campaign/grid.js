@@ -397,6 +397,11 @@ export function gridSection(state) {
     });
     meters();
   }
+  // "Enter readings", wherever it is offered, leads to the first scene without one
+  addEventListener("hashchange", () => {
+    const due = location.hash === "#readings" && body.querySelector("input.due");
+    if (due) due.focus();
+  });
   draw();
   state.book = book;
   return [bare, tools, bulk, scroller, caption];
