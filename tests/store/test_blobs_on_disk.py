@@ -151,7 +151,7 @@ def test_a_damaged_copy_is_fetched_anew(cached, tmp_path):
     (copy,) = files(tmp_path / "cache")
     copy.chmod(0o600)
     copy.write_bytes(b"a" * (MIB - 1) + b"b")
-    with pytest.raises(StorageUnavailable, match="fetched anew"), cached.local_file(blob) as file:
+    with pytest.raises(StorageUnavailable, match="fetched again"), cached.local_file(blob) as file:
         prove_file(file)
     with cached.local_file(blob) as file:
         prove_file(file)
