@@ -11,7 +11,7 @@ from tests.support.furnishing import furnish, postpone, set_aside
 def test_an_empty_house_says_what_to_do(page):
     page.goto("/")
     settle(page)
-    expect(page.get_by_text("No cameras yet")).to_be_visible()
+    expect(page.get_by_text("Camera, scenes and darks are found for you")).to_be_visible()
     check_access(page)
     look(page, "home-empty")
     page.goto("/jobs")

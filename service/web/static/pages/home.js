@@ -31,7 +31,7 @@ const latest = latestCampaigns();
 
 load(byId("needs"), () => Promise.all([failedJobs(), latest, cameras, series, all("/v1/meters"), campaigns]), ([jobs, works, bodies, { rows }, meters, every]) => {
   const causes = [...jobCauses(jobs, every), ...works.flatMap(workCauses), ...meters.flatMap(meterCauses), ...bodies.flatMap((camera) => cameraCauses(camera, rows))].sort((a, b) => RANKS.indexOf(a.mark) - RANKS.indexOf(b.mark));
-  if (!causes.length) return every.length || bodies.length ? empty("Nothing needs you") : firstSteps();
+  if (!causes.length) return every.length || bodies.length || !byId("card-drop") ? empty("Nothing needs you") : firstSteps();
   const [shown, more] = [causes.slice(0, AT_MOST), causes.slice(AT_MOST)];
   return [causeList(shown), more.length ? h("details", { class: "more" }, h("summary", {}, `${more.length} more`), causeList(more)) : null];
 });
