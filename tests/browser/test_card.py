@@ -194,6 +194,13 @@ def test_wrong_camera_is_seen_before_the_first_byte_with_keys_alone(page, team, 
     page.go_back()
     settle(page)
 
+    # or the campaign becomes that camera's
+    page.goto(f"/campaigns/{campaign.id}")
+    page.get_by_label("Files to send").set_input_files(frames[0])
+    page.get_by_role("button", name="Change the campaign to DJI FC6520 0K1XE8").press("Enter")
+    page.get_by_role("button", name="Send 1 file").press("Enter")
+    expect(page.get_by_text("1 of 1 received")).to_be_visible()
+
 
 def test_card_without_raw_frames_says_what_to_set(page):
     page.get_by_label("Files to read").set_input_files(

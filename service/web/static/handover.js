@@ -19,6 +19,7 @@ export async function goOn(address, items) {
   }
   const next = new DOMParser().parseFromString(await answer.text(), "text/html");
   handed = items;
+  dispatchEvent(new Event("left"));
   for (const sheet of next.querySelectorAll("link[rel=stylesheet]")) if (![...document.styleSheets].some((each) => each.href === sheet.href)) document.head.append(document.adoptNode(sheet));
   document.title = next.title;
   history.pushState(null, "", address);

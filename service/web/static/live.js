@@ -45,15 +45,15 @@ export function follow(look, { every = 3000 } = {}) {
   }
   const seen = () => !document.hidden && turn();
   document.addEventListener("visibilitychange", seen);
-  turn();
-  return {
-    stop() {
-      stopped = true;
-      clearTimeout(timer);
-      document.removeEventListener("visibilitychange", seen);
-    },
-    now: turn,
+  const stop = () => {
+    stopped = true;
+    clearTimeout(timer);
+    document.removeEventListener("visibilitychange", seen);
   };
+  // another page is shown in this document (handover.js)
+  addEventListener("left", stop, { once: true });
+  turn();
+  return { stop, now: turn };
 }
 
 /** While nothing comes any more, what is shown may be old: say so. */

@@ -11,6 +11,7 @@ export function checklistSection(state) {
   const element = h("div", {}, loading(3));
   const opened = new Set();
   const draw = (list) => {
+    if (state.left) return;
     byId("checklist-note").textContent = `${list.done} of ${list.done + list.open} done`;
     fill(element, body(list, opened, change));
   };

@@ -379,7 +379,7 @@ export function gridSection(state) {
   scroller.addEventListener("scroll", flies, { passive: true });
   addEventListener("scroll", flies, { passive: true });
   new ResizeObserver(soon).observe(scroller);
-  phone.addEventListener("change", draw);
+  phone.addEventListener("change", () => state.left || draw());
   body.addEventListener("focusout", soon);
   document.addEventListener("keydown", (event) => {
     if (event.target.closest("input, select, textarea, dialog:not(.frame-sheet)") || event.ctrlKey || event.metaKey || event.altKey || !lettersOn()) return;

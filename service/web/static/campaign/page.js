@@ -46,6 +46,7 @@ async function drawn(id, ready, part) {
   const place = byId(id);
   try {
     await ready();
+    if (state.left) return false;
     fill(place, part(state));
     return true;
   } catch (error) {

@@ -64,7 +64,7 @@ export class ReadingBook extends EventTarget {
       // of several of a kind nobody but the reader of the meter knows which it was
       this.meter_id ||= ofKind.length === 1 ? ofKind[0].id : "";
     }
-    this.dispatchEvent(new Event("change"));
+    if (!this.state.left) this.dispatchEvent(new Event("change"));
   }
 
   async add(scene, input, said = {}) {

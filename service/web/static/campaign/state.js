@@ -18,6 +18,8 @@ export class CampaignState extends EventTarget {
     Object.assign(this, { frames: [], withdrawn: [], gaps: [], byId: new Map(), complete: false, tag: null });
     /** The gravest reason of each frame, as {outcome, reasons}. */
     this.verdicts = new Map();
+    // another page is shown in this document: what listens has gone
+    addEventListener("left", () => (this.left = true), { once: true });
   }
 
   on(name, listener) {
@@ -25,7 +27,7 @@ export class CampaignState extends EventTarget {
   }
 
   tell(name) {
-    this.dispatchEvent(new Event(name));
+    if (!this.left) this.dispatchEvent(new Event(name));
   }
 
   /** The first rows are there when this ends; all else about the campaign takes longer to find out. */

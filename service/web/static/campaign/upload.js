@@ -1,10 +1,10 @@
 // The upload area: what stands in the way, progress of all, and role, progress and verdict of each file.
 
-import { get } from "../api.js";
+import { get, patch, post } from "../api.js";
 import { readCard } from "../card/files.js";
 import { differs, nameOf, splitSkipped } from "../card/propose.js";
 import { small } from "../causes.js";
-import { fill, h, toast } from "../dom.js";
+import { fill, h, may, toast } from "../dom.js";
 import { bytes, counted, span, tag } from "../format.js";
 import { groupBy } from "../groups.js";
 import { goOn, takeHanded } from "../handover.js";
@@ -36,7 +36,12 @@ export function uploadSection(state) {
     const campaign = state.campaign ?? (await get(state.path).catch(() => null));
     const camera = campaign && (await get(`/v1/cameras/${campaign.camera_id}`).catch(() => null));
     const others = camera ? wanted.filter((row) => row.header && differs(row.header, camera)) : [];
-    fill(trouble, others.length ? otherCamera(campaign, camera, others, wanted.length) : null);
+    fill(trouble, others.length ? otherCamera(campaign, camera, others, wanted.length, async (body) => {
+      await patch(state.path, { camera_id: (await post("/v1/cameras", body)).id });
+      fill(trouble);
+      queue.add(others, judgeName);
+      await state.touch();
+    }) : null);
     const count = queue.add(wanted.filter((row) => !others.includes(row)), judgeName);
     if (!count && !others.length && wanted.length) toast("These files are already in the list.");
     else if (twins.length + videos.length) toast(`Skipped: ${[twins.length && counted(twins.length, "JPEG twin"), videos.length && counted(videos.length, "video")].filter(Boolean).join(", ")}.`);
@@ -112,8 +117,11 @@ function refuseLike(state, queue) {
   }
 }
 
-/** Frames of another camera are seen here, before they are sent. */
-function otherCamera(campaign, camera, others, count) {
+/** Frames of another camera are seen here, before they are sent; `change` makes the campaign that camera's. */
+function otherCamera(campaign, camera, others, count, change) {
+  const bodies = groupBy(others, ({ header: { make, model, serial } }) => JSON.stringify([make, model, serial]));
+  const { make, model, serial, lens } = others[0].header;
+  const one = bodies.size === 1 && make && model && serial && others.length === count && may("calibrate");
   const said = [...new Set(others.map((row) => nameOf(row.header)))].slice(0, 3).join(", ");
   return h(
     "div",
@@ -121,7 +129,7 @@ function otherCamera(campaign, camera, others, count) {
     mark("bad"),
     h("h3", {}, "These frames are from another camera"),
     h("p", {}, `${titleOf(campaign)} is for `, h("strong", {}, nameOf(camera)), `. ${others.length === count ? (count === 1 ? "The file says" : `All ${count} files say`) : `${others.length} of ${count} files say`} `, h("strong", {}, said), ". They have not been sent."),
-    h("p", { class: "actions" }, h("button", { type: "button", class: "primary small-button", onclick: () => goOn("/", others.map(({ file, name }) => ({ file, name }))) }, "New campaign"), small("Leave them out", (event) => event.target.closest(".verdict-words").remove())),
+    h("p", { class: "actions" }, one ? h("button", { type: "button", class: "primary small-button", onclick: (event) => act(event.target, () => change({ make, model, serial, lens })) }, `Change the campaign to ${nameOf(others[0].header)}`) : null, h("button", { type: "button", class: `${one ? "" : "primary "}small-button`, onclick: () => goOn("/", others.map(({ file, name }) => ({ file, name }))) }, "New campaign"), small("Leave them out", (event) => event.target.closest(".verdict-words").remove())),
   );
 }
 
