@@ -15,6 +15,9 @@ from store import jobs
 from store.columns import new_id
 from store.tables import Campaign, FrameRow, Job, Reading, Roi
 
+_FEW = 500
+"""Jobs that are read at once to find those of one campaign."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
@@ -57,13 +60,16 @@ def count(session: Session, campaign: Campaign) -> Counts:
 
 def count_being_read(session: Session, campaign: Campaign) -> int:
     """Frames of which more will be known without anybody doing anything."""
-    busy = select(Job.subject_id).where(
-        Job.organisation_id == campaign.organisation_id,
-        Job.state.in_(("queued", "running")),
-        Job.kind == "extract",
+    live = Job.state.in_(("queued", "running")) & (Job.kind == "extract")
+    theirs = select(Job.subject_id).where(Job.organisation_id == campaign.organisation_id, live)
+    few = session.scalars(theirs.limit(_FEW + 1)).all()
+    # a long queue is not read for each campaign: each of its frames is then looked up
+    busy = (
+        FrameRow.id.in_(few)
+        if len(few) <= _FEW
+        else select(Job.id).where(Job.subject_id == FrameRow.id, live).exists()
     )
-    frames = select(func.count()).where(FrameRow.campaign_id == campaign.id, FrameRow.id.in_(busy))
-    return session.scalar(frames) or 0
+    return session.scalar(select(func.count()).where(FrameRow.campaign_id == campaign.id, busy)) or 0
 
 
 @dataclass(frozen=True, kw_only=True)
