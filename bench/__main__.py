@@ -6,7 +6,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench import growth, lookups, mapping, pages, reading, reflectance, upload
+from bench import crowd, growth, lookups, mapping, pages, reading, reflectance, upload
 from bench.report import describe_machine, say, summarise
 from bench.subject import Scale
 from store.settings import Settings
@@ -34,7 +34,7 @@ def _serve(scale: Scale) -> list[bool]:
     with tempfile.TemporaryDirectory(prefix="stilb-bench-") as name:
         folder = Path(name)
         with upload.serving(folder / "data") as service:
-            verdicts = upload.run(scale, service, folder)
+            verdicts = upload.run(scale, service, folder) + crowd.run(scale, service)
             worker = build_context(Settings(data=folder / "data"))
             try:
                 verdicts += pages.run(scale, service, worker, folder)
