@@ -5,8 +5,8 @@ from typing import Any, Unpack
 
 from stilb.connection import Connection
 from stilb.problem import Problem, Unclear, missing
-from stilb.records import Camera, CameraDetails, Certificate, Meter, Panel, PanelBand
-from stilb.transport import address
+from stilb.records import Camera, CameraChange, CameraDetails, Certificate, Meter, Panel, PanelBand
+from stilb.transport import Call, address
 
 
 class Equipment(Connection):
@@ -15,6 +15,11 @@ class Equipment(Connection):
     def create_camera(self, make: str, model: str, serial: str, **details: Unpack[CameraDetails]) -> Camera:
         body = {"make": make, "model": model, "serial": serial, **details}
         return Camera.of(self._post(address("cameras"), body))
+
+    def change_camera(self, camera_id: str, **details: Unpack[CameraChange]) -> Camera:
+        """Correct a camera. With other names the frames of its campaigns are checked again."""
+        call = Call(method="PATCH", path=address("cameras", camera_id), json={**details})
+        return Camera.of(self._transport.json(call))
 
     def camera(self, camera_id: str) -> Camera:
         return Camera.of(self._get(address("cameras", camera_id)))
