@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -59,7 +60,7 @@ def _measure(scale: Scale, url: str | None) -> list[bool]:
             grown = Ratio(median=large / small, low=large / small, high=large / small)
             verdicts += [*found, judge("a look-up with 10 x the coefficients", grown, at_most=1.5)]
             for address in ("coefficients", "measurements"):
-                verdicts += _measure_series(service, f"/v1/series/{address}")
+                verdicts += _measure_series(service, f"/v1/series/{address}", _address(cameras[0]))
     return verdicts
 
 
@@ -149,7 +150,7 @@ def _is_whole(answer: bytes, status: int) -> bool:
     return len(body) >= int(length or 0)
 
 
-def _measure_series(service: Service, address: str) -> list[bool]:
+def _measure_series(service: Service, address: str, lookup: str) -> list[bool]:
     """Compare the service's CPU for an answer with that of writing the same rows here, from memory."""
     with httpx.Client(base_url=service.url, headers=_HEADERS, timeout=600) as http:
         rows = http.get(address).json()["rows"]
@@ -169,10 +170,24 @@ def _measure_series(service: Service, address: str) -> list[bool]:
             rate = 1e5 * statistics.median(ours) / len(rows)
             say(f"  {name:<54} {rate:8.2f} s of CPU for 100,000 rows, {grown_mb:.1f} MB more")
             beside = "csv.writer" if name == "CSV" else "json.dumps"
-            verdicts.append(judge(f"CPU of {name}, in that of {beside}", compare(ours, plain), at_most=8.0))
+            verdicts.append(judge(f"CPU of {name}, in that of {beside}", compare(ours, plain), at_most=3.0))
             growth = Ratio(median=grown_mb, low=grown_mb, high=grown_mb)
             verdicts.append(judge(f"memory for {name} [MB]", growth, at_most=_GROWTH_MB))
-    return verdicts
+        alone = [_time_lookup(http, lookup) for _ in range(100)]
+        with ThreadPoolExecutor(1) as pool:
+            download = pool.submit(_time_series, service, http, address, {})
+            beside = [_time_lookup(http, lookup)]
+            while not download.done():
+                beside.append(_time_lookup(http, lookup))
+        median = statistics.median(beside) / statistics.median(alone)
+        slower = Ratio(median=median, low=median, high=median)
+    return [*verdicts, judge("a look-up during the series, to alone", slower, at_most=3.0)]
+
+
+def _time_lookup(http: httpx.Client, address: str) -> float:
+    began = time.perf_counter()
+    http.get(address).raise_for_status()
+    return time.perf_counter() - began
 
 
 def _time_series(service: Service, http: httpx.Client, address: str, query: dict[str, str]) -> float:
