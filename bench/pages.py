@@ -17,10 +17,10 @@ from worker.context import Context
 PAGE = "the campaign's page, nothing cached"
 _LIMIT_S = 1.0
 _SMALL = Scale(rows=480, cols=640)
-# The first row that is drawn is clicked; what the click opens must have been drawn as well.
+# The first frame that is drawn is clicked; what the click opens must have been drawn as well.
 _ANSWERED = """() => new Promise((done) => {
     const look = () => {
-        document.querySelector("#frame-list tbody button")?.click();
+        document.querySelector("#frame-list .cell")?.click();
         if (document.querySelector("dialog[open]")) {
             requestAnimationFrame(() => setTimeout(() => done(performance.now())));
         } else requestAnimationFrame(look);

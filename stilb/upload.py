@@ -147,6 +147,7 @@ def _send_whole(transport: Transport, call: Call, size_bytes: int) -> dict[str, 
     except Problem as problem:
         if problem.code != UNREACHABLE:
             raise
+        transport.pause(0, problem)
     return None
 
 

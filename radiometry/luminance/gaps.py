@@ -81,5 +81,7 @@ def _suggest_time(light: float | None, span_dn: float | None, *, iso: float, f_n
     """Return the time for `GOOD_SIGNAL`, rounded down to a third of a stop; None if no light is known."""
     if light is None or span_dn is None:
         return None
-    time_s = GOOD_SIGNAL * span_dn * f_number**2 / (light * iso)
+    time_s = GOOD_SIGNAL * span_dn * f_number**2 / (light * iso) if light * iso > 0 else math.inf
+    if not 0 < time_s < math.inf:
+        return None
     return float(2.0 ** (math.floor(_STOP_THIRDS * math.log2(time_s)) / _STOP_THIRDS))

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import zxingcpp
 from numpy.typing import NDArray
 
 from radiometry.frame.bands import PANEL_SERIAL, name_panel
@@ -36,7 +35,6 @@ LONGEST_SIDE_PX = 2600
 _ALBEDO = re.compile(r"(\d{4})(\d{3})(\d{4})(\d{3})$", re.ASCII)
 _SAMPLES, _CELLS = 64, 8
 _FIRST_LATE, _CORNERS = 3, 4
-_QR = zxingcpp.BarcodeFormats(zxingcpp.BarcodeFormat.QRCode)
 # a plane along the rows, of unit length
 _RAMP = np.repeat(np.linspace(-1.0, 1.0, _CELLS)[:, None], _CELLS, axis=1)
 _RAMP /= np.linalg.norm(_RAMP)
@@ -204,8 +202,11 @@ def _stretch(plane: Plane) -> Iterator[tuple[Grey, float]]:
 
 def _search(grey: Grey) -> Iterator[tuple[str, Corners]]:
     """Read the codes of panels in the image and in the transposed one, so that either gives the same."""
+    import zxingcpp
+
+    codes = zxingcpp.BarcodeFormats(zxingcpp.BarcodeFormat.QRCode)
     for image, way in ((grey, 1), (np.ascontiguousarray(grey.T), -1)):
-        for code in zxingcpp.read_barcodes(image, formats=_QR):
+        for code in zxingcpp.read_barcodes(image, formats=codes):
             if serial := PANEL_SERIAL.search(code.text):
                 at = code.position
                 corners = [(c.x, c.y) for c in (at.top_left, at.top_right, at.bottom_right, at.bottom_left)]

@@ -1,6 +1,7 @@
 """The grid of a campaign's frames: read in columns, changed many at once."""
 
 import gzip
+import hashlib
 import json
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -48,7 +49,8 @@ def get_campaign_grid(
     with context.database.reading() as session:
         campaign = owned(session, Campaign, campaign_id, caller)
         revision = select(CampaignReview.revision).where(CampaignReview.campaign_id == campaign_id)
-        tag = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}{'-gzip' * packed}"
+        tagged = f"{session.scalar(revision)}-{hash_code()}-{cursor or ''}-{limit}{'-gzip' * packed}"
+        tag = hashlib.sha256(tagged.encode()).hexdigest()
         headers = standing_headers(tag) | {"Vary": "Accept-Encoding, Authorization"}
         unchanged = not_modified(request, tag, headers)
         if unchanged is not None:
@@ -62,7 +64,7 @@ def get_campaign_grid(
         gaps=[] if cursor else [GapAnswer.restate(gap, at=dict(gap.at)) for gap in review.gaps],
         next=absolute(request, f"{following.path}?{following.query}") if following else None,
     )
-    body = json.dumps(answer.model_dump(mode="json"), separators=(",", ":")).encode()
+    body = json.dumps(answer.dump() | {"next": answer.next}, separators=(",", ":")).encode()
     if packed:
         headers["Content-Encoding"] = "gzip"
         body = gzip.compress(body, compresslevel=4, mtime=0)

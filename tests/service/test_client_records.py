@@ -28,7 +28,7 @@ ANSWERS = {
 }
 FORMS = {
     records.CameraDetails: "NewCamera",
-    records.CampaignDetails: "CampaignChange",
+    records.CampaignChange: "CampaignChange",
     records.Certificate: "Certificate",
     records.Grid: "NewGrid",
     records.LensDetails: "Lens",
