@@ -51,8 +51,8 @@ export function uploadSection(state) {
   const panel = h("div", { class: "upload-panel card", hidden: true }, head, patterns.element, list.element);
   let waiting = false;
   const draw = () => {
-    // a button that is replaced while it is pressed gets no click
-    if (head.matches(":active")) return void requestAnimationFrame(draw);
+    // a button that is replaced while it is pressed gets no click, and one that is at work ends it first
+    if (head.matches(":active") || head.querySelector("[aria-busy=true]")) return void requestAnimationFrame(draw);
     waiting = false;
     panel.hidden = queue.items.length === 0;
     if (panel.hidden) return;
@@ -253,8 +253,6 @@ function judgeAgain(queue, judgeName) {
 /** As fill, but a button that has the focus keeps it. */
 function fillKept(element, children) {
   const kept = element.contains(document.activeElement) ? document.activeElement.dataset.keep : undefined;
-  const busy = element.querySelector("[aria-busy=true]");
-  if (busy) return;
   fill(element, children);
   if (kept) element.querySelector(`[data-keep="${kept}"]`)?.focus();
 }
