@@ -26,6 +26,8 @@ LASTS_S: Final = 7 * 24 * 3600
 _HEAD_BYTES: Final = 64 << 10
 _STATE: Final = struct.Struct("<Q16sI")
 _MOST_READ: Final = 1 << 20
+_DONE: Final = "done"
+_ROOM_FOR_FRAME: Final = 1 << 10
 
 
 class Superseded(Exception):  # noqa: N818  it says what was found
@@ -76,7 +78,7 @@ class Partials:
         path = self._path(token, facts.organisation_id)
         draft = path.with_name(f".{secrets.token_hex(8)}")
         text = json.dumps(asdict(facts)).encode()
-        if len(text) > _HEAD_BYTES - _STATE.size:
+        if len(text) > _HEAD_BYTES - _ROOM_FOR_FRAME - _STATE.size:
             raise FactsTooLong
         with full_disk_named(self._folder):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -88,7 +90,8 @@ class Partials:
                     os.fsync(file.fileno())
                 # of two that come at once with one token, the second finds the first one's
                 with suppress(FileExistsError):
-                    path.hardlink_to(draft)
+                    if self.find(token, facts.organisation_id) is None:
+                        path.hardlink_to(draft)
                 sync_folder(path.parent)
             finally:
                 draft.unlink(missing_ok=True)
@@ -102,25 +105,32 @@ class Partials:
                 return partial
         return None
 
-    def count(self, organisation_id: str) -> tuple[int, int]:
-        """Return how many uploads of an organisation are under way, and the bytes that they will have."""
-        facts = [partial.read_facts() for partial in self._all(organisation_id)]
-        awaited = [each.size_bytes for each in facts if not each.frame_id and each.expires_at > time.time()]
-        return len(awaited), sum(awaited)
+    def count(self, organisation_id: str) -> int:
+        """Return how many uploads of an organisation are under way."""
+        return sum(1 for _ in self._under_way(organisation_id))
+
+    def count_bytes(self, organisation_id: str) -> int:
+        """Return the size [bytes] that the uploads under way will have together."""
+        size_bytes = 0
+        for partial in self._under_way(organisation_id):
+            with suppress(FileNotFoundError):
+                size_bytes += partial.read_facts().size_bytes
+        return size_bytes
 
     def sweep(self) -> int:
         """Remove what has expired; return how many."""
         removed = 0
-        for partial in self._all("*"):
+        for partial in (*self._under_way("*"), *self._under_way(f"*/{_DONE}")):
             with suppress(FileNotFoundError):
                 if partial.read_facts().expires_at <= time.time():
                     partial.remove()
                     removed += 1
         return removed
 
-    def _all(self, organisation_id: str) -> Iterator["Partial"]:
-        for path in self._folder.glob(f"{organisation_id}/[!.]*"):
-            yield Partial(path)
+    def _under_way(self, folder: str) -> Iterator["Partial"]:
+        for path in self._folder.glob(f"{folder}/[!.]*"):
+            if path.name != _DONE:
+                yield Partial(path)
 
     def _path(self, token: str, organisation_id: str) -> Path:
         return self._folder / organisation_id / hashlib.sha256(token.encode()).hexdigest()
@@ -130,16 +140,29 @@ class Partial:
     """One upload."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self._begun = path
+
+    @property
+    def _path(self) -> Path:
+        # a finished one lies apart: it is asked for a few times, and counted never again
+        done = self._begun.parent / _DONE / self._begun.name
+        return done if done.exists() else self._begun
+
+    def _open(self) -> FileIO:
+        try:
+            return self._path.open("r+b", buffering=0)
+        except FileNotFoundError:
+            # it was finished just then
+            return self._path.open("r+b", buffering=0)
 
     def read_facts(self) -> Facts:
-        with self._path.open("rb") as file:
+        with self._open() as file:
             _, _, length = _STATE.unpack(file.read(_STATE.size))
             return Facts(**json.loads(file.read(length)))
 
     def read_offset(self) -> int:
         """Return how many bytes are durable."""
-        with self._path.open("rb") as file:
+        with self._open() as file:
             return _read_state(file.fileno())[0]
 
     def claim(self, begins: int | None = None) -> "Claim":
@@ -160,16 +183,20 @@ class Partial:
             text = json.dumps(asdict(facts) | {"frame_id": frame_id}).encode()
             os.pwrite(file.fileno(), _STATE.pack(facts.size_bytes, b"", len(text)) + text, 0)
             file.truncate(_HEAD_BYTES)
+            done = self._begun.parent / _DONE
+            done.mkdir(exist_ok=True)
+            with suppress(FileNotFoundError):
+                self._begun.rename(done / self._begun.name)
 
     def restart(self) -> None:
         """Forget what has arrived; only while its bytes are borrowed."""
-        with self._path.open("r+b", buffering=0) as file:
+        with self._open() as file:
             _write_state(file.fileno(), 0, b"")
             file.truncate(_HEAD_BYTES)
 
     @contextmanager
     def _locked(self) -> Iterator[FileIO]:
-        with self._path.open("r+b", buffering=0) as file:
+        with self._open() as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield file
 

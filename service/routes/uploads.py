@@ -172,14 +172,16 @@ def end_upload(upload_id: Id, request: Request, context: UsesContext) -> Respons
 
 def _admit(context: Context, caller: Caller, frame: FrameSaid, size_bytes: int) -> None:
     admit(context, frame.campaign_id, caller, frame.sha256, size_bytes)
-    under_way, awaited_bytes = Partials.of(context.settings).count(caller.organisation_id)
+    partials = Partials.of(context.settings)
+    under_way = partials.count(caller.organisation_id)
     if under_way >= _MOST_UNDER_WAY:
         raise Problem(
             interface.TOO_MANY_UPLOADS,
             f"Your organisation has {under_way} unfinished uploads. Finish or end some.",
             headers={"Retry-After": "60"},
         )
-    if awaited_bytes and context.quotas.stored_bytes:
+    if context.quotas.stored_bytes:
+        awaited_bytes = partials.count_bytes(caller.organisation_id)
         with context.database.reading() as session:
             check_room(session, caller.organisation_id, size_bytes + awaited_bytes, context.quotas)
 

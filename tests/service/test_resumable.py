@@ -3,9 +3,11 @@
 import base64
 import hashlib
 import time
+from functools import partial
 
 import pytest
 
+from store.partials import Partials
 from tests.support.resumable import PIECE, TUS, begin_upload, describe, metadata
 
 CONTENT = bytes(range(256)) * 40
@@ -48,6 +50,8 @@ def test_the_service_states_what_it_understands(house):
 
 
 def test_pieces_become_a_frame_with_the_last_byte(house, place):
+    count = partial(Partials.of(house.settings).count, f"org_{place.split('_')[1]}")
+    under_way = count()
     assert append(house, place, 0, CONTENT[:1000]).headers["Upload-Complete"] == "?0"
     assert ask(house, place) == 1000
     last = append(house, place, 1000, CONTENT[1000:], **checksum(CONTENT[1000:]))
@@ -58,6 +62,8 @@ def test_pieces_become_a_frame_with_the_last_byte(house, place):
         "a.DNG",
         "level-1",
     )
+    # what is finished is counted never again
+    assert count() == under_way - 1
     # who did not hear the answer asks, and sends nothing again
     assert ask(house, place) == len(CONTENT)
     assert append(house, place, len(CONTENT), b"").headers["Content-Location"] == f"/v1/frames/{frame['id']}"
