@@ -104,6 +104,7 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     look(page, "campaign-frame")
     page.keyboard.press("ArrowRight")
     expect(dialog).to_contain_text("2 of 6")
+    page.wait_for_load_state("networkidle")
     dialog.get_by_role("button", name="Withdraw").click()
     expect(dialog.get_by_role("button", name="Restore")).to_be_visible()
     page.keyboard.press("Escape")
