@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from radiometry.findings import interface
 from service.problems import Problem, invalid, located
-from service.routes.frames import read_region
+from service.regions import read_region
 from service.schemas.base import Sha256, Text
 from service.schemas.frames import Upload
 from store.partials import Facts, Partial

@@ -41,7 +41,7 @@ class Vitals:
                 await asyncio.sleep(_LOOK_EVERY_S)
 
     async def _share_counts(self) -> None:
-        """Tell the other processes what this one counts, whenever that has changed, and hear them."""
+        """Share what this process counts, whenever that has changed, and count with the others' counts."""
         told: dict[str, Any] = {}
         while True:
             await asyncio.sleep(_SHARE_EVERY_S)

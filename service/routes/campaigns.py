@@ -9,15 +9,14 @@ from sqlalchemy.orm import Session
 
 from radiometry import methods
 from radiometry.findings import interface
-from radiometry.fitting.evidence import Region
 from radiometry.frame.bands import name_panel
-from radiometry.frame.roi import Polygon, parse_imagej
 from service.auth import Calibrator, Reader
 from service.changes import Reply, Writes
 from service.context import UsesContext
 from service.lookup import Id, owned
 from service.paging import Listing, Page, page_own
 from service.problems import Problem, invalid, located
+from service.regions import read_roi
 from service.routes import problems
 from service.schemas.base import Text
 from service.schemas.campaigns import (
@@ -32,7 +31,7 @@ from service.schemas.campaigns import (
 from service.schemas.panels import PanelOffered
 from store.codec import decode, read_strictly
 from store.columns import utc_now
-from store.queries.campaigns import Drawing, check_again, count, find_or_add_roi, renew_extractions, set_roi
+from store.queries.campaigns import check_again, count, find_or_add_roi, renew_extractions, set_roi
 from store.queries.equipment import find_or_add_panel
 from store.queries.references import Offer, find_by_serial, find_offer
 from store.tables import Camera, Campaign, Panel, Roi
@@ -139,18 +138,6 @@ def get_campaign_roi(campaign_id: Id, caller: Reader, context: UsesContext) -> R
         if campaign.roi_id is None:
             raise Problem(interface.NOT_FOUND, "This campaign has no region yet: PUT one here.")
         return RoiAnswer.of(session.get_one(Roi, campaign.roi_id)).respond()
-
-
-def read_roi(body: NewRoi) -> Drawing:
-    """The region, with its corners in the order in which they were given."""
-    if body.regions is not None:
-        return Drawing.of_parts(
-            [Region(name=part.name, polygon=Polygon.from_points(part.polygon)) for part in body.regions]
-        )
-    if body.polygon is not None:
-        return Drawing(polygon=Polygon.from_points(body.polygon), corners=body.polygon)
-    polygon = parse_imagej(body.imagej or "")
-    return Drawing(polygon=polygon, corners=polygon.points)
 
 
 def _choose_panel(session: Session, campaign: Campaign, serial: str | None, *, offer: Offer | None) -> None:

@@ -1,49 +1,34 @@
 """Frames: uploaded as a stream, read by a worker, given back byte for byte."""
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Mapping
 from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
-from starlette.concurrency import run_in_threadpool
 
 from radiometry.findings import interface
 from radiometry.frame.roi import bounding_window
 from radiometry.frame.verdicts import Verdict
 from service.auth import Calibrator, Caller, Reader, Uploader
-from service.changes import REPLAYED, Reply, StreamWrites, Writes, Writing, run_all
+from service.changes import Reply, StreamWrites, Writes
 from service.context import Context, UsesContext
+from service.frame_answers import answer_frames, answer_write
+from service.frame_uploads import admit, keep_frame
 from service.immutable import send_blob
 from service.lookup import Id, owned
 from service.paging import Page, UsesPaging
-from service.problems import Problem, invalid, located
+from service.problems import Problem
 from service.receive import receive
+from service.regions import read_region, read_roi
 from service.routes import problems, sends_stored_file
-from service.routes.campaigns import read_roi
 from service.schemas.campaigns import NewRoi, RoiAnswer
-from service.schemas.frames import FrameAnswer, FrameChange, StatisticsRow, Upload
-from store.blobs import StoredBlob
+from service.schemas.frames import FrameAnswer, FrameChange, Upload
 from store.columns import utc_now
-from store.jobs import enqueue_extraction
-from store.queries.campaigns import Drawing, find_or_add_roi, renew_extraction
-from store.queries.frames import (
-    NewFrame,
-    current_roi,
-    describe_anew,
-    extractions_of,
-    find_or_add_frames,
-    statistics_of,
-)
-from store.queries.known import find_known
-from store.tables import Blob, Campaign, FrameRow, Job
-from store.usage import QuotaExceeded, check_room, recount_if_old
-from store.verdicts import judge_alone
+from store.queries.campaigns import find_or_add_roi, renew_extraction
+from store.queries.frames import current_roi, describe_anew
+from store.tables import Campaign, FrameRow, Job
 
 router = APIRouter(prefix="/v1", tags=["frames"])
 
@@ -101,37 +86,6 @@ async def upload_frame(
     )
 
 
-async def keep_frame(
-    context: Context,
-    writing: Writing,
-    caller: Caller,
-    campaign_id: str,
-    *,
-    upload: Upload,
-    region: NewRoi | None,
-    blob: StoredBlob,
-) -> Response:
-    """Make a stored file a frame of a campaign, or find the one that it is already."""
-    new = NewFrame(
-        blob=blob,
-        filename=_plain_name(upload.filename or f"{blob.sha256[:12]}.bin"),
-        role=upload.role,
-        scene=upload.scene,
-        roi_id=None,
-        supplied=upload.supplied(),
-    )
-    arrival = _Arrival(campaign_id, new, read_roi(region) if region else None)
-    answer = await context.together.do(
-        caller.key_id,
-        (writing.with_content(blob.sha256), arrival),
-        lambda requests: run_all(caller, requests, partial(_add_frames, caller)),
-    )
-    if REPLAYED in answer.headers:
-        # nothing was done for it, but also this upload has brought the bytes again
-        await run_in_threadpool(context.files.heal, blob)
-    return answer
-
-
 @router.get("/campaigns/{campaign_id}/frames", response_model=Page[FrameAnswer], responses=problems(404))
 def list_frames(
     campaign_id: Id,
@@ -151,9 +105,9 @@ def list_frames(
             session,
             rows,
             lambda found: (
-                [answer.model_copy(update={"metadata": None}) for answer in _answers(session, found, {})]
+                [answer.model_copy(update={"metadata": None}) for answer in answer_frames(session, found, {})]
                 if brief
-                else _answers(session, found, _find_verdicts(context, session, found))
+                else answer_frames(session, found, _find_verdicts(context, session, found))
             ),
         )
 
@@ -163,7 +117,7 @@ def get_frame(frame_id: Id, caller: Reader, context: UsesContext) -> Response:
     """One frame: what it says of itself, its refusal or warnings, its statistics, and the verdict on it."""
     with context.database.reading() as session:
         frame = owned(session, FrameRow, frame_id, caller)
-        return _answers(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
+        return answer_frames(session, [frame], _find_verdicts(context, session, [frame]))[0].respond()
 
 
 @router.patch("/frames/{frame_id}", response_model=FrameAnswer, responses=problems(404))
@@ -176,7 +130,7 @@ def change_frame(frame_id: Id, body: FrameChange, caller: Calibrator, writing: W
         jobs = apply_change(session, frame, body, caller)
         session.flush()
         campaign = session.get_one(Campaign, frame.campaign_id)
-        return Reply(status=200, body=_answer_write(session, frame, campaign, jobs), jobs=jobs)
+        return Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
 
     return writing.run(caller, change)
 
@@ -264,106 +218,11 @@ def require_preview(frame: FrameRow) -> str:
     return frame.preview_sha256
 
 
-@dataclass(frozen=True)
-class _Arrival:
-    """A frame whose file is stored, on its way into a campaign; its own region, if it has one."""
-
-    campaign_id: str
-    new: NewFrame
-    drawing: Drawing | None
-
-
-def _add_frames(caller: Caller, session: Session, arrivals: Sequence[_Arrival]) -> list[Reply]:
-    arrived = []
-    for each in arrivals:
-        campaign = owned(session, Campaign, each.campaign_id, caller)
-        roi = find_or_add_roi(session, caller.organisation_id, each.drawing) if each.drawing else None
-        arrived.append((campaign, replace(each.new, roi_id=roi.id if roi else None)))
-    replies = []
-    for (campaign, new), (frame, is_new, to_read) in zip(
-        arrived, find_or_add_frames(session, arrived), strict=True
-    ):
-        by = caller.key_id
-        jobs = (
-            [enqueue_extraction(session, frame, caller.organisation_id, by=by, is_new=is_new)]
-            if to_read
-            else []
-        )
-        stored = new.blob if is_new else None
-        body = _answer_write(session, frame, campaign, jobs, stored=stored)
-        status, size_bytes = (200, None) if stored is None else (201, stored.size_bytes)
-        replies.append(Reply(status=status, body=body, jobs=jobs, frame_bytes=size_bytes))
-    return replies
-
-
-def admit(context: Context, campaign_id: str, caller: Caller, sha256: str | None, size_bytes: int) -> bool:
-    """Refuse a file for which there is no room, unless the campaign has it already.
-
-    False where there is none and the file is not known yet.
-    """
-
-    def check() -> bool:
-        with context.database.reading() as session:
-            campaign = owned(session, Campaign, campaign_id, caller)
-            try:
-                check_room(session, caller.organisation_id, size_bytes, context.quotas)
-            except QuotaExceeded:
-                if sha256 is not None and not find_known(session, campaign, [sha256]):
-                    raise
-                return sha256 is not None
-        return True
-
-    try:
-        return check()
-    except QuotaExceeded:
-        with context.database.writing("service") as session:
-            recount_if_old(session, caller.organisation_id)
-        return check()
-
-
-def read_region(text: str) -> NewRoi:
-    """Read a region as an address or a header holds it."""
-    try:
-        if text.lstrip().startswith("["):
-            return NewRoi.model_validate({"polygon": json.loads(text)})
-        return NewRoi(imagej=text)
-    except ValidationError as error:
-        raise invalid(located(error, "query", "roi")) from error
-    except (ValueError, RecursionError) as error:
-        message = "must be [[x,y],...] or makePolygon(...)"
-        raise invalid([{"type": "region", "loc": ("query", "roi"), "msg": message}]) from error
-
-
-def _plain_name(filename: str) -> str:
-    """The last part of a path, without control characters: a name is data, never an address."""
-    name = "".join(c for c in filename.replace("\\", "/").rpartition("/")[2] if c.isprintable())[:200]
-    return name if name.strip(". ") else "unnamed"
-
-
 def _read_again(session: Session, frame: FrameRow, caller: Caller, *, changed: bool) -> Reply:
     jobs = [renew_extraction(session, frame, caller.organisation_id, by=caller.key_id)] if changed else []
     session.flush()
     campaign = session.get_one(Campaign, frame.campaign_id)
-    return Reply(status=200, body=_answer_write(session, frame, campaign, jobs), jobs=jobs)
-
-
-def _answer_write(
-    session: Session,
-    frame: FrameRow,
-    campaign: Campaign,
-    jobs: list[Job],
-    *,
-    stored: StoredBlob | None = None,
-) -> FrameAnswer:
-    # nobody else may write meanwhile: the frame is not compared with a whole campaign here
-    verdict = judge_alone(session, frame, campaign) if jobs else None
-    if stored is not None:
-        # the frame is new: nothing else is known of it
-        blob = Blob(sha256=stored.sha256, size_bytes=stored.size_bytes)
-        answer = FrameAnswer.of(frame, blob=blob, statistics=[], verdict=verdict)
-    else:
-        answer = _answers(session, [frame], {frame.id: verdict} if verdict else {})[0]
-    return answer.model_copy(update={"job_id": jobs[0].id}) if jobs else answer
+    return Reply(status=200, body=answer_write(session, frame, campaign, jobs), jobs=jobs)
 
 
 def _find_verdicts(context: Context, session: Session, frames: list[FrameRow]) -> Mapping[str, Verdict]:
@@ -371,24 +230,3 @@ def _find_verdicts(context: Context, session: Session, frames: list[FrameRow]) -
         return {}
     ids = [frame.id for frame in frames]
     return context.reviews.find(session, frames[0].campaign_id, verdicts_of=ids).verdicts
-
-
-def _answers(session: Session, frames: list[FrameRow], verdicts: Mapping[str, Verdict]) -> list[FrameAnswer]:
-    """Frames with their statistics, in three queries however many they are."""
-    extractions = extractions_of(session, [frame.id for frame in frames])
-    rows = statistics_of(session, [e.id for found in extractions.values() for e in found])
-    stored = session.scalars(select(Blob).where(Blob.sha256.in_({frame.sha256 for frame in frames})))
-    blobs = {blob.sha256: blob for blob in stored}
-    return [
-        FrameAnswer.of(
-            frame,
-            blob=blobs[frame.sha256],
-            statistics=[
-                StatisticsRow.of(extraction, row)
-                for extraction in extractions[frame.id]
-                for row in rows[extraction.id]
-            ],
-            verdict=verdicts.get(frame.id),
-        )
-        for frame in frames
-    ]

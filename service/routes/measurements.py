@@ -18,8 +18,8 @@ from service.lookup import Id, owned
 from service.measurements import OfCalibration, answer_measurements
 from service.paging import Page, UsesPaging
 from service.problems import Problem
+from service.regions import read_roi
 from service.routes import UNCHANGED, problems, sends_stored_file
-from service.routes.campaigns import read_roi
 from service.schemas.base import Text
 from service.schemas.jobs import JobAnswer
 from service.schemas.measured import MeasurementAnswer

@@ -13,11 +13,12 @@ from radiometry.findings import interface
 from service.auth import Caller, Uploader
 from service.changes import IdempotencyKey, Writing
 from service.context import Context, UsesContext
+from service.frame_uploads import admit, keep_frame
 from service.lookup import Id
 from service.pieces import append
 from service.problems import Problem, invalid, not_found
+from service.regions import read_region
 from service.routes import problems
-from service.routes.frames import admit, keep_frame, read_region
 from service.schemas.frames import Upload
 from service.upload_headers import (
     PIECES,

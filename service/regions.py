@@ -1,0 +1,36 @@
+"""Regions as requests state them: in an address or a header, or in a body."""
+
+import json
+
+from pydantic import ValidationError
+
+from radiometry.fitting.evidence import Region
+from radiometry.frame.roi import Polygon, parse_imagej
+from service.problems import invalid, located
+from service.schemas.campaigns import NewRoi
+from store.queries.campaigns import Drawing
+
+
+def read_region(text: str) -> NewRoi:
+    """Read a region as an address or a header holds it."""
+    try:
+        if text.lstrip().startswith("["):
+            return NewRoi.model_validate({"polygon": json.loads(text)})
+        return NewRoi(imagej=text)
+    except ValidationError as error:
+        raise invalid(located(error, "query", "roi")) from error
+    except (ValueError, RecursionError) as error:
+        message = "must be [[x,y],...] or makePolygon(...)"
+        raise invalid([{"type": "region", "loc": ("query", "roi"), "msg": message}]) from error
+
+
+def read_roi(body: NewRoi) -> Drawing:
+    """Return the region as it is stored, with its corners in the order in which they were given."""
+    if body.regions is not None:
+        return Drawing.of_parts(
+            [Region(name=part.name, polygon=Polygon.from_points(part.polygon)) for part in body.regions]
+        )
+    if body.polygon is not None:
+        return Drawing(polygon=Polygon.from_points(body.polygon), corners=body.polygon)
+    polygon = parse_imagej(body.imagej or "")
+    return Drawing(polygon=polygon, corners=polygon.points)
