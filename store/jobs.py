@@ -1,7 +1,6 @@
 """The life of a job: queued, claimed with a lease and a fence, finished once, or taken back and tried again.
 
 Every step is one conditional UPDATE: two workers that choose the same job, or a worker that comes back
-from radiometry.findings import interface
 from the dead, find no row to change.
 """
 
