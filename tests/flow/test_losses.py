@@ -10,6 +10,7 @@ import pytest
 import stilb
 from store.broker import RUN_TASK, make_celery
 from store.jobs import FINAL_STATES
+from store.tables import FrameRow
 from tests.support.campaigns import ROI
 from tests.support.fieldwork import figures_of
 
@@ -24,14 +25,17 @@ def runs(deployment, subjects):
 def kill_at_work(deployment, subjects):
     """Kill the worker while it runs one of these jobs; the runs it was killed in; none if too late."""
 
-    def at_work_or_too_late():
-        ended = all(job.state in FINAL_STATES for job in deployment.jobs(subjects=subjects))
-        return ended or runs(deployment, subjects)
+    def too_late():
+        return all(job.state in FINAL_STATES for job in deployment.jobs(subjects=subjects))
 
-    deployment.wait_until(at_work_or_too_late)
-    deployment.kill("worker")
-    # Nobody lives to end them.
-    return runs(deployment, subjects)
+    killed = set()
+    # What it ran when it was looked at may have ended before it was killed.
+    while not killed and not too_late():
+        deployment.wait_until(lambda: too_late() or runs(deployment, subjects))
+        deployment.kill("worker")
+        # Nobody lives to end them.
+        killed = runs(deployment, subjects)
+    return killed
 
 
 def test_a_worker_killed_while_it_fits(deployment, shots, quiet_figures):
@@ -85,10 +89,14 @@ def test_a_worker_killed_while_it_measures_a_flight(embedded, shots, tmp_path):
 def test_a_job_that_kills_its_worker_three_times_is_set_aside(composed, shots):
     with composed.team() as team:
         campaign = team.campaign()
-        (victim,) = team.push(campaign, shots[:1])
-        for lost in (1, 2, 3):
-            assert kill_at_work(composed, [victim.id]) == {(victim.job_id, lost)}
-            composed.wait_until(lambda lost=lost: composed.jobs(subjects=[victim.id])[0].lost == lost)
+        with composed.stopped("worker") as resume, composed.database.writing("test") as session:
+            (victim,) = team.push(campaign, shots[:1])
+            # While this row is locked no worker can store what it has read: it is killed at work, not after.
+            session.get_one(FrameRow, victim.id, with_for_update=True)
+            resume()
+            for lost in (1, 2, 3):
+                assert kill_at_work(composed, [victim.id]) == {(victim.job_id, lost)}
+                composed.wait_until(lambda lost=lost: composed.jobs(subjects=[victim.id])[0].lost == lost)
         with pytest.raises(stilb.JobFailed, match="worker_lost") as failed:
             team.client.wait(victim.job_id)
         assert failed.value.job.state == "quarantined"
