@@ -1,7 +1,6 @@
 """Headers of tus 1.0.0 and of the IETF's draft of resumable uploads."""
 
 import base64
-import binascii
 import hashlib
 import re
 from dataclasses import dataclass
@@ -107,7 +106,7 @@ def read_metadata(text: str | None) -> dict[str, str]:
     pairs = [pair.split() for pair in (text or "").split(",") if pair.strip()]
     try:
         said = {name: base64.b64decode("".join(value), validate=True).decode() for name, *value in pairs}
-    except (binascii.Error, UnicodeDecodeError):
+    except ValueError:
         message = "must be names with their values in Base64, separated by commas"
         raise invalid([{"type": "upload", "loc": ("header", "Upload-Metadata"), "msg": message}]) from None
     if "filename" not in said and "name" in said:
@@ -133,7 +132,7 @@ def read_checksum(text: str | None) -> bytes | None:
     algorithm, _, digest = text.partition(" ")
     try:
         value = base64.b64decode(digest, validate=True)
-    except binascii.Error:
+    except ValueError:
         value = b""
     if algorithm != "sha256" or len(value) != hashlib.sha256().digest_size:
         raise Problem(

@@ -61,7 +61,7 @@ class Lookups:
     """Finds ready answers for whoever holds a key, in the event loop, without an ORM session.
 
     A key is checked with each look-up, in its query: nothing about it is remembered here. On SQLite a look-up
-    never waits; PostgreSQL is asked down one line.
+    never waits; PostgreSQL is asked down one line, of one event loop at a time.
     """
 
     def __init__(self, database: Database, *, used_within: timedelta) -> None:
@@ -115,9 +115,9 @@ class Lookups:
         return Found(organisation_id=rows[0][0], held=tuple(Held(*row[2:]) for row in rows))
 
     def _bind(self, instant: datetime) -> str:
-        if not self._database.is_sqlite:
-            return instant.isoformat()
-        return instant.astimezone(UTC).replace(tzinfo=None).isoformat(" ", "microseconds")
+        # in UTC for PostgreSQL too: it reads no offset from 16 hours on
+        utc = instant.astimezone(UTC)
+        return (utc.replace(tzinfo=None) if self._database.is_sqlite else utc).isoformat(" ", "microseconds")
 
     def _fetch(self, name: str, values: dict[str, Any]) -> list[Any]:
         with self._database.reading_alone() as cursor:

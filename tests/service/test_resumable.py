@@ -115,7 +115,8 @@ def test_a_piece_with_another_checksum_is_not_kept(house, place):
     wrong = append(house, place, 10, b"y" * 20, status=460, **checksum(b"x" * 20))
     assert wrong.json()["code"] == "upload_checksum_differs"
     assert ask(house, place) == 10
-    append(house, place, 10, b"x", status=400, **{"Upload-Checksum": "md5 abc="})
+    for unclear in ("md5 abc=", "sha256 é".encode()):
+        append(house, place, 10, b"x", status=400, **{"Upload-Checksum": unclear})
 
 
 def test_a_file_with_another_hash_begins_anew(house, place):
@@ -173,6 +174,7 @@ def test_a_repeated_beginning_is_the_same_upload(house):
         ({"Upload-Length": "-1"}, 422, "Upload-Length"),
         ({"Upload-Length": "9" * 13}, 413, "STILB_MAX_UPLOAD_BYTES"),
         ({"Upload-Metadata": "role light"}, 422, "Upload-Metadata"),
+        ({"Upload-Metadata": "role é".encode()}, 422, "Upload-Metadata"),
         ({"Upload-Metadata": metadata(role="light")}, 422, "campaign_id"),
         ({"Upload-Metadata": metadata(role="lihgt", campaign_id="x", sha256="0" * 64)}, 422, "role"),
         (
