@@ -79,7 +79,7 @@ class _Piece:
         next_message = asyncio.ensure_future(self._request.receive())
         try:
             while True:
-                idle_s = _IDLE_S if self._waiting and self._piecewise else None
+                idle_s = _IDLE_S if self._piecewise and self._has_more_than_is_kept() else None
                 arrived, _ = await asyncio.wait({next_message}, timeout=idle_s)
                 if not arrived:
                     await run_in_threadpool(self._store, keep=True)
@@ -93,16 +93,17 @@ class _Piece:
                 if size > self._facts.size_bytes:
                     raise _beyond(self._facts)
                 self._waiting.append(message.get("body", b""))
-                if sum(map(len, self._waiting)) >= _WRITE_BYTES:
-                    await run_in_threadpool(self._store, keep=self._piecewise and self._is_due())
+                due = self._piecewise and time.monotonic() - self._kept_at >= _KEEP_EVERY_S
+                if due or sum(map(len, self._waiting)) >= _WRITE_BYTES:
+                    await run_in_threadpool(self._store, keep=due)
                 if not message.get("more_body"):
                     return
                 next_message = asyncio.ensure_future(self._request.receive())
         finally:
             next_message.cancel()
 
-    def _is_due(self) -> bool:
-        return time.monotonic() - self._kept_at >= _KEEP_EVERY_S
+    def _has_more_than_is_kept(self) -> bool:
+        return bool(self._waiting) or self._claim.written_bytes > self._claim.durable_bytes
 
     def _store(self, *, keep: bool) -> None:
         waiting, self._waiting = self._waiting, []

@@ -158,7 +158,9 @@ def _send_resumably(
     said = {"campaign_id": upload.campaign_id, "sha256": sha256} | _query(upload, path)
     pairs = {name: str(value).encode() for name, value in said.items() if value is not None}
     metadata = ",".join(f"{name} {base64.b64encode(value).decode()}" for name, value in pairs.items())
-    begin = _TUS | {"Upload-Length": str(size_bytes), "Upload-Metadata": metadata}
+    # the same of the same file: a push that is begun again goes on with what the last one has sent
+    named = hashlib.sha256(metadata.encode()).hexdigest()
+    begin = {**_TUS, "Upload-Length": str(size_bytes), "Upload-Metadata": metadata, "Idempotency-Key": named}
     told = transport.send(Call(method="POST", path=address("uploads"), headers=begin)).headers
     place = urlsplit(told["Location"]).path
     tried = 0

@@ -74,7 +74,7 @@ class Partials:
         return cls(settings.data / "uploads")
 
     def begin(self, token: str, facts: Facts) -> "Partial":
-        """Make an upload under this token, or find the one that it has already."""
+        """Make an upload under this token, or find the one that it has under way."""
         path = self._path(token, facts.organisation_id)
         draft = path.with_name(f".{secrets.token_hex(8)}")
         text = json.dumps(asdict(facts)).encode()
@@ -88,10 +88,12 @@ class Partials:
                     file.write(_STATE.pack(0, b"", len(text)) + text)
                     file.flush()
                     os.fsync(file.fileno())
+                known = self.find(token, facts.organisation_id)
+                if known is None or known.read_facts().frame_id:
+                    Partial(path).remove()
                 # of two that come at once with one token, the second finds the first one's
                 with suppress(FileExistsError):
-                    if self.find(token, facts.organisation_id) is None:
-                        path.hardlink_to(draft)
+                    path.hardlink_to(draft)
                 sync_folder(path.parent)
             finally:
                 draft.unlink(missing_ok=True)

@@ -17,6 +17,7 @@ from store.tables import Blob, FrameRow
 from tests.support.blobs import files
 from tests.support.fieldwork import Team
 from tests.support.proxy import Proxy
+from tests.support.resumable import PIECE, TUS, describe
 
 MEGABYTE = 1 << 20
 
@@ -161,6 +162,49 @@ def test_what_has_arrived_before_a_cut_is_not_sent_again(team, campaign, tmp_pat
     # of one MiB each, where begun anew each time they would be three times as many
     assert pieces <= path.stat().st_size // MEGABYTE + 2 * cuts
     assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+class StoppedError(Exception):
+    pass
+
+
+def test_a_push_that_was_stopped_goes_on_with_the_next(team, campaign, tmp_path):
+    path = tmp_path / "frame.DNG"
+    path.write_bytes(campaign.id.encode() * 400_000)
+    sent = []
+
+    def stop(progress):
+        if progress.bytes_sent >= 8 * MEGABYTE:
+            time.sleep(1)
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        team.client.push(campaign.id, path, role="light", on_progress=stop)
+    frame = team.client.push(
+        campaign.id, path, role="light", on_progress=lambda each: sent.append(each.bytes_sent)
+    )
+    assert min(sent) > 6 * MEGABYTE
+    assert frame.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_a_connection_that_hangs_is_taken_over_at_once(team, campaign):
+    content = campaign.id.encode() * 100_000
+    with team.http() as http:
+        place = http.post("/v1/uploads", headers=describe(campaign.id, content)).headers["Location"]
+        host, port = team.url.removeprefix("http://").split(":")
+        with socket.create_connection((host, int(port))) as hanging:
+            head = f"PATCH {place} HTTP/1.1\r\nHost: {host}\r\nContent-Length: {len(content)}\r\n"
+            head += "".join(
+                f"{name}: {value}\r\n" for name, value in (PIECE | {"Upload-Offset": "0"}).items()
+            )
+            hanging.sendall(head.encode() + b"\r\n" + content[:MEGABYTE])
+            time.sleep(0.5)
+            offset = int(http.head(place, headers=TUS).headers["Upload-Offset"])
+            assert offset == MEGABYTE
+            hanging.sendall(content[MEGABYTE : MEGABYTE + 1000])
+            rest = http.patch(place, content=content[offset:], headers=PIECE | {"Upload-Offset": str(offset)})
+            assert (rest.status_code, rest.headers["Upload-Complete"]) == (204, "?1")
+            assert b"409" in hanging.recv(100)
 
 
 # it leaves the closing of its connections to the collector
