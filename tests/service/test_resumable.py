@@ -158,6 +158,18 @@ def test_an_address_serves_without_a_key_while_the_key_that_began_it_is_in_force
         assert team.patch(place, content=CONTENT[10:], headers=headers).status_code == 404
 
 
+def test_a_key_of_another_organisation_finds_nothing(house, place):
+    founded = house.post("/v1/organisations", {"name": f"of {place}"})
+    with house.with_key(founded["key"]["secret"]) as stranger:
+        answers = [
+            stranger.head(place, headers=TUS),
+            stranger.patch(place, content=CONTENT, headers=PIECE | {"Upload-Offset": "0"}),
+            stranger.delete(place, headers=TUS),
+        ]
+    assert [answer.status_code for answer in answers] == [404, 404, 404]
+    assert ask(house, place) == 0
+
+
 def test_a_repeated_beginning_is_the_same_upload(house):
     campaign = house.campaign()["id"]
     headers = describe(campaign, CONTENT) | {"Idempotency-Key": f"of {campaign}"}

@@ -20,7 +20,7 @@ class Stage:
     """``database`` : a SQLite file or a PostgreSQL URL; ``value`` : what the recipe returned."""
 
     database: Path | str
-    blobs: Path
+    files: Path
     value: Any
 
 
@@ -44,21 +44,28 @@ class Stages:
     def _keep(self, house: House, server: PostgresServer | None, value: Any) -> Stage:
         house.database.dispose()
         folder = self._folder / str(len(self._kept))
-        shutil.copytree(house.folder / "blobs", folder / "blobs")
+        _copy_files(house.folder, folder)
         if server is None:
             database = shutil.copy(_sqlite_file(house), folder / "stilb.sqlite")
         else:
             database = server.new_database(like=_url(house))
-        return Stage(database=database, blobs=folder / "blobs", value=copy.deepcopy(value))
+        return Stage(database=database, files=folder, value=copy.deepcopy(value))
 
 
 def _restore(house: House, server: PostgresServer | None, stage: Stage) -> None:
     house.database.dispose()
-    shutil.copytree(stage.blobs, house.folder / "blobs", dirs_exist_ok=True)
+    _copy_files(stage.files, house.folder)
     if server is None:
         shutil.copy(stage.database, _sqlite_file(house))
     else:
         server.replace_database(_url(house), like=stage.database)
+
+
+def _copy_files(source: Path, target: Path) -> None:
+    target.mkdir(parents=True, exist_ok=True)
+    for name in ("blobs", "uploads"):
+        if (source / name).exists():
+            shutil.copytree(source / name, target / name, dirs_exist_ok=True)
 
 
 def _is_new(house: House) -> bool:
