@@ -16,6 +16,9 @@ GOOD_SIGNAL = 0.5
 
 _STOP_THIRDS = 3
 
+_EVERY_CAMERA_S = 1e-3, 1.0
+"""Exposure times that a camera with manual exposure has; others are suggested if a frame shows them."""
+
 
 def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Params) -> tuple[Gap, ...]:
     """List the frames to add, each with its scene, ISO value and f-number as far as they are known.
@@ -31,6 +34,7 @@ def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Par
     read = {each.scene: each.value for each in readings if each.quantity == "luminance"}
     shown = {(row.scene, row.exposure.iso, row.exposure.f_number) for row in lit}
     scenes = sorted({row.scene for row in lit if row.scene} | read.keys())
+    taken_s = [row.exposure.exposure_time_s for row in rows]
     common = Counter((iso, f_number) for _, iso, f_number in shown)
     series = collect_series(rows, readings, params)
     spans = {each.iso: _find_span(each) for each in series}
@@ -42,7 +46,9 @@ def find_gaps(rows: Sequence[FrameRow], readings: Sequence[Reading], params: Par
         Gap(
             role="light",
             at={"scene": scene, "iso": iso, "f_number": f_number},
-            exposure_time_s=_suggest_time(light.get(scene), spans.get(iso), iso=iso, f_number=f_number),
+            exposure_time_s=_suggest_time(
+                light.get(scene), spans.get(iso), iso=iso, f_number=f_number, taken_s=taken_s
+            ),
         )
         for scene in scenes
         for (iso, f_number), count in sorted(common.items())
@@ -77,11 +83,17 @@ def _find_span(series: IsoSeries) -> float | None:
     return min((candidate.span_dn for candidate in series.candidates), default=None)
 
 
-def _suggest_time(light: float | None, span_dn: float | None, *, iso: float, f_number: float) -> float | None:
-    """Return the time for `GOOD_SIGNAL`, rounded down to a third of a stop; None if no light is known."""
+def _suggest_time(
+    light: float | None, span_dn: float | None, *, iso: float, f_number: float, taken_s: Sequence[float]
+) -> float | None:
+    """Return the time for `GOOD_SIGNAL`, rounded down to a third of a stop.
+
+    None if no light is known, or if the camera may not have that time: it is beyond `_EVERY_CAMERA_S` and
+    those of the campaign's frames.
+    """
     if light is None or span_dn is None:
         return None
     time_s = GOOD_SIGNAL * span_dn * f_number**2 / (light * iso) if light * iso > 0 else math.inf
-    if not 0 < time_s < math.inf:
+    if not min(_EVERY_CAMERA_S[0], *taken_s) <= time_s <= max(_EVERY_CAMERA_S[1], *taken_s):
         return None
     return float(2.0 ** (math.floor(_STOP_THIRDS * math.log2(time_s)) / _STOP_THIRDS))
