@@ -27,7 +27,12 @@ _BOUND_95 = 2.241403
 """Of 97.5 %: where the spread of the pixels is at its bound 0, the usual interval covers too little."""
 _LEAST_LOG_SPREAD = -6.0
 _FEW_CHANGES = 4.0
-"""Where so few pixels change their number, the limit is almost doubled: counts are no normal errors."""
+"""Of the limit's factor 1 + 4 / (n + 1), where n pixels change their number.
+
+Wilks' limit holds for many counts; its error falls as 1 / n (Bartlett), and n + 1 keeps n = 0 finite. 4 is
+chosen by simulation, at 7 and 45 changes of 4096. From 400 changes on the interval is at most 0.5 % longer,
+and above `ROUNDING_DOMINATES` no interval of counts is used.
+"""
 
 
 def count_changes(images: Image) -> Counts:
@@ -74,9 +79,8 @@ def estimate_rounded_noise(changes: Counts, *, u_rel: float, spread: float) -> t
     the two frames, so the pair (i, j) has the probability E[P_i(m) P_j(m + d)]. The likelihood is maximised
     over mean, d and spread of the levels for every s; the interval is where its logarithm has fallen by less
     than 1.92 (Wilks [1]_), or than 2.51 where levels without spread are within 1.92; times 1 + 4 / (n + 1)
-    where n pixels change their number. Where levels spread over
-    half a step and more, all places between two numbers are alike, and with D a normal difference of standard
-    deviation s sqrt(2) and {} the fraction::
+    where n pixels change their number. Where levels spread over half a step and more, all places between two
+    numbers are alike, and with D a normal difference of standard deviation s sqrt(2) and {} the fraction::
 
         variance of the numbers = s^2 + E[{D} (1 - {D})] / 2
 

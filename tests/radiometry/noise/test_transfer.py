@@ -10,6 +10,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.frame.packing import pack
 from radiometry.noise import codes as noise_codes
 from radiometry.noise import method as noise
+from radiometry.noise import rounding
 from radiometry.noise.levels import list_levels
 from radiometry.noise.rounding import count_changes, estimate_rounded_noise
 from radiometry.noise.stacks import make_stacks
@@ -140,6 +141,20 @@ def test_noise_below_rounding_is_within_its_interval(noise_steps, spread):
         inside += abs(value - noise_steps) < 2.0 * u
         assert u < 0.05
     assert inside >= 0.7 * runs
+
+
+def test_few_changes_widen_the_interval_and_ordinary_noise_is_not_counted(monkeypatch):
+    """0.15 steps in the middle of a number change 7 of 4096, and at times only 2."""
+    few, ends = np.diag([0, 4094, 0]), []
+    few[0, 1] = few[1, 2] = 1
+    for factor in (rounding._FEW_CHANGES, 0.0):
+        monkeypatch.setattr(rounding, "_FEW_CHANGES", factor)
+        noise_steps, u = estimate_rounded_noise(few, u_rel=1.0, spread=0.0)
+        ends.append(noise_steps + 1.96 * u)
+    assert ends[0] > 0.15 > ends[1]
+    for read_noise_e in (2.0, 10.0):
+        camera = change(SMALL, gain_dn_per_e=1.0, read_noise_e=read_noise_e)
+        assert all(stack.changes is None for stack in make_stacks(take(camera, 3, times=())))
 
 
 def test_noise_that_rows_share_is_in_the_uncertainty():
