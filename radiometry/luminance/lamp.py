@@ -59,9 +59,10 @@ def follow_lamp(rows: Sequence[FrameRow], readings: Sequence[Reading], params: P
     r is the mean of both, weighted by their variances [1]_. A reading repeats to
     `meter_repeatability_rel`, else to 1 %, and to no more than readings of one scene
     differ. Where the times of readings are not known, those of the frames still show r:
-    a reading may lie one interval between frames before the first or after the last, and
-    half of T at least from the middle of those of an ISO value. T is then at least 10
-    minutes, since the reading may lie apart from a burst.
+    a reading lies one interval between frames before the first or after the last, and
+    its distance from the middle of those of an ISO value is the root mean square of
+    both, half of T at least. T is then at least 10 minutes, since the reading may lie
+    apart from a burst.
 
     Cameras write local time. Where the file states no offset, it is the number of
     half hours that brings the frames closest to the readings of their scenes. Times
@@ -112,10 +113,14 @@ def _follow_scene(
         span_s = max(after_s) - min(after_s)
         gap_s = span_s / max(len(after_s) - 1, 1)
         rate = drift / max(span_s + gap_s, _UNTIMED_S)
-        level = max(drift / 2.0, rate * (span_s / 2.0 + gap_s))
+        reach_s, middle_s = span_s / 2.0 + gap_s, (min(after_s) + max(after_s)) / 2.0
         return {
-            name: Change(u_rel=rate * (time_s - middles_s[isos[name]]), level_u_rel=level)
+            name: Change(
+                u_rel=rate * (time_s - own_s),
+                level_u_rel=max(drift / 2.0, rate * math.hypot(reach_s, own_s - middle_s)),
+            )
             for name, time_s in zip(frames, after_s, strict=True)
+            for own_s in (middles_s[isos[name]],)
         }
     timed = [(_to_seconds(each.taken_at), each) for each in readings if each.taken_at]
     every = [*shown.values(), *(time_s for time_s, _ in timed)]

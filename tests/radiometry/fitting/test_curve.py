@@ -62,6 +62,19 @@ def test_points_on_a_curve_give_its_parameters(model, changes, expected):
     assert fit.birge_ratio == 1.0
 
 
+@pytest.mark.parametrize(("shown", "size"), [(0.0, math.sqrt(0.5)), (0.02, math.sqrt(1.5))])
+def test_drift_that_frames_show_by_hand(shown, size):
+    """Two scenes of two frames at -1 and +1 % of drift, whose noise is 2 %.
+
+    c = (-1, 1, -1, 1) % and V = s^2 + c c' give z = c'y / (s^2 + c'c) and u(z)^2 = s^2 / (s^2 + c'c) = 1/2;
+    y = (-2, 2, -2, 2) % gives z = 1. What scenes share is at right angles to c.
+    """
+    signs = np.array([-1.0, 1.0, -1.0, 1.0])
+    points = curve("aabb", [4.0] * 4, errors=np.expm1(shown * signs), repeatability_u_rel=0.03)
+    points = dataclasses.replace(points, signal_u_dn=0.02 * K * points.rhs, lamp_u_rel=0.01 * signs)
+    assert fit_curve(points, model="proportional").lamp_size == pytest.approx(size, rel=1e-6)
+
+
 def test_uncertainty_of_shared_readings_by_hand():
     """Three scenes with 1, 2 and 3 frames and nothing but reading errors: each scene counts once."""
     fit = fit_curve(curve("abbccc", [4] * 6, u_dn=1e-6, repeatability_u_rel=0.03), model="proportional")

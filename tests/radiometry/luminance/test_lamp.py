@@ -1,6 +1,7 @@
 """A lamp that drifts between readings and frames."""
 
 import dataclasses
+import math
 
 import pytest
 
@@ -8,7 +9,7 @@ from radiometry.luminance.lamp import Change, follow_lamp
 from radiometry.luminance.method import Params, Reading
 from radiometry.luminance.points import collect_series
 from tests.radiometry.campaigns import TRUE_K, draw
-from tests.radiometry.luminance.exact import LIGHTS, PARAMS, READINGS, fit
+from tests.radiometry.luminance.exact import LIGHTS, PARAMS, READINGS, fit, light
 
 DAY = "2026-03-02T"
 
@@ -60,6 +61,20 @@ def test_without_times_the_drift_is_a_doubt_common_to_all_scenes():
     assert [found[row.frame] for row in rows] == [
         Change(u_rel=pytest.approx(u), level_u_rel=0.008) for u in (-0.004, 0.0, 0.004)
     ]
+
+
+def test_iso_values_taken_in_turn_lie_apart_from_the_reading():
+    """Frames at 0, 10 | 20, 30 min, a reading 10 min before or after: rms of 15 and 35 min from 5 min."""
+    rows = [
+        light("middle", 5.6, iso=iso, name=f"{iso:g}-{n}", taken_at=f"{DAY}10:{minute:02d}:00")
+        for iso, minutes in ((3200.0, (0, 10)), (6400.0, (20, 30)))
+        for n, minute in enumerate(minutes)
+    ]
+    found = [follow_lamp(rows, READINGS, PARAMS)[row.frame] for row in rows]
+    per_minute = 0.012 / 40.0
+    assert [each.u_rel for each in found] == pytest.approx([5 * s * per_minute for s in (-1, 1, -1, 1)])
+    distance = math.sqrt((15.0**2 + 35.0**2) / 2.0)
+    assert [each.level_u_rel for each in found] == pytest.approx([distance * per_minute] * 4)
 
 
 def test_drift_is_a_line_of_the_budget():
