@@ -206,7 +206,8 @@ SUNSHINE_UNUSABLE = reason(
 LIGHT_CHANGED = flag(
     "light_changed",
     "The sunshine sensor shows less than 0.7 or more than 1.4 times the light of the panel's captures: a "
-    "cloud, or another hour. Where the diffuse fraction was assumed for the tilt, the sky may have had any.",
+    "cloud, or another hour. The reading divides the change out. Where the diffuse fraction was assumed for "
+    "the tilt, the sky may have had any.",
     "Take the panel in the light of the flight; measure again with a visit in that light.",
     "measurement",
 )
