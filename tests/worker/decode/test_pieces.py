@@ -2,10 +2,11 @@
 
 import os
 import threading
+from types import SimpleNamespace
 
 import pytest
 
-from worker.decode import pieces
+from worker.decode import malloc, pieces
 
 needs_two = pytest.mark.skipif(
     not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2, reason="one processor"
@@ -78,3 +79,10 @@ def test_where_no_thread_can_be_started_one_decodes_all(monkeypatch):
     seen = []
     pieces.decode_all(seen.append, range(3))
     assert seen == [0, 1, 2]
+
+
+def test_a_c_library_without_mallopt_stops_no_start(monkeypatch):
+    """As musl: how memory is kept is a question of speed."""
+    monkeypatch.setattr(malloc.ctypes, "CDLL", lambda _: SimpleNamespace())
+    malloc.share_one_arena()
+    malloc.keep_memory()
