@@ -102,13 +102,27 @@ def test_frames_are_walked_moved_left_out_and_restored_by_keys_alone(page, team,
     expect(dialog.locator(".histogram")).to_be_visible()
     check_access(page)
     look(page, "campaign-frame")
+    # pressed while the next frame loads, released when it has been drawn
+    second = page.locator(".grid .cell").nth(1).get_attribute("data-id")
+    held = []
+
+    def hold(route):
+        held.append(route)
+
+    page.route(f"**/v1/frames/{second}", hold)
     page.keyboard.press("ArrowRight")
     expect(dialog).to_contain_text("2 of 6")
-    page.wait_for_load_state("networkidle")
-    dialog.get_by_role("button", name="Withdraw").click()
+    dialog.get_by_role("button", name="Withdraw").hover()
+    page.mouse.down()
+    for route in held:
+        route.continue_()
+    page.unroute_all()
+    settle(page)
+    page.mouse.up()
     expect(dialog.get_by_role("button", name="Restore")).to_be_visible()
     page.keyboard.press("Escape")
-    expect(page.get_by_role("rowheader", name="Withdrawn")).to_be_visible()
+    withdrawn = page.get_by_role("row").filter(has_text="Withdrawn")
+    expect(withdrawn.locator(".cell")).to_have_attribute("data-id", second)
     expect(page.locator(".grid .cell:focus")).to_have_count(1)
     page.get_by_role("button", name="Select all").click()
     page.get_by_label("Scene of the selected frames").fill("dawn")

@@ -3,7 +3,8 @@
 import { get, patch } from "../api.js";
 import { fill, h, may, svg } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, sayTimes, time, words } from "../format.js";
-import { OUTCOMES, mark } from "../marks.js";
+import { pause } from "../live.js";
+import { mark } from "../marks.js";
 import { act, failed } from "../states.js";
 import { frameCell, kindOf, sayState } from "./cells.js";
 import { decimal, field, select } from "./forms.js";
@@ -15,11 +16,13 @@ import { numberOf } from "./numbers.js";
 import { isRead } from "./state.js";
 
 const MOST_BESIDE = 24;
+const PRESSED_MS = 50;
 
 /** Open a frame; `order` is that of the grid, `back` puts the focus on the cell of the frame that was seen last. */
 export function openFrame(state, first, { order, back }) {
-  let id = first;
+  let id;
   let again = 0;
+  let drawn;
   const [title, count, look, tell] = [h("h2", { id: "frame-name" }), h("span", { class: "muted small" }), h("div", { class: "look-at" }), h("div", { class: "tell" })];
   const at = () => order.findIndex((frame) => frame.id === id);
   const go = (by) => {
@@ -34,12 +37,20 @@ export function openFrame(state, first, { order, back }) {
   const histogram = lookPart(() => {});
   const button = (text, onclick, attributes = {}) => h("button", { type: "button", class: "small-button", onclick, ...attributes }, text);
   const [before, after, check] = [button("← Previous", () => go(-1)), button("Next →", () => go(1)), button("Next to check →", toCheck)];
+  // the same elements for every frame: a press is never lost to a redraw, and acts on the frame that is named
+  const press = (work) => (event) => act(event.target, () => work(state, [id]));
+  const [move, out, gone] = [button("Move…", press(askWhere)), button("", press(leaveOut)), button("", press(withdraw), { class: "small-button danger" })];
+  const region = button("", () => {
+    dialog.close();
+    state.dispatchEvent(new CustomEvent("draw-on", { detail: id }));
+  });
+  const download = h("a", { class: "button quiet small-button" }, "Download");
   const dialog = h(
     "dialog",
     { class: "frame-sheet", tabindex: "-1", "aria-labelledby": "frame-name", onclose: () => (state.removeEventListener("frames", renew), dialog.remove(), back(id)) },
     h("div", { class: "sheet-head" }, h("div", { class: "title-line" }, title, count), h("p", { class: "actions" }, before, after, button(["Close ", h("kbd", {}, "Esc")], () => dialog.close(), { class: "quiet small-button" }))),
     h("div", { class: "sheet-body" }, look, tell),
-    h("div", { class: "sheet-foot" }, h("span", { class: "small muted" }, h("kbd", {}, "←"), " ", h("kbd", {}, "→"), " walk  ", h("kbd", {}, "M"), " move  ", h("kbd", {}, "X"), " leave out  ", h("kbd", {}, "Z"), " undo"), check),
+    h("div", { class: "sheet-foot" }, h("p", { class: "actions" }, may("calibrate") ? [move, out, gone, region] : null, download), h("span", { class: "small muted" }, h("kbd", {}, "←"), " ", h("kbd", {}, "→"), " walk  ", h("kbd", {}, "M"), " move  ", h("kbd", {}, "X"), " leave out  ", h("kbd", {}, "Z"), " undo"), check),
   );
   const renew = () => show(id);
   state.on("frames", renew);
@@ -50,12 +61,15 @@ export function openFrame(state, first, { order, back }) {
     else if (event.key === "ArrowRight") go(1);
     else if (letter === "n") toCheck();
     else if (letter === "m" && may("calibrate")) askWhere(state, [id]);
-    else if (letter === "x" && may("calibrate")) act(check, () => leaveOut(state, [id]));
+    else if (letter === "x" && may("calibrate")) act(out, () => leaveOut(state, [id]));
     else return;
     event.preventDefault();
   });
+  // a button that has just been disabled or replaced keeps no focus
+  const keepFocus = () => dialog.open && (document.activeElement === document.body || document.activeElement.disabled) && dialog.focus();
 
   async function show(wanted) {
+    const walked = wanted !== id;
     id = wanted;
     const turn = (again += 1);
     const known = state.byId.get(id);
@@ -64,14 +78,32 @@ export function openFrame(state, first, { order, back }) {
     before.disabled = at() <= 0;
     after.disabled = at() >= order.length - 1;
     check.disabled = !order.some((frame) => frame.id !== id && ["warn", "bad"].includes(kindOf(state.byId.get(frame.id) ?? frame)));
-    // a button that has just been disabled keeps no focus
-    if (dialog.open && (document.activeElement === document.body || document.activeElement.disabled)) dialog.focus();
+    out.textContent = known.left_out === null ? "Leave out" : "Use again";
+    gone.textContent = known.withdrawn ? "Restore" : "Withdraw";
+    region.textContent = known.roi_origin === "found" ? "Draw another region" : "Draw a region on it";
+    region.hidden = !isRead(known);
+    download.href = `/v1/frames/${id}/content`;
+    if (walked) {
+      // nothing of the frame before is left beside the name of this one
+      dialog.querySelectorAll(".act-failed").forEach((old) => old.remove());
+      fill(look, picture(known, null), beside(state, known, show));
+      fill(tell, verdict(known), exposure(known));
+      drawn = undefined;
+    }
+    keepFocus();
     tell.setAttribute("aria-busy", "true");
     try {
       const [frame, roi] = await Promise.all([get(`/v1/frames/${id}`), holdingFor(state, known)]);
-      if (turn !== again) return;
+      if (turn === again) tell.removeAttribute("aria-busy");
+      // what is pressed or filled in is redrawn when that ends
+      while (turn === again && dialog.isConnected && (dialog.matches(":active") || isFilledIn(tell))) await pause(PRESSED_MS);
+      const found = JSON.stringify([known, frame, roi?.id]);
+      if (turn !== again || found === drawn) return;
+      drawn = found;
+      const unfolded = tell.querySelector("details")?.open;
       fill(look, picture(frame, roi), beside(state, known, show));
-      fill(tell, verdict(known, frame), exposure(frame), h("div", {}, h("h3", { class: "panel-title" }, "Raw values in the region [DN]"), histogram.element), may("calibrate") ? change(state, known, frame, dialog) : null, file(frame));
+      fill(tell, verdict(known, frame), exposure(frame), h("div", {}, h("h3", { class: "panel-title" }, "Raw values in the region [DN]"), histogram.element), may("calibrate") ? change(state, known, frame) : null, file(frame, unfolded));
+      keepFocus();
       if (isRead(frame) && may("calibrate")) histogram.look(frame, { points: roi?.polygon ?? wholeOf(frame), closed: true });
     } catch (error) {
       if (turn === again) fill(tell, failed(error, () => show(id)));
@@ -85,6 +117,7 @@ export function openFrame(state, first, { order, back }) {
   dialog.showModal();
 }
 
+const isFilledIn = (place) => [...place.querySelectorAll("input")].some((input) => input.value !== input.defaultValue);
 const wholeOf = ({ width_px: width, height_px: height }) => [[0, 0], [width, 0], [width, height], [0, height]];
 
 function picture(frame, roi) {
@@ -110,11 +143,12 @@ function beside(state, known, show) {
   return same.length > 1 ? [h("h3", { class: "panel-title" }, known.scene ? "Same scene" : "Same role"), h("div", { class: "strip", tabindex: "-1" }, strip)] : null;
 }
 
+/** `frame` once it has been read: until then the gravest reason alone is known. */
 function verdict(known, frame) {
   const kind = kindOf(known);
-  const reasons = frame.verdict?.reasons ?? [];
-  const said = frame.left_out ? [`Left out by ${frame.left_out.by}: ${frame.left_out.reason}`] : [];
-  return h("div", { class: `verdict-words ${kind}` }, mark(kind), h("h3", {}, sayState(known)), [...said, ...reasons.map((each) => sayTimes(each.detail))].map((text) => h("p", {}, text)), said.length + reasons.length ? null : h("p", {}, "No problems found."));
+  const reasons = frame ? (frame.verdict?.reasons ?? []) : known.code ? [known] : [];
+  const said = frame?.left_out ? [`Left out by ${frame.left_out.by}: ${frame.left_out.reason}`] : [];
+  return h("div", { class: `verdict-words ${kind}` }, mark(kind), h("h3", {}, sayState(known)), [...said, ...reasons.map((each) => sayTimes(each.detail))].map((text) => h("p", {}, text)), !frame || said.length + reasons.length ? null : h("p", {}, "No problems found."));
 }
 
 function exposure(frame) {
@@ -122,8 +156,7 @@ function exposure(frame) {
   return h("dl", { class: "shots" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value))));
 }
 
-function change(state, known, frame, dialog) {
-  const button = (text, work, attributes = {}) => h("button", { type: "button", class: "small-button", ...attributes, onclick: (event) => act(event.target, () => work(state, [frame.id])) }, text);
+function change(state, known, frame) {
   const scene = state.method.grid.rows === "scene" && state.method.roles.some((role) => role.name === known.role && role.has_scene)
     ? select([...(known.scene ? [] : [["", "No scene: choose one"]]), ...[...new Set([...state.scenes, ...(state.book?.readings ?? []).map((each) => each.scene)])].map((name) => [name, name])], { onchange: (event) => act(event.target, () => changeFrames(state, [frame.id], { scene: event.target.value }, (named) => `${named} moved to ${event.target.value}.`)) }, known.scene ?? "")
     : null;
@@ -133,18 +166,6 @@ function change(state, known, frame, dialog) {
     h("h3", { class: "panel-title" }, "Change"),
     scene ? field("Scene", scene) : null,
     frame.exposure_time_s === undefined ? typedExposure(state, frame) : null,
-    h(
-      "p",
-      { class: "actions" },
-      button("Move…", askWhere),
-      button(known.left_out === null ? "Leave out" : "Use again", leaveOut),
-      button(known.withdrawn ? "Restore" : "Withdraw", withdraw, { class: "small-button danger" }),
-      isRead(frame) ? button(frame.roi_origin === "found" ? "Draw another region" : "Draw a region on it", () => {
-        dialog.close();
-        state.dispatchEvent(new CustomEvent("draw-on", { detail: frame.id }));
-      }) : null,
-      h("a", { class: "button quiet small-button", href: `/v1/frames/${frame.id}/content` }, "Download"),
-    ),
     h("p", { class: "hint" }, "Left out: kept, not fitted. Withdrawn: hidden from the campaign. Both can be undone."),
   );
 }
@@ -155,12 +176,13 @@ function typedExposure(state, frame) {
   const save = async () => {
     const typed = Object.fromEntries(inputs.filter(([, , input]) => input.value.trim()).map(([name, , input]) => [name, numberOf(input)]));
     await patch(`/v1/frames/${frame.id}`, typed);
+    for (const [, , input] of inputs) input.defaultValue = input.value;
     await state.touch();
   };
   return h("form", { onsubmit: (event) => (event.preventDefault(), act(event.submitter, save)) }, h("div", { class: "fields" }, inputs.map(([, label, input]) => field(label, input, "Not in the file."))), h("p", { class: "actions" }, h("button", { type: "submit" }, "Read again")));
 }
 
-function file(frame) {
+function file(frame, open = false) {
   const facts = [
     ["Camera", frame.camera && [frame.camera.make, frame.camera.model, frame.camera.serial].filter(Boolean).join(" ")],
     ["Size", frame.width_px && `${frame.width_px} × ${frame.height_px} px, ${frame.cfa}`],
@@ -173,5 +195,5 @@ function file(frame) {
     ["Received", time(frame.created_at)],
     ["SHA-256", h("code", { class: "small" }, frame.sha256)],
   ].filter(([, value]) => value);
-  return h("details", { class: "fold" }, h("summary", {}, "File ", h("span", { class: "muted" }, [frame.taken_at?.replace("T", " ").slice(0, 19), frame.size_bytes && bytes(frame.size_bytes)].filter(Boolean).join(" · "))), h("dl", { class: "facts" }, facts.map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])));
+  return h("details", { class: "fold", open }, h("summary", {}, "File ", h("span", { class: "muted" }, [frame.taken_at?.replace("T", " ").slice(0, 19), frame.size_bytes && bytes(frame.size_bytes)].filter(Boolean).join(" · "))), h("dl", { class: "facts" }, facts.map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)])));
 }
