@@ -2,7 +2,11 @@
 
 /** Files for the page that comes next: [{file, name, role?, scene?}]; taken once. */
 let handed = null;
+let shown = location.pathname;
 const begun = new Set([document.querySelector("script[type=module]")?.src]);
+
+// a place within the page is another address too: to go there reloads nothing
+addEventListener("popstate", () => location.pathname === shown || location.reload());
 
 export const takeHanded = () => {
   const taken = handed;
@@ -23,7 +27,7 @@ export async function goOn(address, items) {
   for (const sheet of next.querySelectorAll("link[rel=stylesheet]")) if (![...document.styleSheets].some((each) => each.href === sheet.href)) document.head.append(document.adoptNode(sheet));
   document.title = next.title;
   history.pushState(null, "", address);
-  addEventListener("popstate", () => location.reload());
+  shown = location.pathname;
   for (const part of ["header.top", "main"]) document.querySelector(part).replaceWith(document.adoptNode(next.querySelector(part)));
   scrollTo(0, 0);
   document.querySelector("main").focus();
