@@ -13,7 +13,7 @@ export const OPEN = ["hashing", "asking", "waiting", "sending", "retrying"];
 /**
  * Items: {key, name, size, file, role, scene, sha256, state, armed, sent, frameId, error}. States: hashing, asking,
  * ready, there (the service has it), waiting, sending, retrying, sent, failed, lost (its file must be chosen again).
- * An armed item goes on by itself once it has been compared. `refusal`: {code, title, detail, item, left} stopped the rest.
+ * An armed item goes on by itself once it has been compared. `refusal`: {code, detail, item, left, sent} stopped the rest.
  */
 export class UploadQueue extends EventTarget {
   constructor(state) {
@@ -88,11 +88,11 @@ export class UploadQueue extends EventTarget {
   }
 
   /** The first refusal of its kind stops the rest: what one file suffers may await all of them. */
-  refuse(item, { code, title, message }) {
+  refuse(item, { code, message }) {
     if (this.accepted.has(code) || this.refusal) return;
     const left = this.items.filter((each) => each !== item && each.armed && OPEN.includes(each.state)).length;
     if (!left) return;
-    this.refusal = { code, title, detail: message, item, left, sent: this.items.filter((each) => each.state === "sent").length };
+    this.refusal = { code, detail: message, item, left, sent: this.items.filter((each) => each.state === "sent").length };
     this.stop();
   }
 

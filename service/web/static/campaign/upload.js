@@ -112,8 +112,8 @@ function dropZone(take) {
 /** What a worker refuses, it refuses after the frame was sent: the rest is stopped then too. */
 function refuseLike(state, queue) {
   for (const item of queue.items) {
-    const refusal = item.state === "sent" ? state.byId.get(item.frameId)?.refusal : undefined;
-    if (refusal) queue.refuse(item, { ...refusal, message: refusal.detail });
+    const { refusal_code: code, detail } = (item.state === "sent" && state.byId.get(item.frameId)) || {};
+    if (code) queue.refuse(item, { code, message: detail });
   }
 }
 
