@@ -144,18 +144,26 @@ def test_browser_reads_headers_as_the_worker_does(page):
     assert bands == ["Green", "Blue", "Blue", None, None]
 
 
+def write_cards(folder):
+    """Frames of two cameras, a zip of them with paths that lead out of it, and the same zip cut off."""
+    frames = [write_frame(folder / f"DJI_{n:04}.DNG", seed=n) for n in range(2)]
+    frames.append(write_frame(folder / "DJI_0009.DNG", serial="0K1XF2"))
+    packed = folder / "card.zip"
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as card:
+        for path in frames:
+            card.write(path, f"../DCIM/100MEDIA/{path.name}")
+        card.writestr("DCIM/100MEDIA/DJI_0000.JPG", b"\xff\xd8\xff", zipfile.ZIP_STORED)
+        card.writestr("DCIM/100MEDIA/DJI_0003.MP4", b"video")
+    cut = folder / "cut.zip"
+    cut.write_bytes(packed.read_bytes()[:-40])
+    return frames, packed, cut
+
+
 def test_wrong_camera_is_seen_before_the_first_byte_with_keys_alone(page, team, tmp_path):
     """A zip of two cameras, one of them registered under another name, with a video and a JPEG twin."""
     camera = team.client.create_camera("DJI", "X5S", "0K1XE8")
     campaign = team.client.create_campaign(camera.id)
-    frames = [write_frame(tmp_path / f"DJI_{n:04}.DNG", seed=n) for n in range(2)]
-    frames.append(write_frame(tmp_path / "DJI_0009.DNG", serial="0K1XF2"))
-    packed = tmp_path / "card.zip"
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as card:
-        for path in frames:
-            card.write(path, f"DCIM/100MEDIA/{path.name}")
-        card.writestr("DCIM/100MEDIA/DJI_0000.JPG", b"\xff\xd8\xff", zipfile.ZIP_STORED)
-        card.writestr("DCIM/100MEDIA/DJI_0003.MP4", b"video")
+    frames, packed, cut = write_cards(tmp_path)
     sent = []
     page.on("request", lambda asked: asked.method != "GET" and sent.append(asked.url))
 
@@ -186,17 +194,23 @@ def test_wrong_camera_is_seen_before_the_first_byte_with_keys_alone(page, team, 
     page.get_by_role("button", name="Create campaign and send").press("Enter")
     expect(page.get_by_role("heading", level=1)).to_have_text("P-9")
     expect(page.get_by_text("1 of 1 received")).to_be_visible()
+    page.evaluate("location.hash = 'readings'")
     with team.http() as http:
         (made,) = [each for each in http.get("/v1/campaigns").json()["items"] if each.get("project_number")]
         (frame,) = http.get(f"/v1/campaigns/{made['id']}/frames").json()["items"]
         assert http.get(f"/v1/cameras/{made['camera_id']}").json()["serial"] == "0K1XF2"
     assert (frame["filename"], frame["role"], frame["scene"]) == ("DJI_0009.DNG", "light", "dusk")
+    settle(page)
+    # a place within the page has loaded nothing again
+    expect(page.get_by_text("1 of 1 received")).to_be_visible()
+    page.go_back()
     page.go_back()
     settle(page)
 
     # or the campaign becomes that camera's
     page.goto(f"/campaigns/{campaign.id}")
-    page.get_by_label("Files to send").set_input_files(frames[0])
+    page.get_by_label("Files to send").set_input_files([frames[0], cut])
+    expect(page.get_by_text("cut.zip: This zip has no list of its files")).to_be_visible()
     page.get_by_role("button", name="Change the campaign to DJI FC6520 0K1XE8").press("Enter")
     page.get_by_role("button", name="Send 1 file").press("Enter")
     expect(page.get_by_text("1 of 1 received")).to_be_visible()

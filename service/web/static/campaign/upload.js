@@ -20,6 +20,7 @@ import { judge } from "./rules.js";
 import { virtualTable } from "./virtual.js";
 
 const ROW_PX = 48;
+const MOST_NAMED = 5;
 const EDITABLE = ["hashing", "asking", "ready", "failed"];
 
 export function uploadSection(state) {
@@ -30,13 +31,14 @@ export function uploadSection(state) {
   const take = async (files) => {
     const rows = await readCard(files, { centres: false });
     const { twins, videos } = splitSkipped(rows);
-    const wanted = rows.filter((row) => !twins.includes(row) && !videos.includes(row));
-    for (const row of wanted) row.file ??= await row.open();
+    const open = await Promise.all(rows.filter((row) => !twins.includes(row) && !videos.includes(row)).map(unpacked));
+    const wanted = open.filter((row) => row.file);
+    const closed = open.filter((row) => !row.file);
     // without a connection the service alone compares
     const campaign = state.campaign ?? (await get(state.path).catch(() => null));
     const camera = campaign && (await get(`/v1/cameras/${campaign.camera_id}`).catch(() => null));
     const others = camera ? wanted.filter((row) => row.header && differs(row.header, camera)) : [];
-    fill(trouble, others.length ? otherCamera(campaign, camera, others, wanted.length, async (body) => {
+    fill(trouble, closed.length ? notOpened(closed) : null, others.length ? otherCamera(campaign, camera, others, wanted.length, async (body) => {
       await patch(state.path, { camera_id: (await post("/v1/cameras", body)).id });
       fill(trouble);
       queue.add(others, judgeName);
@@ -116,6 +118,18 @@ function refuseLike(state, queue) {
     if (code) queue.refuse(item, { code, message: detail });
   }
 }
+
+/** A row with its file, or with what is wrong with the zip in which it lies. */
+async function unpacked(row) {
+  try {
+    return { ...row, file: row.file ?? (await row.open?.()) };
+  } catch (error) {
+    return { ...row, fault: error.message };
+  }
+}
+
+const notOpened = (rows) =>
+  h("div", { class: "failed", role: "alert" }, h("p", { class: "failed-title" }, `${counted(rows.length, "file")} cannot be read and ${rows.length === 1 ? "is" : "are"} not in the list`), rows.slice(0, MOST_NAMED).map((row) => h("p", {}, `${row.name}: ${row.fault}`)), rows.length > MOST_NAMED ? h("p", {}, `And ${rows.length - MOST_NAMED} more.`) : null);
 
 /** Frames of another camera are seen here, before they are sent; `change` makes the campaign that camera's. */
 function otherCamera(campaign, camera, others, count, change) {

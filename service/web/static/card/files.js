@@ -6,10 +6,10 @@ import { listZip } from "./zip.js";
 
 const AT_ONCE = 8;
 
-/** Rows {key, name, size, kind, file, header, centre} of [{file, name}]; `onProgress(read, of)`, and `signal` stops it. */
+/** Rows {key, name, size, kind, file, header, centre, fault} of [{file, name}]; `onProgress(read, of)`, and `signal` stops it. */
 export async function readCard(files, { onProgress = () => {}, signal, centres = true }) {
   const entries = (await Promise.all(files.map(openZip))).flat();
-  const rows = entries.map(({ name, file, size, open }) => ({ key: `${name} ${size}`, name, size, kind: kindOf(name), file, open }));
+  const rows = entries.map((entry) => ({ key: `${entry.name} ${entry.size}`, kind: kindOf(entry.name), ...entry }));
   const waiting = rows.filter((row) => row.kind === "raw");
   let read = rows.length - waiting.length;
   const readNext = async () => {
@@ -40,6 +40,6 @@ async function openZip({ file, name }) {
     const above = name.replace(/\.zip$/i, "");
     return (await listZip(file)).map((entry) => ({ ...entry, name: `${above}/${entry.name}` }));
   } catch (error) {
-    return [{ file, name: `${name}: ${error.message}`, size: file.size }];
+    return [{ name, size: file.size, fault: error.message }];
   }
 }

@@ -20,10 +20,12 @@ export async function listZip(zip) {
   const found = [];
   for (let place = 0; place + 46 <= list.byteLength && list.getUint32(place, true) === ENTRY; ) {
     const [nameLength, extraLength, noteLength] = [28, 30, 32].map((offset) => list.getUint16(place + offset, true));
-    const name = new TextDecoder().decode(new Uint8Array(list.buffer, list.byteOffset + place + 46, nameLength)).replaceAll("\\", "/");
+    const path = new TextDecoder().decode(new Uint8Array(list.buffer, list.byteOffset + place + 46, nameLength)).replaceAll("\\", "/");
+    const parts = path.split("/").filter((part) => !["", ".", ".."].includes(part));
+    const name = parts.join("/");
     const entry = { name, method: list.getUint16(place + 10, true), locked: (list.getUint16(place + 8, true) & 1) === 1, modified: dateOf(list.getUint32(place + 12, true)), packed: list.getUint32(place + 20, true), size: list.getUint32(place + 24, true), at: list.getUint32(place + 42, true) };
     widen(entry, list, place + 46 + nameLength, extraLength);
-    if (!name.endsWith("/") && !name.split("/").some((part) => part.startsWith(".") || part === "__MACOSX")) found.push({ name, size: entry.size, open: () => unpack(zip, entry) });
+    if (!path.endsWith("/") && !parts.some((part) => part.startsWith(".") || part === "__MACOSX")) found.push({ name, size: entry.size, open: () => unpack(zip, entry) });
     place += 46 + nameLength + extraLength + noteLength;
   }
   return found;
@@ -39,12 +41,12 @@ function widen(entry, list, from, length) {
 }
 
 async function unpack(zip, { name, method, locked, modified, packed, size, at }) {
-  if (locked || ![0, 8].includes(method)) throw new Error(`${name} cannot be unpacked here${locked ? ": the zip is encrypted" : ""}. Unpack the zip and drop its folder.`);
+  if (locked || ![0, 8].includes(method)) throw new Error(`The zip ${locked ? "is encrypted" : "uses another compression than deflate"}: unpack it and drop its folder.`);
   const head = await viewOf(zip, at, at + 30);
   const from = at + 30 + head.getUint16(26, true) + head.getUint16(28, true);
   const body = zip.slice(from, from + packed);
   const content = method === 0 ? body : await new Response(body.stream().pipeThrough(new DecompressionStream("deflate-raw"))).blob();
-  if (content.size !== size) throw new Error(`${name} is damaged in the zip.`);
+  if (content.size !== size) throw new Error("The file is damaged in the zip.");
   return new File([content], name.split("/").at(-1), { lastModified: modified });
 }
 
