@@ -15,7 +15,8 @@ from radiometry.geometry.rig.results import RigFit
 from radiometry.geometry.suggestions import find_gaps
 from radiometry.geometry.written import EXPORTS
 from radiometry.specification.application import PictureApplication
-from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_readings
+from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
+from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.rig import RigSpec
 from radiometry.specification.roles import CHART
 

@@ -10,8 +10,9 @@ from radiometry.luminance.budget import explain_budget
 from radiometry.luminance.certificate import CERTIFICATE
 from radiometry.luminance.gaps import find_gaps
 from radiometry.luminance.plot import draw
+from radiometry.specification.coefficients import Budget, CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
-from radiometry.specification.method import Budget, CoefficientEffect, CoefficientKind, MethodSpec
+from radiometry.specification.method import MethodSpec
 from radiometry.specification.roles import DARK, LIGHT
 
 __all__ = ["SPEC"]

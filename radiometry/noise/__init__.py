@@ -6,8 +6,9 @@ from radiometry.noise import codes, method
 from radiometry.noise.certificate import CERTIFICATE
 from radiometry.noise.plot import draw
 from radiometry.noise.suggestions import find_gaps
+from radiometry.specification.coefficients import CoefficientKind
 from radiometry.specification.grid import Grid
-from radiometry.specification.method import CoefficientKind, MethodSpec, drop_readings, drop_target
+from radiometry.specification.method import MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT, LIGHT
 
 __all__ = ["SPEC"]

@@ -7,8 +7,9 @@ from radiometry.reflectance.applying import APPLICATION
 from radiometry.reflectance.budget import list_budgets
 from radiometry.reflectance.certificate import CERTIFICATE
 from radiometry.reflectance.plot import draw
+from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
-from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_target
+from radiometry.specification.method import MethodSpec, drop_target
 from radiometry.specification.roles import FIELD, PANEL
 
 __all__ = ["SPEC"]

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.reflectance.results import Fit
-from radiometry.specification.method import Budget
+from radiometry.specification.coefficients import Budget
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,9 @@ from typing import Final
 from radiometry.sharpness import codes, method
 from radiometry.sharpness.certificate import CERTIFICATE
 from radiometry.sharpness.plot import draw
+from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
-from radiometry.specification.method import CoefficientEffect, CoefficientKind, MethodSpec, drop_readings
+from radiometry.specification.method import MethodSpec, drop_readings
 from radiometry.specification.roles import CHART
 
 __all__ = ["SPEC"]

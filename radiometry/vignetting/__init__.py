@@ -3,14 +3,9 @@
 from typing import Final
 
 from radiometry.specification.application import Correction
+from radiometry.specification.coefficients import CoefficientEffect, CoefficientKind
 from radiometry.specification.grid import Grid
-from radiometry.specification.method import (
-    CoefficientEffect,
-    CoefficientKind,
-    MethodSpec,
-    drop_readings,
-    drop_target,
-)
+from radiometry.specification.method import MethodSpec, drop_readings, drop_target
 from radiometry.specification.roles import DARK, FLAT
 from radiometry.vignetting import codes, method
 from radiometry.vignetting.budget import list_budgets

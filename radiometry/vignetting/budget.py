@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from radiometry.fitting.evidence import BudgetEntry
-from radiometry.specification.method import Budget
+from radiometry.specification.coefficients import Budget
 from radiometry.vignetting.results import Fit
 
 

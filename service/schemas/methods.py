@@ -8,8 +8,9 @@ from pydantic import Field, TypeAdapter
 
 from radiometry.methods import METHODS
 from radiometry.specification.application import PictureApplication
+from radiometry.specification.coefficients import CoefficientKind
 from radiometry.specification.grid import Grid
-from radiometry.specification.method import CoefficientKind, MethodSpec
+from radiometry.specification.method import MethodSpec
 from radiometry.specification.parameters import Choice, Kind, Parameter
 from radiometry.specification.roles import Role
 from service.schemas.base import Answer, FrameRole, Method
