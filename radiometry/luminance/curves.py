@@ -15,8 +15,8 @@ from radiometry.fitting.robust import weigh_points
 from radiometry.fitting.sources import Curve
 from radiometry.frame.exposure import expect_luminance_k
 from radiometry.luminance.coefficient import Coefficient
-from radiometry.luminance.corrections import estimate_flicker
 from radiometry.luminance.decision import compute_risk, decide
+from radiometry.luminance.flicker import estimate_flicker
 from radiometry.luminance.points import Candidate, IsoSeries
 from radiometry.luminance.report import list_budget, report_coefficient, report_model, report_points
 from radiometry.luminance.results import IsoFit, Point

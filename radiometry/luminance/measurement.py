@@ -19,13 +19,9 @@ from radiometry.luminance.camera import CalibratedCamera, add_up
 from radiometry.luminance.cells import illuminate, measure_surface
 from radiometry.luminance.coefficient import Coefficient
 from radiometry.luminance.conditions import FieldConditions, measure_colour
-from radiometry.luminance.corrections import (
-    correct_flicker,
-    correct_focus,
-    correct_spectrum,
-    correct_stray_light,
-)
+from radiometry.luminance.corrections import correct_focus, correct_spectrum, correct_stray_light
 from radiometry.luminance.findings import find_flags
+from radiometry.luminance.flicker import correct_flicker
 from radiometry.luminance.maps import average_map, find_map_scale, sum_signal
 from radiometry.luminance.measured import AppliedLuminance, Measured, Percentile, Share
 from radiometry.luminance.pixels import PERCENTILES, Correction, PixelSignal, order_pixels

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from radiometry.findings import shared
 from radiometry.luminance import codes
 from radiometry.luminance.agreement import DOUBTFUL_REL, measure_brightness
-from radiometry.luminance.corrections import compute_flicker
 from radiometry.luminance.dark import check_dark
+from radiometry.luminance.flicker import compute_flicker
 from radiometry.luminance.messages import show_time
 from radiometry.luminance.missing import list_unread_scenes
 from radiometry.luminance.points import FEW_POINTS, FEWEST_SCENES, IsoSeries, collect_series

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 from radiometry.findings import InputRejected
 from radiometry.luminance import codes as luminance_codes
 from radiometry.luminance import method as luminance
-from radiometry.luminance.corrections import estimate_flicker
+from radiometry.luminance.flicker import estimate_flicker
 from radiometry.luminance.method import Params
 from tests.radiometry.luminance.exact import (
     DARK,
