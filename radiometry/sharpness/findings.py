@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from radiometry.findings import Raised, shared
 from radiometry.sharpness import codes
+from radiometry.sharpness.blooming import Blooming
 from radiometry.sharpness.candidates import Candidate
 from radiometry.sharpness.falloff import CENTRE_RADIUS_REL
 from radiometry.sharpness.results import EdgeColour, FalloffTable, PositionFit
 from radiometry.sharpness.rows import Params
-from radiometry.sharpness.spots import Blooming
 
 LARGEST_OVERSHOOT = 0.05
 LARGEST_DEPARTURE_PX = 0.25

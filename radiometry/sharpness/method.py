@@ -21,6 +21,7 @@ from radiometry.findings import InputRejected, shared
 from radiometry.fitting.evidence import CoefficientValue, Extracted, Region
 from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.exposure import Exposure
+from radiometry.sharpness.blooming import Blooming, SpotShot, fit_blooming
 from radiometry.sharpness.candidates import BLOOMING, Candidate, collect_candidates, missing
 from radiometry.sharpness.colour import LATERAL_COLOUR, measure_colours
 from radiometry.sharpness.extraction import extract_features
@@ -38,7 +39,7 @@ from radiometry.sharpness.merging import merge_position
 from radiometry.sharpness.resolution import convert_resolution, unresolved_diameter
 from radiometry.sharpness.results import Fit, Point, PositionFit
 from radiometry.sharpness.rows import FrameRow, Params, StarCentre, Target
-from radiometry.sharpness.spots import Blooming, SpotResponse, SpotShot, fit_blooming
+from radiometry.sharpness.spots import SpotResponse
 from radiometry.sharpness.verdicts import judge, plan
 
 __all__ = [

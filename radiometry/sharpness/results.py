@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from radiometry.findings import Raised
 from radiometry.fitting.evidence import Quantity
-from radiometry.sharpness.spots import Blooming
+from radiometry.sharpness.blooming import Blooming
 from radiometry.specification.stored import LATER
 
 
