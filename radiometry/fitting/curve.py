@@ -9,8 +9,8 @@ import scipy
 from numpy.linalg import LinAlgError
 
 from radiometry.fitting import models
-from radiometry.fitting.components import Matrix, Vector, index_labels
-from radiometry.fitting.gls import leave_groups_out, solve
+from radiometry.fitting.components import Matrix, Vector
+from radiometry.fitting.gls import solve
 from radiometry.fitting.prediction import Converged, Prediction, Rows, predict_errors
 from radiometry.fitting.sources import F_NUMBER, READING, SCATTER, TAIL_FACTOR, Curve, list_sources
 from radiometry.fitting.variances import are_separable
@@ -210,7 +210,7 @@ def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> Co
     """Update the weights until the parameters converge; None if they do not, or if no weights are left."""
     start: Sequence[float] | None = None
     for _ in range(_MAX_ITERATIONS):
-        linear = _linearise(curve, model, theta)
+        linear = linearise_curve(curve, model, theta)
         if linear is None:
             return None
         components = list_sources(curve, linear, model=model, scattered=scattered)
@@ -225,7 +225,7 @@ def _converge(curve: Curve, model: str, theta: Vector, *, scattered: bool) -> Co
     return None
 
 
-def _linearise(curve: Curve, model: str, theta: Vector) -> models.LinearModel | None:
+def linearise_curve(curve: Curve, model: str, theta: Vector) -> models.LinearModel | None:
     """Return the linear problem, in which the dark current's error has its expectation."""
     linear = models.linearise(model, curve.rhs, curve.signal_dn, theta)
     if linear is None or not curve.dark_rate_shift_dn_per_s:
@@ -236,7 +236,7 @@ def _linearise(curve: Curve, model: str, theta: Vector) -> models.LinearModel | 
 
 def _add_scatter(curve: Curve, model: str, theta: Vector) -> Converged | None:
     """Fit with the scatter between frames estimated too; None if the points do not determine it."""
-    linear = _linearise(curve, model, theta)
+    linear = linearise_curve(curve, model, theta)
     if linear is None or curve.scatter_u_rel is not None:
         return None
     components = list_sources(curve, linear, model=model, scattered=True)
@@ -295,59 +295,3 @@ def _judge(curve: Curve, model: str, converged: Converged, stated_chi_squared: f
 def _square(rows: Rows) -> Matrix:
     matrix = np.array(rows)
     return np.asarray(matrix @ matrix.T, np.float64)
-
-
-def leave_scenes_out(fit: CurveFit, curve: Curve) -> list[float] | None:
-    """Compute the error of the luminance of each point, predicted from the other scenes.
-
-    Parameters
-    ----------
-    fit : CurveFit
-        A model fitted to the curve.
-    curve : Curve
-        The same curve.
-
-    Returns
-    -------
-    list of float or None
-        (L_fit - L_meter) / L_meter by scene; t, S and f are the same on both sides, so
-        that X stands for L. None if the other scenes do not determine the model.
-
-    Notes
-    -----
-    The covariance, and the linearisation of a model that is not linear in ln N, are
-    those of the whole curve; the parameters and the errors of the f-numbers are
-    fitted again.
-    """
-    theta = models.to_theta(fit.model, fit.parameters)
-    linear = _linearise(curve, fit.model, theta)
-    scenes = index_labels(curve.scenes)
-    counts = np.bincount(scenes)
-    if linear is None or len(scenes) - counts.max() <= theta.size:
-        return None
-    known = replace(
-        curve,
-        repeatability_u_rel=fit.repeatability_u_rel,
-        f_number_u_rel=fit.f_number_u_rel,
-        scatter_u_rel=fit.scatter_u_rel,
-    )
-    components = list_sources(known, linear, model=fit.model, scattered=False)
-    try:
-        rest = leave_groups_out(linear.design, linear.response, components, scenes)
-    except LinAlgError:
-        return None
-    f_numbers = index_labels(curve.f_numbers)
-    errors: list[float] = []
-    for scene, (parameters, predicted) in enumerate(rest):
-        out = scenes == scene
-        x_error = (
-            2.0 * predicted[F_NUMBER][f_numbers[out]] if F_NUMBER in predicted else np.zeros(counts[scene])
-        )
-        found = models.from_theta(fit.model, parameters).tolist()
-        errors += [
-            models.invert(fit.model, found, signal) / x / math.exp(error) - 1.0
-            for x, signal, error in zip(
-                curve.rhs[out].tolist(), curve.signal_dn[out].tolist(), x_error.tolist(), strict=True
-            )
-        ]
-    return errors if all(map(math.isfinite, errors)) else None

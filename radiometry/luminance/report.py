@@ -8,7 +8,8 @@ import numpy as np
 
 from radiometry.fitting import models
 from radiometry.fitting.components import Vector
-from radiometry.fitting.curve import F_NUMBER_U_REL, CurveFit, coverage_factor, leave_scenes_out
+from radiometry.fitting.cross_validation import leave_scenes_out
+from radiometry.fitting.curve import F_NUMBER_U_REL, CurveFit, coverage_factor
 from radiometry.fitting.evidence import BudgetEntry
 from radiometry.fitting.prediction import Prediction
 from radiometry.fitting.sources import Curve
