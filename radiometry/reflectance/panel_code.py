@@ -11,16 +11,19 @@ from numpy.typing import NDArray
 from radiometry.frame.bands import PANEL_SERIAL, name_panel
 from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Polygon
+from radiometry.reflectance.panel_surface import (
+    CELLS,
+    SAMPLES,
+    Corners,
+    Plane,
+    is_even,
+    measure_unevenness,
+    sample_square,
+)
 from radiometry.specification.application import FoundBy
 
 SHRINK = 0.65
 """Side of the region over the panel's: what is left absorbs a tilted panel and another lens."""
-
-DARKEST_PANEL = 0.35
-"""Of the way from the code's black to its white. Grass, soil and asphalt lie below 0.3."""
-
-MOST_UNEVEN_REL, MOST_TILTED_REL = 0.05, 0.15
-"""Of the square's 8 x 8 cells over their mean above black: scatter about a plane, and the plane's range."""
 
 CLEARLY_LESS_EVEN = 2.0
 """Scatter of the second most even side over that of the first, where both look like a panel."""
@@ -33,14 +36,8 @@ LONGEST_SIDE_PX = 2600
 
 # two pairs of a wavelength in nm and a reflectance in thousandths
 _ALBEDO = re.compile(r"(\d{4})(\d{3})(\d{4})(\d{3})$", re.ASCII)
-_SAMPLES, _CELLS = 64, 8
 _FIRST_LATE, _CORNERS = 3, 4
-# a plane along the rows, of unit length
-_RAMP = np.repeat(np.linspace(-1.0, 1.0, _CELLS)[:, None], _CELLS, axis=1)
-_RAMP /= np.linalg.norm(_RAMP)
 
-Corners = NDArray[np.float64]
-Plane = NDArray[np.float32]
 Grey = NDArray[np.uint8]
 
 
@@ -163,7 +160,7 @@ def find_panel(samples_dn: NDArray[np.uint16]) -> FoundPanel | None:
 
 def _shrink(samples_dn: NDArray[np.uint16]) -> tuple[Plane | None, int]:
     """Return the image at the size that is searched, and the factor; None for a colour or a tiny image."""
-    if samples_dn.ndim != 2 or min(samples_dn.shape) < _SAMPLES:
+    if samples_dn.ndim != 2 or min(samples_dn.shape) < SAMPLES:
         return None, 1
     factor = math.ceil(max(samples_dn.shape) / LONGEST_SIDE_PX)
     height, width = (side // factor for side in samples_dn.shape)
@@ -195,7 +192,7 @@ def _stretch(plane: Plane) -> Iterator[tuple[Grey, float]]:
     large = cv2.resize(grey, None, fx=3.0, fy=3.0, interpolation=cv2.INTER_CUBIC)
     sharp = cv2.addWeighted(large, 3.0, cv2.GaussianBlur(large, (0, 0), 3.0), -2.0, 0.0)
     yield sharp.astype(np.uint8), 3.0
-    yield cv2.createCLAHE(4.0, (_CELLS, _CELLS)).apply(grey).astype(np.uint8), 1.0
+    yield cv2.createCLAHE(4.0, (CELLS, CELLS)).apply(grey).astype(np.uint8), 1.0
     if high > middle:
         yield np.clip((plane - middle) * (255.0 / (high - middle)), 0.0, 255.0).astype(np.uint8), 1.0
 
@@ -236,7 +233,7 @@ def _find_square(plane: Plane, code: Corners, layout: _Layout) -> Corners | None
     """Return the corners of the square within the panel: the one side of the code that looks like a panel."""
     across = (code[1] - code[0] + code[2] - code[3]) / 2.0
     down = (code[3] - code[0] + code[2] - code[1]) / 2.0
-    printed = _sample(plane, code.mean(axis=0), across, down)
+    printed = sample_square(plane, code.mean(axis=0), across, down)
     if printed is None:
         return None
     black, white = np.percentile(printed, (5.0, 95.0))
@@ -244,8 +241,8 @@ def _find_square(plane: Plane, code: Corners, layout: _Layout) -> Corners | None
     seen = []
     for way in (across, -across, down, -down):
         centre = code.mean(axis=0) + layout.distance * way
-        inner = _sample(plane, centre, 2.0 * half * across, 2.0 * half * down)
-        uneven = _measure_panel(inner, float(black), float(white)) if inner is not None else None
+        inner = sample_square(plane, centre, 2.0 * half * across, 2.0 * half * down)
+        uneven = measure_unevenness(inner, float(black), float(white)) if inner is not None else None
         if uneven is not None:
             turns = ((-1, -1), (1, -1), (1, 1), (-1, 1))
             square = [centre + half * (right * across + low * down) for right, low in turns]
@@ -253,20 +250,6 @@ def _find_square(plane: Plane, code: Corners, layout: _Layout) -> Corners | None
     seen.sort(key=lambda each: each[0])
     sure = len(seen) == 1 or (len(seen) > 1 and seen[1][0] > CLEARLY_LESS_EVEN * seen[0][0])
     return seen[0][1] if sure else None
-
-
-def _sample(plane: Plane, centre: Corners, across: Corners, down: Corners) -> Plane | None:
-    """Sample a parallelogram of the image on a grid of 64 x 64; None if it leaves the image."""
-    corners = np.array([centre + (a * across + d * down) / 2.0 for a in (-1, 1) for d in (-1, 1)])
-    if corners.min() < 0.0 or (corners > plane.shape[::-1]).any():
-        return None
-    step = np.column_stack([across, down]) / _SAMPLES
-    # of sample (0, 0), whose number is its centre's, as a pixel's is
-    first = centre - (across + down) / 2.0 + step @ (0.5, 0.5) - 0.5
-    grid = np.column_stack([step, first])
-    size = (_SAMPLES, _SAMPLES)
-    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return np.asarray(cv2.warpAffine(plane, grid, size, flags=how, borderMode=cv2.BORDER_REPLICATE))
 
 
 def find_stated_panel(
@@ -305,35 +288,3 @@ def find_stated_panel(
     return FoundPanel(
         region=Polygon.from_points(np.round(square, 1).tolist()), serial=None, by="reflect_area"
     )
-
-
-def is_even(plane: Plane, square: Corners, *, black_dn: float) -> bool:
-    """Return True if a quadrilateral of an image shows one surface, brighter than black.
-
-    Parameters
-    ----------
-    plane : ndarray of float32
-        Image [DN], (row, col).
-    square : ndarray of float64
-        Its corners (x, y) in order [px], (4, 2).
-    black_dn : float
-        Black level [DN].
-    """
-    across = (square[1] - square[0] + square[2] - square[3]) / 2.0
-    down = (square[3] - square[0] + square[2] - square[1]) / 2.0
-    inner = _sample(plane, square.mean(axis=0), across, down)
-    return inner is not None and _measure_panel(inner, black_dn, black_dn + 1.0) is not None
-
-
-def _measure_panel(inner: Plane, black: float, white: float) -> float | None:
-    """Return the relative scatter of a square that is bright and even as a panel; None of another one."""
-    side = _SAMPLES // _CELLS
-    cells = inner.reshape(_CELLS, side, _CELLS, side).mean(axis=(1, 3), dtype=float) - black
-    mean = float(cells.mean())
-    # light may fall off evenly across it; a shadow's edge or a rim is no plane
-    slopes = [float((cells * _RAMP).sum()), float((cells * _RAMP.T).sum())]
-    rest = cells - mean - slopes[0] * _RAMP - slopes[1] * _RAMP.T
-    tilt = float(np.ptp(slopes[0] * _RAMP + slopes[1] * _RAMP.T))
-    bright = mean >= DARKEST_PANEL * (white - black) > 0.0
-    uneven = float(rest.std()) / mean if bright else math.inf
-    return uneven if uneven <= MOST_UNEVEN_REL and tilt <= MOST_TILTED_REL * mean else None

@@ -8,7 +8,7 @@ from radiometry.frame import Frame, FrameHeader
 from radiometry.frame.opencv import cv2
 from radiometry.frame.roi import Polygon
 from radiometry.reflectance.alignment import move_region
-from radiometry.reflectance.panel_code import is_even
+from radiometry.reflectance.panel_surface import is_even
 
 WIDEST_SHIFT = 0.12
 """Searched to either side of where the lens data put the panel, as a share of the frame's width."""
