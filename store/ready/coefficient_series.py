@@ -14,20 +14,9 @@ from sqlalchemy.orm import Session
 
 from store.columns import utc_now
 from store.database import Database, read_plainly
+from store.ready import series
 from store.ready.publications import write_instant
-from store.ready.series import (
-    PAGE,
-    Asked,
-    Key,
-    Page,
-    bind_place,
-    is_instant,
-    is_plain,
-    match_between,
-    match_equal,
-    read_decisions,
-    read_instant,
-)
+from store.ready.series import PAGE, Asked, Key, Page
 from store.tables import Camera, CoefficientRow, ReadyRow
 
 _MOST_PLACES = 1 << 31
@@ -53,14 +42,14 @@ class CoefficientSeries:
     def is_place(self, key: Key) -> bool:
         return (
             len(key) == 5
-            and all(map(is_plain, key[:4]))
-            and is_instant(key[1])
+            and all(map(series.is_plain, key[:4]))
+            and series.is_instant(key[1])
             and type(key[4]) is int
             and -1 <= key[4] < _MOST_PLACES
         )
 
     def read_state(self, session: Session) -> str:
-        return read_decisions(session, self._asked.organisation_id)
+        return series.read_decisions(session, self._asked.organisation_id)
 
     def find_end(self, session: Session, *, after: Key | None, limit: int) -> Key | None:
         known = self._read_known(session)
@@ -103,15 +92,15 @@ class CoefficientSeries:
             row.organisation_id == asked.organisation_id,
             row.known_from <= known,
             row.known_to.is_(None) | (row.known_to > known),
-            *match_equal(row, asked, "camera_id", "method", "campaign_id"),
-            *match_between(row.computed_at, asked.computed_start, asked.computed_end),
+            *series.match_equal(row, asked, "camera_id", "method", "campaign_id"),
+            *series.match_between(row.computed_at, asked.computed_start, asked.computed_end),
         ]
         if asked.start is not None:
             where.append(row.valid_to.is_(None) | (row.valid_to > asked.start))
         if asked.end is not None:
             where.append(row.valid_from < asked.end)
         if after is not None:
-            place = bind_place(self._parse(after), self._KEY)
+            place = series.bind_place(self._parse(after), self._KEY)
             # a version of which rows are missing comes again
             where.append(tuple_(*self._KEY) > place if after[4] is None else tuple_(*self._KEY) >= place)
         columns: tuple[Any, ...] = (
@@ -122,7 +111,7 @@ class CoefficientSeries:
         return select(*columns).join(Camera, Camera.id == row.camera_id).where(*where).order_by(*self._KEY)
 
     def _parse(self, key: Key) -> tuple[Any, ...]:
-        return key[0], read_instant(key[1]), key[2], key[3]
+        return key[0], series.read_instant(key[1]), key[2], key[3]
 
     def _done(self, after: Key | None, key: Sequence[Any]) -> int:
         """Return how many rows of a version lie before the place to begin at."""

@@ -9,21 +9,10 @@ from sqlalchemy.orm import Session
 
 from radiometry.findings import shared
 from store.database import Database, read_plainly
+from store.ready import series
 from store.ready.measurements import COLUMNS, FLAGS, STATE
 from store.ready.publications import write_instant
-from store.ready.series import (
-    PAGE,
-    Asked,
-    Key,
-    Page,
-    bind_place,
-    is_instant,
-    is_plain,
-    match_between,
-    match_equal,
-    read_decisions,
-    read_instant,
-)
+from store.ready.series import PAGE, Asked, Key, Page
 from store.tables import Calibration, MeasuredRow, Measurement, Publication, Revocation
 
 _ROWS = 250
@@ -49,13 +38,13 @@ class MeasurementSeries:
         self._asked = asked
 
     def is_place(self, key: Key) -> bool:
-        return len(key) == 2 and all(map(is_plain, key)) and is_instant(key[0])
+        return len(key) == 2 and all(map(series.is_plain, key)) and series.is_instant(key[0])
 
     def read_state(self, session: Session) -> str:
         # rows are never deleted: their number says which they are
         mine = MeasuredRow.organisation_id == self._asked.organisation_id
         count = session.scalar(select(func.count()).select_from(MeasuredRow).where(mine))
-        return f"{count} {read_decisions(session, self._asked.organisation_id)}"
+        return f"{count} {series.read_decisions(session, self._asked.organisation_id)}"
 
     def find_end(self, session: Session, *, after: Key | None, limit: int) -> Key | None:
         last = self._select(after, None).with_only_columns(*self._KEY).offset(limit - 1).limit(2)
@@ -80,8 +69,8 @@ class MeasurementSeries:
         asked, row = self._asked, MeasuredRow.__table__.c
         where = [
             row.organisation_id == asked.organisation_id,
-            *match_equal(row, asked, "camera_id", "campaign_id", "calibration_id"),
-            *match_between(row.created_at, asked.computed_start, asked.computed_end),
+            *series.match_equal(row, asked, "camera_id", "campaign_id", "calibration_id"),
+            *series.match_between(row.created_at, asked.computed_start, asked.computed_end),
         ]
         if asked.method is not None:
             of_method = select(Measurement.id).where(
@@ -95,7 +84,7 @@ class MeasurementSeries:
             where += [row.taken_from < asked.end, row.taken_to.is_not(None)]
         for key, is_after in ((after, True), (until, False)):
             if key is not None:
-                place = bind_place((read_instant(key[0]), key[1]), self._KEY)
+                place = series.bind_place((series.read_instant(key[0]), key[1]), self._KEY)
                 where.append(tuple_(*self._KEY) > place if is_after else tuple_(*self._KEY) <= place)
         columns: tuple[Any, ...] = (row.measurement_id, row.calibration_id, row.corrector_id, row.cells)
         return select(*columns).where(*where).order_by(*self._KEY)
