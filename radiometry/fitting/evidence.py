@@ -1,5 +1,6 @@
 """Inputs and outputs shared by all calibration methods."""
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -100,6 +101,27 @@ class Exclusion:
     frame: str
     reason: str
     by: str
+
+
+def list_unknown_exclusions(exclude: Sequence[Exclusion], frames: Collection[str]) -> list[str]:
+    """List the exclusions of frames that a campaign does not have.
+
+    Parameters
+    ----------
+    exclude : sequence of Exclusion
+        Exclusions of a fit.
+    frames : collection of str
+        Names of the campaign's frames.
+
+    Returns
+    -------
+    list of str
+        Fragments that can be joined by "; ", by name.
+    """
+    return [
+        f"frame {name} is to be left out, but the campaign has no such frame"
+        for name in sorted({each.frame for each in exclude} - set(frames))
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)

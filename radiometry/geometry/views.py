@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radiometry.findings import Finding
+from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.geometry import codes
 from radiometry.geometry.bundle import FreeParameters, Solution, View, solve
 from radiometry.geometry.features import Features
@@ -55,10 +56,7 @@ class FittedViews:
 def missing(rows: Sequence[FrameRow], params: Params, *, unread: Sequence[str] = ()) -> tuple[str, ...]:
     """List, by name, what keeps a fit from starting."""
     excluded = {exclusion.frame for exclusion in params.exclude}
-    found = [
-        f"frame {name} is to be left out, but the campaign has no such frame"
-        for name in sorted(excluded - {row.frame for row in rows} - set(unread))
-    ]
+    found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     found += [f"frame {name} has not been read yet" for name in sorted({*unread} - excluded)]
     charts = [row for row in rows if row.role == CHART and row.frame not in excluded]
     found += [

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from radiometry.findings import InputRejected, shared
+from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.luminance.points import FEWEST_SCENES, IsoSeries, collect_series
 from radiometry.luminance.rows import FrameRow, Params, Reading
 
@@ -35,10 +36,7 @@ def list_missing(
         Fragments that can be joined by "; ".
     """
     excluded = {exclusion.frame for exclusion in params.exclude}
-    found = [
-        f"frame {name} is to be left out, but the campaign has no such frame"
-        for name in sorted(excluded - {row.frame for row in rows} - set(unread))
-    ]
+    found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     wanted = [row for row in rows if row.frame not in excluded]
     waiting = sorted({*unread} - excluded)
     if waiting:

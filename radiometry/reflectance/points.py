@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from radiometry.findings import Finding, InputRejected, Raised
+from radiometry.fitting.evidence import list_unknown_exclusions
 from radiometry.frame.multispectral import Multispectral
 from radiometry.reflectance import codes
 from radiometry.reflectance.clock import read_clock, read_clock_s
@@ -90,10 +91,7 @@ def list_missing(
         Fragments that can be joined by "; ".
     """
     excluded = {exclusion.frame for exclusion in params.exclude}
-    found = [
-        f"frame {name} is to be left out, but the campaign has no such frame"
-        for name in sorted(excluded - {row.frame for row in rows} - set(unread))
-    ]
+    found = list_unknown_exclusions(params.exclude, [*(row.frame for row in rows), *unread])
     found += [f"frame {name} has not been read yet" for name in sorted({*unread} - excluded)]
     panels = [row for row in rows if row.role == PANEL and row.frame not in excluded]
     for row in sorted(panels, key=lambda each: each.frame):
