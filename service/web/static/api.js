@@ -10,7 +10,7 @@ export class Problem extends Error {
   }
 }
 
-const OFFLINE = {
+export const OFFLINE = {
   title: "No connection",
   detail: "The service does not answer. Check the connection and try again.",
   code: "offline",

@@ -1,5 +1,7 @@
 // From one page to the next within the same document: files that somebody chose would be lost with it.
 
+import { OFFLINE, Problem } from "./api.js";
+
 /** Files for the page that comes next: [{file, name, role?, scene?}]; taken once. */
 let handed = null;
 let shown = location.pathname;
@@ -16,7 +18,9 @@ export const takeHanded = () => {
 
 /** Show the page of an address in place of this one, with files for it. Going back loads the page before anew. */
 export async function goOn(address, items) {
-  const answer = await fetch(address, { headers: { Accept: "text/html" } });
+  const answer = await fetch(address, { headers: { Accept: "text/html" } }).catch(() => {
+    throw new Problem(OFFLINE);
+  });
   if (!answer.ok || answer.redirected) {
     location.assign(address);
     return;
