@@ -77,6 +77,13 @@ export function figure(name, value, note, attributes = {}) {
 /** The name of a file or a coefficient, which may be broken where its parts meet: most do not fit a phone. */
 export const filename = (name) => name.split(/(?<=[_.-])/).flatMap((part) => [part, h("wbr")]);
 
+let pressed = null;
+addEventListener("pointerdown", (event) => (pressed = event.target), { capture: true });
+for (const name of ["pointerup", "pointercancel", "dragend"]) addEventListener(name, () => (pressed = null), { capture: true });
+
+/** Whether something in a place is pressed: replaced now, it would get no click. Unlike :active, this ends with a drag. */
+export const isPressed = (place) => pressed !== null && place.contains(pressed);
+
 let toasts;
 
 /** A modal dialog covers all else, and nothing outside it can be reached: what passes by stands in it. */

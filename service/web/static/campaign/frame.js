@@ -1,7 +1,7 @@
 // One frame over the grid: large picture with its region, verdict with its repair, histogram, exposure, and what can be changed.
 
 import { get, patch } from "../api.js";
-import { fill, h, may, svg } from "../dom.js";
+import { fill, h, isPressed, may, svg } from "../dom.js";
 import { bytes, exposureTime, fixed, number, percent, sayTimes, time, words } from "../format.js";
 import { pause } from "../live.js";
 import { mark } from "../marks.js";
@@ -96,7 +96,7 @@ export function openFrame(state, first, { order, back }) {
       const [frame, roi] = await Promise.all([get(`/v1/frames/${id}`), holdingFor(state, known)]);
       if (turn === again) tell.removeAttribute("aria-busy");
       // what is pressed or filled in is redrawn when that ends
-      while (turn === again && dialog.isConnected && (dialog.matches(":active") || isFilledIn(tell))) await pause(PRESSED_MS);
+      while (turn === again && dialog.isConnected && (isPressed(dialog) || isFilledIn(tell))) await pause(PRESSED_MS);
       const found = JSON.stringify([known, frame, roi?.id]);
       if (turn !== again || found === drawn) return;
       drawn = found;

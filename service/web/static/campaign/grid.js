@@ -1,7 +1,7 @@
 // Every frame of the campaign in a grid by the method's axes, with readings, verdicts and gaps. Only lines that are seen exist.
 
 import { all } from "../api.js";
-import { byId, fill, h, may } from "../dom.js";
+import { byId, fill, h, isPressed, may } from "../dom.js";
 import { number } from "../format.js";
 import { OUTCOMES, mark } from "../marks.js";
 import { roleOptions } from "../methods.js";
@@ -59,6 +59,7 @@ export function gridSection(state) {
   const isCompact = () => !phone.matches && model.columns.length > MOST_WIDE;
 
   function draw() {
+    if (isPressed(outcomes)) return void requestAnimationFrame(draw);
     const some = state.frames.length + state.withdrawn.length + book.readings.length > 0;
     fill(bare, some ? null : empty("No frames yet", may("upload") ? "Drop the camera’s files above, or send a folder with: stilb push." : "No frames have been sent."));
     for (const part of [tools, scroller, caption]) part.hidden = !some;
@@ -107,6 +108,7 @@ export function gridSection(state) {
 
   function update() {
     waiting = false;
+    if (isPressed(body)) return soon();
     const rect = scroller.getBoundingClientRect();
     const inner = scroller.scrollHeight > scroller.clientHeight + 1;
     const top = inner ? scroller.scrollTop : Math.max(0, -rect.top);
@@ -153,7 +155,10 @@ export function gridSection(state) {
     const headMark = JSON.stringify([line.row.label, line.first && reads ? [book.readings.filter((each) => each.scene === line.row.value), book.unit, book.meter_id, book.meters.length] : 0]);
     if (row.head !== headMark && !typedIn(element.firstChild)) {
       row.head = headMark;
+      const typing = element.firstChild.contains(document.activeElement) && document.activeElement.matches("[data-reading]");
       fill(element.firstChild, line.first ? headOf(line.row) : h("span", { class: "hidden" }, line.row.label));
+      // selected: what is typed next takes the place of the new value
+      if (typing) element.firstChild.querySelector("[data-reading]")?.select();
     }
     while (element.children.length > line.cells.length + 1) element.lastChild.remove();
     while (element.children.length < line.cells.length + 1) element.append(h("td", { role: "gridcell" }));

@@ -1,7 +1,7 @@
 // How far a campaign is: what has come, what it still lacks, what would make it good.
 
 import { patch } from "../api.js";
-import { figure, fill, h, may } from "../dom.js";
+import { figure, fill, h, isPressed, may } from "../dom.js";
 import { counted, number } from "../format.js";
 import { act } from "../states.js";
 import { countOwn } from "./holding.js";
@@ -9,7 +9,12 @@ import { beforeTheFit, missingCauses } from "./missing.js";
 
 export function overview(state) {
   const element = h("div", { class: "overview" });
-  const draw = () => fill(element, figures(state), offer(state), beforeTheFit(state.campaign));
+  const draw = () => {
+    if (isPressed(element)) return void requestAnimationFrame(draw);
+    const open = element.querySelector("details")?.open ?? false;
+    fill(element, figures(state), offer(state), beforeTheFit(state.campaign));
+    element.querySelector("details")?.toggleAttribute("open", open);
+  };
   state.on("campaign", draw);
   state.on("frames", draw);
   draw();

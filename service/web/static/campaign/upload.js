@@ -4,7 +4,7 @@ import { get, patch, post } from "../api.js";
 import { readCard } from "../card/files.js";
 import { differs, nameOf, splitSkipped } from "../card/propose.js";
 import { small } from "../causes.js";
-import { fill, h, may, toast } from "../dom.js";
+import { fill, h, isPressed, may, toast } from "../dom.js";
 import { bytes, counted, span, tag } from "../format.js";
 import { groupBy } from "../groups.js";
 import { goOn, takeHanded } from "../handover.js";
@@ -53,8 +53,8 @@ export function uploadSection(state) {
   const panel = h("div", { class: "upload-panel card", hidden: true }, head, patterns.element, list.element);
   let waiting = false;
   const draw = () => {
-    // a button that is replaced while it is pressed gets no click, and one that is at work ends it first
-    if (head.matches(":active") || head.querySelector("[aria-busy=true]")) return void requestAnimationFrame(draw);
+    // a button that is at work ends it first
+    if (isPressed(head) || head.querySelector("[aria-busy=true]")) return void requestAnimationFrame(draw);
     waiting = false;
     panel.hidden = queue.items.length === 0;
     if (panel.hidden) return;
